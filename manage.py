@@ -8,7 +8,9 @@ import sys
 def main() -> None:
     """Run a management command."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
-    from django.core.management import execute_from_command_line  # noqa: PLC0415 -- after the settings module is named
+    from django.core.management import (
+        execute_from_command_line,
+    )  # noqa: PLC0415 -- after the settings module is named
 
     execute_from_command_line(sys.argv)
 

@@ -23,16 +23,22 @@ class AccountAdapter(DefaultAccountAdapter):
         return settings.SIGNUP_OPEN
 
     def get_client_ip(self, request: HttpRequest) -> str:
-        """Return whose attempts are counted: behind a proxy of ours its visitor, not the proxy, which would be everybody."""
+        """Return whose attempts are counted: behind a proxy of ours its visitor, not the proxy,
+        which would be everybody.
+        """
         return address_of(request)
 
     def validation_error(self, code: str, *args: Any) -> ValidationError:
-        """Note that a limit was met, which allauth tells in the form alone: the answer's code says so as well (accounts/rate_limits.py)."""
+        """Note that a limit was met, which allauth tells in the form alone: the answer's code says
+        so as well (accounts/rate_limits.py).
+        """
         if code in LIMITS_MET and context.request is not None:
             context.request.limit_met = True
         return super().validation_error(code, *args)
 
-    def save_user(self, request: HttpRequest, user: User, form: BaseForm, commit: bool = True) -> User:  # noqa: FBT001, FBT002 -- allauth's signature
+    def save_user(
+        self, request: HttpRequest, user: User, form: BaseForm, commit: bool = True
+    ) -> User:  # noqa: FBT001, FBT002 -- allauth's signature
         """Store a new account, with the name that others are to see."""
         user.display_name = form.cleaned_data.get("display_name", "")
         return super().save_user(request, user, form, commit=commit)

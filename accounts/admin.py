@@ -23,7 +23,15 @@ EmailAddressAdmin.make_verified.allowed_permissions = ("change",)
 class PersonAdmin(ShownFilters, UserAdmin):
     """Visitors, researchers and owners in one list; the newest first."""
 
-    list_display = ("username", "display_name", "email", "date_joined", "last_login", "is_staff", "is_active")
+    list_display = (
+        "username",
+        "display_name",
+        "email",
+        "date_joined",
+        "last_login",
+        "is_staff",
+        "is_active",
+    )
     list_filter = ("is_staff", "is_superuser", "is_active", "date_joined", "groups")
     search_fields = ("username", "display_name", "email")
     date_hierarchy = "date_joined"
@@ -36,38 +44,69 @@ class PersonAdmin(ShownFilters, UserAdmin):
         (_("Visits"), {"fields": ("date_joined", "last_login")}),
         (_("Rights"), {"classes": ("collapse",), "fields": RIGHTS}),
     )
-    add_fieldsets = ((None, {"classes": ("wide",), "fields": ("username", "display_name", "email", "usable_password", "password1", "password2")}),)
+    add_fieldsets = (
+        (
+            None,
+            {
+                "classes": ("wide",),
+                "fields": (
+                    "username",
+                    "display_name",
+                    "email",
+                    "usable_password",
+                    "password1",
+                    "password2",
+                ),
+            },
+        ),
+    )
     actions = ("close_accounts", "open_accounts")
 
-    # --- who may: whoever was allowed to change people is not thereby allowed to become an administrator ---------------
+    # --- who may: whoever was allowed to change people is not thereby allowed to become an
+    # administrator ---------------
 
     def has_change_permission(self, request: HttpRequest, obj: User | None = None) -> bool:
-        """An administrator's account, and with it their password, is changed by administrators alone."""
+        """An administrator's account, and with it their password, is changed by administrators
+        alone.
+        """
         return super().has_change_permission(request, obj) and _is_below(request, obj)
 
     def has_delete_permission(self, request: HttpRequest, obj: User | None = None) -> bool:
         """And deleted by them alone."""
         return super().has_delete_permission(request, obj) and _is_below(request, obj)
 
-    def get_readonly_fields(self, request: HttpRequest, _obj: User | None = None) -> tuple[str, ...]:
+    def get_readonly_fields(
+        self, request: HttpRequest, _obj: User | None = None
+    ) -> tuple[str, ...]:
         """Rights are given by administrators alone."""
-        return self.readonly_fields if _user(request).is_superuser else (*self.readonly_fields, *RIGHTS)
+        return (
+            self.readonly_fields
+            if _user(request).is_superuser
+            else (*self.readonly_fields, *RIGHTS)
+        )
 
     @admin.action(description=_("Close the chosen accounts"), permissions=["change"])
     def close_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
-        """Keep the chosen people from logging in; their records stay. Nobody closes their own account by mistake."""
+        """Keep the chosen people from logging in; their records stay. Nobody closes their own
+        account by mistake.
+        """
         count = _of(request, queryset).exclude(pk=request.user.pk).update(is_active=False)
         self.message_user(request, _("%(n)d accounts closed.") % {"n": count})
 
     @admin.action(description=_("Open the chosen accounts again"), permissions=["change"])
     def open_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
         """Let the chosen people log in again."""
-        self.message_user(request, _("%(n)d accounts opened.") % {"n": _of(request, queryset).update(is_active=True)})
+        self.message_user(
+            request,
+            _("%(n)d accounts opened.") % {"n": _of(request, queryset).update(is_active=True)},
+        )
 
 
 @admin.register(AuditEntry)
 class AuditAdmin(admin.ModelAdmin):
-    """Who did what to whom: to look at and to filter, and for administrators alone, because it tells of everybody."""
+    """Who did what to whom: to look at and to filter, and for administrators alone, because it
+    tells of everybody.
+    """
 
     list_display = ("at", "act", "actor", "person", "robot", "study", "thing", "detail")
     list_filter = ("act", "at", "robot", "study")
@@ -97,13 +136,17 @@ class AuditAdmin(admin.ModelAdmin):
         """Nor deletes them."""
         return False
 
-    def get_search_results(self, _request: HttpRequest, queryset: "QuerySet[AuditEntry]", search_term: str) -> tuple[Any, bool]:
+    def get_search_results(
+        self, _request: HttpRequest, queryset: "QuerySet[AuditEntry]", search_term: str
+    ) -> tuple[Any, bool]:
         """An id is sought among people, and anything among things; what is no id is no person's."""
         try:
             key = uuid.UUID(search_term.strip())
         except ValueError:
             words = search_term.strip()
-            found = Q(thing__icontains=words) | Q(robot__icontains=words) | Q(study__icontains=words)
+            found = (
+                Q(thing__icontains=words) | Q(robot__icontains=words) | Q(study__icontains=words)
+            )
             return (queryset.filter(found) if words else queryset), False
         return queryset.filter(Q(actor=key) | Q(person=key) | Q(thing__icontains=str(key))), False
 

@@ -1,7 +1,7 @@
 """What a list of the administration may be asked in its address.
 
-Django takes any lookup on a model's own fields, also on those that no page shows: the number of rows would then tell a field letter by
-letter to whoever may look at the list and not at the field.
+Django takes any lookup on a model's own fields, also on those that no page shows: the number of
+rows would then tell a field letter by letter to whoever may look at the list and not at the field.
 """
 
 from typing import Any
@@ -16,7 +16,9 @@ class ShownFilters(admin.ModelAdmin):
     linked: tuple[str, ...] = ()  # lookups of links to it, such as `robot__id__exact`
 
     def lookup_allowed(self, lookup: str, value: Any, request: Any = None) -> bool:
-        """Refuse what is no filter of whoever asks; administrators ask anything that Django answers."""
+        """Refuse what is no filter of whoever asks; administrators ask anything that Django
+        answers.
+        """
         if not super().lookup_allowed(lookup, value, request):
             return False
         if request is not None and request.user.is_superuser:
@@ -29,7 +31,9 @@ class ShownFilters(admin.ModelAdmin):
 
 
 def _is_of(shown: Any, lookup: str) -> bool:
-    """Tell whether a filter of a list makes such a lookup: a class its one parameter, a field all that begin with its name."""
+    """Tell whether a filter of a list makes such a lookup: a class its one parameter, a field all
+    that begin with its name.
+    """
     if isinstance(shown, type):
         return bool(lookup == shown.parameter_name)  # type: ignore[attr-defined]
     name = shown[0] if isinstance(shown, (list, tuple)) else shown

@@ -1,4 +1,6 @@
-"""The audit log: who did what to whom, when. Entries are added and never changed; they name people by their ids alone."""
+"""The audit log: who did what to whom, when. Entries are added and never changed; they name people
+by their ids alone.
+"""
 
 import datetime
 from typing import Any
@@ -10,9 +12,16 @@ from accounts.models import AuditEntry
 
 
 def note(
-    act: str, *, actor: Any = None, person: Any = None, robot: Any = "", study: str = "", thing: Any = "", detail: str = "",
+    act: str,
+    *,
+    actor: Any = None,
+    person: Any = None,
+    robot: Any = "",
+    study: str = "",
+    thing: Any = "",
+    detail: str = "",
     at: datetime.datetime | None = None,
-) -> AuditEntry:  # fmt: skip
+) -> AuditEntry:
     """Add an entry.
 
     Args:
@@ -26,24 +35,40 @@ def note(
         at: when; now by default.
     """
     return AuditEntry.objects.create(
-        at=at or timezone.now(), act=act[:40], actor=_key(actor), person=_key(person), robot=getattr(robot, "name", robot)[:63], study=study[:40],
-        thing=str(getattr(thing, "pk", thing))[:80], detail=detail[:200],
-    )  # fmt: skip
+        at=at or timezone.now(),
+        act=act[:40],
+        actor=_key(actor),
+        person=_key(person),
+        robot=getattr(robot, "name", robot)[:63],
+        study=study[:40],
+        thing=str(getattr(thing, "pk", thing))[:80],
+        detail=detail[:200],
+    )
 
 
 def forget(before: datetime.datetime, *, dry_run: bool = False) -> int:
-    """Delete the entries that are older; the one way to lose some. Return how many there are, or were."""
+    """Delete the entries that are older; the one way to lose some. Return how many there are, or
+    were.
+    """
     rows: QuerySet[AuditEntry] = QuerySet(AuditEntry).filter(at__lt=before)
     return rows.count() if dry_run else rows.delete()[0]
 
 
 def _key(user: Any) -> Any:
-    return None if user is None or not getattr(user, "is_authenticated", True) else getattr(user, "pk", user)
+    return (
+        None
+        if user is None or not getattr(user, "is_authenticated", True)
+        else getattr(user, "pk", user)
+    )
 
 
 def note_administration(sender: Any, instance: Any, created: bool, **_more: Any) -> None:  # noqa: ARG001, FBT001 -- Django's signature
     """Note what the administration writes into its own log, whose words may name people."""
     if created:
         kind = instance.content_type
-        act = {1: "admin_added", 2: "admin_changed", 3: "admin_deleted"}.get(instance.action_flag, "admin_did")
-        note(act, actor=instance.user_id, thing=f"{kind.model if kind else ''}:{instance.object_id}")
+        act = {1: "admin_added", 2: "admin_changed", 3: "admin_deleted"}.get(
+            instance.action_flag, "admin_did"
+        )
+        note(
+            act, actor=instance.user_id, thing=f"{kind.model if kind else ''}:{instance.object_id}"
+        )

@@ -7,7 +7,9 @@ NETWORK_PREFIX = 64  # bits of an IPv6 address: whoever has one has all that beg
 
 
 def visitor_address(forwarded: str, address: str, trusted_proxies: Iterable[str]) -> str:
-    """Return the address that the nearest untrusted party had: what stands left of it in X-Forwarded-For is only a claim."""
+    """Return the address that the nearest untrusted party had: what stands left of it in
+    X-Forwarded-For is only a claim.
+    """
     networks = [ipaddress.ip_network(proxy, strict=False) for proxy in trusted_proxies]
     current = address
     for hop in reversed([hop.strip() for hop in forwarded.split(",") if hop.strip()]):
@@ -26,7 +28,9 @@ def _within(address: str, networks: list[ipaddress.IPv4Network | ipaddress.IPv6N
 
 
 def parsed(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """Return an address without its zone, one of IPv4 as such however it is written, or None for what is none."""
+    """Return an address without its zone, one of IPv4 as such however it is written, or None for
+    what is none.
+    """
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -35,8 +39,14 @@ def parsed(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None
 
 
 def counted(address: str) -> str:
-    """Return for whom an address counts: one of IPv4 for itself, one of IPv6 for its household; what is none stays as it is."""
+    """Return for whom an address counts: one of IPv4 for itself, one of IPv6 for its household;
+    what is none stays as it is.
+    """
     found = parsed(address)
     if found is None:
         return address
-    return str(found) if found.version == 4 else str(ipaddress.ip_network((found, NETWORK_PREFIX), strict=False))  # noqa: PLR2004 -- IP version
+    return (
+        str(found)
+        if found.version == 4
+        else str(ipaddress.ip_network((found, NETWORK_PREFIX), strict=False))
+    )  # noqa: PLR2004 -- IP version

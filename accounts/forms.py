@@ -1,4 +1,6 @@
-"""Forms of sign-up, log-in and profile. Labels stand above fields, so placeholders would only say the same thing twice."""
+"""Forms of sign-up, log-in and profile. Labels stand above fields, so placeholders would only say
+the same thing twice.
+"""
 
 from typing import Any
 
@@ -15,7 +17,8 @@ def single_line(name: str) -> str:
     """Return a name with its blanks tidied; it is shown on one line.
 
     Raises:
-        forms.ValidationError: when it holds characters that cannot be seen, which could disguise one visitor as another.
+        forms.ValidationError: when it holds characters that cannot be seen, which could disguise
+        one visitor as another.
     """
     tidy = " ".join(name.split())
     if not tidy.isprintable():
@@ -42,13 +45,26 @@ class SignUpForm(PlainForm, allauth.SignupForm):
     """User name, shown name, perhaps an e-mail address, and one password."""
 
     field_order = ("username", "display_name", "email", "password1")
-    display_name = forms.CharField(max_length=60, required=False, widget=forms.TextInput(attrs={"autocomplete": "nickname"}))
+    display_name = forms.CharField(
+        max_length=60, required=False, widget=forms.TextInput(attrs={"autocomplete": "nickname"})
+    )
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.describe("username", _("User name"), _("Letters, digits and @ . + - _"))
-        self.describe("display_name", _("Name shown to others"), _("People beside the robot see it. Empty: your user name."))
-        self.describe("email", _("E-mail"), _("Only you and the people who run this site see it. It helps when you forget your password."))
+        self.describe(
+            "display_name",
+            _("Name shown to others"),
+            _("People beside the robot see it. Empty: your user name."),
+        )
+        self.describe(
+            "email",
+            _("E-mail"),
+            _(
+                "Only you and the people who run this site see it. It helps when you forget your"
+                " password."
+            ),
+        )
         self.describe("password1", _("Password"), PASSWORD_HINT)
         self.fields["username"].widget.attrs |= {"autocapitalize": "none", "spellcheck": "false"}
 
@@ -65,7 +81,11 @@ class LogInForm(PlainForm, allauth.LoginForm):
         self.describe("login", _("User name or e-mail"))
         self.describe("password", _("Password"))
         self.describe("remember", _("Stay logged in on this device"))
-        self.fields["login"].widget.attrs |= {"autocomplete": "username", "autocapitalize": "none", "spellcheck": "false"}
+        self.fields["login"].widget.attrs |= {
+            "autocomplete": "username",
+            "autocapitalize": "none",
+            "spellcheck": "false",
+        }
 
 
 class AddEmailForm(PlainForm, allauth.AddEmailForm):

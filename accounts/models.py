@@ -9,7 +9,9 @@ from django.utils.translation import gettext_lazy as _
 
 
 class User(AbstractUser):
-    """Anybody who signs in. The key is a UUID, which every supported database can hold and which tells nothing."""
+    """Anybody who signs in. The key is a UUID, which every supported database can hold and which
+    tells nothing.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     display_name = models.CharField(_("name shown to others"), max_length=60, blank=True)
@@ -41,7 +43,9 @@ class AuditEntries(models.QuerySet["AuditEntry"]):
 
 
 class AuditEntry(models.Model):
-    """Who did what to whom, when; nothing of a person but the id, which leads to nobody once the account is deleted."""
+    """Who did what to whom, when; nothing of a person but the id, which leads to nobody once the
+    account is deleted.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     at = models.DateTimeField(_("at"), db_index=True)

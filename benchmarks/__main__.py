@@ -1,4 +1,6 @@
-"""`make bench`: every benchmark, one after the other, each in a process of its own so that none warms the next one up."""
+"""`make bench`: every benchmark, one after the other, each in a process of its own so that none
+warms the next one up.
+"""
 
 import subprocess
 import sys
@@ -32,7 +34,11 @@ BENCHMARKS = (
 def main() -> int:
     """Run the benchmarks named on the command line, or all of them, and return how many failed."""
     names = sys.argv[1:] or BENCHMARKS
-    failed = [name for name in names if subprocess.run([sys.executable, "-m", f"benchmarks.{name}"], check=False).returncode]
+    failed = [
+        name
+        for name in names
+        if subprocess.run([sys.executable, "-m", f"benchmarks.{name}"], check=False).returncode
+    ]
     if failed:
         print("failed:", ", ".join(failed))
     return len(failed)

@@ -1,8 +1,10 @@
-"""The analysis of a thousand sessions with 1.2 million states, from the files of an exported dataset to every table and figure.
+"""The analysis of a thousand sessions with 1.2 million states, from the files of an exported
+dataset to every table and figure.
 
     python -m benchmarks.analysis [--sessions N]
 
-The dataset is made up by a seeded generator and written first; that is measured too, but is not the export, which reads a database.
+The dataset is made up by a seeded generator and written first; that is measured too, but is not the
+export, which reads a database.
 """
 
 import argparse
@@ -28,7 +30,9 @@ ANALYSIS_SECONDS, MEGABYTES = 30.0, 300.0
 
 
 def large(sessions: int) -> Dataset:
-    """Return a study with so many sessions, of about 1,200 states each; states are drawn when they are asked for."""
+    """Return a study with so many sessions, of about 1,200 states each; states are drawn when they
+    are asked for.
+    """
     dataset = made_up(np.random.default_rng(SEED), sessions // 2 + 8)
     chosen = dataset.sessions[:sessions]
     places = {session.id: number for number, session in enumerate(chosen)}
@@ -47,9 +51,13 @@ def large(sessions: int) -> Dataset:
 
     kept = {one.id for one in chosen} | {""}
     ended = tuple(replace(one, ended=320.0) for one in chosen)
-    events = tuple(replace(one, stamp=one.stamp * 3.3) for one in dataset.events if one.session in kept)
+    events = tuple(
+        replace(one, stamp=one.stamp * 3.3) for one in dataset.events if one.session in kept
+    )
     responses = tuple(one for one in dataset.responses if one.session in kept)
-    return replace(dataset, sessions=ended, events=events, responses=responses, states=states, network=network)
+    return replace(
+        dataset, sessions=ended, events=events, responses=responses, states=states, network=network
+    )
 
 
 def main() -> int:
@@ -75,7 +83,12 @@ def main() -> int:
             Figure("sessions", float(len(dataset.sessions)), ""),
             Figure("states", float(states), ""),
             Figure("dataset made up and written", written, "s"),
-            Figure("dataset read, every table and figure written", seconds, "s", ANALYSIS_SECONDS * share),
+            Figure(
+                "dataset read, every table and figure written",
+                seconds,
+                "s",
+                ANALYSIS_SECONDS * share,
+            ),
             Figure("most memory, both together", peak, "MB"),
             Figure("size of tables and figures", size, "MB"),
         ],

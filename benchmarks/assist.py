@@ -1,14 +1,17 @@
-"""What assisted driving is good for: a careless driver who hits nothing, and a novice who gets through doors.
+"""What assisted driving is good for: a careless driver who hits nothing, and a novice who gets
+through doors.
 
-The careless driver holds forward, turns at random, and goes back or turns away only when nothing moves any more. He drives every
-robot in every site that is shipped. A collision is a contact with anything that begins while the robot moves (its fastest
-corner above 0.02 m/s). The novice sees what was 0.3 s ago, aims some degrees beside the middle of the door, presses a key too late
-and lets go of it too late, and backs off when stuck. Every start is driven once at each level.
+The careless driver holds forward, turns at random, and goes back or turns away only when nothing
+moves any more. He drives every robot in every site that is shipped. A collision is a contact with
+anything that begins while the robot moves (its fastest corner above 0.02 m/s). The novice sees what
+was 0.3 s ago, aims some degrees beside the middle of the door, presses a key too late and lets go
+of it too late, and backs off when stuck. Every start is driven once at each level.
 
 With sonars and a bumper instead of the laser the careless driver may touch, but at a creep.
 
-Headless and faster than time: the world at 50 Hz, the laser at its own rate. Runs are judged on seeds from 1000; what was tuned was
-tuned on seeds below (`--first`). `--runs` drives of `--minutes` each, per robot, site and level.
+Headless and faster than time: the world at 50 Hz, the laser at its own rate. Runs are judged on
+seeds from 1000; what was tuned was tuned on seeds below (`--first`). `--runs` drives of `--minutes`
+each, per robot, site and level.
 """
 
 import argparse
@@ -47,13 +50,17 @@ PATIENCE = 60.0
 
 
 class Rig:
-    """A simulated robot whose driver's commands go through the safety kernel, as the agent has it: odometry and sensors in, velocities out.
+    """A simulated robot whose driver's commands go through the safety kernel, as the agent has it:
+    odometry and sensors in, velocities out.
 
-    `touches` are contacts of any speed, `collisions` those above `STANDS`, `hardest` the speed in m/s of the fastest corner at the hardest.
-    `sensors` are those that are fitted: "laser", "sonar", "bumper".
+    `touches` are contacts of any speed, `collisions` those above `STANDS`, `hardest` the speed in
+    m/s of the fastest corner at the hardest. `sensors` are those that are fitted: "laser", "sonar",
+    "bumper".
     """
 
-    def __init__(self, simulation: Simulation, level: AssistLevel, sensors: tuple[str, ...] = LASER) -> None:
+    def __init__(
+        self, simulation: Simulation, level: AssistLevel, sensors: tuple[str, ...] = LASER
+    ) -> None:
         self.world = simulation
         model = simulation.model
         self.monitor = monitor_of(fitted(profile_of(model, "", has_camera=False), model, sensors))
@@ -101,7 +108,9 @@ class Rig:
         return self._speed() < STANDS
 
     def _speed(self) -> float:
-        return abs(self.world.motion.linear) + self.world.model.radius * abs(self.world.motion.angular)
+        return abs(self.world.motion.linear) + self.world.model.radius * abs(
+            self.world.motion.angular
+        )
 
     def _step(self) -> None:
         self.world.command(self.told.linear, self.told.angular)
@@ -117,17 +126,40 @@ class Rig:
     def _reading(self) -> RcaState:
         world, now = self.world, self.bench.now
         scan, sonar = None, ()
-        if "laser" in self._sensors and self._is_due("_scan_due", 1.0 / world.model.laser.rate) and (beams := world.beams()) is not None:
-            ranges = tuple(value if math.isfinite(value) else None for value in beams.ranges.tolist())
-            scan = Scan(stamp=now, angle_min=beams.angle_min, angle_increment=beams.angle_increment, range_max=beams.range_max, ranges=ranges)
+        if (
+            "laser" in self._sensors
+            and self._is_due("_scan_due", 1.0 / world.model.laser.rate)
+            and (beams := world.beams()) is not None
+        ):
+            ranges = tuple(
+                value if math.isfinite(value) else None for value in beams.ranges.tolist()
+            )
+            scan = Scan(
+                stamp=now,
+                angle_min=beams.angle_min,
+                angle_increment=beams.angle_increment,
+                range_max=beams.range_max,
+                ranges=ranges,
+            )
         if "sonar" in self._sensors and self._is_due("_sonar_due", world.model.sonar.period):
             sounding = world.model.sonar.sounding(self._volley)
             self._volley += 1
-            sonar = tuple(SonarEcho(*each) for each in zip(sounding, itertools.repeat(now), world.echoes(sounding), strict=False))
+            sonar = tuple(
+                SonarEcho(*each)
+                for each in zip(
+                    sounding, itertools.repeat(now), world.echoes(sounding), strict=False
+                )
+            )
         return RcaState(
-            stamp=now, pose=NOWHERE, velocity=self.bench.motion or ZERO, battery=UNKNOWN_BATTERY, odometry=world.odometry, scan=scan, sonar=sonar,
+            stamp=now,
+            pose=NOWHERE,
+            velocity=self.bench.motion or ZERO,
+            battery=UNKNOWN_BATTERY,
+            odometry=world.odometry,
+            scan=scan,
+            sonar=sonar,
             bumper=world.bumper() if "bumper" in self._sensors else None,
-        )  # fmt: skip
+        )
 
     def _is_due(self, name: str, period: float) -> bool:
         if self.world.time + 1e-9 < getattr(self, name):
@@ -138,7 +170,9 @@ class Rig:
 
 @dataclass
 class Careless:
-    """Holds forward and turns at random; turns on the spot or goes back when nothing moves, and does not look where."""
+    """Holds forward and turns at random; turns on the spot or goes back when nothing moves, and
+    does not look where.
+    """
 
     rng: np.random.Generator
     stick: Velocity = ZERO
@@ -152,7 +186,9 @@ class Careless:
         if self.stood > 1.5:
             self.stood, self.until = 0.0, now + float(self.rng.uniform(0.5, 4.0))
             back = -limits.reverse if self.rng.random() < 0.3 else 0.0
-            self.stick = Velocity(linear=back, angular=float(self.rng.choice([-1.0, 1.0])) * limits.angular)
+            self.stick = Velocity(
+                linear=back, angular=float(self.rng.choice([-1.0, 1.0])) * limits.angular
+            )
         elif now >= self.until:
             self.until = now + float(self.rng.uniform(0.3, 4.0))
             turn = float(self.rng.choice([0.0, 0.0, 1.0, -1.0, float(self.rng.uniform(-1.0, 1.0))]))
@@ -160,7 +196,15 @@ class Careless:
         return self.stick
 
 
-def careless_drive(plan: FloorPlan, model: RobotModel, level: AssistLevel, seed: int, minutes: float, *, sensors: tuple[str, ...] = LASER) -> Rig:
+def careless_drive(
+    plan: FloorPlan,
+    model: RobotModel,
+    level: AssistLevel,
+    seed: int,
+    minutes: float,
+    *,
+    sensors: tuple[str, ...] = LASER,
+) -> Rig:
     """Return a robot after a drive from one of the plan's starts."""
     rng = np.random.default_rng(seed)
     start = plan.starts[int(rng.integers(len(plan.starts)))].name
@@ -192,7 +236,9 @@ class Crossing:
 
 @dataclass
 class Novice:
-    """Steers with keys towards the middle of a door and then beyond it, seeing what was `REACTION` seconds ago."""
+    """Steers with keys towards the middle of a door and then beyond it, seeing what was `REACTION`
+    seconds ago.
+    """
 
     rng: np.random.Generator
     door: Crossing
@@ -211,11 +257,15 @@ class Novice:
             return ZERO
         pose = self.seen.popleft()
         # The error of the eye wanders, 8 degrees (standard deviation) in some seconds.
-        self.error += -self.error * TICK / 2.0 + math.radians(8.0) * math.sqrt(TICK) * float(self.rng.standard_normal())
+        self.error += -self.error * TICK / 2.0 + math.radians(8.0) * math.sqrt(TICK) * float(
+            self.rng.standard_normal()
+        )
         along, aside = self.door.within(pose)
         goal = self.door.beyond(1.1 if along > -0.4 or abs(aside) < 0.15 else 0.0)
         wrong = wrap_angle(math.atan2(goal[1] - pose.y, goal[0] - pose.x) + self.error - pose.theta)
-        pressed = abs(wrong) > math.radians(10.0) or (self.turning != 0.0 and abs(wrong) > math.radians(4.0))
+        pressed = abs(wrong) > math.radians(10.0) or (
+            self.turning != 0.0 and abs(wrong) > math.radians(4.0)
+        )
         self.turning = math.copysign(1.0, wrong) if pressed else 0.0
         self.stood = self.stood + TICK if rig.stands else 0.0
         if self.stood > 1.2:
@@ -223,7 +273,9 @@ class Novice:
         if world.time < self.back_until:
             return Velocity(linear=-limits.reverse, angular=0.0)
         self.ahead = abs(wrong) < math.radians(40.0 if self.ahead else 15.0)
-        return Velocity(linear=limits.linear if self.ahead else 0.0, angular=self.turning * limits.angular)
+        return Velocity(
+            linear=limits.linear if self.ahead else 0.0, angular=self.turning * limits.angular
+        )
 
 
 def crossings(plan: FloorPlan) -> list[Crossing]:
@@ -232,19 +284,28 @@ def crossings(plan: FloorPlan) -> list[Crossing]:
     for gap in (*plan.doors, *plan.passages):
         (x0, y0), (x1, y1) = gap.start, gap.end
         across = math.atan2(y1 - y0, x1 - x0) + math.pi / 2.0
-        found += [Crossing(gap.name, (x0 + x1) / 2.0, (y0 + y1) / 2.0, wrap_angle(across + turn)) for turn in (0.0, math.pi)]
+        found += [
+            Crossing(gap.name, (x0 + x1) / 2.0, (y0 + y1) / 2.0, wrap_angle(across + turn))
+            for turn in (0.0, math.pi)
+        ]
     return found
 
 
-def novice_start(plan: FloorPlan, model: RobotModel, crossing: Crossing, rng: np.random.Generator) -> Simulation | None:
-    """Return a robot before a door, aside of it and not quite turned to it; None where nothing free is found."""
+def novice_start(
+    plan: FloorPlan, model: RobotModel, crossing: Crossing, rng: np.random.Generator
+) -> Simulation | None:
+    """Return a robot before a door, aside of it and not quite turned to it; None where nothing free
+    is found.
+    """
     for _ in range(50):
         x, y = crossing.beyond(-float(rng.uniform(1.1, 1.8)), float(rng.uniform(-0.6, 0.6)))
         theta = wrap_angle(crossing.theta + float(rng.uniform(-0.7, 0.7)))
         if plan.room_at(x, y) is None:
             continue
         try:
-            world = Simulation(model, plan, seed=int(rng.integers(1 << 30)), start=f"{x},{y},{theta}", charge=1.0)
+            world = Simulation(
+                model, plan, seed=int(rng.integers(1 << 30)), start=f"{x},{y},{theta}", charge=1.0
+            )
         except ValueError:
             continue
         if world.clearance() > 0.15:
@@ -252,9 +313,15 @@ def novice_start(plan: FloorPlan, model: RobotModel, crossing: Crossing, rng: np
     return None
 
 
-def novice_drive(plan: FloorPlan, model: RobotModel, crossing: Crossing, level: AssistLevel, seed: int) -> tuple[float, int] | None:
-    """Return the seconds that a novice takes through a door, at most `PATIENCE`, and the contacts; None where there is no start."""
-    rng = np.random.default_rng([seed, *crossing.name.encode(), round(100.0 * (crossing.theta + math.pi))])
+def novice_drive(
+    plan: FloorPlan, model: RobotModel, crossing: Crossing, level: AssistLevel, seed: int
+) -> tuple[float, int] | None:
+    """Return the seconds that a novice takes through a door, at most `PATIENCE`, and the contacts;
+    None where there is no start.
+    """
+    rng = np.random.default_rng(
+        [seed, *crossing.name.encode(), round(100.0 * (crossing.theta + math.pi))]
+    )
     world = novice_start(plan, model, crossing, rng)
     if world is None:
         return None
@@ -264,10 +331,18 @@ def novice_drive(plan: FloorPlan, model: RobotModel, crossing: Crossing, level: 
     return world.time, rig.touches
 
 
-def through(plan: FloorPlan, model: RobotModel, crossing: Crossing, level: AssistLevel, seeds: range) -> tuple[float, float]:
+def through(
+    plan: FloorPlan, model: RobotModel, crossing: Crossing, level: AssistLevel, seeds: range
+) -> tuple[float, float]:
     """Return the mean seconds and contacts of a novice at one door."""
-    drives = [drive for seed in seeds if (drive := novice_drive(plan, model, crossing, level, seed)) is not None]
-    return float(np.mean([seconds for seconds, _ in drives])), float(np.mean([contacts for _, contacts in drives]))
+    drives = [
+        drive
+        for seed in seeds
+        if (drive := novice_drive(plan, model, crossing, level, seed)) is not None
+    ]
+    return float(np.mean([seconds for seconds, _ in drives])), float(
+        np.mean([contacts for _, contacts in drives])
+    )
 
 
 def careless(first: int, runs: int, minutes: float) -> list[Figure]:
@@ -278,7 +353,9 @@ def careless(first: int, runs: int, minutes: float) -> list[Figure]:
         for site in shipped_sites():
             for model in MODELS.values():
                 for seed in range(first, first + (runs if level != "off" else 1)):
-                    rig = careless_drive(load_site(site).plan, model, level, seed, minutes, sensors=sensors)
+                    rig = careless_drive(
+                        load_site(site).plan, model, level, seed, minutes, sensors=sensors
+                    )
                     driven, hits, touches, way = (
                         driven + rig.world.time / 60.0,
                         hits + rig.collisions,
@@ -288,7 +365,8 @@ def careless(first: int, runs: int, minutes: float) -> list[Figure]:
                     costs += rig.seconds
                     hardest = max(hardest, rig.hardest)
                     print(
-                        f"careless {level:<5}{name} {site} {model.series} seed {seed}: {rig.collisions} collisions, {rig.world.distance:.0f} m",
+                        f"careless {level:<5}{name} {site} {model.series} seed {seed}:"
+                        f" {rig.collisions} collisions, {rig.world.distance:.0f} m",
                         flush=True,
                     )
         helped, kind = level != "off", f"careless, {level}{name}"
@@ -298,8 +376,16 @@ def careless(first: int, runs: int, minutes: float) -> list[Figure]:
             Figure(f"{kind}: hardest contact", hardest, "m/s", CREEP if helped else None),
             Figure(f"{kind}: driven", driven, "min"),
             Figure(f"{kind}: way a minute", way / driven, "m"),
-            Figure(f"{kind}: one tick of the kernel, p50", float(np.percentile(costs, 50)) * 1000.0, "ms"),
-            Figure(f"{kind}: one tick of the kernel, p99", float(np.percentile(costs, 99)) * 1000.0, "ms"),
+            Figure(
+                f"{kind}: one tick of the kernel, p50",
+                float(np.percentile(costs, 50)) * 1000.0,
+                "ms",
+            ),
+            Figure(
+                f"{kind}: one tick of the kernel, p99",
+                float(np.percentile(costs, 99)) * 1000.0,
+                "ms",
+            ),
         ]
     return figures
 
@@ -311,13 +397,28 @@ def novice(first: int, runs: int) -> list[Figure]:
         plan = load_site(site).plan
         for model in MODELS.values():
             for crossing in crossings(plan):
-                found = {level: through(plan, model, crossing, level, range(first, first + runs)) for level in LEVELS}
+                found = {
+                    level: through(plan, model, crossing, level, range(first, first + runs))
+                    for level in LEVELS
+                }
                 for level, (seconds, contacts) in found.items():
-                    name = f"{site} {crossing.name} {math.degrees(crossing.theta):+.0f}, {model.series}, {level}"
-                    figures += [Figure(f"{name}: time", seconds, "s"), Figure(f"{name}: contacts", contacts, "")]
+                    name = (
+                        f"{site} {crossing.name} {math.degrees(crossing.theta):+.0f},"
+                        f" {model.series}, {level}"
+                    )
+                    figures += [
+                        Figure(f"{name}: time", seconds, "s"),
+                        Figure(f"{name}: contacts", contacts, ""),
+                    ]
                     print(figures[-2], figures[-1], flush=True)
-                failed += not any(found[level][0] < found["off"][0] or found[level][1] < found["off"][1] for level in ("slow", "steer"))
-    return [*figures, Figure("doors that no level passes faster or with fewer contacts", failed, "", 0.0)]
+                failed += not any(
+                    found[level][0] < found["off"][0] or found[level][1] < found["off"][1]
+                    for level in ("slow", "steer")
+                )
+    return [
+        *figures,
+        Figure("doors that no level passes faster or with fewer contacts", failed, "", 0.0),
+    ]
 
 
 def main() -> int:
@@ -328,7 +429,9 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=JUDGED, help="the first seed")
     parser.add_argument("--only", choices=["careless", "novice"])
     options = parser.parse_args()
-    figures = [] if options.only == "novice" else careless(options.first, options.runs, options.minutes)
+    figures = (
+        [] if options.only == "novice" else careless(options.first, options.runs, options.minutes)
+    )
     figures += [] if options.only == "careless" else novice(options.first, options.runs)
     return keep("assist", figures, first=options.first, runs=options.runs, minutes=options.minutes)
 

@@ -1,6 +1,8 @@
-"""How late the control loop ticks beside a mind: none, one in a thread of the same process, one in a process of its own.
+"""How late the control loop ticks beside a mind: none, one in a thread of the same process, one in
+a process of its own.
 
-A simulated giraff goes to and fro between two places all the while. `--seconds N` a variant (default 20).
+A simulated giraff goes to and fro between two places all the while. `--seconds N` a variant
+(default 20).
 """
 
 import argparse
@@ -70,7 +72,9 @@ class NodeThread:
 
     def _run(self) -> None:
         set_nice(ORDINARY)
-        conversation = Conversation(lambda word: self._loop.call_soon_threadsafe(self._answer, word) and None)
+        conversation = Conversation(
+            lambda word: self._loop.call_soon_threadsafe(self._answer, word) and None
+        )
         while (word := self._spoken.get()) is not None:
             words = [word]
             while not self._spoken.empty() and (more := self._spoken.get()) is not None:
@@ -93,12 +97,20 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seconds", type=float, default=20.0)
     seconds = parser.parse_args().seconds
-    measured = {name: _measure(make, seconds) for name, make in (("no mind", _bare), ("thread", _threaded), ("process", _wrapped))}
+    measured = {
+        name: _measure(make, seconds)
+        for name, make in (("no mind", _bare), ("thread", _threaded), ("process", _wrapped))
+    }
     figures = []
     for name, (late, _) in measured.items():
-        figures += quantiles(f"tick late, {name}", late, "ms", {"p50": None, "p99": None, "max": None})
+        figures += quantiles(
+            f"tick late, {name}", late, "ms", {"p50": None, "p99": None, "max": None}
+        )
     worse = figures[-2].value - figures[1].value
-    figures += [Figure(f"control thread's share of a core, {name}", 100.0 * share, "%") for name, (_, share) in measured.items()]
+    figures += [
+        Figure(f"control thread's share of a core, {name}", 100.0 * share, "%")
+        for name, (_, share) in measured.items()
+    ]
     figures.append(Figure("tick late p99, process against no mind", worse, "ms", 5.0))
     return keep("autonomy", figures, seconds=seconds)
 
@@ -119,7 +131,9 @@ def _threaded() -> Adapter:
 
 
 def _measure(make: Callable[[], Adapter], seconds: float) -> tuple[list[float], float]:
-    """Return the lateness of every tick in ms, of a loop in a thread of its own as the agent's is, and the thread's share of a core."""
+    """Return the lateness of every tick in ms, of a loop in a thread of its own as the agent's is,
+    and the thread's share of a core.
+    """
     found: list[float] = []
     shares: list[float] = []
 
@@ -136,9 +150,14 @@ def _measure(make: Callable[[], Adapter], seconds: float) -> tuple[list[float], 
 
 
 async def _drive(adapter: Adapter, seconds: float, found: list[float]) -> None:
-    asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(initializer=set_nice, initargs=(ORDINARY,)))
+    asyncio.get_running_loop().set_default_executor(
+        ThreadPoolExecutor(initializer=set_nice, initargs=(ORDINARY,))
+    )
     await adapter.connect()
-    tasks = [asyncio.ensure_future(work) for work in (_read(adapter), _go(adapter), _tick(adapter, seconds, found))]
+    tasks = [
+        asyncio.ensure_future(work)
+        for work in (_read(adapter), _go(adapter), _tick(adapter, seconds, found))
+    ]
     await tasks[-1]
     for task in tasks:
         task.cancel()

@@ -1,10 +1,12 @@
-"""What a picture of the simulated camera costs: processor milliseconds a frame, of one thread, nothing else in the process.
+"""What a picture of the simulated camera costs: processor milliseconds a frame, of one thread,
+nothing else in the process.
 
-Four drives, each a sequence of frames of which no two are the same: turning on every start of the site, standing while two people
-walk by, facing the mirror with somebody beside, and driving along with a head that tilts. `--frames N` a drive, 60 by default.
+Four drives, each a sequence of frames of which no two are the same: turning on every start of the
+site, standing while two people walk by, facing the mirror with somebody beside, and driving along
+with a head that tilts. `--frames N` a drive, 60 by default.
 
-On a busy computer the median tells more of the neighbours than of the camera; `at best` is the median over the frames of the least of
-three drawings of each.
+On a busy computer the median tells more of the neighbours than of the camera; `at best` is the
+median over the frames of the least of three drawings of each.
 """
 
 import argparse
@@ -54,7 +56,10 @@ def people(plan: FloorPlan) -> Iterator[Shot]:
     number = 0
     while True:
         way, stride = 3.5 + 2.5 * math.sin(0.02 * number), 0.2 * number
-        there = (Person(start.x + way, start.y + 0.3, math.pi, stride, 1, 1.0), Person(start.x + 6.0 - way / 2.0, start.y - 0.3, 0.0, stride, 2, 1.0))
+        there = (
+            Person(start.x + way, start.y + 0.3, math.pi, stride, 1, 1.0),
+            Person(start.x + 6.0 - way / 2.0, start.y - 0.3, 0.0, stride, 2, 1.0),
+        )
         yield Shot(Pose2D(start.x, start.y, start.theta), GIRAFF.tilt.home, there)
         number += 1
 
@@ -62,7 +67,9 @@ def people(plan: FloorPlan) -> Iterator[Shot]:
 def mirror(plan: FloorPlan) -> Iterator[Shot]:
     """Go to and fro before the mirror, somebody walking on the spot beside the robot."""
     glass = plan.mirrors[0]
-    middle = Pose2D((glass.start[0] + glass.end[0]) / 2.0, (glass.start[1] + glass.end[1]) / 2.0, 0.0)
+    middle = Pose2D(
+        (glass.start[0] + glass.end[0]) / 2.0, (glass.start[1] + glass.end[1]) / 2.0, 0.0
+    )
     facing = math.atan2(glass.end[0] - glass.start[0], glass.start[1] - glass.end[1])
     number = 0
     while True:
@@ -79,11 +86,16 @@ def tilting(plan: FloorPlan) -> Iterator[Shot]:
     start = next(place for place in plan.starts if abs(place.theta) < 0.1)
     number = 0
     while True:
-        yield Shot(Pose2D(start.x + 0.01 * number, start.y, 0.002 * number), GIRAFF.tilt.home + 0.2 * math.sin(0.1 * number))
+        yield Shot(
+            Pose2D(start.x + 0.01 * number, start.y, 0.002 * number),
+            GIRAFF.tilt.home + 0.2 * math.sin(0.1 * number),
+        )
         number += 1
 
 
-def measure(camera: SceneCamera, shots: list[Shot], doors: dict[str, DoorState]) -> tuple[list[float], list[float]]:
+def measure(
+    camera: SceneCamera, shots: list[Shot], doors: dict[str, DoorState]
+) -> tuple[list[float], list[float]]:
     """Return the milliseconds of each frame at first and at best; everything was drawn once before."""
     out = np.zeros((camera.camera.height * 3 // 2, camera.camera.width), dtype=np.uint8)
     elsewhere = Pose2D(shots[0].pose.x, shots[0].pose.y, shots[0].pose.theta + 1.0)
@@ -93,7 +105,8 @@ def measure(camera: SceneCamera, shots: list[Shot], doors: dict[str, DoorState])
     for shot in shots:
         times = []
         for _ in range(DRAWINGS):
-            camera.render(elsewhere, shot.tilt, doors, (), out)  # so that the same picture is drawn again
+            # so that the same picture is drawn again
+            camera.render(elsewhere, shot.tilt, doors, (), out)
             begun = time.thread_time()
             camera.render(shot.pose, shot.tilt, doors, shot.people, out)
             times.append((time.thread_time() - begun) * 1e3)
@@ -102,7 +115,9 @@ def measure(camera: SceneCamera, shots: list[Shot], doors: dict[str, DoorState])
     return first, best
 
 
-def standing(camera: SceneCamera, doors: dict[str, DoorState], shot: Shot, frames: int) -> list[float]:
+def standing(
+    camera: SceneCamera, doors: dict[str, DoorState], shot: Shot, frames: int
+) -> list[float]:
     """Return the milliseconds of frames in which nothing moves."""
     out = np.zeros((camera.camera.height * 3 // 2, camera.camera.width), dtype=np.uint8)
     times = []
@@ -126,8 +141,18 @@ def main() -> int:
     for drive in (turning, people, mirror, tilting):
         first, best = measure(camera, list(islice(drive(plan), frames)), doors)
         figures += quantiles(f"{drive.__name__}", first, "ms", {"p50": None, "p95": None})
-        figures += quantiles(f"{drive.__name__}, at best", best, "ms", {"p50": BOUND if drive is not tilting else None, "p95": None})
-    figures += quantiles("standing", standing(camera, doors, next(turning(plan)), frames), "ms", {"p50": 0.5, "p95": None})
+        figures += quantiles(
+            f"{drive.__name__}, at best",
+            best,
+            "ms",
+            {"p50": BOUND if drive is not tilting else None, "p95": None},
+        )
+    figures += quantiles(
+        "standing",
+        standing(camera, doors, next(turning(plan)), frames),
+        "ms",
+        {"p50": 0.5, "p95": None},
+    )
     turn = next(figure.value for figure in figures if figure.what == "turning, p50")
     figures.append(Figure(f"turning at {FPS:g} frames a second", turn * FPS / 10.0, "% of a core"))
     return keep("camera", figures)

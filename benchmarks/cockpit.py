@@ -1,10 +1,14 @@
-"""The drive page's own work: a minute of driving in a headless Chromium against a robot in this process; `--seconds 10` for a shorter one.
+"""The drive page's own work: a minute of driving in a headless Chromium against a robot in this
+process; `--seconds 10` for a shorter one.
 
-Long tasks are the browser's (PerformanceObserver: more than 50 ms without a pause), by the clock on the wall: on a busy machine whatever took
-the processor away is in them. The longest task by its own CPU time, from the browser's trace, tells the page's share. What HUD, overlay and map
-cost is their share of a sampling profile (samples with a function of theirs on the stack, of all samples of the page's script) of the CPU time
-that the browser says all script took, and all that it spent on styles and layout: CPU time, so that other work on the machine changes it little.
-Decoding and painting are the browser's and not in it. How long a page of a whole site takes to be ready is measured in benchmarks/page.py.
+Long tasks are the browser's (PerformanceObserver: more than 50 ms without a pause), by the clock on
+the wall: on a busy machine whatever took the processor away is in them. The longest task by its own
+CPU time, from the browser's trace, tells the page's share. What HUD, overlay and map cost is their
+share of a sampling profile (samples with a function of theirs on the stack, of all samples of the
+page's script) of the CPU time that the browser says all script took, and all that it spent on
+styles and layout: CPU time, so that other work on the machine changes it little. Decoding and
+painting are the browser's and not in it. How long a page of a whole site takes to be ready is
+measured in benchmarks/page.py.
 """
 
 import argparse
@@ -36,7 +40,9 @@ PLAYING = "#cockpit[data-playing][data-link=live]"
 
 
 def shares(profile: dict[str, Any]) -> tuple[float, float]:
-    """Return seconds with a function of HUD, overlay or map on the stack, and seconds of all of the page's script, of a CPU profile."""
+    """Return seconds with a function of HUD, overlay or map on the stack, and seconds of all of the
+    page's script, of a CPU profile.
+    """
     nodes = {node["id"]: node for node in profile["nodes"]}
     parents = {child: node["id"] for node in profile["nodes"] for child in node.get("children", ())}
 
@@ -57,16 +63,36 @@ def shares(profile: dict[str, Any]) -> tuple[float, float]:
 
 
 def script_bytes() -> int:
-    """Return how many bytes of script the drive page is sent at once, each file compressed as they are collected."""
-    names = re.findall(r"static 'js/([^']+)'", (ROOT / "templates/sessions/_modules.html").read_text())
-    return sum(len(gzip.compress((ROOT / "static/js" / name).read_bytes())) for name in [*names, "console.js", "boot.js"])
+    """Return how many bytes of script the drive page is sent at once, each file compressed as they
+    are collected.
+    """
+    names = re.findall(
+        r"static 'js/([^']+)'", (ROOT / "templates/sessions/_modules.html").read_text()
+    )
+    return sum(
+        len(gzip.compress((ROOT / "static/js" / name).read_bytes()))
+        for name in [*names, "console.js", "boot.js"]
+    )
 
 
 def longest_task(trace: bytes) -> float:
-    """Return milliseconds of CPU that the longest task of a page's main thread took, of a browser's trace (Trace Event Format)."""
+    """Return milliseconds of CPU that the longest task of a page's main thread took, of a browser's
+    trace (Trace Event Format).
+    """
     events = json.loads(trace)["traceEvents"]
-    mains = {(one["pid"], one["tid"]) for one in events if one["name"] == "thread_name" and one["args"]["name"] == "CrRendererMain"}
-    return max((one["tdur"] / 1000 for one in events if one["name"] in TASKS and "tdur" in one and (one["pid"], one["tid"]) in mains), default=0.0)
+    mains = {
+        (one["pid"], one["tid"])
+        for one in events
+        if one["name"] == "thread_name" and one["args"]["name"] == "CrRendererMain"
+    }
+    return max(
+        (
+            one["tdur"] / 1000
+            for one in events
+            if one["name"] in TASKS and "tdur" in one and (one["pid"], one["tid"]) in mains
+        ),
+        default=0.0,
+    )
 
 
 async def metrics(session: CDPSession) -> dict[str, float]:
@@ -75,7 +101,9 @@ async def metrics(session: CDPSession) -> dict[str, float]:
     return {one["name"]: one["value"] for one in found["metrics"]}
 
 
-async def drive(browser: Browser, page: Page, seconds: float) -> tuple[dict[str, float], dict[str, Any], bytes]:
+async def drive(
+    browser: Browser, page: Page, seconds: float
+) -> tuple[dict[str, float], dict[str, Any], bytes]:
     """Drive and return what the counters rose by, the CPU profile of it, and the browser's trace."""
     session = await page.context.new_cdp_session(page)
     await session.send("Performance.enable", {"timeDomain": "threadTicks"})
@@ -84,7 +112,9 @@ async def drive(browser: Browser, page: Page, seconds: float) -> tuple[dict[str,
     await page.evaluate("longTasks.length = 0")
     before = await metrics(session)
     await session.send("Profiler.start")
-    await browser.start_tracing(page=page, categories=["toplevel", "disabled-by-default-devtools.timeline", "__metadata"])
+    await browser.start_tracing(
+        page=page, categories=["toplevel", "disabled-by-default-devtools.timeline", "__metadata"]
+    )
     strokes = max(1, round(seconds / STROKE_SECONDS))
     for n in range(strokes):
         await page.keyboard.down(KEYS[n % len(KEYS)])
@@ -104,7 +134,9 @@ async def measure(seconds: float) -> list[Figure]:
     with FakeRobotPage() as site:
         async with async_playwright() as playwright:
             browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-            page = await (await browser.new_context(viewport={"width": 1280, "height": 800})).new_page()
+            page = await (
+                await browser.new_context(viewport={"width": 1280, "height": 800})
+            ).new_page()
             await page.add_init_script(WATCH)
             await page.goto(f"{site.url}?go=1")
             await page.wait_for_selector(PLAYING)
@@ -115,7 +147,9 @@ async def measure(seconds: float) -> list[Figure]:
     return figures(spent, profile, long_tasks, longest_task(trace))
 
 
-def figures(spent: dict[str, float], profile: dict[str, Any], long_tasks: list[float], longest: float) -> list[Figure]:
+def figures(
+    spent: dict[str, float], profile: dict[str, Any], long_tasks: list[float], longest: float
+) -> list[Figure]:
     """Return the figures of what was measured."""
     shown, script = shares(profile)
     drawn = spent["ScriptDuration"] * (shown / script if script else 0.0)

@@ -1,7 +1,9 @@
-"""From the key to the wheels, on both ways, and from the last command to the stop; one driver in Chromium, everything real.
+"""From the key to the wheels, on both ways, and from the last command to the stop; one driver in
+Chromium, everything real.
 
-A key's moment is the browser's own stamp of the event. A command's moment at the robot is its stamp plus the age that the safety
-kernel found; all processes share one clock here, and the error of its estimate (half a round trip) is far below the figures.
+A key's moment is the browser's own stamp of the event. A command's moment at the robot is its stamp
+plus the age that the safety kernel found; all processes share one clock here, and the error of its
+estimate (half a round trip) is far below the figures.
 """
 
 import argparse
@@ -40,7 +42,9 @@ HOOKS = """
 
 
 def driver(browser: Browser, site: Site, way: str) -> Visitor:
-    """Return somebody who drives, and whose commands take this way: without a data channel that works the page uses the server."""
+    """Return somebody who drives, and whose commands take this way: without a data channel that
+    works the page uses the server.
+    """
     someone = Visitor(browser, site, f"by-{way}")
     someone.context.add_init_script(HOOKS % ("true" if way == "mqtt" else "false"))
     someone.page = someone.new_page()
@@ -64,13 +68,21 @@ def key_latencies(site: Site, someone: Visitor, way: str, rng: random.Random) ->
         someone.page.keyboard.up(key)
         someone.page.wait_for_timeout(900 + 100 * rng.random())
     presses = someone.page.evaluate("window.presses")
-    wait_for(lambda: site.states(site.sessions()[-1][0])[-1]["stamp"] > presses[-1] + 2, 20, "the record")
-    arrivals = [command["stamp"] + command["age"] for command in applied(site) if command["way"] == way and command["stamp"] > 0]
+    wait_for(
+        lambda: site.states(site.sessions()[-1][0])[-1]["stamp"] > presses[-1] + 2, 20, "the record"
+    )
+    arrivals = [
+        command["stamp"] + command["age"]
+        for command in applied(site)
+        if command["way"] == way and command["stamp"] > 0
+    ]
     return [1000 * (min(at for at in arrivals if at > press - 0.002) - press) for press in presses]
 
 
 def stop_delays(site: Site, giraff: Onlooker, someone: Visitor) -> list[float]:
-    """Return milliseconds from the last accepted command to the first velocity that brakes, for commands that cease without a word."""
+    """Return milliseconds from the last accepted command to the first velocity that brakes, for
+    commands that cease without a word.
+    """
     found = []
     for number in range(STOPS):
         someone.page.keyboard.down("ArrowLeft" if number % 2 else "ArrowRight")
@@ -80,9 +92,27 @@ def stop_delays(site: Site, giraff: Onlooker, someone: Visitor) -> list[float]:
         rows = giraff.history(5)
         someone.page.keyboard.up("ArrowLeft" if number % 2 else "ArrowRight")
         speed = max(abs(row.commanded_angular) for row in rows)
-        brake = rows[max(i for i, row in enumerate(rows) if abs(row.commanded_angular) > 0.98 * speed) + 1].stamp
-        wait_for(lambda brake=brake: any(s["stamp"] > brake + 0.3 for s in site.states(site.sessions()[-1][0])), 10, "the record")
-        found.append(1000 * (brake - max(c["stamp"] + c["age"] for c in applied(site) if c["stamp"] + c["age"] < brake + 0.01)))
+        brake = rows[
+            max(i for i, row in enumerate(rows) if abs(row.commanded_angular) > 0.98 * speed) + 1
+        ].stamp
+        wait_for(
+            lambda brake=brake: any(
+                s["stamp"] > brake + 0.3 for s in site.states(site.sessions()[-1][0])
+            ),
+            10,
+            "the record",
+        )
+        found.append(
+            1000
+            * (
+                brake
+                - max(
+                    c["stamp"] + c["age"]
+                    for c in applied(site)
+                    if c["stamp"] + c["age"] < brake + 0.01
+                )
+            )
+        )
         someone.page.evaluate("window.muffled = false")
         time.sleep(1.2)
     return found
@@ -96,25 +126,51 @@ def _steady(giraff: Onlooker) -> bool:
 def main() -> int:
     """Measure, print, keep; return how many bounds were missed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--assist", choices=["off", "slow", "steer"], default="steer", help="how much the driver is helped meanwhile")
+    parser.add_argument(
+        "--assist",
+        choices=["off", "slow", "steer"],
+        default="steer",
+        help="how much the driver is helped meanwhile",
+    )
     level = parser.parse_args().assist
     rng = random.Random(7)
     figures, samples = [], {}
-    with tempfile.TemporaryDirectory(prefix="telepresence-control-") as folder, running_site(Path(folder)) as site:
-        site.django(f"from robots.models import Robot; robot = Robot.objects.get(name='giraff'); robot.assist = {level!r}; robot.save()")
+    with (
+        tempfile.TemporaryDirectory(prefix="telepresence-control-") as folder,
+        running_site(Path(folder)) as site,
+    ):
+        site.django(
+            "from robots.models import Robot; robot = Robot.objects.get(name='giraff');"
+            f" robot.assist = {level!r}; robot.save()"
+        )
         giraff = site.start_robot("giraff", "--start", "lounge-centre")
         with sync_playwright() as playwright, chromium(playwright) as browser:
             for way, bound in WAYS.items():
                 someone = driver(browser, site, way)
                 wait_for(
-                    lambda: any(state.get("assist", "off") == level for state in site.states(site.sessions()[-1][0])[-1:]), 20, f"assistance {level}"
+                    lambda: any(
+                        state.get("assist", "off") == level
+                        for state in site.states(site.sessions()[-1][0])[-1:]
+                    ),
+                    20,
+                    f"assistance {level}",
                 )
                 samples[way] = key_latencies(site, someone, way, rng)
-                figures += quantiles(f"key press to applied velocity, {way}", samples[way], "ms", {"p50": bound, "p95": None, "max": None})
+                figures += quantiles(
+                    f"key press to applied velocity, {way}",
+                    samples[way],
+                    "ms",
+                    {"p50": bound, "p95": None, "max": None},
+                )
                 if way == "datachannel":
                     samples["stop"] = stop_delays(site, giraff, someone)
                 someone.close()
-    figures += quantiles("last accepted command to stop", samples["stop"], "ms", {"p50": None, "p99": 350, "max": None})
+    figures += quantiles(
+        "last accepted command to stop",
+        samples["stop"],
+        "ms",
+        {"p50": None, "p99": 350, "max": None},
+    )
     return keep("control", figures, assist=level, **samples)
 
 

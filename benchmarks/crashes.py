@@ -1,9 +1,12 @@
-"""Every part of a server is killed in turn, and each time started again a second later, while robots are being driven.
+"""Every part of a server is killed in turn, and each time started again a second later, while
+robots are being driven.
 
-Some of the robots are real agents, with the real safety kernel and a base elsewhere (benchmarks/traffic), one of which is killed too; the
-others are light ones, which know to a number what they have said. Two visitors want each robot, so that it changes hands every few
-seconds, also while things are down. Afterwards robots, bases and database are held against each other: no state may be lost that a
-robot had, no two sessions may have had a robot at the same moment, and no base may have moved while nobody had its robot.
+Some of the robots are real agents, with the real safety kernel and a base elsewhere
+(benchmarks/traffic), one of which is killed too; the others are light ones, which know to a number
+what they have said. Two visitors want each robot, so that it changes hands every few seconds, also
+while things are down. Afterwards robots, bases and database are held against each other: no state
+may be lost that a robot had, no two sessions may have had a robot at the same moment, and no base
+may have moved while nobody had its robot.
 
 `CRASH_PLACE` (demo, server-N), `CRASH_PARTS`, `CRASH_ROBOTS` and `CRASH_AGENTS` choose what is run.
 """
@@ -45,14 +48,30 @@ class Crash:
 
 def populate(place: Place, robots: Hands, visitors: Hands, bases: Bases) -> list[str]:
     """Let robots and visitors come; return the robots' names when all are driven."""
-    names = [*(f"agent-{number}" for number in range(AGENTS)), *(f"light-{number}" for number in range(ROBOTS - AGENTS))]
+    names = [
+        *(f"agent-{number}" for number in range(AGENTS)),
+        *(f"light-{number}" for number in range(ROBOTS - AGENTS)),
+    ]
     made = place.make_robots(names)
     for name, token in made[:AGENTS]:
-        words = ["--mqtt", place.site.mqtt_url, "--token", token, "--var", str(place.site.var / name), "--base", str(bases.port)]
+        words = [
+            "--mqtt",
+            place.site.mqtt_url,
+            "--token",
+            token,
+            "--var",
+            str(place.site.var / name),
+            "--base",
+            str(bases.port),
+        ]
         place.site.start(name, ["-m", "benchmarks.traffic.based_robot", name, *words])
     robots.ask("add", place.site.mqtt_port, made[AGENTS:])
     each = [name for name in names for _ in range(VISITORS)]
-    visitors.ask("add", place.make_visitors([f"visitor-{number}" for number in range(len(each))], each), STAYS)
+    visitors.ask(
+        "add",
+        place.make_visitors([f"visitor-{number}" for number in range(len(each))], each),
+        STAYS,
+    )
     recovered(place, names, 0.0)
     return names
 
@@ -61,12 +80,16 @@ def recovered(place: Place, names: list[str], since: float) -> None:
     """Wait until every robot has taken a command that was given after a moment.
 
     Raises:
-        RuntimeError: some take none; a real agent refuses commands that are older than 250 ms, as those of a computer that is too busy are.
+        RuntimeError: some take none; a real agent refuses commands that are older than 250 ms, as
+            those of a computer that is too busy are.
     """
     deadline = time.monotonic() + patient(RECOVERY)
     while not (place.is_ready() and set(names) <= set(place.driven(since))):
         if time.monotonic() > deadline:
-            raise RuntimeError(f"ready: {place.is_ready()}; robots that take no commands: {sorted(set(names) - set(place.driven(since)))}")
+            raise RuntimeError(
+                f"ready: {place.is_ready()}; robots that take no commands:"
+                f" {sorted(set(names) - set(place.driven(since)))}"
+            )
         time.sleep(0.1)
 
 
@@ -86,14 +109,22 @@ def crash(place: Place, part: str, names: list[str]) -> Crash:
 def everybody_leaves(place: Place, robots: Hands, visitors: Hands) -> None:
     """End every visit, and wait for the record."""
     visitors.ask("leave")
-    wait_for(lambda: all(drive.until for drive in place.sessions()), RECOVERY, "the end of every visit")
+    wait_for(
+        lambda: all(drive.until for drive in place.sessions()), RECOVERY, "the end of every visit"
+    )
     wait_for(lambda: robots.ask("driven") == 0, RECOVERY, "the robots' word that nobody drives")
     wait_for(lambda: _complete(place, robots), RECOVERY, "a whole record")
 
 
 def _complete(place: Place, robots: Hands) -> bool:
     stored = place.stored()
-    return all(stored.get(session, 0) >= count for session, count in robots.ask("record")["states"].items()) and place.is_closed()
+    return (
+        all(
+            stored.get(session, 0) >= count
+            for session, count in robots.ask("record")["states"].items()
+        )
+        and place.is_closed()
+    )
 
 
 def main() -> int:
@@ -108,15 +139,25 @@ def main() -> int:
     ):
         began = time.time()
         names = populate(place, robots, visitors, bases)
-        parts = os.environ.get("CRASH_PARTS", "").split(",") if os.environ.get("CRASH_PARTS") else parts_of(place)
+        parts = (
+            os.environ.get("CRASH_PARTS", "").split(",")
+            if os.environ.get("CRASH_PARTS")
+            else parts_of(place)
+        )
         crashes = [crash(place, part, names) for part in parts]
         everybody_leaves(place, robots, visitors)
         drives, record, known = place.sessions(), place.record(), robots.ask("record")
         grants = [(grant["robot"], grant["epoch"], grant["session"]) for grant in known["grants"]]
-        late, moves = jitter.excuse(began, time.time()), {name: spans for name, spans in bases.moves().items() if spans}
+        late, moves = (
+            jitter.excuse(began, time.time()),
+            {name: spans for name, spans in bases.moves().items() if spans},
+        )
         wrong = {
             "states lost": verdicts.lost(known["states"], record.states, record.missing),
-            "two drivers at once": [*verdicts.two_at_once(drives), *verdicts.shared_epochs(record.states, grants)],
+            "two drivers at once": [
+                *verdicts.two_at_once(drives),
+                *verdicts.shared_epochs(record.states, grants),
+            ],
             "motion without a lease": verdicts.moved_alone(moves, drives, late),
             "agents that never moved": [name for name in names[:AGENTS] if name not in moves],
         }
@@ -125,18 +166,31 @@ def main() -> int:
 
 def parts_of(place: Place) -> list[str]:
     """Return what is killed: everything of the server, and one agent."""
-    return [name for name in place.processes if not name.startswith("agent-")] + (["agent-0"] if AGENTS else [])
+    return [name for name in place.processes if not name.startswith("agent-")] + (
+        ["agent-0"] if AGENTS else []
+    )
 
 
-def report(crashes: list[Crash], drives: list[verdicts.Drive], states: int, wrong: dict[str, list[str]]) -> int:
+def report(
+    crashes: list[Crash], drives: list[verdicts.Drive], states: int, wrong: dict[str, list[str]]
+) -> int:
     """Print and keep what was found; return how much was wrong."""
     outcomes = Counter(drive.outcome for drive in drives)
     told = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
-    print(f"{len(drives)} drives ({told}) with {states} states, {ROBOTS} robots, {AGENTS} of them real agents")
+    print(
+        f"{len(drives)} drives ({told}) with {states} states, {ROBOTS} robots, {AGENTS} of them"
+        " real agents"
+    )
     for what, found in wrong.items():
         print(f"{what:24} {len(found) or 'none'}", *found[:10], sep="\n    " if found else " ")
     RESULTS.parent.mkdir(exist_ok=True)
-    kept = {"place": PLACE, "seconds": {crash.part: crash.seconds for crash in crashes}, "drives": dict(outcomes), "states": states, "wrong": wrong}
+    kept = {
+        "place": PLACE,
+        "seconds": {crash.part: crash.seconds for crash in crashes},
+        "drives": dict(outcomes),
+        "states": states,
+        "wrong": wrong,
+    }
     RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
     return sum(len(found) for found in wrong.values())
 

@@ -1,8 +1,9 @@
-"""Docking from random poses, and the whole study run, for both robots in every shipped site: `python -m benchmarks.docking --runs 50`.
+"""Docking from random poses, and the whole study run, for both robots in every shipped site:
+`python -m benchmarks.docking --runs 50`.
 
-The study run begins in the dock, passes the route's checkpoints, faces the mirror where the route's last checkpoint lies before one,
-comes back and docks, with people walking. Seeds below 20,000 are for tuning; the judging ones begin there, and `--first` goes on
-from any of them.
+The study run begins in the dock, passes the route's checkpoints, faces the mirror where the route's
+last checkpoint lies before one, comes back and docks, with people walking. Seeds below 20,000 are
+for tuning; the judging ones begin there, and `--first` goes on from any of them.
 """
 
 import argparse
@@ -38,7 +39,9 @@ def docked_in(world: TrueWorld, seed: int) -> tuple[str, float]:
     done = rig.run(TIMEOUT)
     tries = 1 + sum("backs out" in reason for reason in rig.reasons)
     good = done.status == "FINISHED" and sim.docked and not rig.collisions
-    return (f"docked at try {tries}" if good else f"not docked: {done.reason or done.status}"), sim.time
+    return (
+        f"docked at try {tries}" if good else f"not docked: {done.reason or done.status}"
+    ), sim.time
 
 
 def study_run(world: TrueWorld, seed: int, people: int) -> tuple[str, float]:
@@ -53,19 +56,36 @@ def study_run(world: TrueWorld, seed: int, people: int) -> tuple[str, float]:
         done = rig.run(TIMEOUT)
         if not _reached(rig, checkpoint, done):
             return f"checkpoint {checkpoint.number}: {done.reason or done.status}", sim.time
-    mirror = next((place for place in plan.places if place.name == "mirror" and _near(place, route.checkpoints[-1])), None)
+    mirror = next(
+        (
+            place
+            for place in plan.places
+            if place.name == "mirror" and _near(place, route.checkpoints[-1])
+        ),
+        None,
+    )
     if mirror is not None:
         rig.navigator.goto_place("mirror")
         done = rig.run(TIMEOUT)
-        if math.dist((mirror.x, mirror.y), sim.pose[:2]) > AT or abs(wrap_angle(mirror.theta - sim.pose.theta)) > FACING:
+        if (
+            math.dist((mirror.x, mirror.y), sim.pose[:2]) > AT
+            or abs(wrap_angle(mirror.theta - sim.pose.theta)) > FACING
+        ):
             return f"mirror: {done.reason or done.status}", sim.time
     rig.navigator.dock()
     done = rig.run(TIMEOUT)
-    return ("done" if sim.docked and done.status == "FINISHED" else f"dock: {done.reason or done.status}"), sim.time
+    return (
+        "done"
+        if sim.docked and done.status == "FINISHED"
+        else f"dock: {done.reason or done.status}"
+    ), sim.time
 
 
 def _reached(rig: Rig, checkpoint: Checkpoint, done: Step) -> bool:
-    return done.status == "FINISHED" and math.dist((checkpoint.x, checkpoint.y), rig.sim.pose[:2]) <= checkpoint.radius
+    return (
+        done.status == "FINISHED"
+        and math.dist((checkpoint.x, checkpoint.y), rig.sim.pose[:2]) <= checkpoint.radius
+    )
 
 
 def _near(place: Place, checkpoint: Checkpoint) -> bool:
@@ -75,8 +95,12 @@ def _near(place: Place, checkpoint: Checkpoint) -> bool:
 def main() -> int:
     """Dock and drive, print and keep the figures; return how many missed their bound."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=25, help="for each site and robot: so many dockings")
-    parser.add_argument("--study-runs", type=int, help="and so many study runs; a third as many when not given")
+    parser.add_argument(
+        "--runs", type=int, default=25, help="for each site and robot: so many dockings"
+    )
+    parser.add_argument(
+        "--study-runs", type=int, help="and so many study runs; a third as many when not given"
+    )
     parser.add_argument("--first", type=int, default=JUDGING, help="the first seed")
     parser.add_argument("--people", type=int, default=1, help="who walk during the study run")
     parser.add_argument("--sites", nargs="+", default=list(shipped_sites()))
@@ -93,17 +117,35 @@ def main() -> int:
                 outcome, seconds = docked_in(world, seed)
                 dockings[outcome] += 1
                 simulated += seconds
-            for seed in range(wanted.first, wanted.first + (studies if world.site.plan.route_of(series) else 0)):
+            for seed in range(
+                wanted.first, wanted.first + (studies if world.site.plan.route_of(series) else 0)
+            ):
                 outcome, seconds = study_run(world, seed, wanted.people)
                 drives[outcome] += 1
                 simulated += seconds
         print(f"  {series}: {dict(dockings)} {dict(drives)}", flush=True)
         good = dockings["docked at try 1"] + dockings["docked at try 2"]
-        figures.append(Figure(f"{series}: not docked at the first or second try", 100.0 * (1.0 - good / max(dockings.total(), 1)), "%", 3.0))
-        figures.append(Figure(f"{series}: study runs that failed", 100.0 * (1.0 - drives["done"] / max(drives.total(), 1)), "%", 5.0))
+        figures.append(
+            Figure(
+                f"{series}: not docked at the first or second try",
+                100.0 * (1.0 - good / max(dockings.total(), 1)),
+                "%",
+                3.0,
+            )
+        )
+        figures.append(
+            Figure(
+                f"{series}: study runs that failed",
+                100.0 * (1.0 - drives["done"] / max(drives.total(), 1)),
+                "%",
+                5.0,
+            )
+        )
         details[series] = {"dockings": dict(dockings), "study": dict(drives)}
     figures.append(Figure("simulated hours", simulated / 3600.0, "h"))
-    figures.append(Figure("simulated seconds a second", simulated / (time.perf_counter() - begun), ""))
+    figures.append(
+        Figure("simulated seconds a second", simulated / (time.perf_counter() - begun), "")
+    )
     return keep("docking", figures, how=vars(wanted), **details)
 
 

@@ -1,8 +1,11 @@
-"""Every controller drives the whole office in a real browser: out of the dock, through both doors to the far end, and back.
+"""Every controller drives the whole office in a real browser: out of the dock, through both doors
+to the far end, and back.
 
-Whoever drives sees what the page shows and nothing else (tests/support/scripted_visitor.py). Printed for each controller: seconds, metres, contacts
-with walls, furniture and doors, and how often they pressed on the picture, and at its sides to turn. `keyboard mouse` does
-these two alone. It takes some minutes, at the robot's own pace; nothing in it is a bound but that nobody touches anything.
+Whoever drives sees what the page shows and nothing else (tests/support/scripted_visitor.py).
+Printed for each controller: seconds, metres, contacts with walls, furniture and doors, and how
+often they pressed on the picture, and at its sides to turn. `keyboard mouse` does these two alone.
+It takes some minutes, at the robot's own pace; nothing in it is a bound but that nobody touches
+anything.
 """
 
 import argparse
@@ -33,7 +36,9 @@ def by_hand(hands: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
 
 def on_picture(hand: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
     """Return what tours by pressing on the picture."""
-    return lambda tour, site: float(tour.point(hand(tour.page), site.model.camera, site.simulation.tilt, WITHIN))
+    return lambda tour, site: float(
+        tour.point(hand(tour.page), site.model.camera, site.simulation.tilt, WITHIN)
+    )
 
 
 def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]]]:
@@ -71,12 +76,23 @@ def tour(browser: Browser, name: str) -> list[Figure]:
         seconds = go(person, site)
         page.context.close()
         drove, methods = site.simulation, {command.method for _, command in site.applied}
-    print(f"{name}, recorded as {' and '.join(sorted(methods))}: {seconds:.0f} s; was told {person.answers}", flush=True)
+    print(
+        f"{name}, recorded as {' and '.join(sorted(methods))}: {seconds:.0f} s; was told"
+        f" {person.answers}",
+        flush=True,
+    )
     return [
         Figure(f"{name}: there and back", seconds, "s"),
         Figure(f"{name}: driven", drove.distance, "m"),
         Figure(f"{name}: contacts", drove.contacts, "", 0.0),
-        *([Figure(f"{name}: presses", person.presses, ""), Figure(f"{name}: turns", person.turns, "")] if person.presses else []),
+        *(
+            [
+                Figure(f"{name}: presses", person.presses, ""),
+                Figure(f"{name}: turns", person.turns, ""),
+            ]
+            if person.presses
+            else []
+        ),
     ]
 
 

@@ -1,9 +1,10 @@
-"""The export of a thousand sessions with 1.2 million states from the database, as a folder and as an archive, by the site's own command.
+"""The export of a thousand sessions with 1.2 million states from the database, as a folder and as
+an archive, by the site's own command.
 
     python -m benchmarks.export [--sessions N]
 
-The study is made up by a seeded generator and stored in a database of the benchmark's own; time and memory are those of the command's
-whole process, with its start.
+The study is made up by a seeded generator and stored in a database of the benchmark's own; time and
+memory are those of the command's whole process, with its start.
 """
 
 import argparse
@@ -39,7 +40,9 @@ def stored(sessions: int) -> str:
 def measured(*words: str) -> tuple[float, float]:
     """Run a command of the site and return its seconds and the most megabytes that it had."""
     begun = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "manage.py", *words], cwd=ROOT, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, "manage.py", *words], cwd=ROOT, stdout=subprocess.DEVNULL
+    )
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise SystemExit(f"{' '.join(words)} failed")
@@ -53,14 +56,26 @@ def main() -> int:
     wanted = parser.parse_args().sessions
     with tempfile.TemporaryDirectory(prefix="telepresence-export-") as folder:
         home = Path(folder)
-        os.environ |= {"VAR_DIR": folder, "DATABASE_URL": f"sqlite:///{home / 'db.sqlite3'}", "DJANGO_SETTINGS_MODULE": "tests.settings"}
+        os.environ |= {
+            "VAR_DIR": folder,
+            "DATABASE_URL": f"sqlite:///{home / 'db.sqlite3'}",
+            "DJANGO_SETTINGS_MODULE": "tests.settings",
+        }
         begun = time.perf_counter()
         study = stored(wanted)
         storing = time.perf_counter() - begun
         seconds, megabytes = measured("export_study", study, "--out", str(home / "dataset"))
-        zip_seconds, zip_megabytes = measured("export_study", study, "--zip", "--out", str(home / "dataset.zip"))
-        size = sum(path.stat().st_size for path in (home / "dataset").rglob("*") if path.is_file()) / 1e6
-        states = sum(path.read_bytes().count(b"\n") - 1 for path in (home / "dataset" / "data" / "states").iterdir())
+        zip_seconds, zip_megabytes = measured(
+            "export_study", study, "--zip", "--out", str(home / "dataset.zip")
+        )
+        size = (
+            sum(path.stat().st_size for path in (home / "dataset").rglob("*") if path.is_file())
+            / 1e6
+        )
+        states = sum(
+            path.read_bytes().count(b"\n") - 1
+            for path in (home / "dataset" / "data" / "states").iterdir()
+        )
         packed = (home / "dataset.zip").stat().st_size / 1e6
     share = max(wanted / 1000.0, 0.1)  # the start of a process does not shrink with the sessions
     return keep(

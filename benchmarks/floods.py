@@ -1,12 +1,15 @@
-"""How late honest messages are while somebody floods the embedded broker with all their might, beside how late they are when nobody does.
+"""How late honest messages are while somebody floods the embedded broker with all their might,
+beside how late they are when nobody does.
 
-The broker is `manage.py run_broker` in a process of its own, with users from a database. An attacker in another process
-(benchmarks/traffic/flooder.py) has the key of one robot, on one connection and on ten, or none at all. This process plays another robot and a
-server that exchange commands and poses by QoS 0 and states by QoS 1, and lets newcomers in beside them. Every flood comes after a time of peace,
-so that the two stand side by side.
+The broker is `manage.py run_broker` in a process of its own, with users from a database. An
+attacker in another process (benchmarks/traffic/flooder.py) has the key of one robot, on one
+connection and on ten, or none at all. This process plays another robot and a server that exchange
+commands and poses by QoS 0 and states by QoS 1, and lets newcomers in beside them. Every flood
+comes after a time of peace, so that the two stand side by side.
 
-Attacker, broker and honest clients share the cores of this computer, where an attacker would have a computer of its own: it is given what the others
-leave (nice 19), and a delay contains what broker and honest clients wait for a core. On a computer with other work the figures are that work's.
+Attacker, broker and honest clients share the cores of this computer, where an attacker would have a
+computer of its own: it is given what the others leave (nice 19), and a delay contains what broker
+and honest clients wait for a core. On a computer with other work the figures are that work's.
 `FLOODS` (with commas) chooses what is tried, `FLOODS_SECONDS` how long.
 """
 
@@ -89,21 +92,32 @@ class Client:
 class Place:
     """A broker with its users, and honest clients at it."""
 
-    def __init__(self, port: int, process: "subprocess.Popen[bytes]", log: IO[bytes], tokens: dict[str, tuple[str, str]], ca: str) -> None:
+    def __init__(
+        self,
+        port: int,
+        process: "subprocess.Popen[bytes]",
+        log: IO[bytes],
+        tokens: dict[str, tuple[str, str]],
+        ca: str,
+    ) -> None:
         self.port, self.process, self.log, self.tokens, self.ca = port, process, log, tokens, ca
         self._tls = ssl.create_default_context(cafile=ca) if ca else None
 
     async def enter(self, name: str, who: str, filters: list[tuple[str, int]]) -> Client:
         """Return a client that is let in."""
         client = Client(name, *self.tokens[who], filters)
-        await asyncio.get_running_loop().create_connection(lambda: client.line, HOST, self.port, ssl=self._tls)
+        await asyncio.get_running_loop().create_connection(
+            lambda: client.line, HOST, self.port, ssl=self._tls
+        )
         await asyncio.wait_for(client.is_open.wait(), LATEST_SECONDS)
         return client
 
     async def measure(self, seconds: float) -> Sample:
         """Exchange messages for a time, and let newcomers in."""
         try:
-            robot = await self.enter("the-robot", HONEST, [(topics.of(HONEST, "command/velocity"), 0)])
+            robot = await self.enter(
+                "the-robot", HONEST, [(topics.of(HONEST, "command/velocity"), 0)]
+            )
             heard = [(f"{topics.ROOT}/+/{suffix}", qos) for suffix, qos in HEARD_BY_SERVER]
             server = await self.enter("the-server", "web", heard)
         except (OSError, TimeoutError):
@@ -134,7 +148,11 @@ class Place:
         while True:
             began = time.perf_counter()
             try:
-                first_time_user = await self.enter(f"newcomer-{len(sample.first_time_users)}", HONEST, [(topics.of(HONEST, "config"), 1)])
+                first_time_user = await self.enter(
+                    f"newcomer-{len(sample.first_time_users)}",
+                    HONEST,
+                    [(topics.of(HONEST, "config"), 1)],
+                )
                 first_time_user.line.leave()
             except (OSError, TimeoutError):
                 sample.first_time_users.append(LATEST_SECONDS)
@@ -145,8 +163,18 @@ class Place:
     @contextmanager
     def flooded(self, flood: str, connections: int) -> Iterator[None]:
         """Have the attacker flood."""
-        words = [sys.executable, "-m", "benchmarks.traffic.flooder", flood, str(self.port), *self.tokens[HOSTILE], str(connections)]
-        attacker = subprocess.Popen(["nice", "-n", "19", *words, *([self.ca] if self.ca else [])], cwd=ROOT)
+        words = [
+            sys.executable,
+            "-m",
+            "benchmarks.traffic.flooder",
+            flood,
+            str(self.port),
+            *self.tokens[HOSTILE],
+            str(connections),
+        ]
+        attacker = subprocess.Popen(
+            ["nice", "-n", "19", *words, *([self.ca] if self.ca else [])], cwd=ROOT
+        )
         try:
             time.sleep(WARM_SECONDS)
             yield
@@ -173,17 +201,31 @@ def prepare() -> dict[str, tuple[str, str]]:
 
     call_command("migrate", verbosity=0)
     robots = {name: Robot.objects.create(name=name, title=name) for name in (HONEST, HOSTILE)}
-    return {"web": server_credentials("web")} | {name: (name, make_credentials(robot, timezone.now()).token) for name, robot in robots.items()}
+    return {"web": server_credentials("web")} | {
+        name: (name, make_credentials(robot, timezone.now()).token)
+        for name, robot in robots.items()
+    }
 
 
 @contextmanager
-def running_broker(folder: Path, tokens: dict[str, tuple[str, str]], *, tls: bool) -> Iterator[Place]:
+def running_broker(
+    folder: Path, tokens: dict[str, tuple[str, str]], *, tls: bool
+) -> Iterator[Place]:
     """Run the embedded broker, as a site does."""
     more, ca = [], ""
     if tls:
         key, chain = certificate(folder)
         more, ca = ["--certificate", str(chain), "--key", str(key)], str(chain)
-    words = [sys.executable, "manage.py", "run_broker", "--port", "0", "--require", "embedded", *more]
+    words = [
+        sys.executable,
+        "manage.py",
+        "run_broker",
+        "--port",
+        "0",
+        "--require",
+        "embedded",
+        *more,
+    ]
     with (folder / f"broker-{tls}.log").open("wb+") as log:
         process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=log)
         assert process.stdout is not None, "a pipe was asked for"
@@ -208,15 +250,36 @@ def compare(place: Place, flood: str, connections: int) -> tuple[list[Figure], d
         taken = shares.read({"broker": place.process.pid})
         war = asyncio.run(place.measure(SECONDS))
         share = shares.between(taken, shares.read({"broker": place.process.pid}))["broker"]
-        grown, logged = shares.megabytes(place.process.pid) - before, (place.log.seek(0, os.SEEK_END) - logged) / 1024
+        grown, logged = (
+            shares.megabytes(place.process.pid) - before,
+            (place.log.seek(0, os.SEEK_END) - logged) / 1024,
+        )
     what = f"{flood}, {connections}" + (", TLS" if place.ca else "")
-    cells = [f"{1000 * float(np.percentile(s.delays, q)):8.2f}" for s in (peace, war) for q in (50, 99, 100)]
+    cells = [
+        f"{1000 * float(np.percentile(s.delays, q)):8.2f}"
+        for s in (peace, war)
+        for q in (50, 99, 100)
+    ]
     come = [f"{1000 * max(s.first_time_users):7.0f}" for s in (peace, war)]
-    print(f"{what:24} {' '.join(cells)}   {' '.join(come)}  {war.lost:5d}  {share:5.2f}  {grown:6.1f}  {logged:6.1f}", flush=True)
+    print(
+        f"{what:24} {' '.join(cells)}   {' '.join(come)}  {war.lost:5d}  {share:5.2f}  {grown:6.1f}"
+        f"  {logged:6.1f}",
+        flush=True,
+    )
     bound = KEY_BOUND_MS if flood in KEY_FLOODS else STRANGER_BOUND_MS
     figures = [
-        Figure(f"{what}: p99 of delays, more than in peace", max(0.0, p99(war.delays) - p99(peace.delays)), "ms", bound),
-        Figure(f"{what}: newcomers, the slowest", 1000 * max(war.first_time_users), "ms", NEWCOMER_BOUND_MS),
+        Figure(
+            f"{what}: p99 of delays, more than in peace",
+            max(0.0, p99(war.delays) - p99(peace.delays)),
+            "ms",
+            bound,
+        ),
+        Figure(
+            f"{what}: newcomers, the slowest",
+            1000 * max(war.first_time_users),
+            "ms",
+            NEWCOMER_BOUND_MS,
+        ),
         Figure(f"{what}: messages lost", war.lost, "", 0),
         Figure(f"{what}: memory grown", grown, "MB", MEMORY_BOUND_MB),
         Figure(f"{what}: logged", logged, "kB", LOG_BOUND_KB),
@@ -226,9 +289,21 @@ def compare(place: Place, flood: str, connections: int) -> tuple[list[Figure], d
 
 def plan(*, tls: bool) -> list[tuple[str, int]]:
     """Return the (flood, connections) to try."""
-    chosen = os.environ.get("FLOODS", "").split(",") if os.environ.get("FLOODS") else [*KEY_FLOODS, *STRANGER_FLOODS]
-    by_key = [] if tls else [(flood, count) for flood in chosen if flood in KEY_FLOODS for count in (1, 10)]
-    return by_key + [(flood, SILENT if flood == "silent" else STRANGERS) for flood in chosen if flood in STRANGER_FLOODS]
+    chosen = (
+        os.environ.get("FLOODS", "").split(",")
+        if os.environ.get("FLOODS")
+        else [*KEY_FLOODS, *STRANGER_FLOODS]
+    )
+    by_key = (
+        []
+        if tls
+        else [(flood, count) for flood in chosen if flood in KEY_FLOODS for count in (1, 10)]
+    )
+    return by_key + [
+        (flood, SILENT if flood == "silent" else STRANGERS)
+        for flood in chosen
+        if flood in STRANGER_FLOODS
+    ]
 
 
 def main() -> int:
@@ -236,11 +311,19 @@ def main() -> int:
     gc.freeze()
     figures, samples = [], []
     with tempfile.TemporaryDirectory(prefix="telepresence-floods-") as name:
-        settings = {"VAR_DIR": name, "HTTP_ONLY": "1", "LOG_LEVEL": "INFO", "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+        settings = {
+            "VAR_DIR": name,
+            "HTTP_ONLY": "1",
+            "LOG_LEVEL": "INFO",
+            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
+        }
         os.environ |= settings
         os.environ.pop("DATABASE_URL", None)
         tokens = prepare()
-        print("delays in ms: p50, p99, max in peace; p50, p99, max under the flood; slowest newcomer in peace, under it (ms); messages lost;")
+        print(
+            "delays in ms: p50, p99, max in peace; p50, p99, max under the flood; slowest newcomer"
+            " in peace, under it (ms); messages lost;"
+        )
         print("share of a core that the broker took; memory grown (MB); logged (kB)")
         for tls in (False, True):
             with running_broker(Path(name), tokens, tls=tls) as place:

@@ -1,11 +1,14 @@
-"""How many drives a server carries on one computer: control and state traffic alone, everything through the server, no picture.
+"""How many drives a server carries on one computer: control and state traffic alone, everything
+through the server, no picture.
 
-Robots and visitors are light ones (benchmarks/traffic): real MQTT connections and real WebSockets, with the messages and rates of real
-ones, in two processes that stamp every message by the one clock of the computer. More and more of them come, until a message in a
-hundred takes longer than the bound from one end to the other, or something is missing. What then is full stands below the table.
+Robots and visitors are light ones (benchmarks/traffic): real MQTT connections and real WebSockets,
+with the messages and rates of real ones, in two processes that stamp every message by the one clock
+of the computer. More and more of them come, until a message in a hundred takes longer than the
+bound from one end to the other, or something is missing. What then is full stands below the table.
 
-Processor shares are those of one core; `others` is what else ran on the computer, `stolen` what a host gave to other virtual computers. A
-delay contains what the generators themselves are late, which stands beside it: a step in which that is large says little about the server.
+Processor shares are those of one core; `others` is what else ran on the computer, `stolen` what a
+host gave to other virtual computers. A delay contains what the generators themselves are late,
+which stands beside it: a step in which that is large says little about the server.
 
 `LOAD_PLACES` (demo, server-N) and `LOAD_STEPS` choose what is run.
 """
@@ -28,7 +31,9 @@ from tests.support.site import wait_for
 
 RESULTS = Path(__file__).parent / "results" / "load.json"
 PLACES = tuple(os.environ.get("LOAD_PLACES", "demo,server-1,server-2").split(","))
-STEPS = tuple(int(step) for step in os.environ.get("LOAD_STEPS", "10,20,40,60,80,120,160").split(","))
+STEPS = tuple(
+    int(step) for step in os.environ.get("LOAD_STEPS", "10,20,40,60,80,120,160").split(",")
+)
 SETTLE_SECONDS, MEASURE_SECONDS = 4.0, float(os.environ.get("LOAD_SECONDS", "12"))
 DEMANDED = 40  # sessions that must be carried
 BOUND_MS = 50.0
@@ -65,11 +70,21 @@ class Step:
     @property
     def full(self) -> str:
         """Name what has no room left."""
-        name, share = max(((name, share) for name, share in self.shares.items() if name not in {"others", "stolen"}), key=lambda pair: pair[1])
+        name, share = max(
+            (
+                (name, share)
+                for name, share in self.shares.items()
+                if name not in {"others", "stolen"}
+            ),
+            key=lambda pair: pair[1],
+        )
         whole = sum(self.shares.values())
         if share >= FULL:
             return f"{name} ({100 * share:.0f} % of its core)"
-        return f"the computer ({100 * whole:.0f} % of {100 * (os.cpu_count() or 1)} %, most of it {name}, {100 * share:.0f} %)"
+        return (
+            f"the computer ({100 * whole:.0f} % of {100 * (os.cpu_count() or 1)} %, most of it"
+            f" {name}, {100 * share:.0f} %)"
+        )
 
 
 def quantiles(seconds: list[float]) -> dict[str, float]:
@@ -77,7 +92,11 @@ def quantiles(seconds: list[float]) -> dict[str, float]:
     if not seconds:
         return dict.fromkeys(("p50", "p99", "max"), float("inf"))
     values = np.asarray(seconds) * 1000.0
-    return {"p50": float(np.percentile(values, 50)), "p99": float(np.percentile(values, 99)), "max": float(values.max())}
+    return {
+        "p50": float(np.percentile(values, 50)),
+        "p99": float(np.percentile(values, 99)),
+        "max": float(values.max()),
+    }
 
 
 def adapter(place: Place, robots: Hands, visitors: Hands) -> list[Step]:
@@ -113,7 +132,9 @@ def measure(place: Place, robots: Hands, visitors: Hands, sessions: int) -> Step
     taken = shares.between(before, shares.read(processes))
     of_robots, of_visitors = robots.ask("measured"), visitors.ask("measured")
     delays = of_robots["delays"] + of_visitors["delays"]
-    missing = of_robots["counts"].get("commands_missing", 0) + of_visitors["counts"].get("states_missing", 0)
+    missing = of_robots["counts"].get("commands_missing", 0) + of_visitors["counts"].get(
+        "states_missing", 0
+    )
     return Step(
         sessions=sessions,
         driving=visitors.ask("driving"),
@@ -140,31 +161,44 @@ def record_behind(place: Place, robots: Hands) -> float:
 
 
 def lost_at_the_end(place: Place, robots: Hands, visitors: Hands) -> tuple[int, int]:
-    """Have everybody leave; return how many states robots numbered in all, and how many of them the record does not have."""
+    """Have everybody leave; return how many states robots numbered in all, and how many of them the
+    record does not have.
+    """
     visitors.ask("leave")
     wait_for(lambda: robots.ask("driven") == 0, 60, "the end of every drive")
     wanted = None
-    while wanted != (wanted := robots.ask("record")["states"]):  # a lease that was renewed while its visitor left may be heard of once more
+    # a lease that was renewed while its visitor left may be heard of once more
+    while wanted != (wanted := robots.ask("record")["states"]):
         record_behind(place, robots)
     stored = place.stored()
-    wrong = {session: (stored.get(session, 0), count) for session, count in wanted.items() if stored.get(session, 0) != count}
+    wrong = {
+        session: (stored.get(session, 0), count)
+        for session, count in wanted.items()
+        if stored.get(session, 0) != count
+    }
     for session, (have, count) in wrong.items():
         print(f"session {session}: {have} stored of {count} numbered")
     return sum(wanted.values()), sum(abs(count - have) for have, count in wrong.values())
 
 
 HEAD = (
-    f"{'sessions':>8} {'msg/s':>6} {'to robot p50':>13} {'p99':>6} {'to page p50':>12} {'p99':>6} {'generators late p99':>20} "
-    f"{'missing':>8} {'record s':>9}  processor shares in % of a core; memory in MB"
+    f"{'sessions':>8} {'msg/s':>6} {'to robot p50':>13} {'p99':>6} {'to page p50':>12} {'p99':>6}"
+    f" {'generators late p99':>20} {'missing':>8} {'record s':>9}  processor shares in % of a core;"
+    " memory in MB"
 )
 
 
 def line(step: Step) -> str:
     """Return a step as a line of the table."""
-    parts = [f"{name} {100 * share:.0f}" + (f" ({step.memory[name]:.0f} MB)" if name in step.memory else "") for name, share in step.shares.items()]
+    parts = [
+        f"{name} {100 * share:.0f}"
+        + (f" ({step.memory[name]:.0f} MB)" if name in step.memory else "")
+        for name, share in step.shares.items()
+    ]
     return (
-        f"{step.sessions:8} {step.messages_per_second:6.0f} {step.to_robot['p50']:13.1f} {step.to_robot['p99']:6.1f} {step.to_page['p50']:12.1f} "
-        f"{step.to_page['p99']:6.1f} {step.late['p99']:20.1f} {step.missing:8} {step.record_behind:9.1f}  {', '.join(parts)}"
+        f"{step.sessions:8} {step.messages_per_second:6.0f} {step.to_robot['p50']:13.1f}"
+        f" {step.to_robot['p99']:6.1f} {step.to_page['p50']:12.1f} {step.to_page['p99']:6.1f}"
+        f" {step.late['p99']:20.1f} {step.missing:8} {step.record_behind:9.1f}  {', '.join(parts)}"
     )
 
 
@@ -181,17 +215,35 @@ def run(kind: str) -> dict[str, Any]:
         sent, lost = lost_at_the_end(place, robots, visitors)
     carried = max((step.sessions for step in steps if not step.breaks), default=0)
     last = steps[-1]
-    verdict = f"{last.sessions} do not: {last.breaks}; full is {last.full}" if last.breaks else f"and there was room for more; fullest: {last.full}"
-    print(f"{carried} sessions are carried, {verdict}. States numbered by robots: {sent}, of which the record lacks {lost}.", flush=True)
-    return {"carried": carried, "states": sent, "lost": lost, "steps": [{**asdict(step), "breaks": step.breaks, "full": step.full} for step in steps]}
+    verdict = (
+        f"{last.sessions} do not: {last.breaks}; full is {last.full}"
+        if last.breaks
+        else f"and there was room for more; fullest: {last.full}"
+    )
+    print(
+        f"{carried} sessions are carried, {verdict}. States numbered by robots: {sent}, of which"
+        f" the record lacks {lost}.",
+        flush=True,
+    )
+    return {
+        "carried": carried,
+        "states": sent,
+        "lost": lost,
+        "steps": [{**asdict(step), "breaks": step.breaks, "full": step.full} for step in steps],
+    }
 
 
 def main() -> int:
     """Load every place; return how many did not carry what is demanded, or lost something."""
     found = {kind: run(kind) for kind in PLACES}
     RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps({"bound_ms": BOUND_MS, "demanded": DEMANDED, **found}, indent=1) + "\n")
-    return sum(place["lost"] > 0 or place["carried"] < min(DEMANDED, max(STEPS)) for place in found.values())
+    RESULTS.write_text(
+        json.dumps({"bound_ms": BOUND_MS, "demanded": DEMANDED, **found}, indent=1) + "\n"
+    )
+    return sum(
+        place["lost"] > 0 or place["carried"] < min(DEMANDED, max(STEPS))
+        for place in found.values()
+    )
 
 
 if __name__ == "__main__":

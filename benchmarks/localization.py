@@ -1,7 +1,9 @@
-"""How well a robot knows where it is: drives among people and moving doors, starts without knowing, and being carried away.
+"""How well a robot knows where it is: drives among people and moving doors, starts without knowing,
+and being carried away.
 
-`python -m benchmarks.localization --runs N` makes N drives of five minutes, and as many short ones for each of the other two questions.
-Everything is simulated and seeded; judging takes seeds from 20,000 on, tuning took those below (1,000 to 1,999).
+`python -m benchmarks.localization --runs N` makes N drives of five minutes, and as many short ones
+for each of the other two questions. Everything is simulated and seeded; judging takes seeds from
+20,000 on, tuning took those below (1,000 to 1,999).
 """
 
 import argparse
@@ -38,7 +40,9 @@ class Drive:
     localizer: Localizer
 
     def update(self) -> tuple[Estimate, float]:
-        """Let a tenth of a second pass and return what the localizer makes of it, and the milliseconds it took."""
+        """Let a tenth of a second pass and return what the localizer makes of it, and the
+        milliseconds it took.
+        """
         for _ in range(EVERY):
             self.wanderer.step()
         beams = self.simulation.beams()
@@ -69,7 +73,9 @@ def begin(seed: int, sites: dict[str, tuple[Site, Ways]]) -> Drive:
 
 @dataclass
 class Tracked:
-    """A drive with a known start: errors in metres and degrees, milliseconds an update, share of the time that it thought itself lost."""
+    """A drive with a known start: errors in metres and degrees, milliseconds an update, share of
+    the time that it thought itself lost.
+    """
 
     away: list[float]
     turned: list[float]
@@ -95,7 +101,9 @@ def track(drive: Drive, seconds: float) -> Tracked:
 
 
 def find(drive: Drive, seconds: float = 60.0) -> tuple[float, float, float]:
-    """Return the seconds from knowing nothing to being right, the share of the time that it was wrong and sure, and the longest update in ms."""
+    """Return the seconds from knowing nothing to being right, the share of the time that it was
+    wrong and sure, and the longest update in ms.
+    """
     found, wrong, updates, longest = math.inf, 0, 0, 0.0
     begin_at = drive.simulation.time
     while drive.simulation.time - begin_at < seconds:
@@ -108,7 +116,9 @@ def find(drive: Drive, seconds: float = 60.0) -> tuple[float, float, float]:
 
 
 def carry(drive: Drive, seconds: float = 60.0) -> tuple[float, float]:
-    """Return the seconds from being carried away to noticing it, or being right without, and to being right again."""
+    """Return the seconds from being carried away to noticing it, or being right without, and to
+    being right again.
+    """
     drive.localizer.set_pose(drive.simulation.pose, 0.1, math.radians(10.0))
     while drive.simulation.time < 20.0:
         drive.update()
@@ -144,30 +154,76 @@ def main() -> int:
         tracked.append(track(begin(seed, sites), asked.seconds))
         one = tracked[-1]
         print(
-            f"drive {seed}: median {np.median(one.away):.3f} m, p95 {np.percentile(one.away, 95):.3f} m, {np.percentile(one.turned, 95):.2f}°, "
-            f"lost {one.lost:.1%}",
+            f"drive {seed}: median {np.median(one.away):.3f} m, p95"
+            f" {np.percentile(one.away, 95):.3f} m, {np.percentile(one.turned, 95):.2f}°, lost"
+            f" {one.lost:.1%}",
             flush=True,
         )
     unknown = [find(begin(seed + 10_000, sites)) for seed in seeds]
-    print("from an unknown pose, seconds, wrong and sure, ms:", [(round(a, 1), round(b, 3), round(c)) for a, b, c in unknown], flush=True)
+    print(
+        "from an unknown pose, seconds, wrong and sure, ms:",
+        [(round(a, 1), round(b, 3), round(c)) for a, b, c in unknown],
+        flush=True,
+    )
     carried = [carry(begin(seed + 20_000, sites)) for seed in seeds]
-    print("carried away, seconds to noticing and to knowing:", [(round(a, 1), round(b, 1)) for a, b in carried], flush=True)
-    away, turned, cost = (np.concatenate([getattr(one, name) for one in tracked]) for name in ("away", "turned", "cost"))
+    print(
+        "carried away, seconds to noticing and to knowing:",
+        [(round(a, 1), round(b, 1)) for a, b in carried],
+        flush=True,
+    )
+    away, turned, cost = (
+        np.concatenate([getattr(one, name) for one in tracked])
+        for name in ("away", "turned", "cost")
+    )
     figures = [
         Figure("position error, median", float(np.median(away)), "m", 0.07),
         Figure("position error, p95", float(np.percentile(away, 95)), "m", 0.18),
-        Figure("position error, worst drive's p95", max(float(np.percentile(one.away, 95)) for one in tracked), "m"),
+        Figure(
+            "position error, worst drive's p95",
+            max(float(np.percentile(one.away, 95)) for one in tracked),
+            "m",
+        ),
         Figure("heading error, p95", float(np.percentile(turned, 95)), "degrees", 2.0),
-        Figure("time thought lost on drives", 100.0 * float(np.mean([one.lost for one in tracked])), "%"),
+        Figure(
+            "time thought lost on drives",
+            100.0 * float(np.mean([one.lost for one in tracked])),
+            "%",
+        ),
         Figure("update, median", float(np.median(cost)), "ms", 4.0),
         Figure("update, p99", float(np.percentile(cost, 99)), "ms"),
         Figure("update while searching, longest", max(longest for _, _, longest in unknown), "ms"),
-        Figure("unknown pose not found in 60 s of driving", missed([found for found, _, _ in unknown], 60.0), "%", 10.0),
-        Figure("unknown pose, time wrong and sure", 100.0 * float(np.mean([wrong for _, wrong, _ in unknown])), "%"),
-        Figure("carried away and not noticed in 10 s", missed([noticed for noticed, _ in carried], 10.0), "%", 5.0),
-        Figure("carried away and not found in 60 s", missed([found for _, found in carried], 60.0), "%", 15.0),
+        Figure(
+            "unknown pose not found in 60 s of driving",
+            missed([found for found, _, _ in unknown], 60.0),
+            "%",
+            10.0,
+        ),
+        Figure(
+            "unknown pose, time wrong and sure",
+            100.0 * float(np.mean([wrong for _, wrong, _ in unknown])),
+            "%",
+        ),
+        Figure(
+            "carried away and not noticed in 10 s",
+            missed([noticed for noticed, _ in carried], 10.0),
+            "%",
+            5.0,
+        ),
+        Figure(
+            "carried away and not found in 60 s",
+            missed([found for _, found in carried], 60.0),
+            "%",
+            15.0,
+        ),
     ]
-    return keep("localization", figures, runs=asked.runs, first=asked.first, unknown=[a for a, _, _ in unknown], carried=carried)
+    return keep(
+        "localization",
+        figures,
+        runs=asked.runs,
+        first=asked.first,
+        unknown=[a for a, _, _ in unknown],
+        carried=carried,
+    )
 
 
 if __name__ == "__main__":

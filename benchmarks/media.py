@@ -1,9 +1,10 @@
 """Picture: glass to glass, first picture after the offer, and what viewers cost the robot.
 
-Glass to glass is from the moment the camera samples the world to the picture's callback in Chromium, read from a bar code that is drawn
-at that moment; the same by RTP timestamp and media clock for the simulated robot. Ours and plain aiortc alternate in blocks of one
-run, because machines differ and ratios do not. Processor time is that of the robot's processes alone; pages without a browser watch
-where many are needed. Linux only, for /proc.
+Glass to glass is from the moment the camera samples the world to the picture's callback in
+Chromium, read from a bar code that is drawn at that moment; the same by RTP timestamp and media
+clock for the simulated robot. Ours and plain aiortc alternate in blocks of one run, because
+machines differ and ratios do not. Processor time is that of the robot's processes alone; pages
+without a browser watch where many are needed. Linux only, for /proc.
 """
 
 import asyncio
@@ -41,7 +42,14 @@ class Line:
     limit: float | None = None
 
     def __str__(self) -> str:
-        verdict = "" if self.limit is None else f"   target <= {self.limit:g}   {'reached' if self.value <= self.limit else 'MISSED'}"
+        verdict = (
+            ""
+            if self.limit is None
+            else (
+                f"   target <= {self.limit:g}  "
+                f" {'reached' if self.value <= self.limit else 'MISSED'}"
+            )
+        )
         return f"{self.name:58s} {self.value:8.2f} {self.unit:4s}{verdict}"
 
 
@@ -62,7 +70,9 @@ async def glass_to_glass(browser: Browser, address: str, kind: str, what: str) -
 
 
 async def first_frames(browser: Browser, address: str) -> list[float]:
-    """Return the seconds from making the offer to the first picture's callback, once a connection; the camera is cold each time."""
+    """Return the seconds from making the offer to the first picture's callback, once a connection;
+    the camera is cold each time.
+    """
     exchange = Exchange(asyncio.get_running_loop())
     robot: Any = await asyncio.to_thread(RobotProcess, "ours", exchange)
     seconds = []
@@ -78,7 +88,9 @@ async def first_frames(browser: Browser, address: str) -> list[float]:
 
 
 async def load(kind: str, viewers: int) -> float:
-    """Return the share of a core that a robot takes, with its children, while pages without a browser watch."""
+    """Return the share of a core that a robot takes, with its children, while pages without a
+    browser watch.
+    """
     exchange = Exchange(asyncio.get_running_loop())
     robot: Any = await asyncio.to_thread(RobotProcess, kind, exchange)
     pages = [LoopbackPage(robot, exchange, f"p{number}", decode=False) for number in range(viewers)]
@@ -102,7 +114,10 @@ def cpu_of_tree(pid: int) -> float:
             fields = stat.read_text().rpartition(")")[2].split()
         except OSError:
             continue  # it ended meanwhile
-        parents[int(stat.parent.name)] = (int(fields[1]), (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"))
+        parents[int(stat.parent.name)] = (
+            int(fields[1]),
+            (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"),
+        )
     tree, grown = {pid}, True
     while grown:
         more = {child for child, (parent, _) in parents.items() if parent in tree} - tree
@@ -124,7 +139,9 @@ async def measure() -> list[Line]:
                 values.extend(await glass_to_glass(browser, address, kind, "delays"))
         simulated = await glass_to_glass(browser, address, "simulator", "ages")
         firsts = await first_frames(browser, address)
-    loads = {viewers: min([await load("ours", viewers) for _ in range(2)]) for viewers in (1, VIEWERS)}
+    loads = {
+        viewers: min([await load("ours", viewers) for _ in range(2)]) for viewers in (1, VIEWERS)
+    }
     simulator = await load("simulator", 1)
     ours, plain = statistics.median(delays["ours"]), statistics.median(delays["plain"])
     return [
@@ -134,7 +151,9 @@ async def measure() -> list[Line]:
         Line("glass to glass of plain aiortc, p50", plain, "ms"),
         Line("glass to glass of plain aiortc, p95", p95(delays["plain"]), "ms"),
         Line("ratio of the medians, ours to plain aiortc", ours / plain, ""),
-        Line("glass to glass of the simulated robot, p50", statistics.median(simulated), "ms", 20.0),
+        Line(
+            "glass to glass of the simulated robot, p50", statistics.median(simulated), "ms", 20.0
+        ),
         Line("glass to glass of the simulated robot, p95", p95(simulated), "ms", 45.0),
         Line("first picture after the offer, p50", statistics.median(firsts), "s"),
         Line("first picture after the offer, p95", p95(firsts), "s", 0.6),
@@ -151,7 +170,15 @@ def main() -> int:
     for line in lines:
         print(line)
     RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps([{"name": line.name, "value": line.value, "unit": line.unit, "target": line.limit} for line in lines], indent=1))
+    RESULTS.write_text(
+        json.dumps(
+            [
+                {"name": line.name, "value": line.value, "unit": line.unit, "target": line.limit}
+                for line in lines
+            ],
+            indent=1,
+        )
+    )
     return int(any(line.limit is not None and line.value > line.limit for line in lines))
 
 

@@ -1,7 +1,7 @@
 """The robots that benchmarks/media.py measures, each in a process of its own behind a pipe.
 
-`ours` is the media side with a synthetic camera, `plain` is aiortc as it comes with the same camera, and `simulator` the media side
-with the simulated robot, turning, and its child process.
+`ours` is the media side with a synthetic camera, `plain` is aiortc as it comes with the same
+camera, and `simulator` the media side with the simulated robot, turning, and its child process.
 """
 
 import asyncio
@@ -41,7 +41,9 @@ class Robot(Protocol):
 
 
 class RobotProcess:
-    """A robot in another process, for this one's pages: it is their `media`, and feeds their exchange."""
+    """A robot in another process, for this one's pages: it is their `media`, and feeds their
+    exchange.
+    """
 
     def __init__(self, kind: str, exchange: Exchange) -> None:
         context = get_context("spawn")
@@ -75,7 +77,9 @@ class RobotProcess:
 
 def serve(kind: str, pipe: Connection) -> None:
     """Run a robot of `kind` until the pipe says None or ends."""
-    robot: Robot = {"ours": _ours, "plain": PlainRobot, "simulator": SimulatedRobot}[kind](lambda peer, message: pipe.send((peer, message)))
+    robot: Robot = {"ours": _ours, "plain": PlainRobot, "simulator": SimulatedRobot}[kind](
+        lambda peer, message: pipe.send((peer, message))
+    )
     robot.start()
     pipe.send("ready")
     with contextlib.suppress(EOFError):
@@ -85,7 +89,13 @@ def serve(kind: str, pipe: Connection) -> None:
 
 
 def _ours(reply: Callable[..., None]) -> Robot:
-    return MediaSide(video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=8, on_command=lambda *_: None, reply=reply)
+    return MediaSide(
+        video=SyntheticCamera(),
+        audio=SyntheticMicrophone(),
+        viewers=8,
+        on_command=lambda *_: None,
+        reply=reply,
+    )
 
 
 class SimulatedRobot:
@@ -93,7 +103,13 @@ class SimulatedRobot:
 
     def __init__(self, reply: Callable[..., None]) -> None:
         self._adapter: Any = registry.create("simulator", "giraff", {"seed": "1"})
-        self._media = MediaSide(video=self._adapter.video(), audio=self._adapter.audio(), viewers=8, on_command=lambda *_: None, reply=reply)
+        self._media = MediaSide(
+            video=self._adapter.video(),
+            audio=self._adapter.audio(),
+            viewers=8,
+            on_command=lambda *_: None,
+            reply=reply,
+        )
         self._ready, self._end = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._turn()))
 
@@ -147,13 +163,17 @@ class PlainRobot:
 
     async def _take(self, peer: str, message: Signal) -> None:
         if isinstance(message, Offer):
-            connection = self._connections[peer] = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+            connection = self._connections[peer] = RTCPeerConnection(
+                RTCConfiguration(iceServers=[])
+            )
             await connection.setRemoteDescription(RTCSessionDescription(message.sdp, "offer"))
             connection.addTrack(CameraTrack())
             await connection.setLocalDescription(await connection.createAnswer())
             self._reply(peer, Answer(sdp=connection.localDescription.sdp))
         elif isinstance(message, Candidate):
-            candidate = parsed_candidate(message.candidate, message.sdp_mid, message.sdp_m_line_index)
+            candidate = parsed_candidate(
+                message.candidate, message.sdp_mid, message.sdp_m_line_index
+            )
             if candidate is not None:
                 await self._connections[peer].addIceCandidate(candidate)
         else:
@@ -181,5 +201,8 @@ class CameraTrack(MediaStreamTrack):
         assert frame is not None
         self._began = self._began or time.time()
         picture = av.VideoFrame.from_ndarray(frame.image, format="rgb24")
-        picture.pts, picture.time_base = int((frame.stamp - self._began) * 90_000), Fraction(1, 90_000)
+        picture.pts, picture.time_base = (
+            int((frame.stamp - self._began) * 90_000),
+            Fraction(1, 90_000),
+        )
         return picture

@@ -1,8 +1,10 @@
-"""The picture on a network of 400 kbit/s, and what becomes of it when the network is wide again. Linux, as root: a network namespace and tbf.
+"""The picture on a network of 400 kbit/s, and what becomes of it when the network is wide again.
+Linux, as root: a network namespace and tbf.
 
-A whole site, a simulated robot that turns (every pixel changes), Chromium behind a cable whose rate is limited towards it, with a queue
-of half a second as home routers have. The age of a picture is from the moment the camera sampled the world to the picture's callback in
-the page, by the same clocks that a drive's record uses.
+A whole site, a simulated robot that turns (every pixel changes), Chromium behind a cable whose rate
+is limited towards it, with a queue of half a second as home routers have. The age of a picture is
+from the moment the camera sampled the world to the picture's callback in the page, by the same
+clocks that a drive's record uses.
 """
 
 import subprocess
@@ -36,9 +38,25 @@ WATCH = """() => {
 
 def limit(network: Namespace, rate: str | None) -> None:
     """Limit what goes to the namespace, or let it through."""
-    subprocess.run(["tc", "qdisc", "del", "dev", network.cable, "root"], check=False, capture_output=True)
+    subprocess.run(
+        ["tc", "qdisc", "del", "dev", network.cable, "root"], check=False, capture_output=True
+    )
     if rate:
-        command = ["tc", "qdisc", "add", "dev", network.cable, "root", "tbf", "rate", rate, "burst", "4kb", "latency", "500ms"]
+        command = [
+            "tc",
+            "qdisc",
+            "add",
+            "dev",
+            network.cable,
+            "root",
+            "tbf",
+            "rate",
+            rate,
+            "burst",
+            "4kb",
+            "latency",
+            "500ms",
+        ]
         subprocess.run(command, check=True, capture_output=True)
 
 
@@ -46,7 +64,12 @@ def rate_until(seen: list[float], at: float, wanted: float) -> float:
     """Return the seconds after `at` from which on a second of pictures has the wanted number."""
     moments = [moment for moment in seen if moment >= at]
     return next(
-        (moment - at for index, moment in enumerate(moments) if len([m for m in moments[index:] if m < moment + 1.0]) >= wanted), float("inf")
+        (
+            moment - at
+            for index, moment in enumerate(moments)
+            if len([m for m in moments[index:] if m < moment + 1.0]) >= wanted
+        ),
+        float("inf"),
     )
 
 
@@ -68,7 +91,8 @@ def main() -> int:
         anna.page.wait_for_timeout(3000)
         limit(network, RATE)
         narrow, narrowed = anna.page.evaluate("performance.now() / 1000"), time.time()
-        for _ in range(round(NARROW / 2.5)):  # a page that is held up lets go of a key, and people press again
+        # a page that is held up lets go of a key, and people press again
+        for _ in range(round(NARROW / 2.5)):
             anna.page.keyboard.down("ArrowLeft")
             anna.page.wait_for_timeout(2400)
             anna.page.keyboard.up("ArrowLeft")
@@ -80,18 +104,39 @@ def main() -> int:
         anna.page.keyboard.up("ArrowLeft")
         seen = anna.page.evaluate("window.seen")
         session = site.sessions()[-1][0]
-        states = [s for s in site.states(session) if narrowed + 3.0 < s["stamp"] < narrowed + NARROW]
+        states = [
+            s for s in site.states(session) if narrowed + 3.0 < s["stamp"] < narrowed + NARROW
+        ]
         anna.leave()
         anna.close()
         site.stop("giraff")
         site.stop("giraff-simulator")
-        layers = [line.split()[0] + " " + line.split()[-1] for line in site.log("giraff").splitlines() if "picture_quality" in line]
-    old = [1000.0 * c["frameAge"] for s in states for c in s.get("applied", []) if c.get("frameAge") is not None]
+        layers = [
+            line.split()[0] + " " + line.split()[-1]
+            for line in site.log("giraff").splitlines()
+            if "picture_quality" in line
+        ]
+    old = [
+        1000.0 * c["frameAge"]
+        for s in states
+        for c in s.get("applied", [])
+        if c.get("frameAge") is not None
+    ]
     settled = [moment for moment in seen if narrow + 3.0 <= moment < wide]
     figures = [
         Figure("400 kbit/s: 12 pictures a second after", rate_until(seen, narrow, 12), "s", 3.0),
-        Figure("400 kbit/s: from one picture to the next, mean", 1000.0 * (wide - narrow - 3.0) / max(1, len(settled)), "ms", 1000.0 / 12.0),
-        *quantiles("400 kbit/s: age of the picture", old or [float("inf")], "ms", {"p50": None, "p95": 250.0, "max": None}),
+        Figure(
+            "400 kbit/s: from one picture to the next, mean",
+            1000.0 * (wide - narrow - 3.0) / max(1, len(settled)),
+            "ms",
+            1000.0 / 12.0,
+        ),
+        *quantiles(
+            "400 kbit/s: age of the picture",
+            old or [float("inf")],
+            "ms",
+            {"p50": None, "p95": 250.0, "max": None},
+        ),
         Figure("wide again: 24 pictures a second after", rate_until(seen, wide, 24), "s", 10.0),
     ]
     return keep("narrow", figures, layers=layers)

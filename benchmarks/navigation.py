@@ -1,12 +1,14 @@
-"""Going to random places in every shipped site, people walking, doors closed on the way: `python -m benchmarks.navigation --runs 50`.
+"""Going to random places in every shipped site, people walking, doors closed on the way: `python -m
+benchmarks.navigation --runs 50`.
 
-Both robots, with their own localization; half of the runs close one door at random some seconds after the start. A run that ends
-"blocked" counts only where the shortest way of the true world agrees that there is none. Seeds below 10,000 are for tuning; the
-judging ones begin there, and `--first` goes on from any of them.
+Both robots, with their own localization; half of the runs close one door at random some seconds
+after the start. A run that ends "blocked" counts only where the shortest way of the true world
+agrees that there is none. Seeds below 10,000 are for tuning; the judging ones begin there, and
+`--first` goes on from any of them.
 
-A collision is any contact with the simulated robot while its fastest corner moves faster than 0.02 m/s, whoever came to whom. People
-yield to nobody and also walk up from where no laser looks, which a robot without eyes behind cannot know; of all contacts, these are
-told on a line of their own.
+A collision is any contact with the simulated robot while its fastest corner moves faster than 0.02
+m/s, whoever came to whom. People yield to nobody and also walk up from where no laser looks, which
+a robot without eyes behind cannot know; of all contacts, these are told on a line of their own.
 """
 
 import argparse
@@ -55,7 +57,9 @@ def one_run(world: TrueWorld, seed: int, people: int, tally: Tally) -> None:
     goal = world.goal(rng, start[:2], doors)
     sim = Simulation(world.model, plan, seed=seed, start="{},{},{}".format(*start), people=people)
     rig = Rig(sim, world.site.grid, seed, localizer=True)
-    closing = str(rng.choice([door.name for door in plan.doors])) if seed % 2 and plan.doors else None
+    closing = (
+        str(rng.choice([door.name for door in plan.doors])) if seed % 2 and plan.doors else None
+    )
     closes_at = float(rng.uniform(*CLOSES))
     rig.navigator.goto(*goal)
     done = rig.step()
@@ -63,7 +67,13 @@ def one_run(world: TrueWorld, seed: int, people: int, tally: Tally) -> None:
         if closing and sim.time >= closes_at:
             sim.set_doors({closing: "closed"})
         done = rig.step()
-    _count(world, rig, Task(start[:2], goal, doors), tally, f"{plan.map_id} {world.model.series} seed {seed}: {done.status} {done.reason}")
+    _count(
+        world,
+        rig,
+        Task(start[:2], goal, doors),
+        tally,
+        f"{plan.map_id} {world.model.series} seed {seed}: {done.status} {done.reason}",
+    )
 
 
 @dataclass(frozen=True)
@@ -84,12 +94,17 @@ def _count(world: TrueWorld, rig: Rig, task: Task, tally: Tally, what: str) -> N
     outcome = "arrived" if arrived else "rightly blocked" if blocked else "failed"
     tally.outcomes[outcome] += 1
     if outcome == "failed":
-        tally.notes.append(f"{what}, at ({here[0]:.1f}, {here[1]:.1f}), goal ({goal[0]:.1f}, {goal[1]:.1f}), after {sim.time:.0f} s")
+        tally.notes.append(
+            f"{what}, at ({here[0]:.1f}, {here[1]:.1f}), goal ({goal[0]:.1f}, {goal[1]:.1f}), after"
+            f" {sim.time:.0f} s"
+        )
     shortest = world.shortest(task.start, goal, task.doors)
     if arrived and shortest:
         now = world.shortest(task.start, goal, dict(sim.doors))
         same = now is not None and abs(now - shortest) < 0.1
-        (tally.ratios if same else tally.disturbed).append(sim.distance / (shortest if same else now or shortest))
+        (tally.ratios if same else tally.disturbed).append(
+            sim.distance / (shortest if same else now or shortest)
+        )
     things = sum(not name.startswith("person") for name in rig.collided_with)
     tally.into_things += things
     tally.into_people_seen += rig.seen_collisions - things
@@ -126,19 +141,46 @@ def _report(tally: Tally, seconds: float, how: dict[str, object]) -> int:
     judged = max(runs - tally.outcomes["rightly blocked"], 1)
     ratios = tally.ratios or [math.nan]
     figures = [
-        Figure("runs that did not arrive though there was a way", 100.0 * tally.outcomes["failed"] / judged, "%", 2.0),
-        Figure("runs that were rightly blocked", 100.0 * tally.outcomes["rightly blocked"] / max(runs, 1), "%"),
-        Figure("collisions, all of them", tally.into_things + tally.into_people_seen + tally.with_people_unseen, "", 0.0),
+        Figure(
+            "runs that did not arrive though there was a way",
+            100.0 * tally.outcomes["failed"] / judged,
+            "%",
+            2.0,
+        ),
+        Figure(
+            "runs that were rightly blocked",
+            100.0 * tally.outcomes["rightly blocked"] / max(runs, 1),
+            "%",
+        ),
+        Figure(
+            "collisions, all of them",
+            tally.into_things + tally.into_people_seen + tally.with_people_unseen,
+            "",
+            0.0,
+        ),
         Figure("of them with things", tally.into_things, "", 0.0),
         Figure("of them with people before the laser's eyes", tally.into_people_seen, "", 0.0),
-        Figure("of them with people who came from where no laser looks", tally.with_people_unseen, ""),
+        Figure(
+            "of them with people who came from where no laser looks", tally.with_people_unseen, ""
+        ),
         Figure("way driven / shortest way, mean", float(np.mean(ratios)), "", 1.25),
         Figure("way driven / shortest way, p95", float(np.percentile(ratios, 95)), ""),
-        Figure("the same where a door closed on the way, mean", float(np.mean(tally.disturbed)) if tally.disturbed else 0.0, ""),
+        Figure(
+            "the same where a door closed on the way, mean",
+            float(np.mean(tally.disturbed)) if tally.disturbed else 0.0,
+            "",
+        ),
         Figure("simulated hours", tally.simulated / 3600.0, "h"),
         Figure("simulated seconds a second", tally.simulated / seconds, ""),
     ]
-    return keep("navigation", figures, outcomes=dict(tally.outcomes), ratios=tally.ratios, notes=tally.notes, how=how)
+    return keep(
+        "navigation",
+        figures,
+        outcomes=dict(tally.outcomes),
+        ratios=tally.ratios,
+        notes=tally.notes,
+        how=how,
+    )
 
 
 if __name__ == "__main__":

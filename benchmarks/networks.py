@@ -1,10 +1,13 @@
-"""Every network of a visitor against every network of a robot: by which way they meet, how soon there is a picture, how long a round trip takes.
+"""Every network of a visitor against every network of a robot: by which way they meet, how soon
+there is a picture, how long a round trip takes.
 
-Linux, as root. The networks are namespaces (tests/support/networks.py). In the internet stands the server of docs/howto/run-a-server.md, with
-the files of deploy/: nginx with TLS on 443, Mosquitto, coturn at a second address with TLS on 443, PostgreSQL, Redis. Behind each visitor's
-router runs a Chromium, behind the robot's its agent. A cell is one visit: take the robot, see it, turn it.
+Linux, as root. The networks are namespaces (tests/support/networks.py). In the internet stands the
+server of docs/howto/run-a-server.md, with the files of deploy/: nginx with TLS on 443, Mosquitto,
+coturn at a second address with TLS on 443, PostgreSQL, Redis. Behind each visitor's router runs a
+Chromium, behind the robot's its agent. A cell is one visit: take the robot, see it, turn it.
 
-`python -m benchmarks networks`, or with some of the networks: `python -m benchmarks.networks --visitors "no UDP" --robots open`.
+`python -m benchmarks networks`, or with some of the networks: `python -m benchmarks.networks
+--visitors "no UDP" --robots open`.
 """
 
 import argparse
@@ -28,7 +31,19 @@ from playwright.sync_api import Browser, Playwright, sync_playwright
 from benchmarks.table import RESULTS
 from tests.support.chromium import CHROMIUM
 from tests.support.coturn import SECRET, Coturn, deployed_limits
-from tests.support.networks import HOME, LAN_SERVER, NO_UDP, OPEN, RELAY, SERVER, STRICT, WEB_ONLY, Computer, Internet, internet
+from tests.support.networks import (
+    HOME,
+    LAN_SERVER,
+    NO_UDP,
+    OPEN,
+    RELAY,
+    SERVER,
+    STRICT,
+    WEB_ONLY,
+    Computer,
+    Internet,
+    internet,
+)
 from tests.support.server import PORTS, Server, running_server
 from tests.support.site import ROOT, free_port, wait_for
 from tests.support.visitor import Visitor, chromium
@@ -38,7 +53,8 @@ LAN = "LAN"
 PATIENCE, LATE = 15.0, 5.0  # s for any picture, and for a direct one after that
 TURNING = 2500  # ms; two network samples and some states
 TURNS_WITHIN = 10.0  # s
-# Keeps hold of the page's connections, whose statistics say which way the packets take. The page itself hides them from everybody.
+# Keeps hold of the page's connections, whose statistics say which way the packets take. The page
+# itself hides them from everybody.
 KEEP = """window.links = [];
 window.RTCPeerConnection = class extends RTCPeerConnection { constructor(...terms) { super(...terms); window.links.push(this); } };"""
 PAIR = """async () => {
@@ -50,7 +66,10 @@ PAIR = """async () => {
   return mine && { mine: mine.candidateType, by: mine.relayProtocol ?? '', theirs: theirs.candidateType };
 }"""
 SINCE = "(performance.now() - performance.getEntriesByName('drive:taking')[0].startTime) / 1000"
-FIRST_FRAME = "(performance.getEntriesByName('drive:first-frame')[0]?.startTime - performance.getEntriesByName('drive:taking')[0].startTime) / 1000"
+FIRST_FRAME = (
+    "(performance.getEntriesByName('drive:first-frame')[0]?.startTime -"
+    " performance.getEntriesByName('drive:taking')[0].startTime) / 1000"
+)
 RECORD = """
 import json
 from sessions.models import NetworkSample, Session, StateChunk
@@ -65,7 +84,9 @@ print(json.dumps({"trips": sorted(trips), "turned": turned}))
 
 @dataclass(frozen=True)
 class Cell:
-    """One visit: times in s and ms; `way` is the visitor's end and the robot's, or the server for pictures that come one by one."""
+    """One visit: times in s and ms; `way` is the visitor's end and the robot's, or the server for
+    pictures that come one by one.
+    """
 
     visitor: str
     robot: str
@@ -89,13 +110,36 @@ class Robot:
 
     def __init__(self, server: Server, computer: Computer, address: str, folder: Path) -> None:
         self._log = (folder / f"{computer.name}.log").open("wb")
-        words = ["-m", "robots.agent", "giraff", "--server", f"https://{address}", "--ca", server.files["fullchain.pem"]]
-        words += ["--adapter", "simulator", "--var", folder / computer.name, "--option", "start=corridor-centre"]
-        environment = {**os.environ, "TELEPRESENCE_TOKEN": server.token, "SSL_CERT_FILE": str(folder / "relay/fullchain.pem")}
+        words = [
+            "-m",
+            "robots.agent",
+            "giraff",
+            "--server",
+            f"https://{address}",
+            "--ca",
+            server.files["fullchain.pem"],
+        ]
+        words += [
+            "--adapter",
+            "simulator",
+            "--var",
+            folder / computer.name,
+            "--option",
+            "start=corridor-centre",
+        ]
+        environment = {
+            **os.environ,
+            "TELEPRESENCE_TOKEN": server.token,
+            "SSL_CERT_FILE": str(folder / "relay/fullchain.pem"),
+        }
         self._process = subprocess.Popen(
-            computer.command(sys.executable, *map(str, words)), cwd=ROOT, env=environment, stdin=subprocess.DEVNULL,
-            stdout=self._log, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+            computer.command(sys.executable, *map(str, words)),
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=subprocess.STDOUT,
+        )
 
     def stop(self) -> None:
         """Let it say goodbye."""
@@ -118,10 +162,14 @@ def robot_in(server: Server, computer: Computer, address: str, folder: Path) -> 
 
 def connection(server: Server) -> str:
     """Return what the server knows of the robot's connection."""
-    return server.site.django("from robots.models import Robot; print(Robot.objects.get(name='giraff').connection)").strip()
+    return server.site.django(
+        "from robots.models import Robot; print(Robot.objects.get(name='giraff').connection)"
+    ).strip()
 
 
-def visit(browser: Browser, server: Server, address: str, names: tuple[str, str], *, relay: bool) -> Cell:
+def visit(
+    browser: Browser, server: Server, address: str, names: tuple[str, str], *, relay: bool
+) -> Cell:
     """Go to the robot as one does, and say what came of it."""
     anna = Visitor(browser, server.site, "anna", url=f"https://{address}", ignore_https_errors=True)
     anna.context.add_init_script(KEEP)
@@ -149,12 +197,16 @@ def turn(visitor: Visitor, server: Server) -> bool:
 
 
 def record(server: Server) -> Any:
-    """Return what the server has recorded of the newest drive: round trips in ms, and whether commands arrived and the robot turned."""
+    """Return what the server has recorded of the newest drive: round trips in ms, and whether
+    commands arrived and the robot turned.
+    """
     return json.loads(server.site.django(RECORD))
 
 
 def look(visitor: Visitor) -> tuple[float, str]:
-    """Return the seconds from taking the robot to a picture of any kind, and the way it came once that settled."""
+    """Return the seconds from taking the robot to a picture of any kind, and the way it came once
+    that settled.
+    """
     page = visitor.page
     wait_for(lambda: page.locator("#cockpit[data-playing]").count(), PATIENCE, "a picture")
     first = float(page.evaluate(SINCE))
@@ -173,16 +225,34 @@ def way_of(pair: dict[str, str]) -> str:
 
 
 def fingerprint(certificate: Path) -> str:
-    """Return what Chromium calls a certificate that it is to trust: the SHA-256 of its public key, base64."""
-    key = subprocess.run(["openssl", "x509", "-in", certificate, "-pubkey", "-noout"], check=True, capture_output=True).stdout
-    raw = subprocess.run(["openssl", "pkey", "-pubin", "-outform", "der"], input=key, check=True, capture_output=True).stdout
+    """Return what Chromium calls a certificate that it is to trust: the SHA-256 of its public key,
+    base64.
+    """
+    key = subprocess.run(
+        ["openssl", "x509", "-in", certificate, "-pubkey", "-noout"],
+        check=True,
+        capture_output=True,
+    ).stdout
+    raw = subprocess.run(
+        ["openssl", "pkey", "-pubin", "-outform", "der"], input=key, check=True, capture_output=True
+    ).stdout
     return base64.b64encode(hashlib.sha256(raw).digest()).decode()
 
 
 def relay_settings(*, relay: bool) -> dict[str, str]:
-    """Return the site's settings: an address server, and the relay by UDP, by TCP and by TLS on 443, or none."""
-    turn = f"turn:{RELAY}:3478?transport=udp,turn:{RELAY}:3478?transport=tcp,turns:{RELAY}:443?transport=tcp" if relay else ""
-    return {"STUN_URLS": f"stun:{RELAY}:3478", "TURN_URLS": turn, "TURN_SECRET": SECRET if relay else ""}
+    """Return the site's settings: an address server, and the relay by UDP, by TCP and by TLS on
+    443, or none.
+    """
+    turn = (
+        f"turn:{RELAY}:3478?transport=udp,turn:{RELAY}:3478?transport=tcp,turns:{RELAY}:443?transport=tcp"
+        if relay
+        else ""
+    )
+    return {
+        "STUN_URLS": f"stun:{RELAY}:3478",
+        "TURN_URLS": turn,
+        "TURN_SECRET": SECRET if relay else "",
+    }
 
 
 @contextlib.contextmanager
@@ -191,7 +261,9 @@ def standing_server(folder: Path, address: str, settings: dict[str, str]) -> Ite
     ports = {name: free_port() for name in PORTS} | {"https": 443, "http": 80, "mqtts": 8883}
     public = {"MQTT_PUBLIC_URL": "mqtts://{host}:8883,wss://{host}/mqtt"}
     folder.mkdir()
-    with running_server(folder, host=address, bind=address, ports=ports, settings=settings | public) as server:
+    with running_server(
+        folder, host=address, bind=address, ports=ports, settings=settings | public
+    ) as server:
         server.site.run("manage.py", "collectstatic", "--noinput", "-v", "0")
         yield server
 
@@ -199,7 +271,13 @@ def standing_server(folder: Path, address: str, settings: dict[str, str]) -> Ite
 class Matrix:
     """All cells of one server; prints each as it comes."""
 
-    def __init__(self, net: Internet, folder: Path, playwright: Playwright, wanted: tuple[list[str], list[str]]) -> None:
+    def __init__(
+        self,
+        net: Internet,
+        folder: Path,
+        playwright: Playwright,
+        wanted: tuple[list[str], list[str]],
+    ) -> None:
         self._net, self._folder, self._playwright = net, folder, playwright
         self.visitors, self.robots = wanted
         self.cells: list[Cell] = []
@@ -219,7 +297,9 @@ class Matrix:
         for robot in self.robots:
             with robot_in(server, self._computer(f"robot-{robot}", robot), SERVER, self._folder):
                 for visitor in self.visitors:
-                    self.add(visit(self._browser(visitor), server, SERVER, (visitor, robot), relay=relay))
+                    self.add(
+                        visit(self._browser(visitor), server, SERVER, (visitor, robot), relay=relay)
+                    )
 
     def add(self, cell: Cell) -> None:
         """Keep a cell, and print it."""
@@ -229,19 +309,29 @@ class Matrix:
     def _computer(self, name: str, network: str) -> Computer:
         if name not in self._computers:
             place = name.replace(" ", "-").lower()
-            self._computers[name] = self._net.join_lan(place) if network == LAN else self._net.join(place, NETWORKS[network])
+            self._computers[name] = (
+                self._net.join_lan(place)
+                if network == LAN
+                else self._net.join(place, NETWORKS[network])
+            )
         return self._computers[name]
 
     def _browser(self, network: str) -> Browser:
         if network not in self._browsers:
             computer = self._computer(f"visitor-{network}", network)
             trusted = fingerprint(self._folder / "relay/fullchain.pem")
-            program = computer.wrapper(self._folder, f"{CHROMIUM} --ignore-certificate-errors-spki-list={trusted}")
-            self._browsers[network] = self._stack.enter_context(chromium(self._playwright, str(program)))
+            program = computer.wrapper(
+                self._folder, f"{CHROMIUM} --ignore-certificate-errors-spki-list={trusted}"
+            )
+            self._browsers[network] = self._stack.enter_context(
+                chromium(self._playwright, str(program))
+            )
         return self._browsers[network]
 
     def fill_lan(self, server: Server) -> None:
-        """Have a visitor visit a robot where both and the server are on one cable, and nothing else."""
+        """Have a visitor visit a robot where both and the server are on one cable, and nothing
+        else.
+        """
         with robot_in(server, self._computer("robot-lan", LAN), LAN_SERVER, self._folder):
             self.add(visit(self._browser(LAN), server, LAN_SERVER, (LAN, LAN), relay=False))
 
@@ -250,33 +340,58 @@ def row(cell: Cell) -> str:
     """Return a line of the table."""
     relay = "relay" if cell.relay else "no relay"
     verdict = "" if cell.met else "   MISSED"
-    return f"  {cell.visitor:<11}{cell.robot:<11}{relay:<10}{cell.way:<22}{cell.first_picture:7.2f} s {cell.round_trip:7.1f} ms{verdict}"
+    return (
+        f"  {cell.visitor:<11}{cell.robot:<11}{relay:<10}{cell.way:<22}{cell.first_picture:7.2f} s"
+        f" {cell.round_trip:7.1f} ms{verdict}"
+    )
 
 
 def main() -> int:
     """Visit, print, keep; return how many cells did not meet."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--visitors", nargs="*", choices=NETWORKS, default=list(NETWORKS))
     parser.add_argument("--robots", nargs="*", choices=NETWORKS, default=list(NETWORKS))
-    parser.add_argument("--servers", nargs="*", choices=("relay", "no relay", "lan"), default=["relay", "no relay", "lan"])
+    parser.add_argument(
+        "--servers",
+        nargs="*",
+        choices=("relay", "no relay", "lan"),
+        default=["relay", "no relay", "lan"],
+    )
     wanted = parser.parse_args()
     print(f"  {'visitor':<11}{'robot':<11}{'server':<10}{'way':<22}{'first':>9} {'round trip':>10}")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that nothing is left behind
     with contextlib.ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="telepresence-networks-")))
+        folder = Path(
+            stack.enter_context(tempfile.TemporaryDirectory(prefix="telepresence-networks-"))
+        )
         net = stack.enter_context(internet())
         (folder / "relay").mkdir()
-        stack.enter_context(Coturn(folder / "relay", RELAY, ports=(3478, 443), limits=deployed_limits()))
-        matrix = stack.enter_context(Matrix(net, folder, stack.enter_context(sync_playwright()), (wanted.visitors, wanted.robots)))
+        stack.enter_context(
+            Coturn(folder / "relay", RELAY, ports=(3478, 443), limits=deployed_limits())
+        )
+        matrix = stack.enter_context(
+            Matrix(
+                net,
+                folder,
+                stack.enter_context(sync_playwright()),
+                (wanted.visitors, wanted.robots),
+            )
+        )
         for number, kind in zip(itertools.count(), wanted.servers):
             address = LAN_SERVER if kind == "lan" else SERVER
-            with standing_server(folder / f"server-{number}", address, relay_settings(relay=kind == "relay")) as server:
+            with standing_server(
+                folder / f"server-{number}", address, relay_settings(relay=kind == "relay")
+            ) as server:
                 if kind == "lan":
                     matrix.fill_lan(server)
                 else:
                     matrix.fill(server, relay=kind == "relay")
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "networks.json").write_text(json.dumps({"cells": [asdict(cell) for cell in matrix.cells]}, indent=1))
+    (RESULTS / "networks.json").write_text(
+        json.dumps({"cells": [asdict(cell) for cell in matrix.cells]}, indent=1)
+    )
     return sum(not cell.met for cell in matrix.cells)
 
 

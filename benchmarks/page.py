@@ -1,4 +1,6 @@
-"""The page on a whole site: from ready to the first frame, the load of a drive, and how old the picture is that a command names."""
+"""The page on a whole site: from ready to the first frame, the load of a drive, and how old the
+picture is that a command names.
+"""
 
 import sys
 import tempfile
@@ -18,7 +20,8 @@ SECONDS = 20.0
 ON_THE_WAY = 10.0  # seconds that the way to the next room takes at least
 BOUNDS = {"going to the next room": 60.0, "turning": 60.0}
 FIRST_FRAME = "performance.getEntriesByName('drive:first-frame').length"
-# What a load consists of, each from the end of the one before, but for the picture and the link, which come about at the same time.
+# What a load consists of, each from the end of the one before, but for the picture and the link,
+# which come about at the same time.
 PARTS = ("document", "scripts", "socket", "robot", "link", "picture")
 TIMES = """(() => {
   const at = (name) => performance.getEntriesByName(name)[0].startTime;
@@ -32,7 +35,9 @@ TIMES = """(() => {
 
 
 def load_once(visitor: Visitor) -> dict[str, float]:
-    """Return seconds of one load: of its PARTS, until the page's script asks for the robot (`ready`), and until the first frame (`whole`)."""
+    """Return seconds of one load: of its PARTS, until the page's script asks for the robot
+    (`ready`), and until the first frame (`whole`).
+    """
     visitor.open(go=True)
     wait_for(lambda: visitor.page.evaluate(FIRST_FRAME), 30, "a first frame")
     visitor.wait_for("link", "live")
@@ -63,7 +68,9 @@ def cpu(pids: list[int]) -> float:
 
 
 def load(site: Site, page: Page, seconds: float = SECONDS) -> float:
-    """Return the share of a core (in %) that agent and simulator use with one viewer while they do what they are doing."""
+    """Return the share of a core (in %) that agent and simulator use with one viewer while they do
+    what they are doing.
+    """
     pids = [site.processes[name].pid for name in ("giraff", "giraff-simulator")]
     page.wait_for_timeout(2000)
     used, began = cpu(pids), time.monotonic()
@@ -72,7 +79,9 @@ def load(site: Site, page: Page, seconds: float = SECONDS) -> float:
 
 
 def loads_of(site: Site, page: Page) -> dict[str, float]:
-    """Return the load of a robot that stands, of one that goes to another room by itself, and of one that turns at full speed."""
+    """Return the load of a robot that stands, of one that goes to another room by itself, and of
+    one that turns at full speed.
+    """
     found = {"standing": load(site, page)}
     page.get_by_role("button", name="Go to…").click()
     page.get_by_role("button", name="Laboratory", exact=True).click()
@@ -85,7 +94,10 @@ def loads_of(site: Site, page: Page) -> dict[str, float]:
 
 def main() -> int:
     """Measure, print, keep; return how many bounds were missed."""
-    with tempfile.TemporaryDirectory(prefix="telepresence-page-") as folder, running_site(Path(folder)) as site:
+    with (
+        tempfile.TemporaryDirectory(prefix="telepresence-page-") as folder,
+        running_site(Path(folder)) as site,
+    ):
         site.start_robot("giraff", "--start", "lounge-centre")
         with sync_playwright() as playwright, chromium(playwright) as browser:
             visitor = Visitor(browser, site, "anna")
@@ -95,14 +107,33 @@ def main() -> int:
             shares = loads_of(site, visitor.page)
             visitor.close()
     frames = [one["picture"] + one["robot"] + one["socket"] for one in loads]
-    figures = quantiles("link to page ready to drive", [one["ready"] for one in loads], "s", {"p50": 1.0, "max": None})
-    figures += quantiles("page ready to first frame", frames, "s", {"p50": None, "p95": 0.6, "max": None})
-    figures += quantiles("link to first frame", [one["whole"] for one in loads], "s", {"p50": None, "max": None})
-    figures += quantiles("link to first frame, browser never here", [one["whole"] for one in cold], "s", {"p50": None, "max": None})
+    figures = quantiles(
+        "link to page ready to drive",
+        [one["ready"] for one in loads],
+        "s",
+        {"p50": 1.0, "max": None},
+    )
+    figures += quantiles(
+        "page ready to first frame", frames, "s", {"p50": None, "p95": 0.6, "max": None}
+    )
+    figures += quantiles(
+        "link to first frame", [one["whole"] for one in loads], "s", {"p50": None, "max": None}
+    )
+    figures += quantiles(
+        "link to first frame, browser never here",
+        [one["whole"] for one in cold],
+        "s",
+        {"p50": None, "max": None},
+    )
     for name in PARTS:
         figures += quantiles(f"of it {name}", [one[name] for one in loads], "s", {"p50": None})
-        figures += quantiles(f"of it {name}, browser never here", [one[name] for one in cold], "s", {"p50": None})
-    figures += [Figure(f"agent and simulator, one viewer, {doing}", share, "%", BOUNDS.get(doing)) for doing, share in shares.items()]
+        figures += quantiles(
+            f"of it {name}, browser never here", [one[name] for one in cold], "s", {"p50": None}
+        )
+    figures += [
+        Figure(f"agent and simulator, one viewer, {doing}", share, "%", BOUNDS.get(doing))
+        for doing, share in shares.items()
+    ]
     return keep("page", figures, first_frames=frames)
 
 

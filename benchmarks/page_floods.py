@@ -1,8 +1,10 @@
-"""Two pages that flood their robot, a driver's and an observer's: how late the control loop ticks, and when somebody else's stop is obeyed.
+"""Two pages that flood their robot, a driver's and an observer's: how late the control loop ticks,
+and when somebody else's stop is obeyed.
 
-A real control loop and media side, and two pages in Chromium that send frames of every kind as fast as `FLOOD` says, each on a new
-connection as soon as it is let in again after it has lost one. Pages and robot share one computer, whose browser takes most of it. The
-same figures without a flood stand beside them.
+A real control loop and media side, and two pages in Chromium that send frames of every kind as fast
+as `FLOOD` says, each on a new connection as soon as it is let in again after it has lost one. Pages
+and robot share one computer, whose browser takes most of it. The same figures without a flood stand
+beside them.
 """
 
 import asyncio
@@ -34,9 +36,12 @@ SECONDS = 20.0
 FLOOD = 10_000  # frames a second and page
 STOP_EVERY = 0.25  # s
 FRAMES = [
-    encode_frame("command/velocity", m.VelocityCommand(session="s1", epoch=1, seq=1, stamp=1.0, linear=0.3, angular=0.0, method="keyboard")).replace(
-        "{", '{"note":"stop",', 1
-    ),
+    encode_frame(
+        "command/velocity",
+        m.VelocityCommand(
+            session="s1", epoch=1, seq=1, stamp=1.0, linear=0.3, angular=0.0, method="keyboard"
+        ),
+    ).replace("{", '{"note":"stop",', 1),
     encode_frame("command/action", m.Stop(action_id="s1", stamp=1.0)),
     encode_frame("command/action", m.EStop(action_id="e1", stamp=1.0)),
     encode_frame("command/action", m.Photo(action_id="p1", stamp=1.0)),
@@ -81,8 +86,16 @@ class Watch:
         return noted
 
 
-async def flooding(opened: Callable[..., Awaitable[BrowserPage]], exchange: Exchange, peer: str, role: m.Role, ends: float) -> tuple[int, int]:
-    """Flood on one connection after the other; return how many frames were sent, and how many connections lost."""
+async def flooding(
+    opened: Callable[..., Awaitable[BrowserPage]],
+    exchange: Exchange,
+    peer: str,
+    role: m.Role,
+    ends: float,
+) -> tuple[int, int]:
+    """Flood on one connection after the other; return how many frames were sent, and how many
+    connections lost.
+    """
     sent = ended = 0
     while time.monotonic() < ends:
         exchange.replies[:] = [reply for reply in exchange.replies if reply[0] != peer]
@@ -93,7 +106,8 @@ async def flooding(opened: Callable[..., Awaitable[BrowserPage]], exchange: Exch
         sent += await page.page.evaluate("window.sent")
         ended += exchange.byes(peer) == ["flooded"]
         await page.page.context.close()
-        await asyncio.sleep(min(FLOOD_PAUSE, max(0.0, ends - time.monotonic())))  # it is not let in before
+        # it is not let in before
+        await asyncio.sleep(min(FLOOD_PAUSE, max(0.0, ends - time.monotonic())))
     return sent, ended
 
 
@@ -111,7 +125,10 @@ async def observed(rig: ThreadedControlRig, watch: Watch, beside: list[Any]) -> 
         rig.act(stamped(m.Stop, name, role="staff"))
         await asyncio.sleep(STOP_EVERY)
     sent, ended = map(sum, zip(*await work, strict=True)) if beside else (0, 0)
-    late = [1000 * max(0.0, after - before - 0.02) for before, after in itertools.pairwise(watch.ticks[first:])]
+    late = [
+        1000 * max(0.0, after - before - 0.02)
+        for before, after in itertools.pairwise(watch.ticks[first:])
+    ]
     stops = [1000 * (watch.obeyed[name] - at) for name, at in said.items()]
     numbers = [state.seq for state in rig.link.all("state")[states:]]
     lost = len(range(numbers[0], numbers[-1] + 1)) - len(set(numbers))
@@ -137,9 +154,12 @@ async def measure_beside(browser: Browser, address: str, directory: Path) -> int
     """Measure with pages of a browser, at an address where they may be."""
     exchange = Exchange(asyncio.get_running_loop())
     media = MediaSide(
-        video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=4, reply=exchange.reply,
+        video=SyntheticCamera(),
+        audio=SyntheticMicrophone(),
+        viewers=4,
+        reply=exchange.reply,
         on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),  # noqa: PLW0108 -- the rig comes later
-    )  # fmt: skip
+    )
     rig = ThreadedControlRig(directory, media=media)
     media.start()
     set_up_for_latency()
@@ -151,11 +171,15 @@ async def measure_beside(browser: Browser, address: str, directory: Path) -> int
     ends = time.monotonic() + SECONDS
     pages = [("p1", "driver"), ("p2", "observer")]
     opened = functools.partial(BrowserPage.open, browser, address, media)
-    flooded = await observed(rig, watch, [flooding(opened, exchange, peer, role, ends) for peer, role in pages])
+    flooded = await observed(
+        rig, watch, [flooding(opened, exchange, peer, role, ends) for peer, role in pages]
+    )
     grown = _megabytes() - memory
     await asyncio.to_thread(rig.__exit__)
     await asyncio.to_thread(media.close)
-    more = Figure("ticks late by more than quiet, p99", flooded[1].value - quiet[1].value, "ms", 10.0)
+    more = Figure(
+        "ticks late by more than quiet, p99", flooded[1].value - quiet[1].value, "ms", 10.0
+    )
     return keep("page_floods", [*quiet, *flooded, more, Figure("memory grown", grown, "MB")])
 
 

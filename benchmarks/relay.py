@@ -1,7 +1,8 @@
-"""How long a command takes through the server: page → WebSocket → daphne → MQTT → robot, and the robot's answer back to the page.
+"""How long a command takes through the server: page → WebSocket → daphne → MQTT → robot, and the
+robot's answer back to the page.
 
-At 50 Hz, in blocks that alternate with the same exchange over MQTT alone, so that the ratio is one of the same run. The robot answers
-every velocity with a pose that carries its number.
+At 50 Hz, in blocks that alternate with the same exchange over MQTT alone, so that the ratio is one
+of the same run. The robot answers every velocity with a pose that carries its number.
 """
 
 import asyncio
@@ -43,12 +44,18 @@ class Echo(RobotDouble):
 
 def pose(seq: int) -> m.PoseUpdate:
     """Return the answer to command number `seq`."""
-    return m.PoseUpdate(stamp=float(seq), pose=m.Pose(x=0.0, y=0.0, theta=0.0), velocity=m.Velocity(linear=0.0, angular=0.0))
+    return m.PoseUpdate(
+        stamp=float(seq),
+        pose=m.Pose(x=0.0, y=0.0, theta=0.0),
+        velocity=m.Velocity(linear=0.0, angular=0.0),
+    )
 
 
 def command(seq: int) -> m.VelocityCommand:
     """Return command number `seq`."""
-    return m.VelocityCommand(session="s", epoch=0, seq=seq, stamp=time.time(), linear=0.1, angular=0.0, method="keyboard")
+    return m.VelocityCommand(
+        session="s", epoch=0, seq=seq, stamp=time.time(), linear=0.1, angular=0.0, method="keyboard"
+    )
 
 
 class Stopwatch:
@@ -90,19 +97,32 @@ async def pace(watch: Stopwatch, send: Callable[[int], object]) -> None:
 async def measure(site: Rig, cookie: str) -> tuple[Stopwatch, Stopwatch, float]:
     """Return both stopwatches and the share of a core that the web process took while it relayed."""
     through_server, broker_alone, cpu, relayed_for = Stopwatch(), Stopwatch(), 0.0, 0.0
-    user, password = site.django("from robots.enrol.credentials import server_credentials as of; print(*of('web'))").split()
+    user, password = site.django(
+        "from robots.enrol.credentials import server_credentials as of; print(*of('web'))"
+    ).split()
     direct = aiomqtt.Client("127.0.0.1", site.mqtt_port, username=user, password=password)
     async with Echo(site) as robot, SocketPage(site, cookie) as page, direct:
         await direct.subscribe(topics.of("giraff", "pose"))
         await page.say("session/take", protocol.Take())
         await page.expect("session/granted")
         await until(lambda: robot.got)
-        readers = [asyncio.create_task(read_page(page, through_server)), asyncio.create_task(read_direct(direct, broker_alone))]
+        readers = [
+            asyncio.create_task(read_page(page, through_server)),
+            asyncio.create_task(read_direct(direct, broker_alone)),
+        ]
         for _ in range(BLOCKS):
             used, began = cpu_seconds(site.processes["web"].pid), time.perf_counter()
             await pace(through_server, lambda seq: page.say("command/velocity", command(seq)))
-            cpu, relayed_for = cpu + cpu_seconds(site.processes["web"].pid) - used, relayed_for + time.perf_counter() - began
-            await pace(broker_alone, lambda seq: direct.publish(topics.of("giraff", "command/velocity"), codec.encode(command(seq))))
+            cpu, relayed_for = (
+                cpu + cpu_seconds(site.processes["web"].pid) - used,
+                relayed_for + time.perf_counter() - began,
+            )
+            await pace(
+                broker_alone,
+                lambda seq: direct.publish(
+                    topics.of("giraff", "command/velocity"), codec.encode(command(seq))
+                ),
+            )
         for reader in readers:
             reader.cancel()
     return through_server, broker_alone, cpu / relayed_for
@@ -131,7 +151,12 @@ def cpu_seconds(pid: int) -> float:
 def summary(watch: Stopwatch) -> dict[str, float]:
     """Return count, p50, p99 and maximum in milliseconds."""
     quantiles = statistics.quantiles(watch.times, n=100)
-    return {"n": len(watch.times), "p50_ms": quantiles[49], "p99_ms": quantiles[98], "max_ms": max(watch.times)}
+    return {
+        "n": len(watch.times),
+        "p50_ms": quantiles[49],
+        "p99_ms": quantiles[98],
+        "max_ms": max(watch.times),
+    }
 
 
 def main() -> int:
@@ -147,10 +172,17 @@ def main() -> int:
     ratio = through["p50_ms"] / alone["p50_ms"]
     print(f"{'round trip at 50 Hz':32}{'n':>6}{'p50 ms':>9}{'p99 ms':>9}{'max ms':>9}")
     for name, row in (("page, daphne, MQTT, robot, back", through), ("MQTT alone", alone)):
-        print(f"{name:32}{row['n']:6.0f}{row['p50_ms']:9.2f}{row['p99_ms']:9.2f}{row['max_ms']:9.2f}")
-    print(f"ratio of the medians {ratio:.2f}; web process {100 * cpu:.1f} % of a core; bound: p50 ≤ {LIMIT_MS:.0f} ms")
+        print(
+            f"{name:32}{row['n']:6.0f}{row['p50_ms']:9.2f}{row['p99_ms']:9.2f}{row['max_ms']:9.2f}"
+        )
+    print(
+        f"ratio of the medians {ratio:.2f}; web process {100 * cpu:.1f} % of a core; bound: p50 ≤"
+        f" {LIMIT_MS:.0f} ms"
+    )
     RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps({"relay": through, "mqtt": alone, "ratio_p50": ratio, "web_cpu": cpu}, indent=1))
+    RESULTS.write_text(
+        json.dumps({"relay": through, "mqtt": alone, "ratio_p50": ratio, "web_cpu": cpu}, indent=1)
+    )
     return int(through["p50_ms"] > LIMIT_MS or through["n"] < BLOCKS * SAMPLES)
 
 

@@ -1,7 +1,9 @@
-"""The replay of ten minutes: 2,400 states, 9,600 commands, 600 network samples, 200 events, from navigation to drawn.
+"""The replay of ten minutes: 2,400 states, 9,600 commands, 600 network samples, 200 events, from
+navigation to drawn.
 
-The same page without a record is opened in the same run: what it takes is the computer's and the browser's, whatever the record.
-Poses between the states (some 9,000 in ten minutes) are not stored: the page interpolates them, sixty times a second while it plays.
+The same page without a record is opened in the same run: what it takes is the computer's and the
+browser's, whatever the record. Poses between the states (some 9,000 in ten minutes) are not stored:
+the page interpolates them, sixty times a second while it plays.
 """
 
 import contextlib
@@ -38,7 +40,9 @@ print(visit.pk, bare.pk)
 
 
 def open_times(visitor: Visitor, address: str) -> list[float]:
-    """Return seconds from navigation to drawn, a load each; the first is that of a browser that has nothing yet."""
+    """Return seconds from navigation to drawn, a load each; the first is that of a browser that has
+    nothing yet.
+    """
     found = []
     for _ in range(LOADS):
         visitor.page.goto(address)
@@ -51,7 +55,9 @@ def answer(site: Site, cookie: str, address: str) -> tuple[float, int]:
     """Return the seconds in which the server answers with the record, and the bytes that travel."""
     headers = {"Cookie": f"sessionid={cookie}", "Accept-Encoding": "gzip"}
     began = time.perf_counter()
-    with urllib.request.urlopen(urllib.request.Request(site.url + address, headers=headers), timeout=20) as response:
+    with urllib.request.urlopen(
+        urllib.request.Request(site.url + address, headers=headers), timeout=20
+    ) as response:
         size = len(response.read())
     return time.perf_counter() - began, size
 
@@ -71,7 +77,11 @@ def web_alone(var: Path) -> Iterator[Site]:
 
 def main() -> int:
     """Measure, print, keep; return how many bounds were missed."""
-    with tempfile.TemporaryDirectory(prefix="telepresence-replay-") as folder, web_alone(Path(folder)) as site, sync_playwright() as playwright:
+    with (
+        tempfile.TemporaryDirectory(prefix="telepresence-replay-") as folder,
+        web_alone(Path(folder)) as site,
+        sync_playwright() as playwright,
+    ):
         cookie = site.sign_in("owner")
         session, bare = site.django(f"exec({MAKE!r})").split()
         answer(site, cookie, f"/studies/replay/{session}/")  # the server has loaded what it needs
@@ -82,10 +92,23 @@ def main() -> int:
             visitor.close()
         answers = [answer(site, cookie, f"/studies/replay/{session}.json") for _ in range(LOADS)]
     figures = [Figure("from navigation to drawn, first load", times[0], "s", 1.0)]
-    figures += quantiles("from navigation to drawn, later loads", times[1:], "s", {"p50": None, "p95": 1.0})
+    figures += quantiles(
+        "from navigation to drawn, later loads", times[1:], "s", {"p50": None, "p95": 1.0}
+    )
     figures += quantiles("the same page without a record", empty, "s", {"p50": None, "p95": None})
-    figures.append(Figure("so many times as long as without a record, p50", float(np.median(times[1:]) / np.median(empty)), ""))
-    figures += quantiles("the record from the server", [seconds for seconds, _ in answers], "s", {"p50": None, "p95": None})
+    figures.append(
+        Figure(
+            "so many times as long as without a record, p50",
+            float(np.median(times[1:]) / np.median(empty)),
+            "",
+        )
+    )
+    figures += quantiles(
+        "the record from the server",
+        [seconds for seconds, _ in answers],
+        "s",
+        {"p50": None, "p95": None},
+    )
     figures.append(Figure("the record, compressed", answers[0][1] / 1000, "kB"))
     return keep("replay", figures, opened=times)
 

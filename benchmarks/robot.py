@@ -1,8 +1,10 @@
-"""How fast a simulated robot runs without a camera, in simulated seconds a second of processor time.
+"""How fast a simulated robot runs without a camera, in simulated seconds a second of processor
+time.
 
-First its body alone: physics at 50 Hz, laser at 20 Hz, three people who walk. The robot wanders: ahead while nothing is before it, else it
-turns. Then the whole robot, which goes from place to place by itself: obstacle memory at 20 Hz, localization and navigation at 10 Hz.
-Seeds of this file: 900 to 909.
+First its body alone: physics at 50 Hz, laser at 20 Hz, three people who walk. The robot wanders:
+ahead while nothing is before it, else it turns. Then the whole robot, which goes from place to
+place by itself: obstacle memory at 20 Hz, localization and navigation at 10 Hz. Seeds of this file:
+900 to 909.
 """
 
 import argparse
@@ -30,19 +32,29 @@ ROUNDS = 3
 
 
 def wander(beams: LaserScan, turning: float) -> tuple[float, float, float]:
-    """Return linear and angular speed, and which way the robot turns (1 left, -1 right, 0 not): to where more room is."""
+    """Return linear and angular speed, and which way the robot turns (1 left, -1 right, 0 not): to
+    where more room is.
+    """
     points = beams.points()
     before = points[(points[:, 0] > 0.0) & (np.abs(points[:, 1]) < 0.4)]
     room = float(before[:, 0].min()) if len(before) else np.inf
     if room > (1.2 if turning else 0.8):
         return 0.4, 0.0, 0.0
-    turning = turning or (1.0 if np.median(beams.ranges[beams.angles > 0.0]) > np.median(beams.ranges[beams.angles < 0.0]) else -1.0)
+    turning = turning or (
+        1.0
+        if np.median(beams.ranges[beams.angles > 0.0]) > np.median(beams.ranges[beams.angles < 0.0])
+        else -1.0
+    )
     return 0.0, 0.6 * turning, turning
 
 
 def run(series: str, site: str, seconds: float, seed: int) -> tuple[float, float, Simulation]:
-    """Simulate and return the processor's seconds for the physics and for the laser, and the robot as it ended."""
-    robot = Simulation(MODELS[series], load_plan(site)[0], seed=seed, start="corridor-centre", people=PEOPLE)
+    """Simulate and return the processor's seconds for the physics and for the laser, and the robot
+    as it ended.
+    """
+    robot = Simulation(
+        MODELS[series], load_plan(site)[0], seed=seed, start="corridor-centre", people=PEOPLE
+    )
     command, turning, walked, looked = (0.0, 0.0), 0.0, 0.0, 0.0
     for step in range(round(seconds / STEP)):
         begun = time.thread_time()
@@ -60,7 +72,9 @@ def run(series: str, site: str, seconds: float, seed: int) -> tuple[float, float
 
 
 def travel(series: str, seconds: float, people: int, seed: int) -> float:
-    """Send the whole robot from place to place in the office and return the processor's seconds that it took."""
+    """Send the whole robot from place to place in the office and return the processor's seconds
+    that it took.
+    """
     robot = HeadlessRobot(series, seed=seed, people=people)
     assert robot.area.plan is not None
     places, begun = [place.name for place in robot.area.plan.places], time.process_time()
@@ -69,7 +83,10 @@ def travel(series: str, seconds: float, people: int, seed: int) -> float:
             break
         action = Goto(action_id=str(number), stamp=0.0, place=places[number % len(places)])
         robot.autonomy.begin(action)
-        robot.run(seconds - robot.sim.time + DT, lambda name=action.action_id: robot.last(name) is not None)
+        robot.run(
+            seconds - robot.sim.time + DT,
+            lambda name=action.action_id: robot.last(name) is not None,
+        )
     return time.process_time() - begun
 
 
@@ -80,9 +97,18 @@ def whole(seconds: float) -> list[Figure]:
         for people in (0, PEOPLE):
             used = min(travel(series, seconds, people, SEED + number) for number in range(ROUNDS))
             name = f"{series}, whole, {people} people"
-            figures.append(Figure(f"{name}: CPU time of a simulated second", 1000.0 * used / seconds, "ms", 1000.0 / WHOLE_TARGET))
+            figures.append(
+                Figure(
+                    f"{name}: CPU time of a simulated second",
+                    1000.0 * used / seconds,
+                    "ms",
+                    1000.0 / WHOLE_TARGET,
+                )
+            )
             figures.append(Figure(f"{name}: simulated seconds a second", seconds / used, "x"))
-            figures.append(Figure(f"{name}: in real time, of a core", 100.0 * used / seconds, "%", SHARE))
+            figures.append(
+                Figure(f"{name}: in real time, of a core", 100.0 * used / seconds, "%", SHARE)
+            )
     return figures
 
 
@@ -96,11 +122,25 @@ def main() -> int:
         for site in shipped_sites():
             runs = [run(series, site, seconds, SEED + number) for number in range(ROUNDS)]
             name = f"{series}, {site}"
-            walked, looked = min(walked for walked, _, _ in runs), min(looked for _, looked, _ in runs)
-            figures.append(Figure(f"{name}: CPU time of a simulated second", 1000.0 * (walked + looked) / seconds, "ms", 1000.0 / TARGET))
+            walked, looked = (
+                min(walked for walked, _, _ in runs),
+                min(looked for _, looked, _ in runs),
+            )
+            figures.append(
+                Figure(
+                    f"{name}: CPU time of a simulated second",
+                    1000.0 * (walked + looked) / seconds,
+                    "ms",
+                    1000.0 / TARGET,
+                )
+            )
             figures.append(Figure(f"{name}: of it, the laser", 1000.0 * looked / seconds, "ms"))
-            figures.append(Figure(f"{name}: simulated seconds a second", seconds / (walked + looked), "x"))
-            figures.append(Figure(f"{name}: metres driven", sum(robot.distance for _, _, robot in runs), "m"))
+            figures.append(
+                Figure(f"{name}: simulated seconds a second", seconds / (walked + looked), "x")
+            )
+            figures.append(
+                Figure(f"{name}: metres driven", sum(robot.distance for _, _, robot in runs), "m")
+            )
     return keep("robot", figures + whole(seconds))
 
 

@@ -1,8 +1,10 @@
-"""States end to end: published on MQTT by robots with their own users, until their rows are committed beside two million others.
+"""States end to end: published on MQTT by robots with their own users, until their rows are
+committed beside two million others.
 
-Everything is real and in processes of its own: the broker (Mosquitto, then the embedded one), the session manager, and one process that
-plays all robots over plain sockets, because a client library would be the bottleneck. The database is SQLite, the default. Each state
-carries five applied commands, as one of a visitor who drives at 20 Hz. The count at the end must be exact.
+Everything is real and in processes of its own: the broker (Mosquitto, then the embedded one), the
+session manager, and one process that plays all robots over plain sockets, because a client library
+would be the bottleneck. The database is SQLite, the default. Each state carries five applied
+commands, as one of a visitor who drives at 20 Hz. The count at the end must be exact.
 """
 
 import asyncio
@@ -24,7 +26,10 @@ RESULTS = Path(__file__).parent / "results" / "states.json"
 ROBOTS = 20
 STORED = int(os.environ.get("STATES_STORED", "2000000"))
 STATES_A_SESSION = 1200
-PUBLISHED = {"mosquitto": int(os.environ.get("STATES_PUBLISHED", "40000")), "embedded": int(os.environ.get("STATES_PUBLISHED", "40000")) // 2}
+PUBLISHED = {
+    "mosquitto": int(os.environ.get("STATES_PUBLISHED", "40000")),
+    "embedded": int(os.environ.get("STATES_PUBLISHED", "40000")) // 2,
+}
 BOUNDS = {"mosquitto": 4000.0, "embedded": 1000.0}
 WINDOW = 50  # messages a robot has on their way before it waits for the broker
 LIMIT_SECONDS = 180.0
@@ -49,12 +54,14 @@ def main() -> int:
         began = time.perf_counter()
         filled = fill()
         os.sync()  # what is measured is not the writing of these
-        print(f"{filled} states stored beforehand in {time.perf_counter() - began:.0f} s", flush=True)
+        print(
+            f"{filled} states stored beforehand in {time.perf_counter() - began:.0f} s", flush=True
+        )
         lines = {kind: measure(kind) for kind in BOUNDS}
     return report(filled, lines)
 
 
-# --- what is there beforehand ------------------------------------------------------------------------------------------
+# --- what is there beforehand ---------------------------------------------------------------------
 
 
 def fill() -> int:
@@ -67,12 +74,20 @@ def fill() -> int:
     from sessions.models import Session, StateChunk
 
     robot = Robot.objects.create(name="past", title="past", enabled=False)
-    visitors = User.objects.bulk_create([User(username=f"past{n}") for n in range(STORED // STATES_A_SESSION + 1)])
+    visitors = User.objects.bulk_create(
+        [User(username=f"past{n}") for n in range(STORED // STATES_A_SESSION + 1)]
+    )
     now = timezone.now()
     chunks: list[StateChunk] = []
     for visitor in visitors:
         session = Session.objects.create(
-            robot=robot, visitor=visitor, state="ended", live_key=visitor.username, queued_at=now, ended_at=now, closed_at=now
+            robot=robot,
+            visitor=visitor,
+            state="ended",
+            live_key=visitor.username,
+            queued_at=now,
+            ended_at=now,
+            closed_at=now,
         )
         chunks += [past_chunk(session, first) for first in range(0, STATES_A_SESSION, 4)]
         if len(chunks) > 6000:
@@ -87,10 +102,21 @@ def past_chunk(session: Any, first: int) -> Any:
     from sessions.models import StateChunk
     from sessions.recording.store import new_key
 
-    states = [json.loads(state(seq, "past", None, 0, commands=0)) for seq in range(first, first + 4)]
+    states = [
+        json.loads(state(seq, "past", None, 0, commands=0)) for seq in range(first, first + 4)
+    ]
     stamps = {"first_stamp": first / 4, "last_stamp": first / 4 + 0.75, "received_at": 0.0}
     key = new_key(time.time())  # as the recorder makes them
-    return StateChunk(pk=key, session=session, boot="past", first_seq=first, last_seq=first + 3, count=4, states=states, **stamps)
+    return StateChunk(
+        pk=key,
+        session=session,
+        boot="past",
+        first_seq=first,
+        last_seq=first + 3,
+        count=4,
+        states=states,
+        **stamps,
+    )
 
 
 def state(seq: int, boot: str, session: str | None, epoch: int, *, commands: int = 5) -> bytes:
@@ -101,20 +127,37 @@ def state(seq: int, boot: str, session: str | None, epoch: int, *, commands: int
     stamp = 1.7e9 + seq * 0.25
     applied = tuple(
         m.AppliedCommand(
-            seq=seq * 5 + n, stamp=stamp + n * 0.05, method="keyboard", way="datachannel", age=0.012345, linear=0.34567, angular=-0.123456
+            seq=seq * 5 + n,
+            stamp=stamp + n * 0.05,
+            method="keyboard",
+            way="datachannel",
+            age=0.012345,
+            linear=0.34567,
+            angular=-0.123456,
         )
         for n in range(commands)
     )
     return codec.encode(
         m.State(
-            stamp=stamp, boot=boot, seq=seq, session=session, epoch=epoch, pose=m.Pose(x=3.14159, y=2.71828, theta=1.41421, covariance=(1e-3,) * 6),
-            velocity=m.Velocity(linear=0.34567, angular=-0.123456), battery=m.Battery(charge=0.87, voltage=26.3), tilt=0.1, clearance=0.456,
-            distance=seq * 0.01, visitor_silence=0.1, viewers=1, applied=applied,
+            stamp=stamp,
+            boot=boot,
+            seq=seq,
+            session=session,
+            epoch=epoch,
+            pose=m.Pose(x=3.14159, y=2.71828, theta=1.41421, covariance=(1e-3,) * 6),
+            velocity=m.Velocity(linear=0.34567, angular=-0.123456),
+            battery=m.Battery(charge=0.87, voltage=26.3),
+            tilt=0.1,
+            clearance=0.456,
+            distance=seq * 0.01,
+            visitor_silence=0.1,
+            viewers=1,
+            applied=applied,
         )
-    )  # fmt: skip
+    )
 
 
-# --- one broker --------------------------------------------------------------------------------------------------------
+# --- one broker -----------------------------------------------------------------------------------
 
 
 def measure(kind: str) -> dict[str, float]:
@@ -123,12 +166,21 @@ def measure(kind: str) -> dict[str, float]:
 
     robots = make_robots(kind)
     broker, port = start_broker(kind)
-    manager = start("run_session_manager", {"MQTT_URL": f"mqtt://127.0.0.1:{port}", "LOG_LEVEL": "INFO"})
+    manager = start(
+        "run_session_manager", {"MQTT_URL": f"mqtt://127.0.0.1:{port}", "LOG_LEVEL": "INFO"}
+    )
     try:
         wait_for_line(manager, "session_manager_connected")
         each = PUBLISHED[kind] // ROBOTS
         packets = [
-            (name, token, [packet(name, seq, state(seq, f"{kind}-boot", session, 1)) for seq in range(1, each + 1)])
+            (
+                name,
+                token,
+                [
+                    packet(name, seq, state(seq, f"{kind}-boot", session, 1))
+                    for seq in range(1, each + 1)
+                ],
+            )
             for name, token, session in robots
         ]
         used, began = cpu_seconds(manager.pid), time.perf_counter()
@@ -143,9 +195,15 @@ def measure(kind: str) -> dict[str, float]:
             process.terminate()
             process.wait(30)
     return {
-        "states": wanted, "seconds": committed, "per_second": wanted / committed, "publish_per_second": wanted / acknowledged,
-        "manager_cpu_seconds": cpu, "rows": rows, "exact": exact, "bound": BOUNDS[kind],
-    }  # fmt: skip
+        "states": wanted,
+        "seconds": committed,
+        "per_second": wanted / committed,
+        "publish_per_second": wanted / acknowledged,
+        "manager_cpu_seconds": cpu,
+        "rows": rows,
+        "exact": exact,
+        "bound": BOUNDS[kind],
+    }
 
 
 def make_robots(kind: str) -> list[tuple[str, str, str]]:
@@ -159,8 +217,12 @@ def make_robots(kind: str) -> list[tuple[str, str, str]]:
 
     made = []
     for number in range(ROBOTS):
-        robot = Robot.objects.create(name=f"{kind}{number}", title="driven", connection="ONLINE", last_seen_at=timezone.now())
-        taken = store.take(robot, User.objects.create(username=robot.name), "page", now=timezone.now())
+        robot = Robot.objects.create(
+            name=f"{kind}{number}", title="driven", connection="ONLINE", last_seen_at=timezone.now()
+        )
+        taken = store.take(
+            robot, User.objects.create(username=robot.name), "page", now=timezone.now()
+        )
         assert isinstance(taken, store.Granted)
         made.append((robot.name, make_credentials(robot, timezone.now()).token, taken.session))
     return made
@@ -170,7 +232,14 @@ def start(command: str, more: dict[str, str], *arguments: str) -> "subprocess.Po
     """Start a management command whose words can be read."""
     environment = {**os.environ, **more, "PYTHONUNBUFFERED": "1"}
     words = [sys.executable, "manage.py", command, *arguments]
-    return subprocess.Popen(words, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    return subprocess.Popen(
+        words,
+        cwd=ROOT,
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
 
 
 def start_broker(kind: str) -> tuple["subprocess.Popen[str]", int]:
@@ -195,7 +264,9 @@ def counts(keys: list[str]) -> dict[str, int]:
 
     from sessions.models import StateChunk
 
-    found = StateChunk.objects.filter(session__in=keys).values("session").annotate(total=Sum("count"))
+    found = (
+        StateChunk.objects.filter(session__in=keys).values("session").annotate(total=Sum("count"))
+    )
     return {str(row["session"]): row["total"] for row in found}
 
 
@@ -203,7 +274,9 @@ def wait_for_rows(keys: list[str], wanted: int, began: float) -> float:
     """Return the seconds from `began` until every state is committed."""
     while sum(counts(keys).values()) < wanted:
         if time.perf_counter() - began > LIMIT_SECONDS:
-            raise RuntimeError(f"{sum(counts(keys).values())} of {wanted} states after {LIMIT_SECONDS} s")
+            raise RuntimeError(
+                f"{sum(counts(keys).values())} of {wanted} states after {LIMIT_SECONDS} s"
+            )
         time.sleep(0.1)
     return time.perf_counter() - began
 
@@ -214,11 +287,13 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-# --- robots over plain sockets (MQTT 3.1.1) ----------------------------------------------------------------------------
+# --- robots over plain sockets (MQTT 3.1.1) -------------------------------------------------------
 
 
 async def play(packets: list[tuple[str, str, list[bytes]]], port: int) -> float:
-    """Publish everything as fast as the broker acknowledges it; return when the last acknowledgement came (perf_counter)."""
+    """Publish everything as fast as the broker acknowledges it; return when the last
+    acknowledgement came (perf_counter).
+    """
     await asyncio.gather(*(robot(name, token, messages, port) for name, token, messages in packets))
     return time.perf_counter()
 
@@ -254,17 +329,23 @@ def packet(name: str, seq: int, payload: bytes) -> bytes:
     return publish(Publish(topics.of(name, "state"), payload, 1, packet_id=seq % 65535 + 1))
 
 
-# --- the table ---------------------------------------------------------------------------------------------------------
+# --- the table ------------------------------------------------------------------------------------
 
 
 def report(stored: int, lines: dict[str, dict[str, float]]) -> int:
     """Print and keep the numbers; return how many bounds were missed."""
-    print(f"{'states/s end to end':22}{'committed':>11}{'published':>11}{'bound':>8}{'states':>8}{'CPU µs/state':>14}")
+    print(
+        f"{'states/s end to end':22}{'committed':>11}{'published':>11}{'bound':>8}{'states':>8}{'CPU µs/state':>14}"
+    )
     for kind, line in lines.items():
         cpu = 1e6 * line["manager_cpu_seconds"] / line["states"]
-        print(f"{kind:22}{line['per_second']:11.0f}{line['publish_per_second']:11.0f}{line['bound']:8.0f}{line['states']:8.0f}{cpu:14.0f}")
+        print(
+            f"{kind:22}{line['per_second']:11.0f}{line['publish_per_second']:11.0f}{line['bound']:8.0f}{line['states']:8.0f}{cpu:14.0f}"
+        )
     RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps({"stored_before": stored, "robots": ROBOTS, **lines}, indent=1) + "\n")
+    RESULTS.write_text(
+        json.dumps({"stored_before": stored, "robots": ROBOTS, **lines}, indent=1) + "\n"
+    )
     return sum(line["per_second"] < line["bound"] or not line["exact"] for line in lines.values())
 
 

@@ -11,7 +11,9 @@ RESULTS = Path(__file__).parent / "results"
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number: what it is, its unit, and the bound it should not exceed, if there is one."""
+    """One measured number: what it is, its unit, and the bound it should not exceed, if there is
+    one.
+    """
 
     what: str
     value: float
@@ -24,14 +26,23 @@ class Figure:
         return self.bound is not None and self.value > self.bound
 
     def __str__(self) -> str:
-        verdict = "" if self.bound is None else f"   {'MISSED' if self.missed else 'kept'} (at most {self.bound:g})"
+        verdict = (
+            ""
+            if self.bound is None
+            else f"   {'MISSED' if self.missed else 'kept'} (at most {self.bound:g})"
+        )
         return f"  {self.what:<52} {self.value:9.2f} {self.unit:<4}{verdict}"
 
 
-def quantiles(what: str, values: list[float], unit: str, bounds: dict[str, float | None]) -> list[Figure]:
+def quantiles(
+    what: str, values: list[float], unit: str, bounds: dict[str, float | None]
+) -> list[Figure]:
     """Return the figures named in `bounds` (p50, p95, p99, max) of a sample."""
     found = {"p50": 50, "p95": 95, "p99": 99, "max": 100}
-    return [Figure(f"{what}, {name}", float(np.percentile(values, found[name])), unit, bound) for name, bound in bounds.items()]
+    return [
+        Figure(f"{what}, {name}", float(np.percentile(values, found[name])), unit, bound)
+        for name, bound in bounds.items()
+    ]
 
 
 def keep(name: str, figures: list[Figure], **more: object) -> int:
@@ -40,5 +51,7 @@ def keep(name: str, figures: list[Figure], **more: object) -> int:
     for figure in figures:
         print(figure)
     RESULTS.mkdir(exist_ok=True)
-    (RESULTS / f"{name}.json").write_text(json.dumps({"figures": [asdict(figure) for figure in figures], **more}, indent=1))
+    (RESULTS / f"{name}.json").write_text(
+        json.dumps({"figures": [asdict(figure) for figure in figures], **more}, indent=1)
+    )
     return sum(figure.missed for figure in figures)

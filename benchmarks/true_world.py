@@ -1,4 +1,6 @@
-"""A site as it really is, doors and all, to judge what a robot did in it by: where it could stand, and the shortest way."""
+"""A site as it really is, doors and all, to judge what a robot did in it by: where it could stand,
+and the shortest way.
+"""
 
 import math
 
@@ -34,7 +36,9 @@ class TrueWorld:
         self._planners: dict[tuple[tuple[str, str], ...], Planner] = {}
 
     def shortest(self, start: Spot, goal: Spot, doors: dict[str, DoorState]) -> float | None:
-        """Return the length in metres of the shortest way with the doors so, None when there is none or the goal is not free."""
+        """Return the length in metres of the shortest way with the doors so, None when there is
+        none or the goal is not free.
+        """
         try:
             planner = self._planner(doors)
             path = planner.plan(start, goal, planner.costmap.clearance)
@@ -42,13 +46,18 @@ class TrueWorld:
             return None
         return path.length if path else None
 
-    def start(self, rng: np.random.Generator, doors: dict[str, DoorState]) -> tuple[float, float, float]:
+    def start(
+        self, rng: np.random.Generator, doors: dict[str, DoorState]
+    ) -> tuple[float, float, float]:
         """Return a random pose at which the robot can stand and turn."""
         costmap = self._planner(doors).costmap
         rows, columns = np.nonzero(costmap.clearance > costmap.circumscribed + ROOM)
         while True:
             index = int(rng.integers(len(rows)))
-            x, y = (float(value) for value in costmap.centres(rows[index : index + 1], columns[index : index + 1])[0])
+            x, y = (
+                float(value)
+                for value in costmap.centres(rows[index : index + 1], columns[index : index + 1])[0]
+            )
             if self.site.plan.room_at(x, y) is not None:  # a doorway is no room
                 return x, y, float(rng.uniform(-math.pi, math.pi))
 
@@ -56,7 +65,10 @@ class TrueWorld:
         """Return another place, not too near, that can be reached while the doors are so."""
         while True:
             x, y, _ = self.start(rng, doors)
-            if math.dist((x, y), start) >= APART and self.shortest(start, (x, y), doors) is not None:
+            if (
+                math.dist((x, y), start) >= APART
+                and self.shortest(start, (x, y), doors) is not None
+            ):
                 return x, y
 
     def _planner(self, doors: dict[str, DoorState]) -> Planner:

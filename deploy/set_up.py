@@ -1,7 +1,7 @@
 """Make the virtual environment and install a lock file into it: set_up.py VENV LOCK.
 
-Runs before anything is installed, so it uses the standard library alone, and syntax that an old Python still reads far enough to
-say that it is too old.
+Runs before anything is installed, so it uses the standard library alone, and syntax that an old
+Python still reads far enough to say that it is too old.
 """
 
 import hashlib
@@ -42,13 +42,20 @@ def make_environment(venv):
     """Create the virtual environment unless a working one of this Python is there."""
     python = os.path.join(venv, "bin", "python")
     if os.path.exists(python):
-        version = subprocess.run([python, "-c", "import sys, pip; print(sys.version.split()[0])"], capture_output=True, text=True, check=False)
+        version = subprocess.run(
+            [python, "-c", "import sys, pip; print(sys.version.split()[0])"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if version.stdout.strip() == sys.version.split()[0]:
             return python
     if importlib.util.find_spec("ensurepip") is None:
         fail("Python's venv module is missing: install it with 'sudo apt install python3-venv'.")
     started = time.monotonic()
-    made = subprocess.run([sys.executable, "-m", "venv", "--clear", venv], capture_output=True, text=True, check=False)
+    made = subprocess.run(
+        [sys.executable, "-m", "venv", "--clear", venv], capture_output=True, text=True, check=False
+    )
     if made.returncode:
         last = (made.stdout + made.stderr).strip().splitlines()[-1:] or ["no reason given"]
         fail("The virtual environment could not be made in %s: %s" % (venv, last[0]))
@@ -62,8 +69,22 @@ def install(python, lock):
         wanted = sum(1 for line in file if "==" in line and not line.startswith((" ", "#")))
     print("  installing up to %d packages from %s, hashes checked …" % (wanted, lock), flush=True)
     started, fetched, count, tail = time.monotonic(), 0.0, 0, []
-    command = [python, "-m", "pip", "install", "--require-hashes", "--disable-pip-version-check", "--no-input", "--progress-bar", "off", "-r", lock]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as pip:
+    command = [
+        python,
+        "-m",
+        "pip",
+        "install",
+        "--require-hashes",
+        "--disable-pip-version-check",
+        "--no-input",
+        "--progress-bar",
+        "off",
+        "-r",
+        lock,
+    ]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as pip:
         for line in pip.stdout:
             tail = (tail + [line.strip()])[-15:]
             found = DOWNLOAD.search(line)
@@ -75,7 +96,10 @@ def install(python, lock):
     if pip.returncode:
         print()
         errors = [line for line in tail if line.startswith("ERROR")] or tail
-        fail("The packages of %s could not be installed: %s" % (lock, errors[0] if errors else "pip gave no reason"))
+        fail(
+            "The packages of %s could not be installed: %s"
+            % (lock, errors[0] if errors else "pip gave no reason")
+        )
     if sys.stdout.isatty():
         print("\r", end="")
     say("%d packages, %.0f MB" % (count, fetched), started)
@@ -90,8 +114,8 @@ def main():
     """Check this Python, then bring the environment up to date."""
     if sys.version_info[:2] < OLDEST:
         fail(
-            "Python %d.%d or newer is needed, and %s is %d.%d: name a newer one with 'make PYTHON=/path/to/python3.11'."
-            % (OLDEST + (sys.executable,) + sys.version_info[:2])
+            "Python %d.%d or newer is needed, and %s is %d.%d: name a newer one with 'make"
+            " PYTHON=/path/to/python3.11'." % (OLDEST + (sys.executable,) + sys.version_info[:2])
         )
     venv, lock = sys.argv[1:3]
     python = make_environment(venv)

@@ -1,4 +1,6 @@
-"""Studies in the administration: to build, rehearse and publish, and the way to everything that came of them."""
+"""Studies in the administration: to build, rehearse and publish, and the way to everything that
+came of them.
+"""
 
 from typing import Any
 
@@ -31,7 +33,8 @@ from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, R
 from experiments.study_admin.people import PeoplePages, made
 from robots.admin import NOTHING
 
-# Pages of a study that are there when their part of the site is: the name of the address, what it is given, and what the link says.
+# Pages of a study that are there when their part of the site is: the name of the address, what it
+# is given, and what the link says.
 ELSEWHERE = (
     ("study_live", "slug", _("Live view")),
     ("study_analysis", "pk", _("Analysis")),
@@ -55,14 +58,23 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
     """Studies by version. A published version stays as it is."""
 
     form = StudyForm
-    list_display = ("title", "name_and_version", "status", "people", "pilots", "bots", "last_activity", "ways")
+    list_display = (
+        "title",
+        "name_and_version",
+        "status",
+        "people",
+        "pilots",
+        "bots",
+        "last_activity",
+        "ways",
+    )
     list_filter = ("status",)
     list_per_page = 50
     search_fields = ("title", "slug")
     change_list_template = "admin/experiments/study/change_list.html"
     change_form_template = "admin/experiments/study/change_form.html"
 
-    # --- who may -----------------------------------------------------------------------------------------------------
+    # --- who may ----------------------------------------------------------------------------------
 
     def has_add_permission(self, request: HttpRequest) -> bool:
         """Whoever may bring in studies, and owners of one, who make new versions of it."""
@@ -72,23 +84,34 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
 
     def has_change_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
         """Owners change how people come in, and the definition of a draft."""
-        return self.has_module_permission(request) if obj is None else may(request.user, self.slug_of(obj), "owner")
+        return (
+            self.has_module_permission(request)
+            if obj is None
+            else may(request.user, self.slug_of(obj), "owner")
+        )
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
         """Only what nobody took part in can be deleted, and only by an owner, one at a time."""
-        return isinstance(obj, Study) and may(request.user, obj.slug, "owner") and publishing.may_delete(obj)
+        return (
+            isinstance(obj, Study)
+            and may(request.user, obj.slug, "owner")
+            and publishing.may_delete(obj)
+        )
 
     def slug_of(self, row: Any) -> str:
         """Return a study's name."""
         return str(row.slug)
 
-    # --- columns -----------------------------------------------------------------------------------------------------
+    # --- columns ----------------------------------------------------------------------------------
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Study]":
         """Count participants by kind in the same query."""
         counts = {kind.value: Count("participants", filter=Q(**{WAY: kind})) for kind in Kind}
         rows: QuerySet[Study] = super().get_queryset(request)
-        return rows.annotate(**{f"n_{kind}": count for kind, count in counts.items()}, active_at=Max("participants__seen_at"))
+        return rows.annotate(
+            **{f"n_{kind}": count for kind, count in counts.items()},
+            active_at=Max("participants__seen_at"),
+        )
 
     @admin.display(description=_("name"), ordering="slug")
     def name_and_version(self, row: Study) -> str:
@@ -113,7 +136,12 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
     @staticmethod
     def _counted(row: Study, kind: Kind) -> SafeString:
         query = f"?study={row.pk}&kind__exact={kind}"
-        return format_html('<a href="{}{}">{}</a>', reverse("admin:experiments_participant_changelist"), query, getattr(row, f"n_{kind}", 0))
+        return format_html(
+            '<a href="{}{}">{}</a>',
+            reverse("admin:experiments_participant_changelist"),
+            query,
+            getattr(row, f"n_{kind}", 0),
+        )
 
     @admin.display(description=_("last activity"), ordering="active_at")
     def last_activity(self, row: Study) -> str:
@@ -125,12 +153,21 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
     def ways(self, row: Study) -> SafeString:
         """Return the ways to its drives and to the pages that the site has."""
         drives = (reverse("admin:experiments_drive_changelist") + f"?study={row.pk}", _("Drives"))
-        return SafeString(" · ".join(format_html('<a href="{}">{}</a>', url, words) for url, words in (drives, *pages_elsewhere(row))))
+        return SafeString(
+            " · ".join(
+                format_html('<a href="{}">{}</a>', url, words)
+                for url, words in (drives, *pages_elsewhere(row))
+            )
+        )
 
-    # --- one study ---------------------------------------------------------------------------------------------------
+    # --- one study --------------------------------------------------------------------------------
 
-    def get_fieldsets(self, request: HttpRequest, obj: Study | None = None) -> list[tuple[Any, dict[str, Any]]]:
-        """A new one is a file or empty; a draft can be replaced by a file; what was published only says how people come in."""
+    def get_fieldsets(
+        self, request: HttpRequest, obj: Study | None = None
+    ) -> list[tuple[Any, dict[str, Any]]]:
+        """A new one is a file or empty; a draft can be replaced by a file; what was published only
+        says how people come in.
+        """
         if obj is None:
             return [
                 (_("Begin an empty one"), {"fields": ("name", "called", "spoken")}),
@@ -139,9 +176,17 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
         settings = (_("How people come in"), {"fields": ("entry", "exclusive")})
         if obj.status != Study.Status.DRAFT or not self.has_change_permission(request, obj):
             return [settings]
-        return [settings, (_("Replace the definition by a file"), {"fields": ("file", "document"), "classes": ("collapse",)})]
+        return [
+            settings,
+            (
+                _("Replace the definition by a file"),
+                {"fields": ("file", "document"), "classes": ("collapse",)},
+            ),
+        ]
 
-    def get_form(self, request: HttpRequest, obj: Study | None = None, change: bool = False, **kwargs: Any) -> Any:  # noqa: FBT001, FBT002 -- Django's signature
+    def get_form(
+        self, request: HttpRequest, obj: Study | None = None, change: bool = False, **kwargs: Any
+    ) -> Any:  # noqa: FBT001, FBT002 -- Django's signature
         """Let the form know who sends it."""
         form = super().get_form(request, obj, change=change, **kwargs)
         return type("StudyFormOf", (form,), {"user": request.user})
@@ -151,56 +196,118 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
         if form.stored is not None:
             named = {name: getattr(obj, name) for name in ("entry", "exclusive")} if change else {}
             for field in Study._meta.concrete_fields:  # noqa: SLF001 -- Django's documented API
-                setattr(obj, field.attname, named.get(field.name, getattr(form.stored, field.attname)))
+                setattr(
+                    obj, field.attname, named.get(field.name, getattr(form.stored, field.attname))
+                )
             obj._state.adding = False  # noqa: SLF001 -- it is in the database already
             publishing.own(obj, request.user)
         if change:
-            Study.objects.filter(pk=obj.pk).update(**{name: getattr(obj, name) for name in ("entry", "exclusive")})
-            audit.note("study_changed", actor=request.user, study=obj.slug, detail=" ".join(form.changed_data))
+            Study.objects.filter(pk=obj.pk).update(
+                **{name: getattr(obj, name) for name in ("entry", "exclusive")}
+            )
+            audit.note(
+                "study_changed",
+                actor=request.user,
+                study=obj.slug,
+                detail=" ".join(form.changed_data),
+            )
 
-    def response_add(self, request: HttpRequest, obj: Study, _post_url_continue: str | None = None) -> HttpResponse:
+    def response_add(
+        self, request: HttpRequest, obj: Study, _post_url_continue: str | None = None
+    ) -> HttpResponse:
         """Go on to build it."""
         messages.success(request, _now("The study %(study)s is a draft now.") % {"study": obj})
         return HttpResponseRedirect(reverse("admin:experiments_study_change", args=[obj.pk]))
 
-    def change_view(self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: dict[str, Any] | None = None) -> HttpResponse:
+    def change_view(
+        self,
+        request: HttpRequest,
+        object_id: str,
+        form_url: str = "",
+        extra_context: dict[str, Any] | None = None,
+    ) -> HttpResponse:
         """Show everything about a study above its settings."""
         row = self.get_object(request, object_id)
         more = self._overview(request, row) if row is not None else {}
         return super().change_view(request, object_id, form_url, {**(extra_context or {}), **more})
 
     def _overview(self, request: HttpRequest, row: Study) -> dict[str, Any]:
-        by_status = dict(Participant.objects.filter(study=row, kind=Kind.PARTICIPANT).order_by().values_list("status").annotate(n=Count("pk")))
+        by_status = dict(
+            Participant.objects.filter(study=row, kind=Kind.PARTICIPANT)
+            .order_by()
+            .values_list("status")
+            .annotate(n=Count("pk"))
+        )
         rehearsal = publishing.passed_rehearsal(row)
         return {
-            "study": row, "problems": told(row), "is_owner": may(request.user, row.slug, "owner"),
+            "study": row,
+            "problems": told(row),
+            "is_owner": may(request.user, row.slug, "owner"),
             "may_research": may(request.user, row.slug, "researcher"),
-            "sections": [(TITLES[name], address(row, Place(name)), len(row.definition.get(name, ())) if name in LISTS else None) for name in TITLES],
-            "share": request.build_absolute_uri(reverse("study", args=[row.slug])), "elsewhere": pages_elsewhere(row), "rehearsal": rehearsal,
-            "statuses": [(words, by_status.get(value, 0)) for value, words in Participant.Status.choices],
-            "hours": opening_hours.summary(row.opening_hours, row.time_zone), "title": _now("Study"),
-        }  # fmt: skip
+            "sections": [
+                (
+                    TITLES[name],
+                    address(row, Place(name)),
+                    len(row.definition.get(name, ())) if name in LISTS else None,
+                )
+                for name in TITLES
+            ],
+            "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
+            "elsewhere": pages_elsewhere(row),
+            "rehearsal": rehearsal,
+            "statuses": [
+                (words, by_status.get(value, 0)) for value, words in Participant.Status.choices
+            ],
+            "hours": opening_hours.summary(row.opening_hours, row.time_zone),
+            "title": _now("Study"),
+        }
 
-    # --- what is done with it ----------------------------------------------------------------------------------------
+    # --- what is done with it ---------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
         """The pages of the model, and its own."""
         guard = self.admin_site.admin_view
         own = [
-            path("shipped/", guard(require_POST(self.take_shipped)), name="experiments_study_shipped"),
-            path("<uuid:pk>/export.json", guard(require_safe(self.export)), name="experiments_study_export"),
-            path("<uuid:pk>/new-version/", guard(require_POST(self.new_version)), name="experiments_study_new_version"),
-            path("<uuid:pk>/publish/", guard(never_cache(self.publish_view)), name="experiments_study_publish"),
-            path("<uuid:pk>/close/", guard(require_POST(self.close)), name="experiments_study_close"),
-            path("<uuid:pk>/reopen/", guard(require_POST(self.reopen)), name="experiments_study_reopen"),
+            path(
+                "shipped/", guard(require_POST(self.take_shipped)), name="experiments_study_shipped"
+            ),
+            path(
+                "<uuid:pk>/export.json",
+                guard(require_safe(self.export)),
+                name="experiments_study_export",
+            ),
+            path(
+                "<uuid:pk>/new-version/",
+                guard(require_POST(self.new_version)),
+                name="experiments_study_new_version",
+            ),
+            path(
+                "<uuid:pk>/publish/",
+                guard(never_cache(self.publish_view)),
+                name="experiments_study_publish",
+            ),
+            path(
+                "<uuid:pk>/close/", guard(require_POST(self.close)), name="experiments_study_close"
+            ),
+            path(
+                "<uuid:pk>/reopen/",
+                guard(require_POST(self.reopen)),
+                name="experiments_study_reopen",
+            ),
         ]
         return [*own, *self.builder_urls(), *self.people_urls(), *super().get_urls()]
 
-    def changelist_view(self, request: HttpRequest, extra_context: dict[str, Any] | None = None) -> HttpResponse:
+    def changelist_view(
+        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
         """Offer the shipped studies that are not here yet, a button each."""
         user: Any = request.user
         known = set(Study.objects.values_list("slug", flat=True))
-        offered = [(slug, one.title.get("en", slug)) for slug, one in shipped().items() if slug not in known]
+        offered = [
+            (slug, one.title.get("en", slug))
+            for slug, one in shipped().items()
+            if slug not in known
+        ]
         more = {"shipped": offered if user.has_perm("experiments.add_study") else []}
         return super().changelist_view(request, {**(extra_context or {}), **more})
 
@@ -223,13 +330,19 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
         """Return the definition as a file that import takes, once nothing is wrong with it."""
         row = study_for(request, pk, "viewer")
         headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
-        return HttpResponse(to_json(row.as_definition()), content_type="application/json", headers=headers)
+        return HttpResponse(
+            to_json(row.as_definition()), content_type="application/json", headers=headers
+        )
 
     def new_version(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Make a draft copy, and go to it."""
         copy = publishing.new_version(study_for(request, pk, "owner"), timezone.now())
         self.log_addition(request, copy, "New version.")
-        messages.success(request, _now("Version %(n)d is a draft: change it, rehearse it, publish it.") % {"n": copy.version})
+        messages.success(
+            request,
+            _now("Version %(n)d is a draft: change it, rehearse it, publish it.")
+            % {"n": copy.version},
+        )
         return redirect("admin:experiments_study_change", copy.pk)
 
     def publish_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
@@ -242,13 +355,24 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
             except publishing.NotPublishableError as error:
                 reasons = error.reasons
             else:
-                messages.success(request, _now("The study is published: its definition stays as it is from now on."))
+                messages.success(
+                    request,
+                    _now("The study is published: its definition stays as it is from now on."),
+                )
                 return redirect("admin:experiments_study_change", row.pk)
         context = self.admin_site.each_context(request) | {
-            "title": _now("Publish"), "opts": self.opts, "study": row, "form": form, "reasons": reasons, "problems": told(row),
-            "rehearsal": publishing.passed_rehearsal(row), "elsewhere": dict(pages_elsewhere(row)),
-        }  # fmt: skip
-        return render(request, "admin/experiments/study/publish.html", context, status=422 if reasons else 200)
+            "title": _now("Publish"),
+            "opts": self.opts,
+            "study": row,
+            "form": form,
+            "reasons": reasons,
+            "problems": told(row),
+            "rehearsal": publishing.passed_rehearsal(row),
+            "elsewhere": dict(pages_elsewhere(row)),
+        }
+        return render(
+            request, "admin/experiments/study/publish.html", context, status=422 if reasons else 200
+        )
 
     def close(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Take nobody new."""
@@ -269,9 +393,22 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
             messages.error(request, str(error))
         else:
             publishing.log(row, request.user, "Opened again." if opens else "Closed.")
-            audit.note("study_opened" if opens else "study_closed", actor=request.user, study=row.slug, detail=f"version {row.version}")
-            messages.success(request, _now("The study takes participants again.") if opens else _now("The study takes nobody new."))
+            audit.note(
+                "study_opened" if opens else "study_closed",
+                actor=request.user,
+                study=row.slug,
+                detail=f"version {row.version}",
+            )
+            messages.success(
+                request,
+                (
+                    _now("The study takes participants again.")
+                    if opens
+                    else _now("The study takes nobody new.")
+                ),
+            )
         return redirect("admin:experiments_study_change", row.pk)
 
 
-__all__ = ["DriveAdmin", "ParticipantAdmin", "RehearsalAdmin", "StudyAdmin"]  # all that is registered here
+# all that is registered here
+__all__ = ["DriveAdmin", "ParticipantAdmin", "RehearsalAdmin", "StudyAdmin"]

@@ -12,6 +12,8 @@ class ExperimentsConfig(AppConfig):
 
     def ready(self) -> None:
         """Answer for the terms of participants' visits, and listen to the session manager."""
-        from experiments.tasks import signal_handlers  # noqa: PLC0415 -- models are not there before
+        from experiments.tasks import (
+            signal_handlers,
+        )  # noqa: PLC0415 -- models are not there before
 
         signal_handlers.connect()

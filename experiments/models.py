@@ -1,8 +1,10 @@
-"""Studies as they are run: who takes part, what they were assigned, agreed to, went through and drove, and what became of it.
+"""Studies as they are run: who takes part, what they were assigned, agreed to, went through and
+drove, and what became of it.
 
-Four facts are kept apart: what a participant was *assigned* (Participant), whether they were *exposed* (Drive: the first velocity was
-applied), how the task *ended* (Drive), and whether they *answered* (surveys). Nothing of a participant who was exposed is deleted by
-the site itself; one who withdraws leaves a row without a name.
+Four facts are kept apart: what a participant was *assigned* (Participant), whether they were
+*exposed* (Drive: the first velocity was applied), how the task *ended* (Drive), and whether they
+*answered* (surveys). Nothing of a participant who was exposed is deleted by the site itself; one
+who withdraws leaves a row without a name.
 """
 
 import secrets
@@ -40,11 +42,15 @@ class Kind(models.TextChoices):
 
 
 class FrozenStudyError(ValueError):
-    """A published study whose definition, name or version was to be changed, or that was to become a draft again."""
+    """A published study whose definition, name or version was to be changed, or that was to become
+    a draft again.
+    """
 
 
 class Study(models.Model):
-    """One version of a study. Once it is published its definition never changes: a change is a new version."""
+    """One version of a study. Once it is published its definition never changes: a change is a new
+    version.
+    """
 
     class Status(models.TextChoices):
         """Drafts are run by pilots and bots alone; a closed study takes nobody new."""
@@ -65,29 +71,43 @@ class Study(models.Model):
     title = models.CharField(_("title"), max_length=200)
     definition = models.JSONField(_("definition"))
     sha256 = models.CharField(max_length=64, editable=False)
-    status = models.CharField(_("status"), max_length=10, choices=Status, default=Status.DRAFT, db_index=True)
+    status = models.CharField(
+        _("status"), max_length=10, choices=Status, default=Status.DRAFT, db_index=True
+    )
     entry = models.CharField(_("entry"), max_length=10, choices=Entry, default=Entry.OPEN)
-    # experiments/definition/opening_hours.py: [{"days": [0..6], "start": "09:00", "end": "17:00"}], empty is always; and the zone they are meant in.
+    # experiments/definition/opening_hours.py: [{"days": [0..6], "start": "09:00", "end": "17:00"}],
+    # empty is always; and the zone they are meant in.
     opening_hours = models.JSONField(_("opening hours"), default=list, blank=True)
     time_zone = models.CharField(_("time zone"), max_length=60, default="UTC")
     exclusive = models.BooleanField(
-        _("keeps its robots to itself"), default=False, help_text=_("While it is open, nobody but its participants drives them.")
-    )  # fmt: skip
+        _("keeps its robots to itself"),
+        default=False,
+        help_text=_("While it is open, nobody but its participants drives them."),
+    )
     created_at = models.DateTimeField(_("created"))
     published_at = models.DateTimeField(_("published"), null=True, blank=True)
     closed_at = models.DateTimeField(_("closed"), null=True, blank=True)
     # Whose robots it may use: experiments/participation/robot_eligibility.py.
-    published_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="published_studies")
+    published_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="published_studies",
+    )
     # Why it was published without a rehearsal that passed.
     unrehearsed_reason = models.TextField(_("published without rehearsal because"), blank=True)
-    # Keys the hash of networks, so that distinct ones can be counted within this study and nowhere else.
+    # Keys the hash of networks, so that distinct ones can be counted within this study and nowhere
+    # else.
     secret = models.CharField(max_length=64, default=secrets.token_hex, editable=False)
 
     class Meta:
         verbose_name = _("study")
         verbose_name_plural = _("studies")
         ordering = ("slug", "-version")
-        constraints = [models.UniqueConstraint(fields=["slug", "version"], name="study_version_once")]
+        constraints = [
+            models.UniqueConstraint(fields=["slug", "version"], name="study_version_once")
+        ]
 
     def __str__(self) -> str:
         return f"{self.title} · {self.slug} {self.version}"
@@ -99,10 +119,19 @@ class Study(models.Model):
             FrozenStudyError: when it is published and not what was published.
         """
         self.sha256 = digest(self.as_definition())
-        published = Study.objects.filter(pk=self.pk).exclude(status=self.Status.DRAFT).values_list("slug", "version", "sha256").first()
-        same = published == (self.slug, self.version, self.sha256) and self.status != self.Status.DRAFT
+        published = (
+            Study.objects.filter(pk=self.pk)
+            .exclude(status=self.Status.DRAFT)
+            .values_list("slug", "version", "sha256")
+            .first()
+        )
+        same = (
+            published == (self.slug, self.version, self.sha256) and self.status != self.Status.DRAFT
+        )
         if published is not None and not same:
-            raise FrozenStudyError(f"version {published[1]} of {published[0]} is published and never changes")
+            raise FrozenStudyError(
+                f"version {published[1]} of {published[0]} is published and never changes"
+            )
         super().save(**options)
 
     def as_definition(self) -> Definition:
@@ -122,7 +151,9 @@ class StudyMember(models.Model):
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     slug = models.SlugField(_("study"), max_length=40, db_index=True)
-    user = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="studies", verbose_name=_("user"))
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="studies", verbose_name=_("user")
+    )
     role = models.CharField(_("role"), max_length=12, choices=Role)
 
     class Meta:
@@ -155,27 +186,51 @@ class Participant(models.Model):
         REFILLED = "refilled", _("given to another")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    study = models.ForeignKey(Study, models.PROTECT, related_name="participants", verbose_name=_("study"))
-    user = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="participations", verbose_name=_("user"))
-    # "<study>:<user>", and its own id once there is no user any more: unique on every database without partial indexes.
+    study = models.ForeignKey(
+        Study, models.PROTECT, related_name="participants", verbose_name=_("study")
+    )
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="participations",
+        verbose_name=_("user"),
+    )
+    # "<study>:<user>", and its own id once there is no user any more: unique on every database
+    # without partial indexes.
     slot = models.CharField(max_length=80, unique=True, editable=False)
     code = models.CharField(_("code"), max_length=12, unique=True, default=new_code, editable=False)
-    kind = models.CharField(_("kind"), max_length=12, choices=Kind, default=Kind.PARTICIPANT, db_index=True)
-    access = models.CharField(_("came by"), max_length=12, default="open")  # open or invitation: experiments.participation.assignment.Access
-    status = models.CharField(_("status"), max_length=12, choices=Status, default=Status.ACTIVE, db_index=True)
+    kind = models.CharField(
+        _("kind"), max_length=12, choices=Kind, default=Kind.PARTICIPANT, db_index=True
+    )
+    # open or invitation: experiments.participation.assignment.Access
+    access = models.CharField(_("came by"), max_length=12, default="open")
+    status = models.CharField(
+        _("status"), max_length=12, choices=Status, default=Status.ACTIVE, db_index=True
+    )
     language = models.CharField(_("language"), max_length=16, default="en")
-    recruitment = models.JSONField(_("recruitment"), default=dict, blank=True)  # parameters of the link they came by
+    # parameters of the link they came by
+    recruitment = models.JSONField(_("recruitment"), default=dict, blank=True)
     age = models.PositiveIntegerField(_("age"), null=True, blank=True)
 
     # --- assignment, once, at the first grant of the robot ---
     cell = models.CharField(_("cell"), max_length=400, blank=True, db_index=True)
     conditions = models.JSONField(_("conditions in order"), default=list, blank=True)
     candidates = models.JSONField(_("drawn from"), default=list, blank=True)
-    # "<study>:<kind>:<number>" of the draw, unique: of two who are drawn at the same time one has to look again. No word of ours before.
+    # "<study>:<kind>:<number>" of the draw, unique: of two who are drawn at the same time one has
+    # to look again. No word of ours before.
     drawn_as = models.CharField(max_length=100, unique=True, default=not_drawn, editable=False)
     draw_seed = models.BigIntegerField(_("seed of the draw"), null=True, blank=True)
     assigned_at = models.DateTimeField(_("assigned"), null=True, blank=True)
-    stage = models.CharField(_("place"), max_length=10, choices=Stage, default=Stage.UNASSIGNED, blank=True, db_index=True)
+    stage = models.CharField(
+        _("place"),
+        max_length=10,
+        choices=Stage,
+        default=Stage.UNASSIGNED,
+        blank=True,
+        db_index=True,
+    )
 
     # --- where they are: experiments/participation/journey.py ---
     visit = models.PositiveIntegerField(_("visit"), default=1)
@@ -185,7 +240,8 @@ class Participant(models.Model):
     created_at = models.DateTimeField(_("came"), db_index=True)
     seen_at = models.DateTimeField(_("last seen"))
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
-    completion = models.CharField(_("completion"), max_length=20, blank=True)  # done, technical_failure, screened_out
+    # done, technical_failure, screened_out
+    completion = models.CharField(_("completion"), max_length=20, blank=True)
     completion_code = models.CharField(_("completion code"), max_length=20, blank=True)
     withdrawn_at = models.DateField(_("withdrawn on"), null=True, blank=True)
     withdrawn_step = models.CharField(_("withdrawn at step"), max_length=40, blank=True)
@@ -204,7 +260,9 @@ class ConsentReceipt(models.Model):
     """What a participant agreed to, word by word by its hash, and what they took back."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    participant = models.ForeignKey(Participant, models.CASCADE, related_name="consents", verbose_name=_("participant"))
+    participant = models.ForeignKey(
+        Participant, models.CASCADE, related_name="consents", verbose_name=_("participant")
+    )
     step = models.CharField(_("step"), max_length=40)
     version = models.PositiveIntegerField(_("version"))
     language = models.CharField(_("language"), max_length=16)
@@ -216,27 +274,39 @@ class ConsentReceipt(models.Model):
     class Meta:
         verbose_name = _("consent")
         verbose_name_plural = _("consents")
-        constraints = [models.UniqueConstraint(fields=["participant", "step", "version"], name="consent_once")]
+        constraints = [
+            models.UniqueConstraint(fields=["participant", "step", "version"], name="consent_once")
+        ]
 
     def __str__(self) -> str:
         return f"{self.participant_id} · {self.step} {self.version}"
 
 
 class PersonalLink(models.Model):
-    """A link for one person, redeemed once and by POST alone, so that no previewing mail program uses it up."""
+    """A link for one person, redeemed once and by POST alone, so that no previewing mail program
+    uses it up.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     study = models.ForeignKey(Study, models.CASCADE, related_name="links", verbose_name=_("study"))
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     label = models.CharField(_("label"), max_length=120, blank=True)
     access = models.CharField(_("gives"), max_length=12, default="invitation")
-    # A bot's link makes whoever redeems it a bot, and what it does never counts; only commands make such links.
+    # A bot's link makes whoever redeems it a bot, and what it does never counts; only commands make
+    # such links.
     kind = models.CharField(_("for"), max_length=12, choices=Kind, default=Kind.PARTICIPANT)
     created_at = models.DateTimeField(_("made"))
     expires_at = models.DateTimeField(_("expires"), null=True, blank=True)
     revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)
     redeemed_at = models.DateTimeField(_("redeemed"), null=True, blank=True)
-    participant = models.ForeignKey(Participant, models.SET_NULL, null=True, blank=True, related_name="links", verbose_name=_("participant"))
+    participant = models.ForeignKey(
+        Participant,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="links",
+        verbose_name=_("participant"),
+    )
 
     class Meta:
         verbose_name = _("personal link")
@@ -248,10 +318,14 @@ class PersonalLink(models.Model):
 
 
 class StepVisit(models.Model):
-    """A participant on a step of the study, from seeing it first to going on: what the funnel is made of."""
+    """A participant on a step of the study, from seeing it first to going on: what the funnel is
+    made of.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    participant = models.ForeignKey(Participant, models.CASCADE, related_name="step_visits", verbose_name=_("participant"))
+    participant = models.ForeignKey(
+        Participant, models.CASCADE, related_name="step_visits", verbose_name=_("participant")
+    )
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
     step = models.CharField(_("step"), max_length=40)
@@ -262,26 +336,38 @@ class StepVisit(models.Model):
         verbose_name = _("step visit")
         verbose_name_plural = _("step visits")
         ordering = ("began_at",)
-        constraints = [models.UniqueConstraint(fields=["participant", "visit", "round", "step"], name="step_visit_once")]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["participant", "visit", "round", "step"], name="step_visit_once"
+            )
+        ]
 
     def __str__(self) -> str:
         return f"{self.participant_id} · {self.visit}.{self.round} · {self.step}"
 
 
 class Drive(models.Model):
-    """A participant's session with the robot in one condition: what was assigned, what was applied, how the task went.
+    """A participant's session with the robot in one condition: what was assigned, what was applied,
+    how the task went.
 
-    `assigned` is the condition and the terms of the session (sessions/leases/terms.py) as they were granted, and the course as it was laid out
-    on the plan of that day; `applied` what the robot and the record said of themselves, and `mismatches` the names of what differs.
-    `shown` is what the page shows of the task now (sessions.protocol.Task). `result` is experiments.tasks.engine.Result, computed from the stored
-    record once it is closed (`settled_at`), exactly as anybody can compute it again. So are `began_with` and `ended_with`: how the robot
-    stood in the first and the last state of the session (experiments.definition.start_condition.RobotSnapshot). `clock_offset` is the robot's clock
+    `assigned` is the condition and the terms of the session (sessions/leases/terms.py) as they were
+    granted, and the course as it was laid out on the plan of that day; `applied` what the robot and
+    the record said of themselves, and `mismatches` the names of what differs. `shown` is what the
+    page shows of the task now (sessions.protocol.Task). `result` is
+    experiments.tasks.engine.Result, computed from the stored record once it is closed
+    (`settled_at`), exactly as anybody can compute it again. So are `began_with` and `ended_with`:
+    how the robot stood in the first and the last state of the session
+    (experiments.definition.start_condition.RobotSnapshot). `clock_offset` is the robot's clock
     minus ours in seconds, one for the whole drive.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    participant = models.ForeignKey(Participant, models.CASCADE, related_name="drives", verbose_name=_("participant"))
-    session = models.OneToOneField(Session, models.CASCADE, related_name="drive", verbose_name=_("session"))
+    participant = models.ForeignKey(
+        Participant, models.CASCADE, related_name="drives", verbose_name=_("participant")
+    )
+    session = models.OneToOneField(
+        Session, models.CASCADE, related_name="drive", verbose_name=_("session")
+    )
     step = models.CharField(_("step"), max_length=40)
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
@@ -301,7 +387,9 @@ class Drive(models.Model):
     ended_with = models.JSONField(_("ended with"), default=dict, blank=True)
     settled_at = models.DateTimeField(_("settled"), null=True, blank=True, db_index=True)
     excluded_reason = models.CharField(_("excluded because"), max_length=300, blank=True)
-    excluded_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+")
+    excluded_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+"
+    )
     excluded_at = models.DateTimeField(_("excluded"), null=True, blank=True)
 
     class Meta:
@@ -334,10 +422,14 @@ class TaskEvent(models.Model):
 
 
 class Rehearsal(models.Model):
-    """A dress rehearsal of one definition with bots: what was found, and whether it may be published on the strength of it."""
+    """A dress rehearsal of one definition with bots: what was found, and whether it may be
+    published on the strength of it.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    study = models.ForeignKey(Study, models.CASCADE, related_name="rehearsals", verbose_name=_("study"))
+    study = models.ForeignKey(
+        Study, models.CASCADE, related_name="rehearsals", verbose_name=_("study")
+    )
     sha256 = models.CharField(max_length=64)  # of the definition that was rehearsed
     began_at = models.DateTimeField(_("began"))
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)

@@ -33,7 +33,9 @@ _guest_lists: list[Callable[[Any, Robot], bool]] = []
 
 
 def register_guest_list(invites: Callable[[Any, Robot], bool]) -> None:
-    """Let an app above this one invite visitors to drive (not to watch) a robot that asks for an invitation; registering twice does nothing."""
+    """Let an app above this one invite visitors to drive (not to watch) a robot that asks for an
+    invitation; registering twice does nothing.
+    """
     if invites not in _guest_lists:
         _guest_lists.append(invites)
 
@@ -43,20 +45,26 @@ def _no(reason: Reason) -> Verdict:
 
 
 def oversees(user: Any) -> bool:
-    """Tell whether a user answers for all robots of the site: administrators, and staff who were given Django's right to change robots.
+    """Tell whether a user answers for all robots of the site: administrators, and staff who were
+    given Django's right to change robots.
 
-    To be staff is not enough: owners and researchers enter the administration too, for what is theirs.
+    To be staff is not enough: owners and researchers enter the administration too, for what is
+    theirs.
     """
     return bool(_is_known(user) and user.is_staff and user.has_perm(OVERSEES))
 
 
 def may_manage(user: Any, robot: Robot) -> bool:
-    """Tell whether a user may change a robot, its keys, its doors and who drives it: its owner, and who oversees all robots."""
+    """Tell whether a user may change a robot, its keys, its doors and who drives it: its owner, and
+    who oversees all robots.
+    """
     return bool(_is_known(user)) and (robot.owner_id == user.pk or oversees(user))
 
 
 def may_operate(user: Any, robot: Robot) -> Verdict:
-    """Tell whether a user may stop, pause and message sessions and clear an emergency stop: who manages it, and its operators."""
+    """Tell whether a user may stop, pause and message sessions and clear an emergency stop: who
+    manages it, and its operators.
+    """
     if not _is_known(user):
         return _no("not_allowed")
     if may_manage(user, robot) or _has_permit(user, robot, RobotPermit.Kind.OPERATOR):
@@ -65,7 +73,9 @@ def may_operate(user: Any, robot: Robot) -> Verdict:
 
 
 def may_drive(user: Any, robot: Robot) -> Verdict:
-    """Tell whether a user may drive: by the robot's access, as somebody who operates it, or as somebody's guest."""
+    """Tell whether a user may drive: by the robot's access, as somebody who operates it, or as
+    somebody's guest.
+    """
     verdict = _is_admitted(user, robot)
     if verdict.reason == "not_invited" and any(invites(user, robot) for invites in _guest_lists):
         return YES
@@ -84,7 +94,9 @@ def _is_admitted(user: Any, robot: Robot) -> Verdict:
 
 
 def may_observe(user: Any, robot: Robot) -> Verdict:
-    """Tell whether a user may watch: whoever may always drive, where the robot allows observers, and always who operates it."""
+    """Tell whether a user may watch: whoever may always drive, where the robot allows observers,
+    and always who operates it.
+    """
     if not _is_known(user):
         return _no("not_allowed")
     if not robot.enabled:
@@ -95,15 +107,20 @@ def may_observe(user: Any, robot: Robot) -> Verdict:
 
 
 def has_a_robot(user: Any) -> bool:
-    """Tell whether there is any robot for a user: one that is shown to them, or that they may drive as somebody's guest."""
+    """Tell whether there is any robot for a user: one that is shown to them, or that they may drive
+    as somebody's guest.
+    """
     if not _is_known(user):
         return False
     by_invitation = Robot.objects.filter(enabled=True, access=Robot.Access.INVITATION)
-    return robots_visible_to(user).filter(enabled=True).exists() or any(may_drive(user, robot) for robot in by_invitation)
+    return robots_visible_to(user).filter(enabled=True).exists() or any(
+        may_drive(user, robot) for robot in by_invitation
+    )
 
 
 def robots_visible_to(user: Any) -> "QuerySet[Robot]":
-    """Return the robots to show a user: the enabled ones that are open or that the user has a permit for, and one's own.
+    """Return the robots to show a user: the enabled ones that are open or that the user has a
+    permit for, and one's own.
 
     Who oversees the robots sees all of them. Somebody who has not signed in sees the open ones.
     """
@@ -112,7 +129,9 @@ def robots_visible_to(user: Any) -> "QuerySet[Robot]":
     if oversees(user):
         return Robot.objects.all()
     permitted = RobotPermit.objects.filter(user=user).values("robot")
-    return Robot.objects.filter(Q(owner=user) | (Q(enabled=True) & (Q(access=Robot.Access.OPEN) | Q(pk__in=permitted))))
+    return Robot.objects.filter(
+        Q(owner=user) | (Q(enabled=True) & (Q(access=Robot.Access.OPEN) | Q(pk__in=permitted)))
+    )
 
 
 def _is_known(user: Any) -> bool:

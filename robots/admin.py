@@ -52,15 +52,34 @@ class PermitInline(admin.TabularInline):
 
 @admin.register(Robot)
 class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
-    """Robots: what they are, who may drive them, and how they are right now. Owners find their own, and change all but whose they are."""
+    """Robots: what they are, who may drive them, and how they are right now. Owners find their own,
+    and change all but whose they are.
+    """
 
-    list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who", "driver", "seen")
+    list_display = (
+        "title",
+        "name",
+        "drive",
+        "online_now",
+        "battery",
+        "docked",
+        "who",
+        "driver",
+        "seen",
+    )
     list_filter = ("enabled", "access", "connection", "floor_plan", "owner")
     linked = ("floor_plan__id__exact",)
     list_select_related = ("lease__session__visitor", "floor_plan", "owner")
     search_fields = ("title", "name", "description", "owner__username")
     autocomplete_fields = ("owner",)
-    actions = ("new_credentials", "rotate_credentials", "revoke_credentials", "free", "disable", "enable")
+    actions = (
+        "new_credentials",
+        "rotate_credentials",
+        "revoke_credentials",
+        "free",
+        "disable",
+        "enable",
+    )
     save_on_top = True
     readonly_fields = (
         "key",
@@ -80,21 +99,53 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     fieldsets = (
         (None, {"fields": ("title", "name", "description", "owner", "floor_plan", "enabled")}),
         (_("Who may drive"), {"fields": ("access", "observers_allowed", "turn_minutes")}),
-        (_("Between visits"), {"fields": ("returns_home", "charge_limit", "between", "turnaround_at")}),
+        (
+            _("Between visits"),
+            {"fields": ("returns_home", "charge_limit", "between", "turnaround_at")},
+        ),
         (_("Driving"), {"fields": ("assist",)}),
         (_("The robot's own screen"), {"fields": ("calls", "screen")}),
-        (_("Limits"), {"fields": ("max_linear", "max_angular"), "description": _("Below what the robot allows itself; empty means its own limit.")}),
-        (_("Connection"), {"fields": ("key", "online_now", "control", "last_seen_at", "driver", "battery", "docked", "sessions")}),
-        (_("What the robot says of itself"), {"fields": ("told_factsheet", "told_state"), "classes": ("collapse",)}),
+        (
+            _("Limits"),
+            {
+                "fields": ("max_linear", "max_angular"),
+                "description": _("Below what the robot allows itself; empty means its own limit."),
+            },
+        ),
+        (
+            _("Connection"),
+            {
+                "fields": (
+                    "key",
+                    "online_now",
+                    "control",
+                    "last_seen_at",
+                    "driver",
+                    "battery",
+                    "docked",
+                    "sessions",
+                )
+            },
+        ),
+        (
+            _("What the robot says of itself"),
+            {"fields": ("told_factsheet", "told_state"), "classes": ("collapse",)},
+        ),
     )
 
-    def get_readonly_fields(self, request: HttpRequest, obj: Robot | None = None) -> tuple[str, ...]:
-        """A name is in topics, links and recordings: it stays once the robot exists. Whose it is, and where, is the site's to say."""
-        may_place = self.sees_all(request) if obj is None else request.user.has_perm("robots.change_robot")
+    def get_readonly_fields(
+        self, request: HttpRequest, obj: Robot | None = None
+    ) -> tuple[str, ...]:
+        """A name is in topics, links and recordings: it stays once the robot exists. Whose it is,
+        and where, is the site's to say.
+        """
+        may_place = (
+            self.sees_all(request) if obj is None else request.user.has_perm("robots.change_robot")
+        )
         sites = () if may_place else ("owner", "floor_plan")
         return (*self.readonly_fields, *sites, *(("name",) if obj is not None else ()))
 
-    # --- who may -----------------------------------------------------------------------------------------------------
+    # --- who may ----------------------------------------------------------------------------------
 
     def has_change_permission(self, request: HttpRequest, obj: Robot | None = None) -> bool:
         """Who oversees all robots, and the owner."""
@@ -107,7 +158,13 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         changed = [permit for permit, _fields in getattr(formset, "changed_objects", [])]
         for act, permits in (("permit_granted", [*added, *changed]), ("permit_taken", gone)):
             for permit in permits:
-                audit.note(act, actor=request.user, person=permit.user_id, robot=form.instance, detail=permit.kind)
+                audit.note(
+                    act,
+                    actor=request.user,
+                    person=permit.user_id,
+                    robot=form.instance,
+                    detail=permit.kind,
+                )
 
     def managed(self, request: HttpRequest, pk: Any) -> Robot:
         """Return a robot for a page that changes it.
@@ -134,7 +191,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Nor for their names."""
         return self.search_fields if self.sees_all(request) else ("title", "name", "description")
 
-    # --- columns ------------------------------------------------------------------------------------------------------
+    # --- columns ----------------------------------------------------------------------------------
 
     @admin.display(description=_("online"), boolean=True, ordering="connection")
     def online_now(self, robot: Robot) -> bool:
@@ -155,7 +212,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         if battery is None:
             return NOTHING
         charge = _now("unknown") if battery.get("charge") is None else f"{battery['charge']:.0%}"
-        return _now("%(charge)s, charging") % {"charge": charge} if battery.get("charging") else charge
+        return (
+            _now("%(charge)s, charging") % {"charge": charge} if battery.get("charging") else charge
+        )
 
     @admin.display(description=_("dock"))
     def docked(self, robot: Robot) -> str:
@@ -167,7 +226,11 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Who may drive, in one word."""
         if not robot.enabled:
             return _now("disabled")
-        return {Robot.Access.OPEN: _now("open"), Robot.Access.INVITATION: _now("invited"), Robot.Access.TRAINED: _now("trained")}[robot.access]
+        return {
+            Robot.Access.OPEN: _now("open"),
+            Robot.Access.INVITATION: _now("invited"),
+            Robot.Access.TRAINED: _now("trained"),
+        }[robot.access]
 
     @admin.display(description=_("last seen"), ordering="last_seen_at")
     def seen(self, robot: Robot) -> str:
@@ -186,7 +249,11 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         lease = getattr(robot, "lease", None)
         if lease is None or lease.session is None:
             return NOTHING
-        return link_to("admin:telepresence_sessions_session_change", self.driver_of(robot, lease.session), lease.session.pk)
+        return link_to(
+            "admin:telepresence_sessions_session_change",
+            self.driver_of(robot, lease.session),
+            lease.session.pk,
+        )
 
     @admin.display(description="")
     def drive(self, robot: Robot) -> str | SafeString:
@@ -217,12 +284,20 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             return _now("Save the robot first.")
         made = robot.screen_made_at
         state = _now("none") if made is None else _now("made %(when)s") % {"when": _moment(made)}
-        return format_html("{} · {}", state, link_to("admin:robots_robot_screen", _now("Make an address for its display"), robot.pk))
+        return format_html(
+            "{} · {}",
+            state,
+            link_to("admin:robots_robot_screen", _now("Make an address for its display"), robot.pk),
+        )
 
     @admin.display(description=_("sessions"))
     def sessions(self, robot: Robot) -> str | SafeString:
         """The way to its sessions."""
-        return link_to("admin:telepresence_sessions_session_changelist", _now("Show its sessions"), query=f"?robot__id__exact={robot.pk}")
+        return link_to(
+            "admin:telepresence_sessions_session_changelist",
+            _now("Show its sessions"),
+            query=f"?robot__id__exact={robot.pk}",
+        )
 
     @admin.display(description=_("factsheet"))
     def told_factsheet(self, robot: Robot) -> str | SafeString:
@@ -234,7 +309,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Its last state, as it said it."""
         return _shown(robot.report)
 
-    # --- credentials --------------------------------------------------------------------------------------------------
+    # --- credentials ------------------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
         """Add the pages that make credentials and screen keys, and move doors."""
@@ -243,8 +318,16 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         return [
             path("<uuid:pk>/credentials/", page, name="robots_robot_credentials"),
             path("<uuid:pk>/doors/", doors, name="robots_robot_doors"),
-            path("<uuid:pk>/enrol/", self.admin_site.admin_view(never_cache(self.enrol_view)), name="robots_robot_enrol"),
-            path("<uuid:pk>/screen/", self.admin_site.admin_view(never_cache(self.screen_view)), name="robots_robot_screen"),
+            path(
+                "<uuid:pk>/enrol/",
+                self.admin_site.admin_view(never_cache(self.enrol_view)),
+                name="robots_robot_enrol",
+            ),
+            path(
+                "<uuid:pk>/screen/",
+                self.admin_site.admin_view(never_cache(self.screen_view)),
+                name="robots_robot_screen",
+            ),
             *super().get_urls(),
         ]
 
@@ -252,28 +335,41 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Ask whether to make new credentials, and show them once."""
         robot = self.managed(request, pk)
         context: dict[str, Any] = self.admin_site.each_context(request) | {
-            "title": _now("Credentials of %(robot)s") % {"robot": robot}, "robot": robot, "opts": self.opts,
-        }  # fmt: skip
+            "title": _now("Credentials of %(robot)s") % {"robot": robot},
+            "robot": robot,
+            "opts": self.opts,
+        }
         if request.method == "POST":
             made = make_credentials(robot, timezone.now())
             self.log_change(request, robot, _now("New credentials."))
             audit.note("credentials_made", actor=request.user, robot=robot)
             server = request.build_absolute_uri("/").rstrip("/")
             toml = made.toml(server=server)
-            context |= {"token": made.token, "server": server, "toml": toml, "file": f"{robot.name}.toml"}
+            context |= {
+                "token": made.token,
+                "server": server,
+                "toml": toml,
+                "file": f"{robot.name}.toml",
+            }
             # In the page itself, so that the token need not be kept for a second request.
             context["download"] = f"data:application/toml,{quote(toml)}"
         return render(request, "admin/robots/robot/credentials.html", context)
 
-    # --- actions ------------------------------------------------------------------------------------------------------
+    # --- actions ----------------------------------------------------------------------------------
 
     @admin.action(description=_("Make new credentials"), permissions=["change"])
-    def new_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> HttpResponse | None:
+    def new_credentials(
+        self, request: HttpRequest, robots: "QuerySet[Robot]"
+    ) -> HttpResponse | None:
         """Go to the page that makes them, for one robot at a time: they are shown only once."""
         chosen = list(theirs_to_change(request, robots)[:2])
         if len(chosen) == 1:
-            return HttpResponseRedirect(reverse("admin:robots_robot_credentials", args=[chosen[0].pk]))
-        self.message_user(request, _now("Choose one robot: its credentials are shown only once."), messages.ERROR)
+            return HttpResponseRedirect(
+                reverse("admin:robots_robot_credentials", args=[chosen[0].pk])
+            )
+        self.message_user(
+            request, _now("Choose one robot: its credentials are shown only once."), messages.ERROR
+        )
         return None
 
     @admin.action(description=_("Revoke the credentials"), permissions=["change"])
@@ -284,14 +380,18 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             revoke(robot)
             self.log_change(request, robot, _now("Credentials revoked."))
             audit.note("credentials_revoked", actor=request.user, robot=robot)
-        text = ngettext("%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(chosen))
+        text = ngettext(
+            "%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(chosen)
+        )
         self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)
 
     @admin.action(description=_("Free now, wherever it stands"), permissions=["change"])
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Let visitors have robots that are on their way home, charging, or stuck."""
         changed = list(theirs_to_change(request, robots).exclude(turnaround=Robot.Turnaround.READY))
-        Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(turnaround=Robot.Turnaround.READY, turnaround_reason="")
+        Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(
+            turnaround=Robot.Turnaround.READY, turnaround_reason=""
+        )
         for robot in changed:
             self.log_change(request, robot, _now("Freed."))
             audit.note("robot_freed", actor=request.user, robot=robot)
@@ -300,7 +400,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.action(description=_("Disable"), permissions=["change"])
     def disable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Keep the robots from connecting and from being driven, with their credentials left as they are."""
+        """Keep the robots from connecting and from being driven, with their credentials left as
+        they are.
+        """
         self._set_enabled(request, robots, enabled=False)
 
     @admin.action(description=_("Enable"), permissions=["change"])
@@ -308,12 +410,16 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Let the robots connect again."""
         self._set_enabled(request, robots, enabled=True)
 
-    def _set_enabled(self, request: HttpRequest, robots: "QuerySet[Robot]", *, enabled: bool) -> None:
+    def _set_enabled(
+        self, request: HttpRequest, robots: "QuerySet[Robot]", *, enabled: bool
+    ) -> None:
         changed = list(theirs_to_change(request, robots).exclude(enabled=enabled))
         Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(enabled=enabled)
         for robot in changed:
             self.log_change(request, robot, _now("Enabled.") if enabled else _now("Disabled."))
-            audit.note("robot_enabled" if enabled else "robot_disabled", actor=request.user, robot=robot)
+            audit.note(
+                "robot_enabled" if enabled else "robot_disabled", actor=request.user, robot=robot
+            )
         text = ngettext("%(n)d robot was changed.", "%(n)d robots were changed.", len(changed))
         self.message_user(request, text % {"n": len(changed)}, messages.SUCCESS)
 
@@ -325,32 +431,69 @@ class FloorPlanAdmin(OfRobots):
     form = FloorPlanForm
     list_display = ("title", "name", "size", "robot_count")
     search_fields = ("title", "name")
-    readonly_fields = ("preview", "size", "places", "resolution", "origin_x", "origin_y", "origin_theta", "sha256")
+    readonly_fields = (
+        "preview",
+        "size",
+        "places",
+        "resolution",
+        "origin_x",
+        "origin_y",
+        "origin_theta",
+        "sha256",
+    )
 
     def is_of(self, request: HttpRequest, row: Model | None) -> bool:
         """A place belongs to everybody who has a robot there."""
-        return super().is_of(request, None) if row is None else Robot.objects.filter(floor_plan=row.pk, owner=request.user.pk).exists()
+        return (
+            super().is_of(request, None)
+            if row is None
+            else Robot.objects.filter(floor_plan=row.pk, owner=request.user.pk).exists()
+        )
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[FloorPlan]":
         """Count the robots in the same query, and leave the images out of lists."""
         rows: QuerySet[FloorPlan] = admin.ModelAdmin.get_queryset(self, request)
         if not self.sees_all(request):
-            rows = rows.filter(pk__in=Robot.objects.filter(owner=request.user.pk, floor_plan__isnull=False).values("floor_plan"))
+            rows = rows.filter(
+                pk__in=Robot.objects.filter(owner=request.user.pk, floor_plan__isnull=False).values(
+                    "floor_plan"
+                )
+            )
         return rows.annotate(robots_there=Count("robots"))
 
-    def get_fieldsets(self, _request: HttpRequest, obj: FloorPlan | None = None) -> list[tuple[Any, dict[str, Any]]]:
+    def get_fieldsets(
+        self, _request: HttpRequest, obj: FloorPlan | None = None
+    ) -> list[tuple[Any, dict[str, Any]]]:
         """A new floor plan is three files; an old one shows what is in them."""
         files = ("map_file", "image_file", "plan_file")
         if obj is None:
-            return [(None, {"fields": (*files, "name", "title"), "description": _("With a plan.json the map id and title come from it.")})]
-        geometry = ("size", "resolution", "origin_x", "origin_y", "origin_theta", "places", "sha256")
+            return [
+                (
+                    None,
+                    {
+                        "fields": (*files, "name", "title"),
+                        "description": _("With a plan.json the map id and title come from it."),
+                    },
+                )
+            ]
+        geometry = (
+            "size",
+            "resolution",
+            "origin_x",
+            "origin_y",
+            "origin_theta",
+            "places",
+            "sha256",
+        )
         return [
             (None, {"fields": ("title", "name", "preview")}),
             (_("Map"), {"fields": geometry}),
             (_("Replace by other files"), {"fields": files, "classes": ("collapse",)}),
         ]
 
-    def get_readonly_fields(self, _request: HttpRequest, obj: FloorPlan | None = None) -> tuple[str, ...]:
+    def get_readonly_fields(
+        self, _request: HttpRequest, obj: FloorPlan | None = None
+    ) -> tuple[str, ...]:
         """A map id is known to robots: it stays."""
         return (*self.readonly_fields, *(("name",) if obj is not None else ()))
 
@@ -358,7 +501,13 @@ class FloorPlanAdmin(OfRobots):
     def preview(self, plan: FloorPlan) -> str | SafeString:
         """The image of the map."""
         address = reverse("floor_plan_image", args=[plan.name])
-        return format_html('<img src="{}?v={}" alt="{}" width="{}">', address, plan.sha256[:16], plan.title, min(plan.width, 480))
+        return format_html(
+            '<img src="{}?v={}" alt="{}" width="{}">',
+            address,
+            plan.sha256[:16],
+            plan.title,
+            min(plan.width, 480),
+        )
 
     @admin.display(description=_("size"))
     def size(self, plan: FloorPlan) -> str:
@@ -370,15 +519,23 @@ class FloorPlanAdmin(OfRobots):
     def robot_count(self, plan: FloorPlan) -> str | SafeString:
         """How many robots drive there, with a link to them."""
         count = getattr(plan, "robots_there", 0)
-        return link_to("admin:robots_robot_changelist", count, query=f"?floor_plan__id__exact={plan.pk}")
+        return link_to(
+            "admin:robots_robot_changelist", count, query=f"?floor_plan__id__exact={plan.pk}"
+        )
 
     @admin.display(description=_("in the plan"))
     def places(self, plan: FloorPlan) -> str:
         """What the plan names."""
         kinds = {
-            "rooms": _now("rooms"), "doors": _now("doors"), "docks": _now("docks"), "places": _now("places"), "routes": _now("routes"),
-        }  # fmt: skip
-        named = [f"{len(plan.plan[kind])} {word}" for kind, word in kinds.items() if plan.plan.get(kind)]
+            "rooms": _now("rooms"),
+            "doors": _now("doors"),
+            "docks": _now("docks"),
+            "places": _now("places"),
+            "routes": _now("routes"),
+        }
+        named = [
+            f"{len(plan.plan[kind])} {word}" for kind, word in kinds.items() if plan.plan.get(kind)
+        ]
         return ", ".join(named) or NOTHING
 
 
@@ -387,4 +544,8 @@ def _moment(moment: datetime.datetime) -> str:
 
 
 def _shown(content: Any) -> str | SafeString:
-    return format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False)) if content else NOTHING
+    return (
+        format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False))
+        if content
+        else NOTHING
+    )

@@ -1,7 +1,8 @@
 """Ending tasks for certain.
 
-Until Python 3.12 `asyncio.wait_for`, which aiomqtt rests on, now and then forgets a cancellation that
-arrives together with what it waits for. So a task is cancelled until it is done, and never only once.
+Until Python 3.12 `asyncio.wait_for`, which aiomqtt rests on, now and then forgets a cancellation
+that arrives together with what it waits for. So a task is cancelled until it is done, and never
+only once.
 """
 
 import asyncio
@@ -11,7 +12,9 @@ AGAIN_S = 0.5
 
 
 async def cancel(*tasks: "asyncio.Future[Any]") -> None:
-    """Cancel tasks and wait until they have ended; what they raise is dropped, also when this is cancelled while it waits."""
+    """Cancel tasks and wait until they have ended; what they raise is dropped, also when this is
+    cancelled while it waits.
+    """
     for task in tasks:
         task.add_done_callback(_drop)
     pending = {task for task in tasks if not task.done()}
@@ -22,6 +25,8 @@ async def cancel(*tasks: "asyncio.Future[Any]") -> None:
 
 
 def _drop(task: "asyncio.Future[Any]") -> None:
-    """Look at what a task raised, for else asyncio would tell of it as of something that nobody looked at."""
+    """Look at what a task raised, for else asyncio would tell of it as of something that nobody
+    looked at.
+    """
     if not task.cancelled():
         task.exception()

@@ -1,4 +1,6 @@
-"""What a page shows of a robot: one state, one sentence, one button. Pure: the caller says how many drive and wait, and when it is."""
+"""What a page shows of a robot: one state, one sentence, one button. Pure: the caller says how many
+drive and wait, and when it is.
+"""
 
 import datetime
 import math
@@ -19,7 +21,9 @@ PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Who is at a robot: whether somebody drives it, how many wait, and how many minutes whoever came now would, None when nobody can tell."""
+    """Who is at a robot: whether somebody drives it, how many wait, and how many minutes whoever
+    came now would, None when nobody can tell.
+    """
 
     driven: bool = False
     waiting: int = 0
@@ -30,8 +34,8 @@ class Traffic:
 class Card:
     """A robot as the list shows it, in the language of the request.
 
-    `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot that is away. `drives` tells that the
-    button means driving, now or in turn.
+    `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
+    that is away. `drives` tells that the button means driving, now or in turn.
     """
 
     name: str
@@ -93,28 +97,45 @@ def _is_latched(robot: Robot) -> bool:
 
 
 def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:
-    """Return the label and the sentence of a robot that nobody is kept from by another visitor or by a person there; None when there are none."""
+    """Return the label and the sentence of a robot that nobody is kept from by another visitor or
+    by a person there; None when there are none.
+    """
     if state == "stopped" and not _is_latched(robot):
-        return _("Not available"), _("Its own control does not answer. It comes back when that does.")
+        return _("Not available"), _(
+            "Its own control does not answer. It comes back when that does."
+        )
     return _away(robot) if state == "busy" and not traffic.driven else None
 
 
 def _away(robot: Robot) -> tuple[str, str] | None:
-    """Return what a robot does between two visits, as a label and a sentence; None when it is ready."""
+    """Return what a robot does between two visits, as a label and a sentence; None when it is
+    ready.
+    """
     if robot.held:
         return _("Not ready"), _("Its visits are paused for now. You can wait in line.")
     if not robot.returns_home:
         return None
     words = {
-        Robot.Turnaround.RETURNING: (_("On its way home"), _("It docks first. You can wait in line.")),
+        Robot.Turnaround.RETURNING: (
+            _("On its way home"),
+            _("It docks first. You can wait in line."),
+        ),
         Robot.Turnaround.CHARGING: (_("Charging"), _("It charges first. You can wait in line.")),
-        Robot.Turnaround.PAUSED: (_("Not ready"), _("It could not get ready for the next visit. It tries again by itself.")),
+        Robot.Turnaround.PAUSED: (
+            _("Not ready"),
+            _("It could not get ready for the next visit. It tries again by itself."),
+        ),
     }
     return words.get(Robot.Turnaround(robot.turnaround))
 
 
 def _label(state: CardState) -> str:
-    return {"available": _("Free now"), "busy": _("In use"), "stopped": _("Stopped"), "offline": _("Offline")}[state]
+    return {
+        "available": _("Free now"),
+        "busy": _("In use"),
+        "stopped": _("Stopped"),
+        "offline": _("Offline"),
+    }[state]
 
 
 def _detail(state: CardState, robot: Robot, traffic: Traffic, now: datetime.datetime) -> str:
@@ -134,7 +155,9 @@ def _line(traffic: Traffic) -> str:
     if traffic.minutes is None:
         if not traffic.waiting:
             return _("Somebody is driving. You would be next.")
-        return ngettext("%(n)d visitor waits in line.", "%(n)d visitors wait in line.", traffic.waiting) % {"n": traffic.waiting}
+        return ngettext(
+            "%(n)d visitor waits in line.", "%(n)d visitors wait in line.", traffic.waiting
+        ) % {"n": traffic.waiting}
     words = {"place": traffic.waiting + 1, "minutes": max(1, math.ceil(traffic.minutes))}
     if not traffic.waiting:
         return _("Somebody is driving. You would be next, in about %(minutes)d min.") % words
@@ -165,7 +188,9 @@ def _charge(charge: int | None, *, charging: bool) -> str:
 def _battery(report: Any) -> tuple[int | None, bool]:
     battery = _part(report, "battery")
     charge = battery.get("charge")
-    percent = round(charge * 100) if isinstance(charge, int | float) and 0.0 <= charge <= 1.0 else None
+    percent = (
+        round(charge * 100) if isinstance(charge, int | float) and 0.0 <= charge <= 1.0 else None
+    )
     return percent, battery.get("charging") is True
 
 

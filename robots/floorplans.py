@@ -19,13 +19,16 @@ MAX_YAML = 64 * 1024
 MAX_IMAGE = 8 * 1024 * 1024
 MAX_PLAN = 256 * 1024
 MAX_TITLE = 120
-MAX_CELLS = 16 * 1024 * 1024  # 200 m by 200 m at 5 cm: what is worked out of a map takes several bytes a cell
+# 200 m by 200 m at 5 cm: what is worked out of a map takes several bytes a cell
+MAX_CELLS = 16 * 1024 * 1024
 MAP_ID = re.compile(r"[A-Za-z0-9_-]{1,50}")
 IMAGE_BEGINNINGS = (b"\x89PNG\r\n\x1a\n", b"P5", b"P2")
 
 
 class FloorPlanRefusedError(ValueError):
-    """A floor plan that cannot be stored, in sentences for whoever sent it; `problems` has them one by one."""
+    """A floor plan that cannot be stored, in sentences for whoever sent it; `problems` has them one
+    by one.
+    """
 
     def __init__(self, *problems: str) -> None:
         super().__init__(" ".join(problems))
@@ -33,7 +36,8 @@ class FloorPlanRefusedError(ValueError):
 
 
 def store_floor_plan(directory: Path) -> FloorPlan:
-    """Store the site of a folder (map.yaml with its image, plan.json) under its map id, in place of what was there.
+    """Store the site of a folder (map.yaml with its image, plan.json) under its map id, in place of
+    what was there.
 
     Raises:
         FloorPlanRefusedError: a file is missing or cannot be used.
@@ -44,9 +48,11 @@ def store_floor_plan(directory: Path) -> FloorPlan:
 
 
 def keep_site(directory: Path, sites: Path) -> Path:
-    """Copy a site's folder to `sites`/<map id>, in place of what was there, and return the copy: what a simulator takes as its plan.
+    """Copy a site's folder to `sites`/<map id>, in place of what was there, and return the copy:
+    what a simulator takes as its plan.
 
-    The map is written anew, as what was checked: the image that the folder's map.yaml names may lie anywhere.
+    The map is written anew, as what was checked: the image that the folder's map.yaml names may lie
+    anywhere.
 
     Raises:
         FloorPlanRefusedError: a file is missing or cannot be used.
@@ -77,14 +83,19 @@ def read_folder(directory: Path) -> dict[str, Any]:
     except OSError as error:
         raise FloorPlanRefusedError(f"{error.filename}: {error.strerror}.") from error
     except FloorPlanError as error:
-        raise FloorPlanRefusedError(*(f"plan.json: {problem}." for problem in error.problems)) from error
+        raise FloorPlanRefusedError(
+            *(f"plan.json: {problem}." for problem in error.problems)
+        ) from error
     except MapError as error:
         raise FloorPlanRefusedError(f"{error}.") from error
     return _values(plan.map_id, plan.title, grid, plan)
 
 
-def read_upload(map_yaml: bytes, image: bytes, plan_json: bytes | None, *, name: str = "", title: str = "") -> dict[str, Any]:
-    """Return the fields of a FloorPlan for uploaded files; without a plan.json the map id and title must be given.
+def read_upload(
+    map_yaml: bytes, image: bytes, plan_json: bytes | None, *, name: str = "", title: str = ""
+) -> dict[str, Any]:
+    """Return the fields of a FloorPlan for uploaded files; without a plan.json the map id and title
+    must be given.
 
     Raises:
         FloorPlanRefusedError: something cannot be used.
@@ -92,7 +103,9 @@ def read_upload(map_yaml: bytes, image: bytes, plan_json: bytes | None, *, name:
     plan = _plan(plan_json)
     name, title = (plan.map_id, title or plan.title) if plan is not None else (name, title)
     if not name or not title:
-        raise FloorPlanRefusedError("Without a plan.json the floor plan needs a map id and a title.")
+        raise FloorPlanRefusedError(
+            "Without a plan.json the floor plan needs a map id and a title."
+        )
     return _values(name, title, _grid(map_yaml, image), plan)
 
 
@@ -102,51 +115,81 @@ def _plan(data: bytes | None) -> floorplan.FloorPlan | None:
     try:
         return floorplan.decode(data)
     except FloorPlanError as error:
-        raise FloorPlanRefusedError(*(f"plan.json: {problem}." for problem in error.problems)) from error
+        raise FloorPlanRefusedError(
+            *(f"plan.json: {problem}." for problem in error.problems)
+        ) from error
 
 
 def _grid(map_yaml: bytes, image: bytes) -> OccupancyGrid:
-    """Return the map of two uploaded files. The name of the image in the YAML file is not followed: it may point anywhere."""
+    """Return the map of two uploaded files. The name of the image in the YAML file is not followed:
+    it may point anywhere.
+    """
     if not image.startswith(IMAGE_BEGINNINGS):
         raise FloorPlanRefusedError("The image is neither PNG nor PGM.")
     suffix = ".png" if image.startswith(IMAGE_BEGINNINGS[0]) else ".pgm"
-    lines = [line for line in map_yaml.decode("utf-8", "replace").splitlines() if not line.lstrip().startswith(("image:", '"image"', "'image'"))]
+    lines = [
+        line
+        for line in map_yaml.decode("utf-8", "replace").splitlines()
+        if not line.lstrip().startswith(("image:", '"image"', "'image'"))
+    ]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / f"map{suffix}").write_bytes(image)
-        (Path(folder) / "map.yaml").write_text("\n".join([*lines, f"image: map{suffix}", ""]), encoding="utf-8")
+        (Path(folder) / "map.yaml").write_text(
+            "\n".join([*lines, f"image: map{suffix}", ""]), encoding="utf-8"
+        )
         try:
             return load_grid(Path(folder) / "map.yaml")
         except MapError as error:
             raise FloorPlanRefusedError(f"{error}.".replace(folder + "/", "")) from error
 
 
-def _values(name: str, title: str, grid: OccupancyGrid, plan: floorplan.FloorPlan | None) -> dict[str, Any]:
+def _values(
+    name: str, title: str, grid: OccupancyGrid, plan: floorplan.FloorPlan | None
+) -> dict[str, Any]:
     if grid.image.size > MAX_CELLS:
-        raise FloorPlanRefusedError(f"A map of {grid.image.shape[1]} × {grid.image.shape[0]} pixels is larger than robots take; draw it coarser.")
+        raise FloorPlanRefusedError(
+            f"A map of {grid.image.shape[1]} × {grid.image.shape[0]} pixels is larger than robots"
+            " take; draw it coarser."
+        )
     image = encode_png(grid.image)
     problems = _problems(name, title, grid, image, plan)
     if problems:
         raise FloorPlanRefusedError(*problems)
     return {
-        "name": name, "title": title, "resolution": grid.transform.resolution,
-        "origin_x": grid.transform.origin.x, "origin_y": grid.transform.origin.y, "origin_theta": grid.transform.origin.theta,
-        "negate": grid.negate, "occupied_thresh": grid.occupied_thresh, "free_thresh": grid.free_thresh,
-        "width": grid.image.shape[1], "height": grid.image.shape[0],
-        "image": image, "plan": json.loads(floorplan.encode(plan)) if plan is not None else {},
+        "name": name,
+        "title": title,
+        "resolution": grid.transform.resolution,
+        "origin_x": grid.transform.origin.x,
+        "origin_y": grid.transform.origin.y,
+        "origin_theta": grid.transform.origin.theta,
+        "negate": grid.negate,
+        "occupied_thresh": grid.occupied_thresh,
+        "free_thresh": grid.free_thresh,
+        "width": grid.image.shape[1],
+        "height": grid.image.shape[0],
+        "image": image,
+        "plan": json.loads(floorplan.encode(plan)) if plan is not None else {},
         "sha256": hashlib.sha256(image).hexdigest(),
-    }  # fmt: skip
+    }
 
 
-def _problems(name: str, title: str, grid: OccupancyGrid, image: bytes, plan: floorplan.FloorPlan | None) -> list[str]:
+def _problems(
+    name: str, title: str, grid: OccupancyGrid, image: bytes, plan: floorplan.FloorPlan | None
+) -> list[str]:
     found = []
     if not MAP_ID.fullmatch(name):
         found.append("The map id must be at most 50 letters, digits, hyphens and underscores.")
     if len(title) > MAX_TITLE:
         found.append(f"The title must be at most {MAX_TITLE} characters.")
     if len(image) > MAX_PNG:
-        found.append(f"The map's image takes {len(image) // 1024} kB as a PNG; robots take at most {MAX_PNG // 1024} kB.")
+        found.append(
+            f"The map's image takes {len(image) // 1024} kB as a PNG; robots take at most"
+            f" {MAX_PNG // 1024} kB."
+        )
     if not 0.001 <= grid.transform.resolution <= 10.0:  # noqa: PLR2004 -- the model's own bounds
-        found.append(f"A resolution of {grid.transform.resolution} m a pixel is not between 0.001 and 10.")
+        found.append(
+            f"A resolution of {grid.transform.resolution} m a pixel is not between 0.001 and 10."
+        )
     if not 0.0 <= grid.free_thresh <= grid.occupied_thresh <= 1.0:
         found.append("The thresholds must be 0 ≤ free_thresh ≤ occupied_thresh ≤ 1.")
     if not grid.free().any():

@@ -13,12 +13,24 @@ from robots.models import FloorPlan
 
 
 class FloorPlanForm(forms.ModelForm):
-    """Takes ROS map_server's two files and, when there is one, a plan.json; the row's fields come out of them."""
+    """Takes ROS map_server's two files and, when there is one, a plan.json; the row's fields come
+    out of them.
+    """
 
-    map_file = forms.FileField(label=_("Map (YAML)"), required=False, help_text=_("The .yaml file of ROS map_server."))
-    image_file = forms.FileField(label=_("Image of the map"), required=False, help_text=_("The PNG or PGM file that belongs to it."))
+    map_file = forms.FileField(
+        label=_("Map (YAML)"), required=False, help_text=_("The .yaml file of ROS map_server.")
+    )
+    image_file = forms.FileField(
+        label=_("Image of the map"),
+        required=False,
+        help_text=_("The PNG or PGM file that belongs to it."),
+    )
     plan_file = forms.FileField(
-        label=_("Plan (JSON)"), required=False, help_text=_("plan.json with rooms, doors, docks and checkpoints; the map works without it.")
+        label=_("Plan (JSON)"),
+        required=False,
+        help_text=_(
+            "plan.json with rooms, doors, docks and checkpoints; the map works without it."
+        ),
     )
 
     class Meta:
@@ -57,7 +69,9 @@ class FloorPlanForm(forms.ModelForm):
         self._values = self._read(files[0], files[1], files[2], cleaned)
         return cleaned | {"name": self._values["name"], "title": self._values["title"]}
 
-    def _read(self, map_file: bytes, image: bytes, plan: bytes | None, cleaned: dict[str, Any]) -> dict[str, Any]:
+    def _read(
+        self, map_file: bytes, image: bytes, plan: bytes | None, cleaned: dict[str, Any]
+    ) -> dict[str, Any]:
         adding = self.instance._state.adding  # noqa: SLF001 -- as above
         name = (cleaned.get("name") if adding else self.instance.name) or ""
         try:
@@ -66,7 +80,9 @@ class FloorPlanForm(forms.ModelForm):
             raise forms.ValidationError(list(error.problems)) from error
         if name and values["name"] != name:
             words = {"map": values["name"], "name": name}
-            raise forms.ValidationError(_now("The plan.json belongs to the map “%(map)s”, not to “%(name)s”.") % words)
+            raise forms.ValidationError(
+                _now("The plan.json belongs to the map “%(map)s”, not to “%(name)s”.") % words
+            )
         return values
 
     def _post_clean(self) -> None:
@@ -80,5 +96,7 @@ def _content(file: UploadedFile | None, limit: int) -> bytes | None:
     if file is None:
         return None
     if file.size is None or file.size > limit:
-        raise forms.ValidationError(_now("The file is larger than %(size)s.") % {"size": filesizeformat(limit)})
+        raise forms.ValidationError(
+            _now("The file is larger than %(size)s.") % {"size": filesizeformat(limit)}
+        )
     return bytes(file.read())

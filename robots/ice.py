@@ -1,7 +1,8 @@
 """The STUN and TURN servers that a page and a robot use for one connection.
 
-TURN credentials are made for one person and a limited time, from a secret that the TURN server shares (coturn's `use-auth-secret`;
-draft-uberti-behave-turn-rest-00): the user name is "<expiry>:<name>", the password its HMAC-SHA1 in base64.
+TURN credentials are made for one person and a limited time, from a secret that the TURN server
+shares (coturn's `use-auth-secret`; draft-uberti-behave-turn-rest-00): the user name is
+"<expiry>:<name>", the password its HMAC-SHA1 in base64.
 """
 
 import base64
@@ -12,22 +13,31 @@ from django.conf import settings
 
 from robots.api.messages import IceServer
 
-LIFETIME_SECONDS = 6 * 3600  # longer than any visit: a TURN allocation is renewed with the same credentials
+# longer than any visit: a TURN allocation is renewed with the same credentials
+LIFETIME_SECONDS = 6 * 3600
 MAX_URLS = 8
 
 
 def ice_servers(name: str, now: float) -> tuple[IceServer, ...]:
-    """Return the servers for `name` (a visitor's id or a robot's name) at `now`, Unix time in seconds; empty when none is set up."""
+    """Return the servers for `name` (a visitor's id or a robot's name) at `now`, Unix time in
+    seconds; empty when none is set up.
+    """
     servers: list[IceServer] = []
     if settings.STUN_URLS:
         servers.append(IceServer(urls=tuple(settings.STUN_URLS[:MAX_URLS])))
     if settings.TURN_URLS and settings.TURN_SECRET:
         username, credential = turn_credentials(name, settings.TURN_SECRET, now)
-        servers.append(IceServer(urls=tuple(settings.TURN_URLS[:MAX_URLS]), username=username, credential=credential))
+        servers.append(
+            IceServer(
+                urls=tuple(settings.TURN_URLS[:MAX_URLS]), username=username, credential=credential
+            )
+        )
     return tuple(servers)
 
 
-def turn_credentials(name: str, secret: str, now: float, lifetime: int = LIFETIME_SECONDS) -> tuple[str, str]:
+def turn_credentials(
+    name: str, secret: str, now: float, lifetime: int = LIFETIME_SECONDS
+) -> tuple[str, str]:
     """Return (user name, password), valid until `now` + `lifetime` seconds."""
     username = f"{int(now) + lifetime}:{name}"
     # SHA-1 is the protocol's choice; as an HMAC key check it is still sound.

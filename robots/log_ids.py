@@ -1,7 +1,9 @@
-"""What a log line is about: the ids of request, session and robot that go with every line written meanwhile.
+"""What a log line is about: the ids of request, session and robot that go with every line written
+meanwhile.
 
-A function that returns them is kept, not the ids themselves: a page's session changes while its socket stays, and nothing is looked up
-until a line is written. `telepresence_site/ops/log_lines.py` puts them into the lines.
+A function that returns them is kept, not the ids themselves: a page's session changes while its
+socket stays, and nothing is looked up until a line is written. `telepresence_site/ops/log_lines.py`
+puts them into the lines.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -16,7 +18,9 @@ _about: ContextVar[Ids] = ContextVar("log_ids", default=dict)
 
 
 def of_process(**ids: object) -> None:
-    """Name what every line of this process is about, in all of its threads: a robot's agent its robot."""
+    """Name what every line of this process is about, in all of its threads: a robot's agent its
+    robot.
+    """
     _process.update(ids)
 
 
@@ -27,7 +31,9 @@ def current() -> dict[str, object]:
 
 
 def captured() -> Ids:
-    """Return what names the ids of lines written here, for another task that works for the same request."""
+    """Return what names the ids of lines written here, for another task that works for the same
+    request.
+    """
     return _about.get()
 
 

@@ -24,12 +24,16 @@ def refuse_reserved_name(name: str) -> None:
 
 
 class FloorPlan(models.Model):
-    """A site: the occupancy map of ROS map_server and the plan that names its parts (robots.api.floorplan)."""
+    """A site: the occupancy map of ROS map_server and the plan that names its parts
+    (robots.api.floorplan).
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     name = models.SlugField(_("map id"), unique=True)
     title = models.CharField(_("title"), max_length=120)
-    resolution = models.FloatField(_("resolution (m/pixel)"), validators=[MinValueValidator(0.001), MaxValueValidator(10.0)])
+    resolution = models.FloatField(
+        _("resolution (m/pixel)"), validators=[MinValueValidator(0.001), MaxValueValidator(10.0)]
+    )
     origin_x = models.FloatField(_("origin x (m)"))
     origin_y = models.FloatField(_("origin y (m)"))
     origin_theta = models.FloatField(_("origin θ (rad)"), default=0.0)
@@ -83,7 +87,9 @@ class Robot(models.Model):
         STEER = "steer", _("steers round obstacles and through doors")
 
     class Calls(models.TextChoices):
-        """Whether the people at the robot are asked before they see and hear a visitor: robots.api.messages.Config."""
+        """Whether the people at the robot are asked before they see and hear a visitor:
+        robots.api.messages.Config.
+        """
 
         ACCEPT = "accept", _("shown and heard at once")
         ASK = "ask", _("somebody at the screen answers first")
@@ -101,13 +107,30 @@ class Robot(models.Model):
         _("name"),
         max_length=63,
         unique=True,
-        validators=[RegexValidator(ROBOT_NAME, _("Lower-case letters, digits and hyphens.")), refuse_reserved_name],
+        validators=[
+            RegexValidator(ROBOT_NAME, _("Lower-case letters, digits and hyphens.")),
+            refuse_reserved_name,
+        ],
         help_text=_("Its address: in links, in topics, and in “run_robot NAME”."),
     )
     title = models.CharField(_("title"), max_length=80)
     description = models.TextField(_("description"), blank=True)
-    owner = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="owned_robots", verbose_name=_("owner"))
-    floor_plan = models.ForeignKey(FloorPlan, models.SET_NULL, null=True, blank=True, related_name="robots", verbose_name=_("floor plan"))
+    owner = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="owned_robots",
+        verbose_name=_("owner"),
+    )
+    floor_plan = models.ForeignKey(
+        FloorPlan,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="robots",
+        verbose_name=_("floor plan"),
+    )
     enabled = models.BooleanField(_("enabled"), default=True)
     access = models.CharField(_("access"), max_length=12, choices=Access, default=Access.OPEN)
     observers_allowed = models.BooleanField(_("observers allowed"), default=True)
@@ -118,47 +141,80 @@ class Robot(models.Model):
         validators=[MinValueValidator(0.1)],
         help_text=_("How long a visitor drives when others wait; empty means the site's default."),
     )
-    max_linear = models.FloatField(_("speed limit (m/s)"), null=True, blank=True, validators=[MinValueValidator(0.01)])
-    max_angular = models.FloatField(_("turning limit (rad/s)"), null=True, blank=True, validators=[MinValueValidator(0.01)])
+    max_linear = models.FloatField(
+        _("speed limit (m/s)"), null=True, blank=True, validators=[MinValueValidator(0.01)]
+    )
+    max_angular = models.FloatField(
+        _("turning limit (rad/s)"), null=True, blank=True, validators=[MinValueValidator(0.01)]
+    )
 
     assist = models.CharField(
-        _("assistance"), max_length=5, choices=Assist, default=Assist.OFF, help_text=_("Unless the visitor chooses, or a study decides.")
-    )  # fmt: skip
+        _("assistance"),
+        max_length=5,
+        choices=Assist,
+        default=Assist.OFF,
+        help_text=_("Unless the visitor chooses, or a study decides."),
+    )
     doors = models.JSONField(
-        _("doors"), default=dict, blank=True, editable=False, help_text=_("Of the simulated site: the names that are open or closed.")
+        _("doors"),
+        default=dict,
+        blank=True,
+        editable=False,
+        help_text=_("Of the simulated site: the names that are open or closed."),
     )
     returns_home = models.BooleanField(
         _("goes home after each visit"),
         default=True,
-        help_text=_("It drives to its charging station by itself, and is free again when it is docked, knows where it is, and is charged."),
+        help_text=_(
+            "It drives to its charging station by itself, and is free again when it is docked,"
+            " knows where it is, and is charged."
+        ),
     )
-    # A simulated one for visitors who wait (telepresence_site/practice): on no list, and no study's.
+    # A simulated one for visitors who wait (telepresence_site/practice): on no list, and no
+    # study's.
     practice = models.BooleanField(default=False, editable=False)
     charge_limit = models.FloatField(
-        _("charge needed for a visit (0-1)"), default=0.2, validators=[MinValueValidator(0.0), MaxValueValidator(1.0)]
-    )  # fmt: skip
-    turnaround = models.CharField(_("between visits"), max_length=10, choices=Turnaround, default=Turnaround.READY, editable=False)
+        _("charge needed for a visit (0-1)"),
+        default=0.2,
+        validators=[MinValueValidator(0.0), MaxValueValidator(1.0)],
+    )
+    turnaround = models.CharField(
+        _("between visits"),
+        max_length=10,
+        choices=Turnaround,
+        default=Turnaround.READY,
+        editable=False,
+    )
     turnaround_reason = models.CharField(_("because"), max_length=300, blank=True, editable=False)
     turnaround_at = models.DateTimeField(_("since"), null=True, editable=False)
-    # Set by hand and only so taken back: nobody gets the robot meanwhile, and who waits goes on waiting (sessions/leases/store.py).
+    # Set by hand and only so taken back: nobody gets the robot meanwhile, and who waits goes on
+    # waiting (sessions/leases/store.py).
     held = models.CharField(_("queue held because"), max_length=200, blank=True, editable=False)
 
     calls = models.CharField(
-        _("calls"), max_length=6, choices=Calls, default=Calls.ACCEPT, help_text=_("When a visitor turns on microphone or camera.")
-    )  # fmt: skip
+        _("calls"),
+        max_length=6,
+        choices=Calls,
+        default=Calls.ACCEPT,
+        help_text=_("When a visitor turns on microphone or camera."),
+    )
     screen_hash = models.CharField(max_length=200, blank=True, editable=False)
     screen_made_at = models.DateTimeField(_("screen key made"), null=True, editable=False)
 
     credential_hash = models.CharField(max_length=200, blank=True, editable=False)
     credential_made_at = models.DateTimeField(_("credentials made"), null=True, editable=False)
 
-    # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a rotation (robots/enrol/credentials.py).
+    # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a
+    # rotation (robots/enrol/credentials.py).
     credential_user = models.CharField(max_length=80, blank=True, editable=False)
-    # The credentials before these hold until then, so that a robot can take the new ones while it runs.
+    # The credentials before these hold until then, so that a robot can take the new ones while it
+    # runs.
     former_user = models.CharField(max_length=80, blank=True, editable=False)
     former_hash = models.CharField(max_length=200, blank=True, editable=False)
     former_until = models.DateTimeField(null=True, editable=False)
-    renewal_asked_at = models.DateTimeField(_("new credentials asked for"), null=True, editable=False)
+    renewal_asked_at = models.DateTimeField(
+        _("new credentials asked for"), null=True, editable=False
+    )
 
     connection = models.CharField(_("connection"), max_length=20, default="OFFLINE", editable=False)
     boot = models.CharField(max_length=64, blank=True, editable=False)
@@ -181,15 +237,22 @@ class Robot(models.Model):
 
     def is_online(self, now: datetime.datetime) -> bool:
         """Tell whether the robot is connected and was heard from within the last seconds."""
-        heard = self.last_seen_at is not None and (now - self.last_seen_at).total_seconds() < ONLINE_SECONDS
+        heard = (
+            self.last_seen_at is not None
+            and (now - self.last_seen_at).total_seconds() < ONLINE_SECONDS
+        )
         return self.enabled and self.connection == "ONLINE" and heard
 
 
 class Enrolment(models.Model):
-    """A one-time token by which a robot's computer fetches the robot's credentials (robots/enrol/tokens.py); only its hash is kept."""
+    """A one-time token by which a robot's computer fetches the robot's credentials
+    (robots/enrol/tokens.py); only its hash is kept.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    robot = models.ForeignKey(Robot, models.CASCADE, related_name="enrolments", verbose_name=_("robot"))
+    robot = models.ForeignKey(
+        Robot, models.CASCADE, related_name="enrolments", verbose_name=_("robot")
+    )
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     made_at = models.DateTimeField(_("made"))
     expires_at = models.DateTimeField(_("expires"))
@@ -204,7 +267,9 @@ class Enrolment(models.Model):
 
 
 class RobotPermit(models.Model):
-    """A user whom a robot's owner invited, or declared trained, or made an operator (may stop, pause and message sessions)."""
+    """A user whom a robot's owner invited, or declared trained, or made an operator (may stop,
+    pause and message sessions).
+    """
 
     class Kind(models.TextChoices):
         """What the user may do."""
@@ -214,15 +279,24 @@ class RobotPermit(models.Model):
         OPERATOR = "operator", _("operator")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    robot = models.ForeignKey(Robot, models.CASCADE, related_name="permits", verbose_name=_("robot"))
-    user = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="robot_permits", verbose_name=_("user"))
+    robot = models.ForeignKey(
+        Robot, models.CASCADE, related_name="permits", verbose_name=_("robot")
+    )
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.CASCADE,
+        related_name="robot_permits",
+        verbose_name=_("user"),
+    )
     kind = models.CharField(_("kind"), max_length=10, choices=Kind)
     granted_at = models.DateTimeField(_("granted"), auto_now_add=True)
 
     class Meta:
         verbose_name = _("permit")
         verbose_name_plural = _("permits")
-        constraints = [models.UniqueConstraint(fields=["robot", "user", "kind"], name="one_permit_of_a_kind")]
+        constraints = [
+            models.UniqueConstraint(fields=["robot", "user", "kind"], name="one_permit_of_a_kind")
+        ]
 
     def __str__(self) -> str:
         return f"{self.user} · {self.robot} · {self.get_kind_display()}"

@@ -1,7 +1,8 @@
-"""What a robot last said of itself, kept in its row: pure rules, and a writer that spares the database.
+"""What a robot last said of itself, kept in its row: pure rules, and a writer that spares the
+database.
 
-A will can arrive seconds after the robot is back (a half-open connection that the broker gave up late), so OFFLINE and
-CONNECTIONBROKEN of another boot than the last ONLINE's are ignored.
+A will can arrive seconds after the robot is back (a half-open connection that the broker gave up
+late), so OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's are ignored.
 """
 
 import datetime
@@ -16,10 +17,14 @@ from robots.models import Robot
 WRITE_SECONDS = 2.0
 UNKNOWN_SECONDS = 10.0
 AT_ONCE = frozenset({"connection", "boot", "factsheet"})
-LOST = "adapter_lost: "  # robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the agent of
+# robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the
+# agent of
+LOST = "adapter_lost: "
 
 
-def changes(robot: Robot, message: Message, now: datetime.datetime, *, retained: bool = False) -> dict[str, Any]:
+def changes(
+    robot: Robot, message: Message, now: datetime.datetime, *, retained: bool = False
+) -> dict[str, Any]:
     """Return the fields of a robot's row that a message changes.
 
     Args:
@@ -54,20 +59,32 @@ def _state(robot: Robot, message: State) -> dict[str, Any]:
     known = robot.report or {}
     if known.get("boot") == message.boot and known.get("seq", -1) >= message.seq:
         return {}  # sent again on request
-    # It says nothing about the connection: the last states of a robot that died may come after its will. One that lives says ONLINE.
+    # It says nothing about the connection: the last states of a robot that died may come after its
+    # will. One that lives says ONLINE.
     return {"report": msgspec.to_builtins(message)}
 
 
 def trouble_of(report: Any) -> str:
-    """Return why an agent does not reach its robot, as its last state has it; empty when it does, or has not said."""
+    """Return why an agent does not reach its robot, as its last state has it; empty when it does,
+    or has not said.
+    """
     errors = report.get("errors") if isinstance(report, dict) else None
-    told = (error for error in errors if isinstance(error, str)) if isinstance(errors, list | tuple) else ()
+    told = (
+        (error for error in errors if isinstance(error, str))
+        if isinstance(errors, list | tuple)
+        else ()
+    )
     return next((error.removeprefix(LOST) for error in told if error.startswith(LOST)), "")
 
 
 def _is_news(before: Any, after: Any) -> bool:
-    """Tell whether a state is the first of its boot, begins or ends a trouble, or comes from a robot that has docked or left."""
-    told = [((one or {}).get("boot"), (one or {}).get("docked", False), trouble_of(one)) for one in (before, after)]
+    """Tell whether a state is the first of its boot, begins or ends a trouble, or comes from a
+    robot that has docked or left.
+    """
+    told = [
+        ((one or {}).get("boot"), (one or {}).get("docked", False), trouble_of(one))
+        for one in (before, after)
+    ]
     return told[0] != told[1]
 
 
@@ -88,7 +105,8 @@ class _Known:
 
 
 class PresenceWriter:
-    """Takes every message of every robot and writes rows: at once what is news to whoever chooses a robot, other states every two seconds.
+    """Takes every message of every robot and writes rows: at once what is news to whoever chooses a
+    robot, other states every two seconds.
 
     Synchronous; for the one process that records. It writes only fields that nobody else writes.
     """
@@ -98,8 +116,12 @@ class PresenceWriter:
         self._known: dict[str, _Known] = {}
         self._unknown: dict[str, float] = {}
 
-    def take(self, name: str, message: Message, now: datetime.datetime, *, retained: bool = False) -> PresenceChange | None:
-        """Take a message of the robot called `name`; return what became of its presence, None when that is as before."""
+    def take(
+        self, name: str, message: Message, now: datetime.datetime, *, retained: bool = False
+    ) -> PresenceChange | None:
+        """Take a message of the robot called `name`; return what became of its presence, None when
+        that is as before.
+        """
         known = self._find(name, now.timestamp())
         if known is None:
             return None

@@ -1,8 +1,10 @@
 """Processes of ours: how each hears that it is to end, and that no child of one outlives it.
 
-A process inherits which signals are ignored. A shell starts what it runs in the background with SIGINT ignored, and so do many CI
-systems; Python then installs no handler of its own (`signal`: "SIGINT is translated into a KeyboardInterrupt exception if the parent
-process has not changed it"), so that Ctrl-C and `kill -INT` do nothing. Every process with an end of its own installs its handlers.
+A process inherits which signals are ignored. A shell starts what it runs in the background with
+SIGINT ignored, and so do many CI systems; Python then installs no handler of its own (`signal`:
+"SIGINT is translated into a KeyboardInterrupt exception if the parent process has not changed it"),
+so that Ctrl-C and `kill -INT` do nothing. Every process with an end of its own installs its
+handlers.
 """
 
 import contextlib
@@ -19,21 +21,26 @@ END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def interrupted_by_signals() -> AbstractContextManager[None]:
-    """Let the first SIGINT or SIGTERM raise KeyboardInterrupt inside, and ignore those that follow. For the main thread alone.
+    """Let the first SIGINT or SIGTERM raise KeyboardInterrupt inside, and ignore those that follow.
+    For the main thread alone.
 
-    A second Ctrl-C thus cannot interrupt the clean-up that the first one began, and leave processes behind; what is cleaned up needs
-    limits of its own.
+    A second Ctrl-C thus cannot interrupt the clean-up that the first one began, and leave processes
+    behind; what is cleaned up needs limits of its own.
     """
     return _handled_by(_interrupt)
 
 
 def ended_by_signals() -> AbstractContextManager[None]:
-    """Let SIGINT and SIGTERM end the process at once inside, which has nothing to clean up. For the main thread alone."""
+    """Let SIGINT and SIGTERM end the process at once inside, which has nothing to clean up. For the
+    main thread alone.
+    """
     return _handled_by(signal.SIG_DFL)
 
 
 @contextlib.contextmanager
-def _handled_by(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> Iterator[None]:
+def _handled_by(
+    handler: Callable[[int, FrameType | None], None] | signal.Handlers,
+) -> Iterator[None]:
     before = {number: signal.signal(number, handler) for number in END_SIGNALS}
     try:
         yield
@@ -54,16 +61,20 @@ def ignore_end_signals() -> None:
 
 
 def tied_to_parent() -> Callable[[], None] | None:
-    """Return the `preexec_fn` of a child that is ended (SIGTERM) when whoever starts it dies, and that hears SIGINT and SIGTERM itself.
+    """Return the `preexec_fn` of a child that is ended (SIGTERM) when whoever starts it dies, and
+    that hears SIGINT and SIGTERM itself.
 
-    The first half is Linux's (prctl(2), PR_SET_PDEATHSIG): elsewhere a parent that is killed leaves its children. The parent is the
-    *thread* that starts the child, so start it from one that lives as long as the process. None where there is no `preexec_fn`.
+    The first half is Linux's (prctl(2), PR_SET_PDEATHSIG): elsewhere a parent that is killed leaves
+    its children. The parent is the
+    *thread* that starts the child, so start it from one that lives as long as the process. None
+    where there is no `preexec_fn`.
     """
     if os.name != "posix":
         return None
     if sys.platform != "linux":
         return _hear_end_signals
-    # Found before the fork: to load a library between fork and exec may wait for ever for another thread's lock.
+    # Found before the fork: to load a library between fork and exec may wait for ever for another
+    # thread's lock.
     prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
 
     def tie() -> None:

@@ -1,4 +1,6 @@
-"""In words, what a robot waits for between two visits (sessions/leases/readiness.py); for admin, mail and the researchers' live view."""
+"""In words, what a robot waits for between two visits (sessions/leases/readiness.py); for admin,
+mail and the researchers' live view.
+"""
 
 from django.utils.translation import gettext_lazy as _
 
@@ -22,5 +24,7 @@ WORDS = {
 
 
 def in_words(reason: str) -> str:
-    """Return the reason of a turnaround as a clause; what the robot itself said stays as it was said."""
+    """Return the reason of a turnaround as a clause; what the robot itself said stays as it was
+    said.
+    """
     return str(WORDS.get(reason, reason))

@@ -1,7 +1,8 @@
 """The key of a robot's own display: whoever shows it is the screen of that robot and nothing else.
 
-The owner makes it, and opens the address with the key once on the display; there it is exchanged for a cookie that no script can read.
-The key stands behind the `#`, which browsers do not send, so that it is in no server's log. Kept as a hash, like a robot's credentials.
+The owner makes it, and opens the address with the key once on the display; there it is exchanged
+for a cookie that no script can read. The key stands behind the `#`, which browsers do not send, so
+that it is in no server's log. Kept as a hash, like a robot's credentials.
 """
 
 import datetime
@@ -15,7 +16,9 @@ YEAR = 365 * 24 * 3600
 
 
 def make_screen_key(robot: Robot, now: datetime.datetime) -> str:
-    """Give a robot's screen a new key and return it, for the only time; displays with the old one are sent away within a minute."""
+    """Give a robot's screen a new key and return it, for the only time; displays with the old one
+    are sent away within a minute.
+    """
     key = new_token()
     robot.screen_hash, robot.screen_made_at = hash_token(key), now
     robot.save(update_fields=["screen_hash", "screen_made_at"])
@@ -29,7 +32,9 @@ def revoke_screen_key(robot: Robot) -> None:
 
 
 def screen_address(robot: Robot, key: str, server: str) -> str:
-    """Return what to open on the display; `server` is the site's address without a slash at its end."""
+    """Return what to open on the display; `server` is the site's address without a slash at its
+    end.
+    """
     return f"{server}{reverse('screen', args=[robot.name])}#{key}"
 
 

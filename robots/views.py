@@ -31,19 +31,32 @@ YEAR = 365 * 24 * 3600
 @never_cache
 @require_GET
 def agent_configuration(request: HttpRequest) -> JsonResponse:
-    """Tell an agent where its broker is. It shows `Authorization: Bearer <robot>:<token>`; there is no session and no cookie."""
+    """Tell an agent where its broker is. It shows `Authorization: Bearer <robot>:<token>`; there is
+    no session and no cookie.
+    """
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now) or not ASKED.count(address, now):
-        return too_many(request, max(REFUSED.wait(address, now), ASKED.wait(address, now)), json=True)
+        return too_many(
+            request, max(REFUSED.wait(address, now), ASKED.wait(address, now)), json=True
+        )
     name, token = bearer(request.headers.get("Authorization", ""))
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
         REFUSED.count(address, now)
-        detail = "Send “Authorization: Bearer <robot>:<token>” with the credentials that the robot's owner was shown."
-        return JsonResponse({"error": "wrong_credentials", "detail": detail}, status=401, headers={"WWW-Authenticate": "Bearer"})
+        detail = (
+            "Send “Authorization: Bearer <robot>:<token>” with the credentials that the robot's"
+            " owner was shown."
+        )
+        return JsonResponse(
+            {"error": "wrong_credentials", "detail": detail},
+            status=401,
+            headers={"WWW-Authenticate": "Bearer"},
+        )
     servers = [msgspec.to_builtins(server) for server in ice_servers(robot.name, now)]
     urls = mqtt_urls_for(request)
-    return JsonResponse({"robot": robot.name, "mqttUrl": urls[0], "mqttUrls": urls, "iceServers": servers})
+    return JsonResponse(
+        {"robot": robot.name, "mqttUrl": urls[0], "mqttUrls": urls, "iceServers": servers}
+    )
 
 
 def bearer(header: str) -> tuple[str, str]:
@@ -54,9 +67,14 @@ def bearer(header: str) -> tuple[str, str]:
 
 
 def mqtt_urls_for(request: HttpRequest) -> list[str]:
-    """Return where robots reach the broker, the best first; `{host}` in the setting stands for the host that was asked."""
+    """Return where robots reach the broker, the best first; `{host}` in the setting stands for the
+    host that was asked.
+    """
     host, _ = split_domain_port(request.get_host())
-    return [url.strip().replace("{host}", host) for url in (settings.MQTT_PUBLIC_URL or settings.MQTT_URL).split(",")]
+    return [
+        url.strip().replace("{host}", host)
+        for url in (settings.MQTT_PUBLIC_URL or settings.MQTT_URL).split(",")
+    ]
 
 
 @require_safe
@@ -76,7 +94,11 @@ def floor_plan_image(request: HttpRequest, name: str) -> HttpResponseBase:
         return HttpResponse(status=403)
     plan = _visible_plan(request, name)
     response = HttpResponse(bytes(plan.image), content_type="image/png")
-    response["Cache-Control"] = f"private, max-age={YEAR}, immutable" if request.GET.get("v") == plan.sha256[:16] else "private, no-cache"
+    response["Cache-Control"] = (
+        f"private, max-age={YEAR}, immutable"
+        if request.GET.get("v") == plan.sha256[:16]
+        else "private, no-cache"
+    )
     return _tagged(request, response)
 
 
@@ -87,7 +109,9 @@ def _tagged(request: HttpRequest, response: HttpResponse) -> HttpResponseBase:
 
 
 def plan_content(plan: FloorPlan) -> dict[str, Any]:
-    """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner, the picture's address, the plan."""
+    """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner,
+    the picture's address, the plan.
+    """
     return {
         "name": plan.name,
         "title": plan.title,
@@ -103,6 +127,8 @@ def plan_content(plan: FloorPlan) -> dict[str, Any]:
 def _visible_plan(request: HttpRequest, name: str) -> FloorPlan:
     plan = get_object_or_404(FloorPlan, name=name)
     robots = robots_visible_to(request.user).filter(floor_plan=plan)
-    if request.user.is_staff or any(may_observe(request.user, robot) or may_drive(request.user, robot) for robot in robots):
+    if request.user.is_staff or any(
+        may_observe(request.user, robot) or may_drive(request.user, robot) for robot in robots
+    ):
         return plan
     raise Http404

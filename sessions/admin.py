@@ -1,7 +1,8 @@
-"""Sessions, leases, the system log and the session manager in the administration: to look at, to stop, and to download.
+"""Sessions, leases, the system log and the session manager in the administration: to look at, to
+stop, and to download.
 
-Nothing here is edited: who drives is the leases' business, and a record that can be changed is none. No list reads states: what it
-shows of them stands in Session.summary.
+Nothing here is edited: who drives is the leases' business, and a record that can be changed is
+none. No list reads states: what it shows of them stands in Session.summary.
 """
 
 import datetime
@@ -31,7 +32,15 @@ from sessions.api import admin as api_key_admin
 from sessions.downloads import as_csv, as_json
 from sessions.leases import store
 from sessions.manager.leadership import STALE_SECONDS
-from sessions.models import Lease, ManagerBeat, NetworkSample, Session, SessionEvent, Snapshot, SystemLog
+from sessions.models import (
+    Lease,
+    ManagerBeat,
+    NetworkSample,
+    Session,
+    SessionEvent,
+    Snapshot,
+    SystemLog,
+)
 from sessions.recording.network_summary import summarise_network
 
 EVENTS_SHOWN = 500
@@ -68,37 +77,88 @@ class OwnersRows(OfRobots, ReadOnlyAdmin):
 class SessionAdmin(OwnersRows):
     """Visits: who drove which robot when, how it ended, and what was recorded.
 
-    A robot's owner sees that it was driven, how long and how it ended, and may stop it; who it was and what was recorded of them is for
-    those who were given the right to see sessions, and for the researchers of the study.
+    A robot's owner sees that it was driven, how long and how it ended, and may stop it; who it was
+    and what was recorded of them is for those who were given the right to see sessions, and for the
+    researchers of the study.
     """
 
-    list_display = ("begun", "visitor_link", "robot_link", "state", "outcome", "driven", "distance", "states", "methods", "device_name")
+    list_display = (
+        "begun",
+        "visitor_link",
+        "robot_link",
+        "state",
+        "outcome",
+        "driven",
+        "distance",
+        "states",
+        "methods",
+        "device_name",
+    )
     list_display_links = ("begun",)
     list_filter = ("state", "outcome", "robot", "queued_at")
     linked = ("robot__id__exact",)
     list_select_related = ("visitor", "robot")
     list_per_page = 50
-    search_fields = ("visitor__username", "visitor__display_name", "visitor__email", "robot__name", "robot__title", "outcome_reason")
+    search_fields = (
+        "visitor__username",
+        "visitor__display_name",
+        "visitor__email",
+        "robot__name",
+        "robot__title",
+        "outcome_reason",
+    )
     search_help_text = _("Visitor, robot, reason, or a session's id.")
     date_hierarchy = "queued_at"
     actions = ("stop_sessions", "download_csv", "download_json")
     readonly_fields = (
-        "visitor_link", "robot_link", "driven", "distance", "states", "missing", "methods", "ways", "device_told", "network", "snapshots", "events",
-    )  # fmt: skip
+        "visitor_link",
+        "robot_link",
+        "driven",
+        "distance",
+        "states",
+        "missing",
+        "methods",
+        "ways",
+        "device_told",
+        "network",
+        "snapshots",
+        "events",
+    )
     fieldsets = (
         (None, {"fields": ("visitor_link", "robot_link", "state", "outcome", "outcome_reason")}),
-        (_("Times"), {"fields": ("queued_at", "offered_at", "granted_at", "driving_at", "first_motion_at", "lost_at", "turn_ends_at", "ended_at")}),
-        (_("Record"), {"fields": ("driven", "distance", "states", "missing", "methods", "ways", "closed_at")}),
+        (
+            _("Times"),
+            {
+                "fields": (
+                    "queued_at",
+                    "offered_at",
+                    "granted_at",
+                    "driving_at",
+                    "first_motion_at",
+                    "lost_at",
+                    "turn_ends_at",
+                    "ended_at",
+                )
+            },
+        ),
+        (
+            _("Record"),
+            {"fields": ("driven", "distance", "states", "missing", "methods", "ways", "closed_at")},
+        ),
         (_("Device and network"), {"fields": ("device_told", "network")}),
         (_("Snapshots"), {"fields": ("snapshots",)}),
         (_("Events"), {"fields": ("events",)}),
     )
 
-    # --- who may -----------------------------------------------------------------------------------------------------
+    # --- who may ----------------------------------------------------------------------------------
 
     def has_stop_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change sessions may stop them, and owners those on their robots: of others they see none."""
-        return bool(request.user.has_perm("telepresence_sessions.change_session")) or (not self.sees_all(request) and self.is_of(request, None))
+        """Whoever may change sessions may stop them, and owners those on their robots: of others
+        they see none.
+        """
+        return bool(request.user.has_perm("telepresence_sessions.change_session")) or (
+            not self.sees_all(request) and self.is_of(request, None)
+        )
 
     def has_record_permission(self, request: HttpRequest) -> bool:
         """Whether whoever asks may have what was recorded."""
@@ -107,7 +167,11 @@ class SessionAdmin(OwnersRows):
     def get_list_display(self, request: HttpRequest) -> tuple[str, ...]:
         """Owners see no visitors and no devices."""
         told = ("visitor_link", "device_name")
-        return self.list_display if self.sees_all(request) else tuple(name for name in self.list_display if name not in told)
+        return (
+            self.list_display
+            if self.sees_all(request)
+            else tuple(name for name in self.list_display if name not in told)
+        )
 
     def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
         """Nor a list of all robots."""
@@ -124,31 +188,50 @@ class SessionAdmin(OwnersRows):
         times = next(part for name, part in self.fieldsets if name == _("Times"))
         return [
             (None, {"fields": ("robot_link", "state", "outcome", "outcome_reason")}),
-            (_("Times"), times), (_("Record"), {"fields": ("driven", "distance", "states", "missing", "closed_at")}),
-        ]  # fmt: skip
+            (_("Times"), times),
+            (_("Record"), {"fields": ("driven", "distance", "states", "missing", "closed_at")}),
+        ]
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """A visit that is over may be deleted, one by one, with all that was recorded: visitors have a right to it."""
+        """A visit that is over may be deleted, one by one, with all that was recorded: visitors
+        have a right to it.
+        """
         ended = isinstance(obj, Session) and obj.state == Session.State.ENDED
         return ended and bool(request.user.has_perm("telepresence_sessions.delete_session"))
 
-    def get_deleted_objects(self, objs: Any, _request: HttpRequest) -> tuple[list[str], dict[str, int], set[str], list[str]]:
+    def get_deleted_objects(
+        self, objs: Any, _request: HttpRequest
+    ) -> tuple[list[str], dict[str, int], set[str], list[str]]:
         """Say how much goes with a session, without listing thousands of rows."""
         keys = [obj.pk for obj in objs]
-        related = {str(field.related_model._meta.verbose_name_plural): field.related_model for field in Session._meta.related_objects}  # noqa: SLF001 -- Django's documented API
+        related = {
+            str(field.related_model._meta.verbose_name_plural): field.related_model
+            for field in Session._meta.related_objects
+        }  # noqa: SLF001 -- Django's documented API
         names = {"chunks", "events", "network_samples", "snapshots"}
-        kept = {str(field.related_model._meta.verbose_name_plural): field for field in Session._meta.related_objects if field.name in names}  # noqa: SLF001
+        kept = {
+            str(field.related_model._meta.verbose_name_plural): field
+            for field in Session._meta.related_objects
+            if field.name in names
+        }  # noqa: SLF001
         counts = {name: related[name].objects.filter(session__in=keys).count() for name in kept}
-        return [str(obj) for obj in objs], {str(Session._meta.verbose_name_plural): len(keys), **counts}, set(), []  # noqa: SLF001
+        return (
+            [str(obj) for obj in objs],
+            {str(Session._meta.verbose_name_plural): len(keys), **counts},
+            set(),
+            [],
+        )  # noqa: SLF001
 
-    def get_search_results(self, request: HttpRequest, queryset: QuerySet[Session], search_term: str) -> tuple[QuerySet[Session], bool]:
+    def get_search_results(
+        self, request: HttpRequest, queryset: QuerySet[Session], search_term: str
+    ) -> tuple[QuerySet[Session], bool]:
         """Find a session also by its id."""
         try:
             return queryset.filter(pk=uuid.UUID(search_term.strip())), False
         except ValueError:
             return super().get_search_results(request, queryset, search_term)
 
-    # --- columns -----------------------------------------------------------------------------------------------------
+    # --- columns ----------------------------------------------------------------------------------
 
     @admin.display(description=_("started"), ordering="queued_at")
     def begun(self, session: Session) -> str:
@@ -200,9 +283,14 @@ class SessionAdmin(OwnersRows):
     @admin.display(description=_("device"))
     def device_name(self, session: Session) -> str:
         """Operating system and browser."""
-        return " · ".join(session.device[name] for name in ("os", "browser") if session.device.get(name)) or NOTHING
+        return (
+            " · ".join(
+                session.device[name] for name in ("os", "browser") if session.device.get(name)
+            )
+            or NOTHING
+        )
 
-    # --- the page of one session -------------------------------------------------------------------------------------
+    # --- the page of one session ------------------------------------------------------------------
 
     @admin.display(description=_("device"))
     def device_told(self, session: Session) -> SafeString:
@@ -219,38 +307,71 @@ class SessionAdmin(OwnersRows):
     def snapshots(self, session: Session) -> SafeString:
         """What the visitor photographed."""
         rows = Snapshot.objects.filter(session=session).order_by("stamp").defer("jpeg")
-        return _fragment("snapshots", snapshots=[(row, _moment(row.stamp)) for row in rows[:SNAPSHOTS_SHOWN]])
+        return _fragment(
+            "snapshots", snapshots=[(row, _moment(row.stamp)) for row in rows[:SNAPSHOTS_SHOWN]]
+        )
 
     @admin.display(description=_("events"))
     def events(self, session: Session) -> SafeString:
         """What happened, in order."""
-        rows = list(SessionEvent.objects.filter(session=session).order_by("received_at")[: EVENTS_SHOWN + 1])
-        return _fragment("events", events=[(row, _moment(row.received_at)) for row in rows[:EVENTS_SHOWN]], more=len(rows) > EVENTS_SHOWN)
+        rows = list(
+            SessionEvent.objects.filter(session=session).order_by("received_at")[: EVENTS_SHOWN + 1]
+        )
+        return _fragment(
+            "events",
+            events=[(row, _moment(row.received_at)) for row in rows[:EVENTS_SHOWN]],
+            more=len(rows) > EVENTS_SHOWN,
+        )
 
-    # --- actions -----------------------------------------------------------------------------------------------------
+    # --- actions ----------------------------------------------------------------------------------
 
     @admin.action(description=_("Stop these sessions now"), permissions=["stop"])
     def stop_sessions(self, request: HttpRequest, queryset: QuerySet[Session]) -> None:
-        """End sessions as stopped by the operator; the session manager takes the lease from the robot within half a second."""
+        """End sessions as stopped by the operator; the session manager takes the lease from the
+        robot within half a second.
+        """
         now, stopped = timezone.now(), 0
         for session in queryset.exclude(state=Session.State.ENDED):
-            if store.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, "by an operator", now):
+            if store.end(
+                str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, "by an operator", now
+            ):
                 stopped += 1
-                system_log.log("session_stopped", "warning", robot=session.robot_id, session=session, at=now, user=str(request.user.pk))
-                audit.note("session_stopped", actor=request.user, person=session.visitor_id, robot=session.robot, thing=session)
+                system_log.log(
+                    "session_stopped",
+                    "warning",
+                    robot=session.robot_id,
+                    session=session,
+                    at=now,
+                    user=str(request.user.pk),
+                )
+                audit.note(
+                    "session_stopped",
+                    actor=request.user,
+                    person=session.visitor_id,
+                    robot=session.robot,
+                    thing=session,
+                )
         if stopped:
-            self.message_user(request, ngettext("One session was stopped.", "%(count)d sessions were stopped.", stopped) % {"count": stopped})
+            self.message_user(
+                request,
+                ngettext("One session was stopped.", "%(count)d sessions were stopped.", stopped)
+                % {"count": stopped},
+            )
         else:
             self.message_user(request, _("None of them was live."), messages.WARNING)
 
     @admin.action(description=_("Download states (CSV)"), permissions=["record"])
-    def download_csv(self, request: HttpRequest, queryset: QuerySet[Session]) -> StreamingHttpResponse:
+    def download_csv(
+        self, request: HttpRequest, queryset: QuerySet[Session]
+    ) -> StreamingHttpResponse:
         """One line a state."""
         audit.note("sessions_exported", actor=request.user, detail=f"csv of {queryset.count()}")
         return as_csv(queryset, "states")
 
     @admin.action(description=_("Download states (JSON)"), permissions=["record"])
-    def download_json(self, request: HttpRequest, queryset: QuerySet[Session]) -> StreamingHttpResponse:
+    def download_json(
+        self, request: HttpRequest, queryset: QuerySet[Session]
+    ) -> StreamingHttpResponse:
         """States as the robot sent them."""
         audit.note("sessions_exported", actor=request.user, detail=f"json of {queryset.count()}")
         return as_json(queryset, "states")
@@ -259,20 +380,45 @@ class SessionAdmin(OwnersRows):
         """The pages of the model, its downloads, and its snapshots."""
         guard = self.admin_site.admin_view
         own = [
-            path("<uuid:session>/stop/", guard(self.stop_view), name="telepresence_sessions_session_stop"),
-            path("<uuid:session>/states.<str:kind>", guard(self.states_view), name="telepresence_sessions_session_states"),
-            path("snapshots/<uuid:snapshot>.jpg", guard(snapshot_view), name="telepresence_sessions_snapshot"),
+            path(
+                "<uuid:session>/stop/",
+                guard(self.stop_view),
+                name="telepresence_sessions_session_stop",
+            ),
+            path(
+                "<uuid:session>/states.<str:kind>",
+                guard(self.states_view),
+                name="telepresence_sessions_session_states",
+            ),
+            path(
+                "snapshots/<uuid:snapshot>.jpg",
+                guard(snapshot_view),
+                name="telepresence_sessions_snapshot",
+            ),
         ]
         return [*own, *super().get_urls()]
 
-    def states_view(self, request: HttpRequest, session: uuid.UUID, kind: str) -> StreamingHttpResponse:
+    def states_view(
+        self, request: HttpRequest, session: uuid.UUID, kind: str
+    ) -> StreamingHttpResponse:
         """Download the states of one session."""
         if not self.has_record_permission(request):
             raise PermissionDenied
         found = get_object_or_404(Session, pk=session)
-        audit.note("session_exported", actor=request.user, person=found.visitor_id, robot=found.robot, thing=found, detail=kind[:10])
+        audit.note(
+            "session_exported",
+            actor=request.user,
+            person=found.visitor_id,
+            robot=found.robot,
+            thing=found,
+            detail=kind[:10],
+        )
         rows = Session.objects.filter(pk=found.pk)
-        return as_json(rows, f"session-{session}") if kind == "json" else as_csv(rows, f"session-{session}")
+        return (
+            as_json(rows, f"session-{session}")
+            if kind == "json"
+            else as_csv(rows, f"session-{session}")
+        )
 
     def stop_view(self, request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         """Stop one session, from its own page."""
@@ -282,12 +428,23 @@ class SessionAdmin(OwnersRows):
         self.stop_sessions(request, Session.objects.filter(pk=found.pk))
         return self.response_post_save_change(request, found)
 
-    def change_view(self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: dict[str, Any] | None = None) -> HttpResponse:
+    def change_view(
+        self,
+        request: HttpRequest,
+        object_id: str,
+        form_url: str = "",
+        extra_context: dict[str, Any] | None = None,
+    ) -> HttpResponse:
         """The page of one session, with a stop button for whoever may stop it."""
         row = self.get_object(request, object_id) if self.sees_all(request) else None
         if row is not None:
             audit.note("session_opened", actor=request.user, person=row.visitor_id, thing=row)
-        return super().change_view(request, object_id, form_url, {**(extra_context or {}), "may_stop": self.has_stop_permission(request)})
+        return super().change_view(
+            request,
+            object_id,
+            form_url,
+            {**(extra_context or {}), "may_stop": self.has_stop_permission(request)},
+        )
 
 
 @permission_required(VIEW, raise_exception=True)
@@ -314,7 +471,11 @@ class LeaseAdmin(WithDriver, OwnersRows):
         """The session that holds the lease."""
         if lease.session is None:
             return _now("nobody")
-        return link_to("admin:telepresence_sessions_session_change", self.driver_of(lease, lease.session), lease.session.pk)
+        return link_to(
+            "admin:telepresence_sessions_session_change",
+            self.driver_of(lease, lease.session),
+            lease.session.pk,
+        )
 
 
 @admin.register(SystemLog)
@@ -339,7 +500,11 @@ class SystemLogAdmin(OwnersRows):
         """The session, with a link."""
         if entry.session is None:
             return NOTHING
-        return link_to("admin:telepresence_sessions_session_change", str(entry.session.pk)[:8], entry.session.pk)
+        return link_to(
+            "admin:telepresence_sessions_session_change",
+            str(entry.session.pk)[:8],
+            entry.session.pk,
+        )
 
     @admin.display(description=_("fields"))
     def told(self, entry: SystemLog) -> str:

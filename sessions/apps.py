@@ -5,7 +5,9 @@ from django.utils.translation import gettext_lazy as _
 
 
 class TelepresenceSessionsConfig(AppConfig):
-    """Visits to robots. The label differs from the package because Django has an app called sessions."""
+    """Visits to robots. The label differs from the package because Django has an app called
+    sessions.
+    """
 
     name = "sessions"
     label = "telepresence_sessions"

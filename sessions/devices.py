@@ -1,7 +1,9 @@
-"""What a visitor's device is: operating system and browser in the words of the paper's Table 3, and a truncated address.
+"""What a visitor's device is: operating system and browser in the words of the paper's Table 3, and
+a truncated address.
 
-The user agent is a guess that browsers make hard on purpose; where the browser sends client hints (Chrome, Chromium, Opera, Edge
-over HTTPS) they are believed first, because only they tell Chromium from Chrome.
+The user agent is a guess that browsers make hard on purpose; where the browser sends client hints
+(Chrome, Chromium, Opera, Edge over HTTPS) they are believed first, because only they tell Chromium
+from Chrome.
 """
 
 import ipaddress
@@ -12,8 +14,20 @@ from typing import Any
 from accounts.client_address import parsed, visitor_address
 
 OTHER = "other"
-_SYSTEMS = (("Android", "Android"), ("iPhone|iPad|iPod", "iOS"), ("Windows", "Windows"), ("Mac OS X|Macintosh", "Mac OS"), ("Linux|X11", "Linux"))
-_PLATFORMS = {"Windows": "Windows", "macOS": "Mac OS", "Linux": "Linux", "Android": "Android", "iOS": "iOS"}
+_SYSTEMS = (
+    ("Android", "Android"),
+    ("iPhone|iPad|iPod", "iOS"),
+    ("Windows", "Windows"),
+    ("Mac OS X|Macintosh", "Mac OS"),
+    ("Linux|X11", "Linux"),
+)
+_PLATFORMS = {
+    "Windows": "Windows",
+    "macOS": "Mac OS",
+    "Linux": "Linux",
+    "Android": "Android",
+    "iOS": "iOS",
+}
 # In this order: everybody claims to be everybody who came before.
 _AGENTS = (
     (r"(?:OPR|Opera|OPT|OPiOS)/([\d.]+)", "Opera"),
@@ -24,13 +38,20 @@ _AGENTS = (
     (r"(?:Headless)?(?:Chrome|CriOS)/([\d.]+)", "Chrome"),
     (r"Version/([\d.]+).*Safari/", "Safari"),
 )
-_BRANDS = (("Opera", "Opera"), ("Microsoft Edge", "Edge"), ("Google Chrome", "Chrome"), ("Chromium", "Chromium"))
+_BRANDS = (
+    ("Opera", "Opera"),
+    ("Microsoft Edge", "Edge"),
+    ("Google Chrome", "Chrome"),
+    ("Chromium", "Chromium"),
+)
 TABLE_3_BROWSERS = frozenset({"Chrome", "Firefox", "Chromium", "Opera"})
 _BRAND = re.compile(r'"([^"]{1,60})";\s*v="([\d.]{1,20})"')
 MAX_AGENT = 400
 
 
-def device_of(headers: Mapping[str, str], address: str, trusted_proxies: Iterable[str] = ()) -> dict[str, Any]:
+def device_of(
+    headers: Mapping[str, str], address: str, trusted_proxies: Iterable[str] = ()
+) -> dict[str, Any]:
     """Return what is kept of a device.
 
     Args:
@@ -39,7 +60,8 @@ def device_of(headers: Mapping[str, str], address: str, trusted_proxies: Iterabl
         trusted_proxies: addresses or networks whose X-Forwarded-For is believed.
 
     Returns:
-        `os` and `browser` in Table 3's names or `other`, `product` the browser's own name and version, `mobile`, `user_agent`, and
+        `os` and `browser` in Table 3's names or `other`, `product` the browser's own name and
+        version, `mobile`, `user_agent`, and
         `network`: the visitor's address cut to /24 (IPv4) or /48 (IPv6).
     """
     agent = headers.get("user-agent", "")[:MAX_AGENT]
@@ -50,13 +72,18 @@ def device_of(headers: Mapping[str, str], address: str, trusted_proxies: Iterabl
         "product": f"{name} {version}".strip(),
         "mobile": headers.get("sec-ch-ua-mobile") == "?1" or "Mobi" in agent,
         "user_agent": agent,
-        "network": network_of(visitor_address(headers.get("x-forwarded-for", ""), address, trusted_proxies)),
+        "network": network_of(
+            visitor_address(headers.get("x-forwarded-for", ""), address, trusted_proxies)
+        ),
     }
 
 
 def headers_of_scope(scope: Mapping[str, Any]) -> dict[str, str]:
     """Return the headers of an ASGI scope with lower-case names."""
-    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope.get("headers", ())}
+    return {
+        name.decode("latin-1").lower(): value.decode("latin-1")
+        for name, value in scope.get("headers", ())
+    }
 
 
 def _system(agent: str, platform: str) -> str:

@@ -1,4 +1,6 @@
-"""What is kept of a visit: who drove which robot when, how it ended, and everything recorded in between."""
+"""What is kept of a visit: who drove which robot when, how it ended, and everything recorded in
+between.
+"""
 
 import json
 import uuid
@@ -36,12 +38,24 @@ class Session(models.Model):
         CONNECTION_LOST = "connection_lost", _("connection lost")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    robot = models.ForeignKey(Robot, models.PROTECT, related_name="sessions", verbose_name=_("robot"))
-    visitor = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="robot_sessions", verbose_name=_("visitor"))
-    state = models.CharField(_("state"), max_length=12, choices=State, default=State.WAITING, db_index=True)
-    outcome = models.CharField(_("outcome"), max_length=20, choices=Outcome, blank=True, db_index=True)
+    robot = models.ForeignKey(
+        Robot, models.PROTECT, related_name="sessions", verbose_name=_("robot")
+    )
+    visitor = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.CASCADE,
+        related_name="robot_sessions",
+        verbose_name=_("visitor"),
+    )
+    state = models.CharField(
+        _("state"), max_length=12, choices=State, default=State.WAITING, db_index=True
+    )
+    outcome = models.CharField(
+        _("outcome"), max_length=20, choices=Outcome, blank=True, db_index=True
+    )
     outcome_reason = models.CharField(_("reason"), max_length=300, blank=True)
-    # "<robot>:<visitor>" while the visit lives and its own id afterwards: unique on every database without partial indexes.
+    # "<robot>:<visitor>" while the visit lives and its own id afterwards: unique on every database
+    # without partial indexes.
     live_key = models.CharField(max_length=80, unique=True, editable=False)
     queued_at = models.DateTimeField(_("queued"))
     offered_at = models.DateTimeField(_("turn offered"), null=True, blank=True)
@@ -51,14 +65,18 @@ class Session(models.Model):
     lost_at = models.DateTimeField(_("connection lost"), null=True, blank=True)
     turn_ends_at = models.DateTimeField(_("turn ends"), null=True, blank=True)
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
-    # Refreshed while a page's WebSocket is open, None once it closed: tells a reload from a second tab.
+    # Refreshed while a page's WebSocket is open, None once it closed: tells a reload from a second
+    # tab.
     seen_at = models.DateTimeField(_("page last seen"), null=True, blank=True)
-    # When the record was found complete, or what is missing given up: `summary` is final from then on (sessions/recording/summary.py).
+    # When the record was found complete, or what is missing given up: `summary` is final from then
+    # on (sessions/recording/summary.py).
     closed_at = models.DateTimeField(_("record closed"), null=True, blank=True, db_index=True)
     device = models.JSONField(_("device"), default=dict, blank=True)
-    # What the visitor chose while driving; empty: as the robot has it. What was in force stands in every state.
+    # What the visitor chose while driving; empty: as the robot has it. What was in force stands in
+    # every state.
     assist = models.CharField(_("assistance"), max_length=5, blank=True, choices=Robot.Assist)
-    # What an app above this one has fixed for the visit when the robot was first granted (sessions/leases/terms.py); empty: nothing.
+    # What an app above this one has fixed for the visit when the robot was first granted
+    # (sessions/leases/terms.py); empty: nothing.
     terms = models.JSONField(_("terms"), default=dict, blank=True, editable=False)
     summary = models.JSONField(_("summary"), default=dict, blank=True, editable=False)
 
@@ -75,9 +93,18 @@ class Session(models.Model):
 class Lease(models.Model):
     """Who drives a robot: one row a robot, changed only by comparing and setting its epoch."""
 
-    robot = models.OneToOneField(Robot, models.CASCADE, primary_key=True, related_name="lease", verbose_name=_("robot"))
+    robot = models.OneToOneField(
+        Robot, models.CASCADE, primary_key=True, related_name="lease", verbose_name=_("robot")
+    )
     epoch = models.BigIntegerField(default=0)
-    session = models.ForeignKey(Session, models.SET_NULL, null=True, blank=True, related_name="leases", verbose_name=_("session"))
+    session = models.ForeignKey(
+        Session,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="leases",
+        verbose_name=_("session"),
+    )
     peer = models.CharField(max_length=64, blank=True)
     renewal = models.BigIntegerField(default=0)
     changed_at = models.DateTimeField(_("changed"))
@@ -101,8 +128,8 @@ class FastJson(json.JSONEncoder):
 class StateChunk(models.Model):
     """About a second of a robot's states, as they came: one row a session-second.
 
-    `states` holds the JSON of robots.api.messages.State, in order of seq; `received_at` and `clock_offset` (robot's clock minus the
-    server's, in seconds) are the recorder's own.
+    `states` holds the JSON of robots.api.messages.State, in order of seq; `received_at` and
+    `clock_offset` (robot's clock minus the server's, in seconds) are the recorder's own.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -120,14 +147,18 @@ class StateChunk(models.Model):
     class Meta:
         verbose_name = _("states")
         verbose_name_plural = _("states")
-        constraints = [models.UniqueConstraint(fields=["session", "boot", "first_seq"], name="states_once")]
+        constraints = [
+            models.UniqueConstraint(fields=["session", "boot", "first_seq"], name="states_once")
+        ]
 
     def __str__(self) -> str:
         return f"{self.session_id} · {self.boot} · {self.first_seq}-{self.last_seq}"
 
 
 class SessionEvent(models.Model):
-    """Something that happened once: told by the robot, by the page, or decided by the session manager."""
+    """Something that happened once: told by the robot, by the page, or decided by the session
+    manager.
+    """
 
     class Source(models.TextChoices):
         """Who says so."""
@@ -137,7 +168,9 @@ class SessionEvent(models.Model):
         SERVER = "server", _("server")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    session = models.ForeignKey(Session, models.CASCADE, related_name="events", verbose_name=_("session"))
+    session = models.ForeignKey(
+        Session, models.CASCADE, related_name="events", verbose_name=_("session")
+    )
     source = models.CharField(_("source"), max_length=8, choices=Source)
     type = models.CharField(_("type"), max_length=40, db_index=True)
     stamp = models.FloatField(_("stamp"))
@@ -157,7 +190,9 @@ class NetworkSample(models.Model):
     """One second of the visitor's connection, from the page's getStats()."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    session = models.ForeignKey(Session, models.CASCADE, related_name="network_samples", verbose_name=_("session"))
+    session = models.ForeignKey(
+        Session, models.CASCADE, related_name="network_samples", verbose_name=_("session")
+    )
     stamp = models.FloatField(_("stamp"))
     received_at = models.FloatField(_("received"))
     data = models.JSONField(_("data"))
@@ -175,7 +210,9 @@ class Snapshot(models.Model):
     """A photo that the visitor took with the robot's camera."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    session = models.ForeignKey(Session, models.CASCADE, related_name="snapshots", verbose_name=_("session"))
+    session = models.ForeignKey(
+        Session, models.CASCADE, related_name="snapshots", verbose_name=_("session")
+    )
     action_id = models.CharField(max_length=64)
     stamp = models.FloatField(_("stamp"))
     sha256 = models.CharField(max_length=64)
@@ -184,14 +221,18 @@ class Snapshot(models.Model):
     class Meta:
         verbose_name = _("snapshot")
         verbose_name_plural = _("snapshots")
-        constraints = [models.UniqueConstraint(fields=["session", "action_id"], name="snapshot_once")]
+        constraints = [
+            models.UniqueConstraint(fields=["session", "action_id"], name="snapshot_once")
+        ]
 
     def __str__(self) -> str:
         return f"{self.session_id} · {self.action_id}"
 
 
 class SystemLog(models.Model):
-    """What the system did: the paper's fourth collection. An event name with fields, never a sentence."""
+    """What the system did: the paper's fourth collection. An event name with fields, never a
+    sentence.
+    """
 
     class Level(models.TextChoices):
         """How much it matters."""
@@ -204,8 +245,12 @@ class SystemLog(models.Model):
     at = models.DateTimeField(_("at"), db_index=True)
     level = models.CharField(_("level"), max_length=8, choices=Level, default=Level.INFO)
     event = models.CharField(_("event"), max_length=60, db_index=True)
-    robot = models.ForeignKey(Robot, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("robot"))
-    session = models.ForeignKey(Session, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("session"))
+    robot = models.ForeignKey(
+        Robot, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("robot")
+    )
+    session = models.ForeignKey(
+        Session, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("session")
+    )
     fields = models.JSONField(_("fields"), default=dict)
 
     class Meta:
@@ -218,10 +263,14 @@ class SystemLog(models.Model):
 
 
 class ApiKey(models.Model):
-    """A key by which a program of its owner's looks after one robot (sessions/api/views.py); only its hash is kept."""
+    """A key by which a program of its owner's looks after one robot (sessions/api/views.py); only
+    its hash is kept.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    robot = models.ForeignKey(Robot, models.CASCADE, related_name="api_keys", verbose_name=_("robot"))
+    robot = models.ForeignKey(
+        Robot, models.CASCADE, related_name="api_keys", verbose_name=_("robot")
+    )
     label = models.CharField(_("label"), max_length=60)
     token_hash = models.CharField(max_length=200, editable=False)
     made_at = models.DateTimeField(_("made"))
@@ -230,7 +279,9 @@ class ApiKey(models.Model):
     class Meta:
         verbose_name = _("API key")
         verbose_name_plural = _("API keys")
-        constraints = [models.UniqueConstraint(fields=["robot", "label"], name="one_api_key_of_a_label")]
+        constraints = [
+            models.UniqueConstraint(fields=["robot", "label"], name="one_api_key_of_a_label")
+        ]
 
     def __str__(self) -> str:
         return f"{self.robot} · {self.label}"

@@ -1,4 +1,6 @@
-"""Where a visitor who waits can practise: which of the simulated robots that are there for it (telepresence_site/practice runs them)."""
+"""Where a visitor who waits can practise: which of the simulated robots that are there for it
+(telepresence_site/practice runs them).
+"""
 
 import datetime
 from dataclasses import dataclass
@@ -41,6 +43,10 @@ def places(now: datetime.datetime) -> list[Place]:
 @login_required
 @require_safe
 def practice(_request: HttpRequest) -> JsonResponse:
-    """Say where to practise: `url` of a drive page, null while a robot is being made ready, which takes some seconds."""
+    """Say where to practise: `url` of a drive page, null while a robot is being made ready, which
+    takes some seconds.
+    """
     chosen = choose(places(timezone.now()))
-    return JsonResponse({"url": None if chosen is None else f"{reverse('practice_drive', args=[chosen])}?go=1"})
+    return JsonResponse(
+        {"url": None if chosen is None else f"{reverse('practice_drive', args=[chosen])}?go=1"}
+    )

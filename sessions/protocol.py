@@ -1,9 +1,11 @@
 """What a page and the server say to each other on the WebSocket, beside Robot API v1.
 
-A frame is a suffix, a newline, and a JSON object in camelCase, as on the data channel. Suffixes of the Robot API mean the same
-here as on MQTT: the page sends `command/velocity`, `command/heartbeat`, `command/action`, `command/picture`, `command/point`; the
-server relays `state`, `pose`, `path`, `scan`, `event`, `action`, `heartbeat`, and to whom they concern `words` and `pointer`. This file
-has the rest. The page's own idea of role, session, epoch or peer is never used: the server stamps what the lease says.
+A frame is a suffix, a newline, and a JSON object in camelCase, as on the data channel. Suffixes of
+the Robot API mean the same here as on MQTT: the page sends `command/velocity`, `command/heartbeat`,
+`command/action`, `command/picture`, `command/point`; the server relays `state`, `pose`, `path`,
+`scan`, `event`, `action`, `heartbeat`, and to whom they concern `words` and `pointer`. This file
+has the rest. The page's own idea of role, session, epoch or peer is never used: the server stamps
+what the lease says.
 """
 
 from typing import Annotated, Any, Literal
@@ -31,26 +33,36 @@ from robots.api.messages import (
     Reason,
     Seconds,
     Stamp,
-)  # fmt: skip
+)
 from robots.api.topics import SERVER
 
 PATH = "ws/robots/<slug:robot>/"
 CHECK_PATH = "ws/check/"
 SCREEN_PATH = "ws/robots/<slug:robot>/screen/"
 MAX_FRAME = 64 * 1024
-MAX_REPORT = 1024  # bytes of JSON: what a page says for the record is kept for long, and the longest that ours says has some 300
+# bytes of JSON: what a page says for the record is kept for long, and the longest that ours says
+# has some 300
+MAX_REPORT = 1024
 
 # Why the server closes a WebSocket, as the page's CloseEvent.code tells it.
-SIGNED_OUT, NOT_ALLOWED, NO_SUCH_ROBOT, FLOODED, TOO_SLOW, REPLACED = 4401, 4403, 4404, 4008, 4009, 4010
+SIGNED_OUT, NOT_ALLOWED, NO_SUCH_ROBOT, FLOODED, TOO_SLOW, REPLACED = (
+    4401,
+    4403,
+    4404,
+    4008,
+    4009,
+    4010,
+)
 
-# --- page → server ---------------------------------------------------------------------------------------------------
+# --- page → server ------------------------------------------------------------------------------
 
 
 class Take(Message, frozen=True, kw_only=True):
     """`session/take`: I want to drive.
 
-    `session` and `peer` come back from an earlier `session/granted` of this same page when its WebSocket was lost: same page, same
-    peer, same epoch, the drive goes on. `takeover` moves a session of the same visitor from another tab to this page.
+    `session` and `peer` come back from an earlier `session/granted` of this same page when its
+    WebSocket was lost: same page, same peer, same epoch, the drive goes on. `takeover` moves a
+    session of the same visitor from another tab to this page.
     """
 
     session: Id | None = None
@@ -65,7 +77,8 @@ class Observe(Message, frozen=True, kw_only=True):
 class Leave(Message, frozen=True, kw_only=True):
     """`session/leave`: I am done (or leave the queue).
 
-    `session` and `peer` name the visit that was left while this page had no connection; without them it is the visit of this page.
+    `session` and `peer` name the visit that was left while this page had no connection; without
+    them it is the visit of this page.
     """
 
     session: Id | None = None
@@ -73,7 +86,9 @@ class Leave(Message, frozen=True, kw_only=True):
 
 
 class Assist(Message, frozen=True, kw_only=True):
-    """`session/assist`: how much the robot shall help me drive. The lease carries it to the robot, whose states say what is in force."""
+    """`session/assist`: how much the robot shall help me drive. The lease carries it to the robot,
+    whose states say what is in force.
+    """
 
     level: AssistLevel
 
@@ -82,18 +97,24 @@ Detail = Annotated[str, Meta(max_length=200)]
 
 
 class PageEvent(Message, frozen=True, kw_only=True):
-    """`page/event`: something on the page that belongs into the record, such as a controller chosen or a tab hidden."""
+    """`page/event`: something on the page that belongs into the record, such as a controller chosen
+    or a tab hidden.
+    """
 
     stamp: Stamp
     type: Id
     data: Annotated[dict[Name, Detail | float | bool | None], Meta(max_length=16)] = {}
 
 
-HERE = "here"  # the type of a page event that is a sign of the visitor, who types, presses or looks around without driving
+# the type of a page event that is a sign of the visitor, who types, presses or looks around without
+# driving
+HERE = "here"
 
 
 class PageNetwork(Message, frozen=True, kw_only=True):
-    """`page/network`: one second of the connection as the browser measured it; times in s, rates in bit/s."""
+    """`page/network`: one second of the connection as the browser measured it; times in s, rates in
+    bit/s.
+    """
 
     stamp: Stamp
     way: Literal["datachannel", "mqtt"]
@@ -108,16 +129,20 @@ class PageNetwork(Message, frozen=True, kw_only=True):
 
 
 class Direct(Message, frozen=True, kw_only=True):
-    """`page/direct`: whether what the robot says comes over the data channel as well, so that the server can leave most of it out."""
+    """`page/direct`: whether what the robot says comes over the data channel as well, so that the
+    server can leave most of it out.
+    """
 
     direct: bool
 
 
-# --- server → page ---------------------------------------------------------------------------------------------------
+# --- server → page ------------------------------------------------------------------------------
 
 
 class Hello(Message, frozen=True, kw_only=True):
-    """`hello`: first frame of every connection. `peer` is secret to this page; `stamp` the server's clock."""
+    """`hello`: first frame of every connection. `peer` is secret to this page; `stamp` the server's
+    clock.
+    """
 
     peer: Id
     stamp: Stamp
@@ -129,10 +154,12 @@ class Hello(Message, frozen=True, kw_only=True):
 
 
 class GrantedTerms(Message, frozen=True, kw_only=True):
-    """What somebody has fixed for this visit (sessions/leases/terms.py), which the visitor cannot change.
+    """What somebody has fixed for this visit (sessions/leases/terms.py), which the visitor cannot
+    change.
 
-    `controllers` are the input methods and `actions` the types of actions that are allowed, absent: all. `assist` is the level of
-    assistance, absent: the visitor's choice. `interface` names what the page shows and leaves out.
+    `controllers` are the input methods and `actions` the types of actions that are allowed, absent:
+    all. `assist` is the level of assistance, absent: the visitor's choice. `interface` names what
+    the page shows and leaves out.
     """
 
     label: Name = ""
@@ -144,7 +171,9 @@ class GrantedTerms(Message, frozen=True, kw_only=True):
 
 
 class Granted(Message, frozen=True, kw_only=True):
-    """`session/granted`: you drive. `resumed` when epoch and peer are those of before, so that a living data channel stays bound."""
+    """`session/granted`: you drive. `resumed` when epoch and peer are those of before, so that a
+    living data channel stays bound.
+    """
 
     session: Id
     epoch: Count
@@ -157,18 +186,23 @@ class Granted(Message, frozen=True, kw_only=True):
 
 
 class Idle(Message, frozen=True, kw_only=True):
-    """`session/idle`: are you still there? Without a sign the robot goes on to the next visitor in `seconds`; absent: all is well."""
+    """`session/idle`: are you still there? Without a sign the robot goes on to the next visitor in
+    `seconds`; absent: all is well.
+    """
 
     seconds: Seconds | None = None
 
 
 class Task(Message, frozen=True, kw_only=True):
-    """`session/task`: how far the task is; all of it, each time that anything changes and whenever a page takes the session.
+    """`session/task`: how far the task is; all of it, each time that anything changes and whenever
+    a page takes the session.
 
-    `cue` is what the visitor is told (experiments.definition.cues.CueKey, or `practice`), `number` the checkpoint that it speaks of (0 is the
-    station), at `x`, `y` in metres on the map. `passed` are the numbers of checkpoints behind the robot, `doors` the names of doors in
-    the order they were gone through. `remaining` is in seconds at `stamp`, said in the last minutes alone. `photo` is the action whose picture
-    waits for an answer while `window` is `review`. `outcome` is empty until the task is over.
+    `cue` is what the visitor is told (experiments.definition.cues.CueKey, or `practice`), `number`
+    the checkpoint that it speaks of (0 is the station), at `x`, `y` in metres on the map. `passed`
+    are the numbers of checkpoints behind the robot, `doors` the names of doors in the order they
+    were gone through. `remaining` is in seconds at `stamp`, said in the last minutes alone. `photo`
+    is the action whose picture waits for an answer while `window` is `review`. `outcome` is empty
+    until the task is over.
     """
 
     session: Id
@@ -188,8 +222,9 @@ class Task(Message, frozen=True, kw_only=True):
 class Queued(Message, frozen=True, kw_only=True):
     """`session/queued`: you wait; `place` 1 is next, `minutes` the estimate.
 
-    `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`, a colon, and what the robot says;
-    or `start`, a colon, and in one word why it is not as a study wants it: `not_docked`, `elsewhere`, `lost`, `charge`, `silent`.
+    `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`,
+    a colon, and what the robot says; or `start`, a colon, and in one word why it is not as a study
+    wants it: `not_docked`, `elsewhere`, `lost`, `charge`, `silent`.
     """
 
     session: Id
@@ -214,9 +249,20 @@ class Observing(Message, frozen=True, kw_only=True):
 class Refused(Message, frozen=True, kw_only=True):
     """`session/refused`: no. `reason` is one of the words below; `elsewhere` offers a takeover."""
 
-    reason: Literal["offline", "disabled", "not_invited", "not_trained", "elsewhere", "observers_full", "not_allowed", "ended", "paused",
-        "closed", "reserved", "full",
-    ]  # fmt: skip
+    reason: Literal[
+        "offline",
+        "disabled",
+        "not_invited",
+        "not_trained",
+        "elsewhere",
+        "observers_full",
+        "not_allowed",
+        "ended",
+        "paused",
+        "closed",
+        "reserved",
+        "full",
+    ]
     session: Id | None = None
 
 
@@ -227,7 +273,9 @@ class Warning(Message, frozen=True, kw_only=True):  # noqa: A001 -- the word of 
 
 
 class Ended(Message, frozen=True, kw_only=True):
-    """`session/ended`: the visit is over, with one of sessions.models.Session.Outcome, or `moved` to another tab."""
+    """`session/ended`: the visit is over, with one of sessions.models.Session.Outcome, or `moved`
+    to another tab.
+    """
 
     session: Id
     outcome: Name
@@ -244,7 +292,9 @@ class Room(Message, frozen=True, kw_only=True):
 
 
 class Screen(Message, frozen=True, kw_only=True):
-    """`screen`, for the robot's own display: what the robot is called, who visits it, None when nobody does, and whether in a study."""
+    """`screen`, for the robot's own display: what the robot is called, who visits it, None when
+    nobody does, and whether in a study.
+    """
 
     title: Name
     session: Id | None = None
@@ -267,10 +317,12 @@ class Notice(Message, frozen=True, kw_only=True):
 
 
 class Fault(Message, frozen=True, kw_only=True):
-    """A part of the server, or the robot, that does not do its work, and what that means for who drives.
+    """A part of the server, or the robot, that does not do its work, and what that means for who
+    drives.
 
-    `then`: `waits` nobody drives, and nobody gets the robot meanwhile; `stops` the robot brakes in `seconds` unless the part is back before;
-    `stopped` it has, and driving goes on when the part is back; `goes_on` driving is not touched.
+    `then`: `waits` nobody drives, and nobody gets the robot meanwhile; `stops` the robot brakes in
+    `seconds` unless the part is back before; `stopped` it has, and driving goes on when the part is
+    back; `goes_on` driving is not touched.
     """
 
     part: Literal["broker", "session_manager", "database", "disk_low", "disk_full", "robot"]
@@ -279,9 +331,11 @@ class Fault(Message, frozen=True, kw_only=True):
 
 
 class ServerStatus(Message, frozen=True, kw_only=True):
-    """`server/status`: what fails now, all of it, once a second and whenever that changes; empty: all is well.
+    """`server/status`: what fails now, all of it, once a second and whenever that changes; empty:
+    all is well.
 
-    A page that hears nothing at all for a second and a half has lost its web process, or its network.
+    A page that hears nothing at all for a second and a half has lost its web process, or its
+    network.
     """
 
     faults: Annotated[tuple[Fault, ...], Meta(max_length=8)] = ()
@@ -294,11 +348,12 @@ class Denied(Message, frozen=True, kw_only=True):
     reason: Name
 
 
-# --- between servers -------------------------------------------------------------------------------------------------
+# --- between servers ------------------------------------------------------------------------------
 
 
 class PageReport(Message, frozen=True, kw_only=True):
-    """`telepresence/v1/server/page/<session>`: what a page said for the record, on its way from a web process to the session manager.
+    """`telepresence/v1/server/page/<session>`: what a page said for the record, on its way from a
+    web process to the session manager.
 
     `message` is the JSON of a PageEvent or a PageNetwork, checked by the web process.
     """
@@ -322,7 +377,8 @@ TO_SERVER: dict[str, type] = {
     "page/network": PageNetwork,
     "page/direct": Direct,
 }
-SIGNAL = "signal"  # page → server: Offer, Candidate, Bye; server → page: `signal/reply` with Answer, Candidate, Bye
+# page → server: Offer, Candidate, Bye; server → page: `signal/reply` with Answer, Candidate, Bye
+SIGNAL = "signal"
 TO_PAGE: dict[str, Any] = {
     "hello": Hello,
     "session/granted": Granted,
@@ -342,9 +398,20 @@ TO_PAGE: dict[str, Any] = {
     "server/status": ServerStatus,
     "signal/reply": Answer | Candidate | Bye,
 }
-_DECODERS: dict[str, msgspec.json.Decoder[Any]] = {suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()}
+_DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
+    suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()
+}
 _DECODERS[SIGNAL] = msgspec.json.Decoder(Offer | Candidate | Bye)
-__all__ = ["MAX_FRAME", "PATH", "SIGNAL", "TO_PAGE", "TO_SERVER", "decode", "encode_frame", "page_reports"]
+__all__ = [
+    "MAX_FRAME",
+    "PATH",
+    "SIGNAL",
+    "TO_PAGE",
+    "TO_SERVER",
+    "decode",
+    "encode_frame",
+    "page_reports",
+]
 
 
 def decode(suffix: str, payload: str) -> Any:

@@ -22,8 +22,8 @@ REFUSED = Attempts("screen-refused", limit=20)
 def screen(request: HttpRequest, robot: str) -> HttpResponse:
     """Show the page of a robot's screen; without the key it is empty and says what is missing.
 
-    Anybody may open it, so without the key it is the same for every name: what a robot that is not for everybody is called, and whether
-    there is one, is not told.
+    Anybody may open it, so without the key it is the same for every name: what a robot that is not
+    for everybody is called, and whether there is one, is not told.
     """
     found = screen_of(robot, request.COOKIES.get(cookie_of(robot), ""))
     config = {
@@ -32,7 +32,9 @@ def screen(request: HttpRequest, robot: str) -> HttpResponse:
         "key": reverse("screen_key", args=[robot]),
         "csrf": get_token(request),
     }
-    return render(request, "sessions/screen.html", {"robot": found or {"title": robot}, "config": config})
+    return render(
+        request, "sessions/screen.html", {"robot": found or {"title": robot}, "config": config}
+    )
 
 
 @never_cache
@@ -47,5 +49,12 @@ def screen_key(request: HttpRequest, robot: str) -> HttpResponse:
         REFUSED.count(address, now)
         return JsonResponse({"error": "wrong_key"}, status=403)
     response = HttpResponse(status=204)
-    response.set_cookie(cookie_of(robot), key, max_age=YEAR, httponly=True, samesite="Strict", secure=request.is_secure())
+    response.set_cookie(
+        cookie_of(robot),
+        key,
+        max_age=YEAR,
+        httponly=True,
+        samesite="Strict",
+        secure=request.is_secure(),
+    )
     return response

@@ -1,4 +1,6 @@
-"""The system log: an event name with fields, kept in the database and written to the process's own log."""
+"""The system log: an event name with fields, kept in the database and written to the process's own
+log.
+"""
 
 import datetime
 import logging
@@ -11,7 +13,11 @@ from robots.models import Robot
 from sessions.models import Session, SystemLog
 
 logger = logging.getLogger("telepresence.system")
-_LEVELS = {SystemLog.Level.INFO: logging.INFO, SystemLog.Level.WARNING: logging.WARNING, SystemLog.Level.ERROR: logging.ERROR}
+_LEVELS = {
+    SystemLog.Level.INFO: logging.INFO,
+    SystemLog.Level.WARNING: logging.WARNING,
+    SystemLog.Level.ERROR: logging.ERROR,
+}
 
 
 def log(
@@ -37,9 +43,24 @@ def log(
         DatabaseError: it could not be stored; it is then at least in the process's log.
     """
     robot_id, session_id = _key(robot), _key(session)
-    named = {name: value for name, value in {"robot": robot_id, "session": session_id, **fields}.items() if value is not None}
-    logger.log(_LEVELS[SystemLog.Level(level)], " ".join([event, *(f"{name}=%s" for name in named)]), *named.values())
-    return SystemLog.objects.create(at=at or timezone.now(), level=level, event=event[:60], robot_id=robot_id, session_id=session_id, fields=fields)
+    named = {
+        name: value
+        for name, value in {"robot": robot_id, "session": session_id, **fields}.items()
+        if value is not None
+    }
+    logger.log(
+        _LEVELS[SystemLog.Level(level)],
+        " ".join([event, *(f"{name}=%s" for name in named)]),
+        *named.values(),
+    )
+    return SystemLog.objects.create(
+        at=at or timezone.now(),
+        level=level,
+        event=event[:60],
+        robot_id=robot_id,
+        session_id=session_id,
+        fields=fields,
+    )
 
 
 def _key(row: Robot | Session | UUID | str | None) -> UUID | str | None:

@@ -43,12 +43,18 @@ LISTS = Attempts("snapshots", limit=240)
 @login_required
 @require_safe
 def drive(request: HttpRequest, robot: str) -> HttpResponse:
-    """Show a robot's drive page to whoever may drive or watch it; whoever may not even know of it finds nothing."""
+    """Show a robot's drive page to whoever may drive or watch it; whoever may not even know of it
+    finds nothing.
+    """
     found = _robot_for(request, robot)
     verdict = may_drive(request.user, found)
     if not verdict and not may_observe(request.user, found):
         raise PermissionDenied(verdict.reason)
-    return render(request, "sessions/drive.html", {"robot": found, "picture": picture_of(found), "config": page_config(found, request.user)})
+    return render(
+        request,
+        "sessions/drive.html",
+        {"robot": found, "picture": picture_of(found), "config": page_config(found, request.user)},
+    )
 
 
 @never_cache
@@ -73,12 +79,15 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "title": robot.title,
         "who": user.shown_name,
         "check": "/" + protocol.CHECK_PATH,
-        "practice": reverse("practice") if settings.PRACTICE_ROBOTS and not robot.practice else None,
+        "practice": reverse("practice")
+        if settings.PRACTICE_ROBOTS and not robot.practice
+        else None,
         "socket": "/" + protocol.PATH.replace("<slug:robot>", robot.name),
         "floorplan": reverse("floor_plan", args=[plan.name]) if plan is not None else None,
         "snapshots": reverse("snapshots", args=[robot.name]),
         "factsheet": robot.factsheet,
-        "turnSeconds": 60.0 * (robot.turn_minutes if robot.turn_minutes is not None else settings.TURN_MINUTES),
+        "turnSeconds": 60.0
+        * (robot.turn_minutes if robot.turn_minutes is not None else settings.TURN_MINUTES),
         "warningSeconds": settings.TURN_WARNING_SECONDS,
         "startSeconds": settings.START_SECONDS,
         "suggested": interfaces.suggested_to(user),
@@ -89,10 +98,17 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
 @never_cache
 @require_safe
 def check(request: HttpRequest) -> HttpResponse:
-    """Show what browser and network can do. A detour's servers are for those for whom there is a robot, who alone may use them."""
+    """Show what browser and network can do. A detour's servers are for those for whom there is a
+    robot, who alone may use them.
+    """
     servers = ice_servers(str(request.user.pk), time.time()) if has_a_robot(request.user) else ()
-    asked = servers or tuple(IceServer(urls=tuple(settings.STUN_URLS)) for _ in settings.STUN_URLS[:1])
-    config = {"socket": "/" + protocol.CHECK_PATH, "iceServers": [msgspec.to_builtins(server) for server in asked]}
+    asked = servers or tuple(
+        IceServer(urls=tuple(settings.STUN_URLS)) for _ in settings.STUN_URLS[:1]
+    )
+    config = {
+        "socket": "/" + protocol.CHECK_PATH,
+        "iceServers": [msgspec.to_builtins(server) for server in asked],
+    }
     return render(request, "sessions/check.html", {"config": config})
 
 
@@ -107,7 +123,11 @@ def _robot_for(request: HttpRequest, name: str) -> Robot:
 @limited(LISTS, reading=True, json=True)
 def snapshots(request: HttpRequest, robot: str) -> JsonResponse:
     """List the photos that this visitor took with a robot, newest first."""
-    rows = _own_snapshots(request.user, robot).order_by("-stamp").values("id", "action_id", "stamp", "session_id")[:MAX_SNAPSHOTS]
+    rows = (
+        _own_snapshots(request.user, robot)
+        .order_by("-stamp")
+        .values("id", "action_id", "stamp", "session_id")[:MAX_SNAPSHOTS]
+    )
     listed = [
         {
             "actionId": row["action_id"],
@@ -127,7 +147,10 @@ def snapshot(request: HttpRequest, robot: str, snapshot: UUID) -> HttpResponse:
     row = _own_snapshots(request.user, robot).filter(pk=snapshot).first()
     if row is None:
         raise Http404
-    headers = {"Cache-Control": "private, max-age=86400, immutable", "Content-Disposition": f'inline; filename="{robot}-{row.pk}.jpg"'}
+    headers = {
+        "Cache-Control": "private, max-age=86400, immutable",
+        "Content-Disposition": f'inline; filename="{robot}-{row.pk}.jpg"',
+    }
     return HttpResponse(bytes(row.jpeg), content_type="image/jpeg", headers=headers)
 
 
@@ -138,14 +161,18 @@ def _own_snapshots(user: Any, robot: str) -> Any:
 @never_cache
 @require_safe
 async def healthz(_request: HttpRequest) -> JsonResponse:
-    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with what is missing.
+    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with
+    what is missing.
 
     How the disk is stands there as well; no restart makes room.
     """
     database = await database_sync_to_async(_database_answers)()
     broker = await bridge.current().wait_connected(BROKER_PATIENCE_SECONDS)
     disk = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state()
-    return JsonResponse({"database": database, "broker": broker, "disk": disk}, status=200 if database and broker else 503)
+    return JsonResponse(
+        {"database": database, "broker": broker, "disk": disk},
+        status=200 if database and broker else 503,
+    )
 
 
 def _database_answers() -> bool:

@@ -1,4 +1,6 @@
-"""Questionnaires and responses in the administration: to import, look at, and download; answers are never edited."""
+"""Questionnaires and responses in the administration: to import, look at, and download; answers are
+never edited.
+"""
 
 from typing import Any
 
@@ -29,30 +31,64 @@ class QuestionnaireAdmin(ShownFilters):
     """Questionnaires by version. A version that somebody answered stays as it is."""
 
     form = QuestionnaireForm
-    list_display = ("title", "slug", "version", "state", "languages", "questions", "response_count", "preview")
+    list_display = (
+        "title",
+        "slug",
+        "version",
+        "state",
+        "languages",
+        "questions",
+        "response_count",
+        "preview",
+    )
     list_per_page = 50
     search_fields = ("title", "slug")
-    readonly_fields = ("title", "slug", "version", "state", "frozen_at", "source", "response_count", "preview", "shown")
+    readonly_fields = (
+        "title",
+        "slug",
+        "version",
+        "state",
+        "frozen_at",
+        "source",
+        "response_count",
+        "preview",
+        "shown",
+    )
     change_list_template = "admin/surveys/questionnaire/change_list.html"
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Questionnaire]:
         """Count the responses in the same query."""
         return super().get_queryset(request).annotate(answered=Count("responses"))
 
-    def get_fieldsets(self, _request: HttpRequest, obj: Questionnaire | None = None) -> list[tuple[Any, dict[str, Any]]]:
+    def get_fieldsets(
+        self, _request: HttpRequest, obj: Questionnaire | None = None
+    ) -> list[tuple[Any, dict[str, Any]]]:
         """A new one is a file; one that is in use can only be looked at."""
         if obj is None:
             return [(None, {"fields": ("file", "document")})]
-        about = ("title", "slug", "version", "state", "frozen_at", "source", "response_count", "preview")
+        about = (
+            "title",
+            "slug",
+            "version",
+            "state",
+            "frozen_at",
+            "source",
+            "response_count",
+            "preview",
+        )
         if obj.frozen_at is not None:
             return [(None, {"fields": about}), (_("Definition"), {"fields": ("shown",)})]
         return [(None, {"fields": about}), (_("Definition"), {"fields": ("file", "document")})]
 
     def has_change_permission(self, request: HttpRequest, obj: Questionnaire | None = None) -> bool:
         """What is in use never changes."""
-        return super().has_change_permission(request, obj) and (obj is None or obj.frozen_at is None)
+        return super().has_change_permission(request, obj) and (
+            obj is None or obj.frozen_at is None
+        )
 
-    def save_model(self, _request: HttpRequest, obj: Questionnaire, form: ModelForm, _change: bool) -> None:  # noqa: FBT001 -- Django's signature
+    def save_model(
+        self, _request: HttpRequest, obj: Questionnaire, form: ModelForm, _change: bool
+    ) -> None:  # noqa: FBT001 -- Django's signature
         """Show the row that the form has stored."""
         stored = form.stored
         for field in Questionnaire._meta.concrete_fields:  # noqa: SLF001 -- Django's documented API
@@ -80,18 +116,29 @@ class QuestionnaireAdmin(ShownFilters):
     def response_count(self, row: Questionnaire) -> str | SafeString:
         """How many began to answer it, with a link to them."""
         address = reverse("admin:surveys_response_changelist")
-        return format_html('<a href="{}?questionnaire__id__exact={}">{}</a>', address, row.pk, getattr(row, "answered", 0))
+        return format_html(
+            '<a href="{}?questionnaire__id__exact={}">{}</a>',
+            address,
+            row.pk,
+            getattr(row, "answered", 0),
+        )
 
     @admin.display(description=_("preview"))
     def preview(self, row: Questionnaire) -> SafeString:
         """The way to its pages, as respondents see them."""
-        return format_html('<a href="{}">{}</a>', reverse("admin:surveys_questionnaire_preview", args=[row.pk]), _now("Preview"))
+        return format_html(
+            '<a href="{}">{}</a>',
+            reverse("admin:surveys_questionnaire_preview", args=[row.pk]),
+            _now("Preview"),
+        )
 
     @admin.display(description=_("source"))
     def source(self, row: Questionnaire) -> str:
         """Where it comes from, and who may use it."""
         definition = row.as_definition()
-        return " · ".join(text for text in (definition.source, definition.licence) if text) or NOTHING
+        return (
+            " · ".join(text for text in (definition.source, definition.licence) if text) or NOTHING
+        )
 
     @admin.display(description=_("definition"))
     def shown(self, row: Questionnaire) -> SafeString:
@@ -103,22 +150,55 @@ class QuestionnaireAdmin(ShownFilters):
         guard = self.admin_site.admin_view
         own = [
             path("shipped/", guard(admin_pages.take_shipped), name="surveys_questionnaire_shipped"),
-            path("<uuid:pk>/preview/", guard(admin_pages.preview), name="surveys_questionnaire_preview"),
-            path("<uuid:pk>/export.json", guard(admin_pages.export), name="surveys_questionnaire_export"),
-            path("<uuid:pk>/answers-<str:shape>.csv", guard(admin_pages.answers), name="surveys_questionnaire_answers"),
-            path("<uuid:pk>/new-version/", guard(admin_pages.new_version), name="surveys_questionnaire_new_version"),
+            path(
+                "<uuid:pk>/preview/",
+                guard(admin_pages.preview),
+                name="surveys_questionnaire_preview",
+            ),
+            path(
+                "<uuid:pk>/export.json",
+                guard(admin_pages.export),
+                name="surveys_questionnaire_export",
+            ),
+            path(
+                "<uuid:pk>/answers-<str:shape>.csv",
+                guard(admin_pages.answers),
+                name="surveys_questionnaire_answers",
+            ),
+            path(
+                "<uuid:pk>/new-version/",
+                guard(admin_pages.new_version),
+                name="surveys_questionnaire_new_version",
+            ),
         ]
         return [*own, *super().get_urls()]
 
 
 @admin.register(Response)
 class ResponseAdmin(ShownFilters):
-    """Who answered what. Nothing is edited; a response can be deleted, because respondents have a right to it."""
+    """Who answered what. Nothing is edited; a response can be deleted, because respondents have a
+    right to it.
+    """
 
-    list_display = ("started_at", "who", "questionnaire", "context_label", "robots", "outcome", "progress", "finished_at")
+    list_display = (
+        "started_at",
+        "who",
+        "questionnaire",
+        "context_label",
+        "robots",
+        "outcome",
+        "progress",
+        "finished_at",
+    )
     list_filter = ("questionnaire", "outcome", "finished_at", "language")
     list_select_related = ("questionnaire", "user")
-    search_fields = ("user__username", "user__display_name", "respondent_key", "context", "context_label")
+    search_fields = (
+        "user__username",
+        "user__display_name",
+        "respondent_key",
+        "context",
+        "context_label",
+    )
     date_hierarchy = "started_at"
     list_per_page = 50
     actions = ("download_answers",)
@@ -146,7 +226,9 @@ class ResponseAdmin(ShownFilters):
         """Nor changes what they said."""
         return False
 
-    def change_view(self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None) -> HttpResponse:
+    def change_view(
+        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
+    ) -> HttpResponse:
         """Note who was shown whose answers."""
         row = self.get_object(request, object_id) if self.has_view_permission(request) else None
         if row is not None:
@@ -188,7 +270,9 @@ class ResponseAdmin(ShownFilters):
         return render_to_string("admin/surveys/response/_answers.html", {"lines": lines})
 
     @admin.action(description=_("Download answers (CSV)"), permissions=["view"])
-    def download_answers(self, request: HttpRequest, queryset: QuerySet[Response]) -> StreamingHttpResponse:
+    def download_answers(
+        self, request: HttpRequest, queryset: QuerySet[Response]
+    ) -> StreamingHttpResponse:
         """A line a question and response."""
         audit.note("answers_exported", actor=request.user, detail=f"{queryset.count()} responses")
         return as_long_csv(queryset, "answers")

@@ -1,4 +1,6 @@
-"""The administration's own pages of a questionnaire: preview, export, new version, answers, and those that come with the site."""
+"""The administration's own pages of a questionnaire: preview, export, new version, answers, and
+those that come with the site.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -55,15 +57,26 @@ def _may(request: HttpRequest, permission: str) -> None:
 @never_cache
 @require_safe
 def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Show a page as its respondents see it, with every question on it; `?page=2&language=es&seed=7`. Nothing is saved."""
+    """Show a page as its respondents see it, with every question on it;
+    `?page=2&language=es&seed=7`. Nothing is saved.
+    """
     _may(request, VIEW)
     row = get_object_or_404(Questionnaire, pk=pk)
     definition = row.as_definition()
     language = language_for(definition, request.GET.get("language", ""))
-    number, seed = (_whole(request.GET.get(name, ""), default) for name, default in (("page", 1), ("seed", 0)))
+    number, seed = (
+        _whole(request.GET.get(name, ""), default) for name, default in (("page", 1), ("seed", 0))
+    )
     if not 1 <= number <= len(definition.pages):
         raise Http404
-    everybody = Reader(language=language, seed=seed, stored={}, circumstances=Circumstances(), now=timezone.now(), sees_all=True)
+    everybody = Reader(
+        language=language,
+        seed=seed,
+        stored={},
+        circumstances=Circumstances(),
+        now=timezone.now(),
+        sees_all=True,
+    )
     with translation.override(language):
         context: dict[str, Any] = {
             "sheet": sheet_of(definition, number - 1, everybody, range(len(definition.pages))),
@@ -84,13 +97,20 @@ def _around(row: Questionnaire, definition: Definition, number: int, language: s
     return Preview(
         name=str(row),
         admin=reverse("admin:surveys_questionnaire_change", args=[row.pk]),
-        pages=[Link(_("Page %(n)d") % {"n": n}, to(n, language), n == number) for n in range(1, len(definition.pages) + 1)],
+        pages=[
+            Link(_("Page %(n)d") % {"n": n}, to(n, language), n == number)
+            for n in range(1, len(definition.pages) + 1)
+        ],
         languages=[Link(name, to(number, name), name == language) for name in definition.languages],
     )
 
 
 def _whole(text: str, default: int) -> int:
-    return int(text) if text.isascii() and text.isdigit() and len(text) <= len("2147483648") else default
+    return (
+        int(text)
+        if text.isascii() and text.isdigit() and len(text) <= len("2147483648")
+        else default
+    )
 
 
 @require_safe
@@ -99,7 +119,9 @@ def export(request: HttpRequest, pk: UUID) -> HttpResponse:
     _may(request, VIEW)
     row = get_object_or_404(Questionnaire, pk=pk)
     headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
-    return HttpResponse(to_json(row.as_definition()), content_type="application/json", headers=headers)
+    return HttpResponse(
+        to_json(row.as_definition()), content_type="application/json", headers=headers
+    )
 
 
 @require_safe
@@ -108,7 +130,11 @@ def answers(request: HttpRequest, pk: UUID, shape: str) -> HttpResponseBase:
     _may(request, READ)
     row = get_object_or_404(Questionnaire, pk=pk)
     audit.note("answers_exported", actor=request.user, thing=row, detail=row.slug)
-    return as_wide_csv(row.slug) if shape == "wide" else as_long_csv(Response.objects.filter(questionnaire__slug=row.slug), f"{row.slug}-long")
+    return (
+        as_wide_csv(row.slug)
+        if shape == "wide"
+        else as_long_csv(Response.objects.filter(questionnaire__slug=row.slug), f"{row.slug}-long")
+    )
 
 
 @require_POST
@@ -116,16 +142,24 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
     """Make a copy that can be changed, and go to it."""
     _may(request, ADD)
     copy = next_version(get_object_or_404(Questionnaire, pk=pk), timezone.now())
-    messages.success(request, _("Version %(n)d can be changed until somebody answers it.") % {"n": copy.version})
+    messages.success(
+        request, _("Version %(n)d can be changed until somebody answers it.") % {"n": copy.version}
+    )
     return redirect("admin:surveys_questionnaire_change", copy.pk)
 
 
 @require_POST
 def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
-    """Put the questionnaires that come with the site into the database, where they are not there yet."""
+    """Put the questionnaires that come with the site into the database, where they are not there
+    yet.
+    """
     _may(request, ADD)
     known = set(Questionnaire.objects.values_list("slug", "version"))
-    new = [definition for definition in shipped().values() if (definition.slug, definition.version) not in known]
+    new = [
+        definition
+        for definition in shipped().values()
+        if (definition.slug, definition.version) not in known
+    ]
     for definition in new:
         store(definition, timezone.now())
     text = ngettext("%(n)d questionnaire was added.", "%(n)d questionnaires were added.", len(new))

@@ -1,7 +1,8 @@
-"""What somebody says to one question, judged: a value of the right kind within its bounds, or a reason why there is none.
+"""What somebody says to one question, judged: a value of the right kind within its bounds, or a
+reason why there is none.
 
-On the page a question `q` is the field `q`; a reason comes as `~preferred_not` in the same field where one choice excludes the others
-(scales, single choice), and in the field `q~` elsewhere.
+On the page a question `q` is the field `q`; a reason comes as `~preferred_not` in the same field
+where one choice excludes the others (scales, single choice), and in the field `q~` elsewhere.
 """
 
 import datetime
@@ -13,7 +14,18 @@ from typing import Any
 from django.utils.translation import gettext as _
 
 from surveys.conditions import Circumstances, shown_keys
-from surveys.definition import Date, Definition, Grid, Likert, Multiple, Number, Question, Single, Slider, TextItem
+from surveys.definition import (
+    Date,
+    Definition,
+    Grid,
+    Likert,
+    Multiple,
+    Number,
+    Question,
+    Single,
+    Slider,
+    TextItem,
+)
 
 REASON_MARK = "~"
 MAX_DIGITS = 30
@@ -32,12 +44,16 @@ class Missing(StrEnum):
 
 
 class RefusedError(ValueError):
-    """An answer that its question does not allow; the text is for the visitor, in the language of the page."""
+    """An answer that its question does not allow; the text is for the visitor, in the language of
+    the page.
+    """
 
 
 @dataclass(frozen=True)
 class AnswerValue:
-    """An answer: either a value (int, float, str, or a list of str in written order), or the reason why there is none."""
+    """An answer: either a value (int, float, str, or a list of str in written order), or the reason
+    why there is none.
+    """
 
     value: Any = None
     missing: Missing | None = None
@@ -48,8 +64,11 @@ class AnswerValue:
         return self.missing is Missing.SKIPPED
 
 
-def read_answer(question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime) -> AnswerValue:
-    """Return what the fields of a page say to a question; saying nothing is `SKIPPED`, whether or not that is allowed.
+def read_answer(
+    question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime
+) -> AnswerValue:
+    """Return what the fields of a page say to a question; saying nothing is `SKIPPED`, whether or
+    not that is allowed.
 
     Args:
         question: the question.
@@ -57,12 +76,24 @@ def read_answer(question: Question, fields: Mapping[str, Sequence[str]], now: da
         now: when it is said, for bounds that move with the day.
 
     Raises:
-        RefusedError: when the value is of the wrong kind, out of bounds, or a reason is given that the question does not offer.
+        RefusedError: when the value is of the wrong kind, out of bounds, or a reason is given that
+            the question does not offer.
     """
-    values = [value.replace("\r\n", "\n").replace("\x00", "").strip() for value in fields.get(question.key, ())]
+    values = [
+        value.replace("\r\n", "\n").replace("\x00", "").strip()
+        for value in fields.get(question.key, ())
+    ]
     reasons = [value for value in fields.get(question.key + REASON_MARK, ()) if value]
-    reasons += [value[1:] for value in values if value.startswith(REASON_MARK) and not isinstance(question.item, TextItem)]
-    values = [value for value in values if value and (isinstance(question.item, TextItem) or not value.startswith(REASON_MARK))]
+    reasons += [
+        value[1:]
+        for value in values
+        if value.startswith(REASON_MARK) and not isinstance(question.item, TextItem)
+    ]
+    values = [
+        value
+        for value in values
+        if value and (isinstance(question.item, TextItem) or not value.startswith(REASON_MARK))
+    ]
     if reasons:
         return _declined(question, values, reasons)
     if not values:
@@ -81,7 +112,10 @@ def check_complete(question: Question, given: AnswerValue) -> None:
 def _declined(question: Question, values: list[str], reasons: list[str]) -> AnswerValue:
     if values or len(set(reasons)) > 1:
         raise RefusedError(_("Please either answer or say why not."))
-    allowed = {Missing.PREFERRED_NOT.value: question.item.prefer_not, Missing.NOT_APPLICABLE.value: question.item.not_applicable}
+    allowed = {
+        Missing.PREFERRED_NOT.value: question.item.prefer_not,
+        Missing.NOT_APPLICABLE.value: question.item.not_applicable,
+    }
     if not allowed.get(reasons[0]):
         raise RefusedError(_("This is not among the choices."))
     return AnswerValue(missing=Missing(reasons[0]))
@@ -140,9 +174,15 @@ def _day(item: Date, value: str, now: datetime.datetime) -> str:
     return day.isoformat()
 
 
-def days_between(item: Date, now: datetime.datetime) -> tuple[datetime.date | None, datetime.date | None]:
-    """Return the earliest and the latest day that a date may be; None without a bound. Somewhere on Earth it is still, or already, today."""
-    return _bound(item.earliest, _day_at(now, WESTERNMOST)), _bound(item.latest, _day_at(now, EASTERNMOST))
+def days_between(
+    item: Date, now: datetime.datetime
+) -> tuple[datetime.date | None, datetime.date | None]:
+    """Return the earliest and the latest day that a date may be; None without a bound. Somewhere on
+    Earth it is still, or already, today.
+    """
+    return _bound(item.earliest, _day_at(now, WESTERNMOST)), _bound(
+        item.latest, _day_at(now, EASTERNMOST)
+    )
 
 
 def _bound(bound: str | None, today: datetime.date) -> datetime.date | None:
@@ -174,16 +214,26 @@ def greatest_number(item: Number, now: datetime.datetime) -> float | None:
 
 def _slide(item: Slider, value: str) -> int:
     number = _parsed(value)
-    if number != int(number) or not item.minimum <= number <= item.maximum or (number - item.minimum) % item.step:
+    if (
+        number != int(number)
+        or not item.minimum <= number <= item.maximum
+        or (number - item.minimum) % item.step
+    ):
         words = {"least": item.minimum, "greatest": item.maximum, "step": item.step}
-        raise RefusedError(_("Please give a number from %(least)d to %(greatest)d in steps of %(step)d.") % words)
+        raise RefusedError(
+            _("Please give a number from %(least)d to %(greatest)d in steps of %(step)d.") % words
+        )
     return int(number)
 
 
 def _parsed(value: str) -> float:
     """Return a number that was written with a point or a comma."""
     try:
-        number = float(value.replace(",", ".")) if len(value) <= MAX_DIGITS and "_" not in value else float("nan")
+        number = (
+            float(value.replace(",", "."))
+            if len(value) <= MAX_DIGITS and "_" not in value
+            else float("nan")
+        )
     except ValueError as error:
         raise RefusedError(_("Please give a number.")) from error
     if not abs(number) < NUMBER_LIMIT:
@@ -196,11 +246,17 @@ def plain(number: float) -> str:
     return str(int(number)) if number == int(number) else str(number)
 
 
-def standings(definition: Definition, stored: Mapping[str, AnswerValue], circumstances: Circumstances, reached: int) -> dict[str, AnswerValue]:
-    """Return how every question of a response stands, by key in written order: its value, or the reason why there is none.
+def standings(
+    definition: Definition,
+    stored: Mapping[str, AnswerValue],
+    circumstances: Circumstances,
+    reached: int,
+) -> dict[str, AnswerValue]:
+    """Return how every question of a response stands, by key in written order: its value, or the
+    reason why there is none.
 
-    A question that was not asked is not applicable, whatever was said before an earlier answer changed. One that was asked without
-    an answer was skipped, if its page was left behind.
+    A question that was not asked is not applicable, whatever was said before an earlier answer
+    changed. One that was asked without an answer was skipped, if its page was left behind.
 
     Args:
         definition: the questionnaire.
@@ -210,10 +266,15 @@ def standings(definition: Definition, stored: Mapping[str, AnswerValue], circums
     """
     values = {key: given.value for key, given in stored.items()}
     asked = set(shown_keys(definition, values, circumstances))
-    return {question.key: _standing(question, stored.get(question.key), question.key in asked, reached) for question in definition.questions()}
+    return {
+        question.key: _standing(question, stored.get(question.key), question.key in asked, reached)
+        for question in definition.questions()
+    }
 
 
-def _standing(question: Question, given: AnswerValue | None, asked: bool, reached: int) -> AnswerValue:  # noqa: FBT001 -- private, named at the call
+def _standing(
+    question: Question, given: AnswerValue | None, asked: bool, reached: int
+) -> AnswerValue:  # noqa: FBT001 -- private, named at the call
     if question.page >= reached and given is None:
         return AnswerValue(missing=Missing.NOT_REACHED)
     if not asked:

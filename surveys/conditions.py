@@ -1,7 +1,9 @@
-"""Which questions somebody is asked: `show_if`, decided from the robot, the outcome, and earlier answers.
+"""Which questions somebody is asked: `show_if`, decided from the robot, the outcome, and earlier
+answers.
 
-A question that is hidden counts as unanswered for those that depend on it. static/js/survey/conditions.js says the same for
-questions on the page in front of the visitor; tests/golden/survey_conditions.json binds the two.
+A question that is hidden counts as unanswered for those that depend on it.
+static/js/survey/conditions.js says the same for questions on the page in front of the visitor;
+tests/golden/survey_conditions.json binds the two.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,7 +22,9 @@ class Circumstances:
 
 
 def answer_fits(condition: Condition, value: Any) -> bool:
-    """Tell whether a stored value (None: no answer) meets the part of a condition that asks an answer."""
+    """Tell whether a stored value (None: no answer) meets the part of a condition that asks an
+    answer.
+    """
     if value is None:
         return False
     if condition.one_of:
@@ -39,7 +43,9 @@ def circumstances_fit(condition: Condition, circumstances: Circumstances) -> boo
     return not condition.outcome or circumstances.outcome in condition.outcome
 
 
-def shown_keys(definition: Definition, values: Mapping[str, Any], circumstances: Circumstances) -> list[str]:
+def shown_keys(
+    definition: Definition, values: Mapping[str, Any], circumstances: Circumstances
+) -> list[str]:
     """Return the keys of the questions that are asked, in written order.
 
     Args:
@@ -50,12 +56,23 @@ def shown_keys(definition: Definition, values: Mapping[str, Any], circumstances:
     shown: dict[str, None] = {}
     for question in definition.questions():
         conditions = (definition.pages[question.page].show_if, question.item.show_if)
-        if all(_holds(condition, values, shown, circumstances) for condition in conditions if condition is not None):
+        if all(
+            _holds(condition, values, shown, circumstances)
+            for condition in conditions
+            if condition is not None
+        ):
             shown[question.key] = None
     return list(shown)
 
 
-def _holds(condition: Condition, values: Mapping[str, Any], shown: Iterable[str], circumstances: Circumstances) -> bool:
+def _holds(
+    condition: Condition,
+    values: Mapping[str, Any],
+    shown: Iterable[str],
+    circumstances: Circumstances,
+) -> bool:
     if not circumstances_fit(condition, circumstances):
         return False
-    return not condition.item or (condition.item in shown and answer_fits(condition, values.get(condition.item)))
+    return not condition.item or (
+        condition.item in shown and answer_fits(condition, values.get(condition.item))
+    )

@@ -1,8 +1,9 @@
 """A questionnaire as it is written: version 1 of the JSON format, one class a kind of thing.
 
-A text is an object of languages, `{"en": "…", "es": "…"}`. What takes one answer is a *question*: an item, or one row of a grid. Every
-question has a key of its own, under which its answer is stored for good. The classes refuse unknown fields and wrong types;
-surveys/problems.py tells what types cannot.
+A text is an object of languages, `{"en": "…", "es": "…"}`. What takes one answer is a *question*:
+an item, or one row of a grid. Every question has a key of its own, under which its answer is stored
+for good. The classes refuse unknown fields and wrong types; surveys/problems.py tells what types
+cannot.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -26,12 +27,16 @@ Day = Annotated[str, msgspec.Meta(pattern=r"^(today|\d{4}-\d{2}-\d{2})$")]
 Scoring = Literal["none", "likert", "sus", "tlx_raw"]
 
 
-class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class Part(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
+):
     """Any part of a definition."""
 
 
 class Condition(Part, frozen=True, kw_only=True):
-    """`show_if`: all that is given must hold. `is` and the bounds ask the answer of the earlier question `item`."""
+    """`show_if`: all that is given must hold. `is` and the bounds ask the answer of the earlier
+    question `item`.
+    """
 
     robot: tuple[str, ...] = ()
     outcome: tuple[str, ...] = ()
@@ -170,7 +175,9 @@ class Topic(Part, frozen=True, kw_only=True):
 
 
 class Definition(Part, frozen=True, kw_only=True, dict=True):
-    """A whole questionnaire. A `template` holds the structure of one whose text may not be shipped: it can be filled in, not used."""
+    """A whole questionnaire. A `template` holds the structure of one whose text may not be shipped:
+    it can be filled in, not used.
+    """
 
     format: Literal[1]
     slug: Slug
@@ -196,13 +203,17 @@ class Definition(Part, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def _by_key(self) -> "dict[str, Question]":
-        """Made once, because exports ask for it with every response. Of keys that stand twice, which is refused, the last one counts."""
+        """Made once, because exports ask for it with every response. Of keys that stand twice,
+        which is refused, the last one counts.
+        """
         return {question.key: question for question in _walk(self)}
 
 
 @dataclass(frozen=True)
 class Question:
-    """What takes one answer: an item, or a row of a grid. `page` counts from 0; `points` is empty without a scale."""
+    """What takes one answer: an item, or a row of a grid. `page` counts from 0; `points` is empty
+    without a scale.
+    """
 
     page: int
     item: AnyItem
@@ -220,10 +231,14 @@ class Question:
         return self.item.text if self.row is None else self.row.text
 
     def fingerprint(self, language: str) -> str:
-        """Return 12 hexadecimal digits that change with any word that is shown for it in a language."""
+        """Return 12 hexadecimal digits that change with any word that is shown for it in a
+        language.
+        """
         own = [self.item.text, self.text, self.item.hint, *(point.label for point in self.points)]
         own += [option.label for option in getattr(self.item, "options", ())]
-        own += [getattr(self.item, name) for name in ("low", "high", "unit") if hasattr(self.item, name)]
+        own += [
+            getattr(self.item, name) for name in ("low", "high", "unit") if hasattr(self.item, name)
+        ]
         return sha256("\x1f".join(text.get(language, "") for text in own).encode()).hexdigest()[:12]
 
 
@@ -236,17 +251,23 @@ def _walk(definition: Definition) -> "Iterator[Question]":
 
 
 def points_of(definition: Definition, item: AnyItem) -> tuple[Point, ...]:
-    """Return the scale of an item; empty for kinds without one, or when it names none that is there."""
+    """Return the scale of an item; empty for kinds without one, or when it names none that is
+    there.
+    """
     return definition.scales.get(item.scale, ()) if isinstance(item, Likert | Grid) else ()
 
 
 def spoken(text: Mapping[str, str], language: str) -> str:
-    """Return a text in a language, or in the first that it has; a definition has them all, a single label may be empty."""
+    """Return a text in a language, or in the first that it has; a definition has them all, a single
+    label may be empty.
+    """
     return text.get(language) or next(iter(text.values()), "")
 
 
 def language_for(definition: Definition, wanted: str) -> str:
-    """Return the language in which a questionnaire is shown to somebody who reads `wanted` ("es", "es-mx")."""
+    """Return the language in which a questionnaire is shown to somebody who reads `wanted` ("es",
+    "es-mx").
+    """
     for name in (wanted, wanted.split("-", maxsplit=1)[0]):
         if name in definition.languages:
             return name
@@ -257,7 +278,9 @@ prepare(Definition)
 
 
 def to_json(definition: Definition) -> bytes:
-    """Return a definition as the JSON that import takes: indented, fields in the order of the classes."""
+    """Return a definition as the JSON that import takes: indented, fields in the order of the
+    classes.
+    """
     return msgspec.json.format(msgspec.json.encode(definition), indent=2) + b"\n"
 
 

@@ -1,7 +1,9 @@
-"""Answers as CSV, written while they are sent: a batch of responses at a time is in memory, however many there are.
+"""Answers as CSV, written while they are sent: a batch of responses at a time is in memory, however
+many there are.
 
-`long` has a line a question and response, `wide` a line a response with two columns a question: its value, and why there is none.
-The lines are ordinary generators, for exports that are no pages as well.
+`long` has a line a question and response, `wide` a line a response with two columns a question: its
+value, and why there is none. The lines are ordinary generators, for exports that are no pages as
+well.
 """
 
 import csv
@@ -24,10 +26,33 @@ from surveys.scoring import scores
 BATCH = 200
 LINES_AT_ONCE = 500
 ABOUT = (
-    "response", "questionnaire", "version", "respondent", "context", "context_label", "robot", "outcome", "seed", "language", "started_at",
+    "response",
+    "questionnaire",
+    "version",
+    "respondent",
+    "context",
+    "context_label",
+    "robot",
+    "outcome",
+    "seed",
+    "language",
+    "started_at",
     "finished_at",
-)  # fmt: skip
-LONG = (*ABOUT, "item", "kind", "page", "position", "value", "missing", "answer_language", "text_version", "seconds", "first_at", "answered_at")
+)
+LONG = (
+    *ABOUT,
+    "item",
+    "kind",
+    "page",
+    "position",
+    "value",
+    "missing",
+    "answer_language",
+    "text_version",
+    "seconds",
+    "first_at",
+    "answered_at",
+)
 # A spreadsheet takes a cell that begins so for a formula.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
@@ -43,8 +68,13 @@ def as_wide_csv(slug: str) -> StreamingHttpResponse:
 
 
 def _download(lines: Iterator[str], name: str) -> StreamingHttpResponse:
-    headers = {"Content-Disposition": f'attachment; filename="{name}.csv"', "Cache-Control": "private, no-store"}
-    return StreamingHttpResponse(_beside_the_loop(lines), content_type="text/csv; charset=utf-8", headers=headers)
+    headers = {
+        "Content-Disposition": f'attachment; filename="{name}.csv"',
+        "Cache-Control": "private, no-store",
+    }
+    return StreamingHttpResponse(
+        _beside_the_loop(lines), content_type="text/csv; charset=utf-8", headers=headers
+    )
 
 
 async def _beside_the_loop(lines: Iterator[str]) -> AsyncIterator[str]:
@@ -62,7 +92,14 @@ def long_lines(responses: QuerySet[Response]) -> Iterator[str]:
         by_item = {row.item: row for row in rows}
         for question in definition.questions():
             said, row = given[question.key], by_item.get(question.key)
-            cells = [question.key, question.item.kind, question.page + 1, places[question.key], _cell(said.value), said.missing or ""]
+            cells = [
+                question.key,
+                question.item.kind,
+                question.page + 1,
+                places[question.key],
+                _cell(said.value),
+                said.missing or "",
+            ]
             yield line([*about, *cells, *_of_row(row)])
 
 
@@ -74,8 +111,14 @@ def _of_row(row: Answer | None) -> list[Any]:
 
 def wide_lines(slug: str) -> Iterator[str]:
     """Yield CSV with a line a response to any version of a questionnaire, with its scores."""
-    versions = [row.as_definition() for row in Questionnaire.objects.filter(slug=slug).order_by("version")]
-    keys = list(dict.fromkeys(question.key for definition in versions for question in definition.questions()))
+    versions = [
+        row.as_definition() for row in Questionnaire.objects.filter(slug=slug).order_by("version")
+    ]
+    keys = list(
+        dict.fromkeys(
+            question.key for definition in versions for question in definition.questions()
+        )
+    )
     named = list(dict.fromkeys(name for definition in versions for name in scores(definition, {})))
     yield line([*ABOUT, *(column for key in keys for column in (key, f"{key}_missing")), *named])
     for response, definition, rows in answered(Response.objects.filter(questionnaire__slug=slug)):
@@ -90,10 +133,18 @@ def _pair(said: AnswerValue | None) -> tuple[Any, Any]:
     return ("", "") if said is None else (_cell(said.value), said.missing or "")
 
 
-def answered(responses: QuerySet[Response]) -> Iterator[tuple[Response, Definition, Sequence[Answer]]]:
-    """Yield responses, the oldest first, with what they were asked and their rows; two queries a batch."""
+def answered(
+    responses: QuerySet[Response],
+) -> Iterator[tuple[Response, Definition, Sequence[Answer]]]:
+    """Yield responses, the oldest first, with what they were asked and their rows; two queries a
+    batch.
+    """
     known: dict[Any, Definition] = {}
-    ordered = responses.select_related("questionnaire").order_by("started_at", "id").iterator(chunk_size=BATCH)
+    ordered = (
+        responses.select_related("questionnaire")
+        .order_by("started_at", "id")
+        .iterator(chunk_size=BATCH)
+    )
     while batch := list(islice(ordered, BATCH)):
         rows: dict[Any, list[Answer]] = {response.pk: [] for response in batch}
         for answer in Answer.objects.filter(response__in=list(rows)).order_by("position"):
@@ -107,9 +158,19 @@ def answered(responses: QuerySet[Response]) -> Iterator[tuple[Response, Definiti
 def _about(response: Response) -> list[Any]:
     questionnaire = response.questionnaire
     return [
-        response.pk, questionnaire.slug, questionnaire.version, response.respondent, response.context, response.context_label,
-        "|".join(response.robot), response.outcome, response.seed, response.language, _iso(response.started_at), _iso(response.finished_at),
-    ]  # fmt: skip
+        response.pk,
+        questionnaire.slug,
+        questionnaire.version,
+        response.respondent,
+        response.context,
+        response.context_label,
+        "|".join(response.robot),
+        response.outcome,
+        response.seed,
+        response.language,
+        _iso(response.started_at),
+        _iso(response.finished_at),
+    ]
 
 
 def _iso(at: datetime.datetime | None) -> str:
@@ -123,5 +184,10 @@ def _cell(value: Any) -> Any:
 def line(cells: Sequence[Any]) -> str:
     """Return cells as a line of CSV; none of them is a formula."""
     text = io.StringIO()
-    csv.writer(text).writerow([f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell for cell in cells])
+    csv.writer(text).writerow(
+        [
+            f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell
+            for cell in cells
+        ]
+    )
     return text.getvalue()

@@ -15,11 +15,20 @@ from surveys.questionnaires import store
 class QuestionnaireForm(forms.ModelForm):
     """A definition; every problem of it is told at once."""
 
-    file = forms.FileField(label=_("JSON file"), required=False, help_text=_("The format stands in docs/reference/questionnaires.md."))
+    file = forms.FileField(
+        label=_("JSON file"),
+        required=False,
+        help_text=_("The format stands in docs/reference/questionnaires.md."),
+    )
     document = forms.CharField(
-        label=_("or its text"), required=False, strip=False, max_length=MAX_BYTES,
-        widget=forms.Textarea(attrs={"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}),
-    )  # fmt: skip
+        label=_("or its text"),
+        required=False,
+        strip=False,
+        max_length=MAX_BYTES,
+        widget=forms.Textarea(
+            attrs={"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
+        ),
+    )
 
     class Meta:
         model = Questionnaire
@@ -32,12 +41,18 @@ class QuestionnaireForm(forms.ModelForm):
         self.stored: Questionnaire | None = None
 
     def clean(self) -> dict[str, Any]:
-        """Store the definition. Here and not later, so that a version that was frozen a moment ago is told like any other problem."""
+        """Store the definition. Here and not later, so that a version that was frozen a moment ago
+        is told like any other problem.
+        """
         cleaned = super().clean() or self.cleaned_data
         if self.errors:
             return cleaned
         upload = cleaned.get("file")
-        document = upload.read(MAX_BYTES + 1) if upload is not None else cleaned.get("document", "").encode()
+        document = (
+            upload.read(MAX_BYTES + 1)
+            if upload is not None
+            else cleaned.get("document", "").encode()
+        )
         if not document.strip():
             raise forms.ValidationError(_("Choose a file or paste the text of one."))
         try:
@@ -45,14 +60,36 @@ class QuestionnaireForm(forms.ModelForm):
             self._check_name(definition)
             self.stored = store(definition, timezone.now())
         except BadDefinitionError as error:
-            raise forms.ValidationError([forms.ValidationError("%(problem)s", params={"problem": problem}) for problem in error.problems]) from error
+            raise forms.ValidationError(
+                [
+                    forms.ValidationError("%(problem)s", params={"problem": problem})
+                    for problem in error.problems
+                ]
+            ) from error
         return cleaned
 
     def _check_name(self, definition: Definition) -> None:
-        """Keep an import from replacing what is there unseen, and a change from becoming another questionnaire."""
-        name, own = (definition.slug, definition.version), (self.instance.slug, self.instance.version)
+        """Keep an import from replacing what is there unseen, and a change from becoming another
+        questionnaire.
+        """
+        name, own = (
+            (definition.slug, definition.version),
+            (self.instance.slug, self.instance.version),
+        )
         if not self.instance._state.adding:  # noqa: SLF001
             if name != own:
-                raise BadDefinitionError([f"This is version {own[1]} of {own[0]}; slug and version of a questionnaire stay."])
-        elif Questionnaire.objects.filter(slug=definition.slug, version=definition.version).exists():
-            raise BadDefinitionError([f"Version {name[1]} of {name[0]} is here already: change that one, or give yours another version."])
+                raise BadDefinitionError(
+                    [
+                        f"This is version {own[1]} of {own[0]}; slug and version of a questionnaire"
+                        " stay."
+                    ]
+                )
+        elif Questionnaire.objects.filter(
+            slug=definition.slug, version=definition.version
+        ).exists():
+            raise BadDefinitionError(
+                [
+                    f"Version {name[1]} of {name[0]} is here already: change that one, or give"
+                    " yours another version."
+                ]
+            )

@@ -1,14 +1,27 @@
-"""In which order somebody sees items, rows and options: as written, or shuffled by the seed that is stored with the response.
+"""In which order somebody sees items, rows and options: as written, or shuffled by the seed that is
+stored with the response.
 
-The generator of each list is seeded with the response's seed and the list's name, so that a new page or option elsewhere changes no
-other order. Python promises that `random.Random(text)` and `shuffle` give the same on every version since 3.2.
+The generator of each list is seeded with the response's seed and the list's name, so that a new
+page or option elsewhere changes no other order. Python promises that `random.Random(text)` and
+`shuffle` give the same on every version since 3.2.
 """
 
 import random
 from collections.abc import Sequence
 from typing import TypeVar
 
-from surveys.definition import AnyItem, Definition, Grid, Multiple, Option, Order, Page, Question, Row, Single
+from surveys.definition import (
+    AnyItem,
+    Definition,
+    Grid,
+    Multiple,
+    Option,
+    Order,
+    Page,
+    Question,
+    Row,
+    Single,
+)
 
 T = TypeVar("T")
 
@@ -32,9 +45,13 @@ def rows_of(grid: Grid, seed: int) -> list[Row]:
 
 
 def options_of(item: Single | Multiple, seed: int) -> list[Option]:
-    """Return the options in the order shown; those that stand alone ("none of these") stay at the end."""
+    """Return the options in the order shown; those that stand alone ("none of these") stay at the
+    end.
+    """
     usual = [option for option in item.options if not option.alone]
-    return ordered(usual, item.order, seed, f"options {item.key}") + [option for option in item.options if option.alone]
+    return ordered(usual, item.order, seed, f"options {item.key}") + [
+        option for option in item.options if option.alone
+    ]
 
 
 def questions_shown(definition: Definition, seed: int) -> list[Question]:
@@ -42,10 +59,14 @@ def questions_shown(definition: Definition, seed: int) -> list[Question]:
     keys: list[str] = []
     for page in definition.pages:
         for item in items_of(page, seed):
-            keys += [row.key for row in rows_of(item, seed)] if isinstance(item, Grid) else [item.key]
+            keys += (
+                [row.key for row in rows_of(item, seed)] if isinstance(item, Grid) else [item.key]
+            )
     return [question for key in keys if (question := definition.question(key)) is not None]
 
 
 def positions(definition: Definition, seed: int) -> dict[str, int]:
     """Return the place of each question in the order shown, from 1, by key."""
-    return {question.key: n for n, question in enumerate(questions_shown(definition, seed), start=1)}
+    return {
+        question.key: n for n, question in enumerate(questions_shown(definition, seed), start=1)
+    }

@@ -1,12 +1,15 @@
-"""Summaries of statements on a scale, as the paper's table of results has them. Pure: numbers in, numbers out.
+"""Summaries of statements on a scale, as the paper's table of results has them. Pure: numbers in,
+numbers out.
 
-The unit is the respondent (Melendez-Fernandez et al., 2017, table 5; the definition is ours, because the text gives none):
+The unit is the respondent (Melendez-Fernandez et al., 2017, table 5; the definition is ours,
+because the text gives none):
 
 - the percentages pool all answers of a row;
-- mean, standard deviation (n - 1) and confidence intervals are those of the *respondents'* scores, a respondent's score being the
-  mean over the row's statements that they answered;
-- the half-width of an interval is c * SD / sqrt(n), with c of the normal distribution ("normal", which reproduces the published
-  half-width) or of Student's t with n - 1 degrees of freedom ("t", for new studies).
+- mean, standard deviation (n - 1) and confidence intervals are those of the *respondents'* scores,
+  a respondent's score being the mean over the row's statements that they answered;
+- the half-width of an interval is c * SD / sqrt(n), with c of the normal distribution ("normal",
+  which reproduces the published half-width) or of Student's t with n - 1 degrees of freedom ("t",
+  for new studies).
 """
 
 import math
@@ -25,8 +28,9 @@ Answers = Mapping[str, int | None]
 class Summary:
     """One row.
 
-    Counts and percentages are in the order of the scale; percentages are None without answers. `positive` is the percentage above
-    `neutral`, `nonpositive` the rest. `mean` is None without respondents, `sd` and the half-widths below two of them.
+    Counts and percentages are in the order of the scale; percentages are None without answers.
+    `positive` is the percentage above `neutral`, `nonpositive` the rest. `mean` is None without
+    respondents, `sd` and the half-widths below two of them.
     """
 
     respondents: int
@@ -41,11 +45,19 @@ class Summary:
     nonpositive: float | None
 
 
-def summarise(responses: Sequence[Answers], statements: Sequence[str], scale: Sequence[int], *, interval: Interval, neutral: float = 0.0) -> Summary:
+def summarise(
+    responses: Sequence[Answers],
+    statements: Sequence[str],
+    scale: Sequence[int],
+    *,
+    interval: Interval,
+    neutral: float = 0.0,
+) -> Summary:
     """Return the row of one or several statements.
 
     Args:
-        responses: a mapping a respondent, from statement to value of the scale; None or no entry is a missing answer.
+        responses: a mapping a respondent, from statement to value of the scale; None or no entry is
+            a missing answer.
         statements: which of them the row pools.
         scale: the values that there are, rising.
         interval: of which distribution the intervals are.
@@ -54,7 +66,10 @@ def summarise(responses: Sequence[Answers], statements: Sequence[str], scale: Se
     Raises:
         ValueError: when an answer is no value of the scale.
     """
-    given = [[value for key in statements if (value := answers.get(key)) is not None] for answers in responses]
+    given = [
+        [value for key in statements if (value := answers.get(key)) is not None]
+        for answers in responses
+    ]
     given = [values for values in given if values]
     counts = Counter(value for values in given for value in values)
     if set(counts) - set(scale):
@@ -62,7 +77,9 @@ def summarise(responses: Sequence[Answers], statements: Sequence[str], scale: Se
     total = counts.total()
     scores = [math.fsum(values) / len(values) for values in given]
     mean, sd = mean_and_sd(scores)
-    above = 100.0 * sum(n for value, n in counts.items() if value > neutral) / total if total else None
+    above = (
+        100.0 * sum(n for value, n in counts.items() if value > neutral) / total if total else None
+    )
     return Summary(
         respondents=len(scores),
         answers=total,

@@ -14,7 +14,9 @@ SEED_LIMIT = 2**31
 
 
 class Questionnaire(models.Model):
-    """One version of a questionnaire. Once somebody began to answer it, it never changes: a change is a new version."""
+    """One version of a questionnaire. Once somebody began to answer it, it never changes: a change
+    is a new version.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     slug = models.SlugField(_("name"), max_length=40)
@@ -29,7 +31,9 @@ class Questionnaire(models.Model):
         verbose_name = _("questionnaire")
         verbose_name_plural = _("questionnaires")
         ordering = ("slug", "-version")
-        constraints = [models.UniqueConstraint(fields=["slug", "version"], name="questionnaire_version_once")]
+        constraints = [
+            models.UniqueConstraint(fields=["slug", "version"], name="questionnaire_version_once")
+        ]
 
     def __str__(self) -> str:
         return f"{self.title} · {self.slug} {self.version}"
@@ -40,17 +44,30 @@ class Questionnaire(models.Model):
 
 
 class Response(models.Model):
-    """One respondent's way through one questionnaire in one context, from the first page to the last.
+    """One respondent's way through one questionnaire in one context, from the first page to the
+    last.
 
-    The respondent is a user, or a key that whoever asks has given an anonymous one. The context is the asker's business: an opaque key
-    (a step of a study and its session), and a label for people.
+    The respondent is a user, or a key that whoever asks has given an anonymous one. The context is
+    the asker's business: an opaque key (a step of a study and its session), and a label for people.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    questionnaire = models.ForeignKey(Questionnaire, models.PROTECT, related_name="responses", verbose_name=_("questionnaire"))
-    user = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, null=True, blank=True, related_name="survey_responses", verbose_name=_("user"))
-    respondent_key = models.CharField(_("anonymous respondent"), max_length=64, blank=True, db_index=True)
-    # Questionnaire's name, respondent and context in one hash: unique on every database, so that nobody answers twice.
+    questionnaire = models.ForeignKey(
+        Questionnaire, models.PROTECT, related_name="responses", verbose_name=_("questionnaire")
+    )
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.CASCADE,
+        null=True,
+        blank=True,
+        related_name="survey_responses",
+        verbose_name=_("user"),
+    )
+    respondent_key = models.CharField(
+        _("anonymous respondent"), max_length=64, blank=True, db_index=True
+    )
+    # Questionnaire's name, respondent and context in one hash: unique on every database, so that
+    # nobody answers twice.
     slot = models.CharField(max_length=64, unique=True, editable=False)
     context = models.CharField(_("context"), max_length=200, db_index=True)
     context_label = models.CharField(_("asked in"), max_length=200, blank=True)
@@ -88,7 +105,9 @@ class Response(models.Model):
         """Return what is stored, by question."""
         return {row.item: row.given for row in self.answers.only("item", "value", "missing")}
 
-    def standings(self, definition: Definition, stored: dict[str, AnswerValue]) -> dict[str, AnswerValue]:
+    def standings(
+        self, definition: Definition, stored: dict[str, AnswerValue]
+    ) -> dict[str, AnswerValue]:
         """Return how every question stands, from what is stored: its value, or why there is none."""
         reached = self.reached if self.finished_at is None else len(definition.pages)
         return standings(definition, stored, self.circumstances, reached)
@@ -105,17 +124,21 @@ class Answer(models.Model):
         NOT_APPLICABLE = Missing.NOT_APPLICABLE.value, _("not applicable")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    response = models.ForeignKey(Response, models.CASCADE, related_name="answers", verbose_name=_("response"))
+    response = models.ForeignKey(
+        Response, models.CASCADE, related_name="answers", verbose_name=_("response")
+    )
     item = models.CharField(_("question"), max_length=40)
     value = models.JSONField(_("value"), null=True)
     missing = models.CharField(_("missing"), max_length=16, choices=Reason, blank=True)
     language = models.CharField(_("language"), max_length=16)
-    # Of the words that were shown (Question.fingerprint): a correction of one language's text can be told from the text before.
+    # Of the words that were shown (Question.fingerprint): a correction of one language's text can
+    # be told from the text before.
     text_version = models.CharField(_("text version"), max_length=12)
     position = models.PositiveIntegerField(_("position"))
     # Seconds of attention as the page measured them, None without JavaScript.
     seconds = models.FloatField(_("seconds"), null=True)
-    # Which page load wrote it, and as which of its writings: an old request that arrives late changes nothing.
+    # Which page load wrote it, and as which of its writings: an old request that arrives late
+    # changes nothing.
     writer = models.CharField(max_length=32, blank=True, editable=False)
     writing = models.BigIntegerField(default=0, editable=False)
     first_at = models.DateTimeField(_("first answered"))
@@ -133,4 +156,6 @@ class Answer(models.Model):
     @property
     def given(self) -> AnswerValue:
         """What was said."""
-        return AnswerValue(value=self.value, missing=Missing(self.missing) if self.missing else None)
+        return AnswerValue(
+            value=self.value, missing=Missing(self.missing) if self.missing else None
+        )

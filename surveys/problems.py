@@ -45,13 +45,17 @@ def parse(document: bytes) -> Definition:
     """Return the definition that a JSON document holds.
 
     Raises:
-        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at the first.
+        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
+            the first.
     """
     return checked(document, Definition, problems, MAX_BYTES)
 
 
-def checked(document: bytes, kind: type[T], problems_of: Callable[[T], Iterable[str]], limit: int) -> T:
-    """Return what a JSON document of at most `limit` bytes holds, when `problems_of` finds nothing wrong with it.
+def checked(
+    document: bytes, kind: type[T], problems_of: Callable[[T], Iterable[str]], limit: int
+) -> T:
+    """Return what a JSON document of at most `limit` bytes holds, when `problems_of` finds nothing
+    wrong with it.
 
     Raises:
         BadDefinitionError: as `parse`.
@@ -88,7 +92,9 @@ def _of_the_whole(definition: Definition) -> Iterator[str]:
     yield from (f"Page {page.key} has no items." for page in definition.pages if not page.items)
     yield from _twice("page", (page.key for page in definition.pages))
     items = [item for page in definition.pages for item in page.items]
-    keys = [row.key for item in items if isinstance(item, Grid) for row in item.rows] + [item.key for item in items if not isinstance(item, Grid)]
+    keys = [row.key for item in items if isinstance(item, Grid) for row in item.rows] + [
+        item.key for item in items if not isinstance(item, Grid)
+    ]
     yield from _twice("key", keys + [item.key for item in items if isinstance(item, Grid)])
     if len(keys) > MAX_QUESTIONS:
         yield f"There are {len(keys)} questions; at most {MAX_QUESTIONS} are allowed."
@@ -96,7 +102,11 @@ def _of_the_whole(definition: Definition) -> Iterator[str]:
 
 
 def _twice(what: str, names: Iterable[str]) -> Iterator[str]:
-    yield from (f"The {what} {name} stands {count} times." for name, count in Counter(names).items() if count > 1)
+    yield from (
+        f"The {what} {name} stands {count} times."
+        for name, count in Counter(names).items()
+        if count > 1
+    )
 
 
 def _of_texts(definition: Definition) -> Iterator[str]:
@@ -109,14 +119,32 @@ def _of_texts(definition: Definition) -> Iterator[str]:
 
 
 def text_problems(part: Part, where: str, languages: tuple[str, ...]) -> Iterator[str]:
-    """Yield what is wrong with any text inside a part: each must be there in all of the languages and in no other."""
+    """Yield what is wrong with any text inside a part: each must be there in all of the languages
+    and in no other.
+    """
     for place, text, needed in _texts(part, where):
         if not needed and not any(text.values()):
             continue
-        yield from (f"{place} has no text in {language}." for language in languages if not text.get(language, "").strip())
-        yield from (f"{place} has a text in {name}, which is not among the languages." for name in text if name not in languages)
-        yield from (f"{place}: the text in {name} holds a null character." for name in text if "\x00" in text[name])
-        yield from (f"{place}: the text in {name} is longer than {MAX_TEXT} characters." for name in text if len(text[name]) > MAX_TEXT)
+        yield from (
+            f"{place} has no text in {language}."
+            for language in languages
+            if not text.get(language, "").strip()
+        )
+        yield from (
+            f"{place} has a text in {name}, which is not among the languages."
+            for name in text
+            if name not in languages
+        )
+        yield from (
+            f"{place}: the text in {name} holds a null character."
+            for name in text
+            if "\x00" in text[name]
+        )
+        yield from (
+            f"{place}: the text in {name} is longer than {MAX_TEXT} characters."
+            for name in text
+            if len(text[name]) > MAX_TEXT
+        )
 
 
 def _texts(part: Part, place: str) -> Iterator[tuple[str, Text, bool]]:
@@ -130,7 +158,9 @@ def _texts(part: Part, place: str) -> Iterator[tuple[str, Text, bool]]:
         elif isinstance(value, tuple):
             for n, inner in enumerate(value):
                 if isinstance(inner, Part):
-                    yield from _texts(inner, getattr(inner, "key", "") or f"{place}.{field.encode_name}[{n}]")
+                    yield from _texts(
+                        inner, getattr(inner, "key", "") or f"{place}.{field.encode_name}[{n}]"
+                    )
         elif isinstance(value, dict) and field.name == "scales":
             for name, points in value.items():
                 for point in points:
@@ -141,7 +171,9 @@ def _of_scales(definition: Definition) -> Iterator[str]:
     for name, points in definition.scales.items():
         values = [point.value for point in points]
         if not MIN_POINTS <= len(values) <= MAX_POINTS:
-            yield f"The scale {name} has {len(values)} points; it needs {MIN_POINTS} to {MAX_POINTS}."
+            yield (
+                f"The scale {name} has {len(values)} points; it needs {MIN_POINTS} to {MAX_POINTS}."
+            )
         elif values != sorted(set(values)):
             yield f"The values of the scale {name} do not rise from point to point."
         elif not (any(points[0].label.values()) and any(points[-1].label.values())):
@@ -155,9 +187,16 @@ def _of_item(definition: Definition, item: AnyItem) -> Iterator[str]:
         yield "the grid has no rows."
     if isinstance(item, Single | Multiple):
         yield from _of_options(item)
-    if isinstance(item, Number) and isinstance(item.minimum, float) and isinstance(item.maximum, float) and item.minimum > item.maximum:
+    if (
+        isinstance(item, Number)
+        and isinstance(item.minimum, float)
+        and isinstance(item.maximum, float)
+        and item.minimum > item.maximum
+    ):
         yield "the least number is larger than the greatest."
-    if isinstance(item, Slider) and (item.minimum >= item.maximum or (item.maximum - item.minimum) % item.step):
+    if isinstance(item, Slider) and (
+        item.minimum >= item.maximum or (item.maximum - item.minimum) % item.step
+    ):
         yield "its ends must differ by a multiple of its step."
     if isinstance(item, Date):
         yield from _of_days(item)
@@ -177,7 +216,11 @@ def _of_days(item: Date) -> Iterator[str]:
     days = []
     for day in (item.earliest, item.latest):
         try:
-            days += [datetime.date.fromisoformat(day)] if day not in {None, "today"} and isinstance(day, str) else []
+            days += (
+                [datetime.date.fromisoformat(day)]
+                if day not in {None, "today"} and isinstance(day, str)
+                else []
+            )
         except ValueError:
             yield f"{day} is not a day."
     if len(days) == len((item.earliest, item.latest)) and days[0] > days[1]:
@@ -193,14 +236,20 @@ def _of_conditions(definition: Definition) -> Iterator[str]:
             # On a shuffled page nothing is surely earlier; a later page always is.
             reach = known if page.order == "shuffled" else {**known, **here}
             yield from (f"{item.key}: {problem}" for problem in _of_condition(item.show_if, reach))
-            here |= {question.key: question for question in definition.questions() if question.page == index and question.item.key == item.key}
+            here |= {
+                question.key: question
+                for question in definition.questions()
+                if question.page == index and question.item.key == item.key
+            }
         known |= here
 
 
 def _of_condition(condition: Condition | None, earlier: dict[str, Question]) -> Iterator[str]:
     if condition is None:
         return
-    asks_answer = bool(condition.one_of) or condition.at_least is not None or condition.at_most is not None
+    asks_answer = (
+        bool(condition.one_of) or condition.at_least is not None or condition.at_most is not None
+    )
     if not (condition.robot or condition.outcome or condition.item):
         yield "show_if names neither robot nor outcome nor item."
     if bool(condition.item) != asks_answer:
@@ -218,7 +267,11 @@ def _of_expected(condition: Condition, question: Question) -> Iterator[str]:
     elif isinstance(question.item, Single | Multiple):
         possible = {option.value for option in question.item.options}
     if possible is not None:
-        yield from (f"show_if expects {value}, which {question.key} cannot be." for value in condition.one_of if value not in possible)
+        yield from (
+            f"show_if expects {value}, which {question.key} cannot be."
+            for value in condition.one_of
+            if value not in possible
+        )
     bounded = condition.at_least is not None or condition.at_most is not None
     if bounded and not (question.points or isinstance(question.item, Number | Slider)):
         yield f"show_if compares {question.key}, which is no number."
@@ -227,13 +280,25 @@ def _of_expected(condition: Condition, question: Question) -> Iterator[str]:
 def _of_scoring(definition: Definition) -> Iterator[str]:
     by_key = {question.key: question for question in definition.questions()}
     for topic in definition.topics:
-        yield from (f"topic {topic.key}: there is no statement {key}." for key in topic.items if key not in by_key or not by_key[key].points)
+        yield from (
+            f"topic {topic.key}: there is no statement {key}."
+            for key in topic.items
+            if key not in by_key or not by_key[key].points
+        )
     questions = list(by_key.values())
     scaled = [question for question in questions if question.points]
-    if definition.scoring == "likert" and len({tuple(point.value for point in question.points) for question in scaled}) != 1:
+    if (
+        definition.scoring == "likert"
+        and len({tuple(point.value for point in question.points) for question in scaled}) != 1
+    ):
         yield "scoring likert needs statements on one scale."
-    if definition.scoring == "sus" and not (len(scaled) == SUS_ITEMS and all([p.value for p in q.points] == [1, 2, 3, 4, 5] for q in scaled)):
+    if definition.scoring == "sus" and not (
+        len(scaled) == SUS_ITEMS
+        and all([p.value for p in q.points] == [1, 2, 3, 4, 5] for q in scaled)
+    ):
         yield "scoring sus needs ten statements on a scale from 1 to 5."
     sliders = [question.item for question in questions if isinstance(question.item, Slider)]
-    if definition.scoring == "tlx_raw" and not (len(sliders) == TLX_ITEMS and all((s.minimum, s.maximum) == (0, 100) for s in sliders)):
+    if definition.scoring == "tlx_raw" and not (
+        len(sliders) == TLX_ITEMS and all((s.minimum, s.maximum) == (0, 100) for s in sliders)
+    ):
         yield "scoring tlx_raw needs six sliders from 0 to 100."

@@ -1,4 +1,6 @@
-"""Questionnaires in the database: taken from files, replaced while nobody uses them, frozen by their first respondent."""
+"""Questionnaires in the database: taken from files, replaced while nobody uses them, frozen by
+their first respondent.
+"""
 
 import datetime
 from pathlib import Path
@@ -32,7 +34,9 @@ def store(definition: Definition, now: datetime.datetime) -> Questionnaire:
     fields = _fields(definition)
     try:
         with transaction.atomic():
-            return Questionnaire.objects.create(slug=definition.slug, version=definition.version, created_at=now, **fields)
+            return Questionnaire.objects.create(
+                slug=definition.slug, version=definition.version, created_at=now, **fields
+            )
     except IntegrityError:
         return _replace(definition, fields)
 
@@ -42,17 +46,27 @@ def _replace(definition: Definition, fields: dict[str, Any]) -> Questionnaire:
     rows.filter(frozen_at=None).exclude(sha256=fields["sha256"]).update(**fields)
     row = rows.get()
     if row.sha256 != fields["sha256"]:
-        raise BadDefinitionError([f"Version {definition.version} of {definition.slug} is in use and cannot change: give yours another version."])
+        raise BadDefinitionError(
+            [
+                f"Version {definition.version} of {definition.slug} is in use and cannot change:"
+                " give yours another version."
+            ]
+        )
     return row
 
 
 def _fields(definition: Definition) -> dict[str, Any]:
     title = spoken(definition.title, language_for(definition, "en"))[:200]
-    return {"title": title, "definition": msgspec.to_builtins(definition), "sha256": digest(definition)}
+    return {
+        "title": title,
+        "definition": msgspec.to_builtins(definition),
+        "sha256": digest(definition),
+    }
 
 
 def current(slug: str, now: datetime.datetime) -> Questionnaire:
-    """Return the newest version of a questionnaire; one that comes with the site is put into the database if it is not there yet.
+    """Return the newest version of a questionnaire; one that comes with the site is put into the
+    database if it is not there yet.
 
     Raises:
         Questionnaire.DoesNotExist: when nobody knows it.
@@ -74,12 +88,21 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
     """
     if questionnaire.frozen_at is None:
         if questionnaire.as_definition().template:
-            raise BadDefinitionError([f"{questionnaire.slug} is a template: fill in its text and set template to false before it is used."])
+            raise BadDefinitionError(
+                [
+                    f"{questionnaire.slug} is a template: fill in its text and set template to"
+                    " false before it is used."
+                ]
+            )
         Questionnaire.objects.filter(pk=questionnaire.pk, frozen_at=None).update(frozen_at=now)
     return Questionnaire.objects.get(pk=questionnaire.pk)
 
 
 def next_version(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
     """Return a copy that can be changed, numbered after the newest version."""
-    newest = Questionnaire.objects.filter(slug=questionnaire.slug).order_by("-version").values_list("version", flat=True)[0]
+    newest = (
+        Questionnaire.objects.filter(slug=questionnaire.slug)
+        .order_by("-version")
+        .values_list("version", flat=True)[0]
+    )
     return store(msgspec.structs.replace(questionnaire.as_definition(), version=newest + 1), now)

@@ -1,7 +1,8 @@
-"""Responses: begun once a respondent and context, saved question by question, left page by page, finished once.
+"""Responses: begun once a respondent and context, saved question by question, left page by page,
+finished once.
 
-Everything here can be asked twice with the same result. Nothing rests on transactions: rows are unique, and updates say what they
-expect to find.
+Everything here can be asked twice with the same result. Nothing rests on transactions: rows are
+unique, and updates say what they expect to find.
 """
 
 import datetime
@@ -28,7 +29,9 @@ class ClosedError(Exception):
 
 
 class NotAskedError(Exception):
-    """Not a question that this respondent is asked now: unknown, hidden, or on a page that was not reached."""
+    """Not a question that this respondent is asked now: unknown, hidden, or on a page that was not
+    reached.
+    """
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,9 @@ class Respondent:
 
 @dataclass(frozen=True)
 class Context:
-    """In what somebody is asked. `key` is opaque, `robot` the words by which the robot goes; `return_to` and `back_to` are paths of this site."""
+    """In what somebody is asked. `key` is opaque, `robot` the words by which the robot goes;
+    `return_to` and `back_to` are paths of this site.
+    """
 
     key: str
     label: str = ""
@@ -62,7 +67,9 @@ class Context:
 
 @dataclass(frozen=True)
 class Saving:
-    """What comes with a saved answer: its time, the language shown, seconds of attention by question, and who writes for the how-manieth time."""
+    """What comes with a saved answer: its time, the language shown, seconds of attention by
+    question, and who writes for the how-manieth time.
+    """
 
     now: datetime.datetime
     language: str
@@ -73,7 +80,9 @@ class Saving:
 
 @dataclass(frozen=True)
 class PageResult:
-    """What became of a page that was sent: errors by question, and whether answers made more questions appear on it."""
+    """What became of a page that was sent: errors by question, and whether answers made more
+    questions appear on it.
+    """
 
     errors: dict[str, str]
     more_appeared: bool
@@ -84,24 +93,45 @@ class PageResult:
         return not self.errors and not self.more_appeared
 
 
-def begin(questionnaire: Questionnaire, respondent: Respondent, context: Context, *, language: str, seed: int, now: datetime.datetime) -> Response:
-    """Return the response of a respondent in a context, made at the first call; a later call never changes what was recorded then.
+def begin(
+    questionnaire: Questionnaire,
+    respondent: Respondent,
+    context: Context,
+    *,
+    language: str,
+    seed: int,
+    now: datetime.datetime,
+) -> Response:
+    """Return the response of a respondent in a context, made at the first call; a later call never
+    changes what was recorded then.
 
     A response that was begun with an older version of the questionnaire goes on with that version.
 
     Raises:
         BadDefinitionError: when the questionnaire is a template.
     """
-    slot = hashlib.sha256(json.dumps([questionnaire.slug, respondent.name, context.key]).encode()).hexdigest()
+    slot = hashlib.sha256(
+        json.dumps([questionnaire.slug, respondent.name, context.key]).encode()
+    ).hexdigest()
     found = Response.objects.filter(slot=slot).select_related("questionnaire").first()
     if found is not None:
         return found
     frozen = freeze(questionnaire, now)
     fields = {
-        "questionnaire": frozen, "user": respondent.user, "respondent_key": respondent.key, "context": context.key,
-        "context_label": context.label[:200], "robot": list(context.robot), "outcome": context.outcome, "return_to": context.return_to,
-        "back_to": context.back_to, "seed": seed, "language": language_for(frozen.as_definition(), language), "started_at": now, "seen_at": now,
-    }  # fmt: skip
+        "questionnaire": frozen,
+        "user": respondent.user,
+        "respondent_key": respondent.key,
+        "context": context.key,
+        "context_label": context.label[:200],
+        "robot": list(context.robot),
+        "outcome": context.outcome,
+        "return_to": context.return_to,
+        "back_to": context.back_to,
+        "seed": seed,
+        "language": language_for(frozen.as_definition(), language),
+        "started_at": now,
+        "seen_at": now,
+    }
     try:
         with transaction.atomic():
             return Response.objects.create(slot=slot, **fields)
@@ -109,7 +139,13 @@ def begin(questionnaire: Questionnaire, respondent: Respondent, context: Context
         return Response.objects.select_related("questionnaire").get(slot=slot)
 
 
-def save_one(response: Response, definition: Definition, key: str, fields: Mapping[str, Sequence[str]], saving: Saving) -> AnswerValue:
+def save_one(
+    response: Response,
+    definition: Definition,
+    key: str,
+    fields: Mapping[str, Sequence[str]],
+    saving: Saving,
+) -> AnswerValue:
     """Store what the fields say to one question, empty or not, and return it.
 
     Raises:
@@ -120,7 +156,11 @@ def save_one(response: Response, definition: Definition, key: str, fields: Mappi
     _check_open(response)
     question = definition.question(key)
     stored = response.given()
-    if question is None or question.page > response.reached or key not in _shown(response, definition, stored):
+    if (
+        question is None
+        or question.page > response.reached
+        or key not in _shown(response, definition, stored)
+    ):
         raise NotAskedError(key)
     given = read_answer(question, fields, saving.now)
     _write(response, definition, [(question, given)], saving)
@@ -129,9 +169,16 @@ def save_one(response: Response, definition: Definition, key: str, fields: Mappi
 
 
 def save_page(
-    response: Response, definition: Definition, page: int, *, fields: Mapping[str, Sequence[str]], offered: Iterable[str], saving: Saving
+    response: Response,
+    definition: Definition,
+    page: int,
+    *,
+    fields: Mapping[str, Sequence[str]],
+    offered: Iterable[str],
+    saving: Saving,
 ) -> PageResult:
-    """Store what a whole page says and tell what is still wrong; what is right is stored in any case.
+    """Store what a whole page says and tell what is still wrong; what is right is stored in any
+    case.
 
     Args:
         response: whose page it is.
@@ -152,13 +199,21 @@ def save_page(
         raise NotAskedError(str(page))
     stored = response.given()
     visible = {key: question for key, question in here.items() if key in offered}
-    told, errors = _read_page(visible, fields, saving.now, asked=lambda told: _shown(response, definition, {**stored, **told}))
+    told, errors = _read_page(
+        visible,
+        fields,
+        saving.now,
+        asked=lambda told: _shown(response, definition, {**stored, **told}),
+    )
     changed = [(here[key], given) for key, given in told.items() if stored.get(key) != given]
     _write(response, definition, changed, saving)
     _note_seen(response, saving.now)
     asked = set(_shown(response, definition, {**stored, **told}))
     appeared = (asked & set(here)) - offered
-    return PageResult(errors={key: text for key, text in errors.items() if key in asked}, more_appeared=bool(appeared))
+    return PageResult(
+        errors={key: text for key, text in errors.items() if key in asked},
+        more_appeared=bool(appeared),
+    )
 
 
 def _read_page(
@@ -168,7 +223,9 @@ def _read_page(
     *,
     asked: Callable[[dict[str, AnswerValue]], list[str]],
 ) -> tuple[dict[str, AnswerValue], dict[str, str]]:
-    """Return what was told and what was refused, question by question: an answer may hide those that follow it."""
+    """Return what was told and what was refused, question by question: an answer may hide those
+    that follow it.
+    """
     told: dict[str, AnswerValue] = {}
     errors: dict[str, str] = {}
     for key, question in visible.items():
@@ -186,26 +243,38 @@ def leave_page(response: Response, definition: Definition, page: int) -> int | N
     """Note that a page was left behind and return the next one with questions; None after the last."""
     following = next((n for n in pages_shown(response, definition) if n > page), None)
     left_behind = len(definition.pages) if following is None else following
-    Response.objects.filter(pk=response.pk, finished_at=None, reached__lt=left_behind).update(reached=left_behind)
+    Response.objects.filter(pk=response.pk, finished_at=None, reached__lt=left_behind).update(
+        reached=left_behind
+    )
     response.refresh_from_db(fields=["reached"])
     return following
 
 
 def finish(response: Response, definition: Definition, now: datetime.datetime) -> int | None:
-    """Close a response. Returns None when it is closed, or the first page on which a required answer is missing."""
+    """Close a response. Returns None when it is closed, or the first page on which a required
+    answer is missing.
+    """
     stored = response.given()
     asked = set(_shown(response, definition, stored))
     for question in definition.questions():
         given = stored.get(question.key)
-        if question.key in asked and question.item.required and (given is None or given.is_left_empty):
+        if (
+            question.key in asked
+            and question.item.required
+            and (given is None or given.is_left_empty)
+        ):
             return question.page
-    Response.objects.filter(pk=response.pk, finished_at=None).update(finished_at=now, reached=len(definition.pages))
+    Response.objects.filter(pk=response.pk, finished_at=None).update(
+        finished_at=now, reached=len(definition.pages)
+    )
     response.refresh_from_db(fields=["finished_at", "reached"])
     return None
 
 
 def place(response: Response, definition: Definition) -> int | None:
-    """Return the page at which a respondent goes on, from 0: the furthest that is open; None when nothing is left to ask."""
+    """Return the page at which a respondent goes on, from 0: the furthest that is open; None when
+    nothing is left to ask.
+    """
     shown = pages_shown(response, definition)
     open_now = [page for page in shown if page <= response.reached]
     if response.reached < len(definition.pages) and open_now:
@@ -219,8 +288,12 @@ def pages_shown(response: Response, definition: Definition) -> list[int]:
     return sorted({question.page for question in definition.questions() if question.key in asked})
 
 
-def _shown(response: Response, definition: Definition, stored: Mapping[str, AnswerValue]) -> list[str]:
-    return shown_keys(definition, {key: given.value for key, given in stored.items()}, response.circumstances)
+def _shown(
+    response: Response, definition: Definition, stored: Mapping[str, AnswerValue]
+) -> list[str]:
+    return shown_keys(
+        definition, {key: given.value for key, given in stored.items()}, response.circumstances
+    )
 
 
 def _note_seen(response: Response, now: datetime.datetime) -> None:
@@ -232,14 +305,24 @@ def _check_open(response: Response) -> None:
         raise ClosedError(str(response.pk))
 
 
-def _write(response: Response, definition: Definition, told: Sequence[tuple[Question, AnswerValue]], saving: Saving) -> None:
+def _write(
+    response: Response,
+    definition: Definition,
+    told: Sequence[tuple[Question, AnswerValue]],
+    saving: Saving,
+) -> None:
     places = positions(definition, response.seed) if told else {}
     for question, given in told:
         fields: dict[str, Any] = {
-            "value": given.value, "missing": given.missing.value if given.missing else "", "language": saving.language,
-            "text_version": question.fingerprint(saving.language), "position": places[question.key], "answered_at": saving.now,
-            "writer": saving.writer, "writing": saving.writing,
-        }  # fmt: skip
+            "value": given.value,
+            "missing": given.missing.value if given.missing else "",
+            "language": saving.language,
+            "text_version": question.fingerprint(saving.language),
+            "position": places[question.key],
+            "answered_at": saving.now,
+            "writer": saving.writer,
+            "writing": saving.writing,
+        }
         seconds = saving.seconds.get(question.key)
         if seconds is not None:
             elapsed = (saving.now - response.started_at).total_seconds()
@@ -249,7 +332,9 @@ def _write(response: Response, definition: Definition, told: Sequence[tuple[Ques
 
 def _write_row(response: Response, key: str, fields: dict[str, Any], saving: Saving) -> None:
     rows = Answer.objects.filter(response=response, item=key)
-    newer = rows.exclude(writer=saving.writer, writing__gte=saving.writing) if saving.writer else rows
+    newer = (
+        rows.exclude(writer=saving.writer, writing__gte=saving.writing) if saving.writer else rows
+    )
     if newer.update(**fields) or rows.exists():
         return
     try:

@@ -10,7 +10,9 @@ from surveys.likert import Answers, Interval, Summary, summarise
 
 @dataclass(frozen=True)
 class Line:
-    """A row of the table. `key` is empty for the overall row; `statements` are the keys that it pools."""
+    """A row of the table. `key` is empty for the overall row; `statements` are the keys that it
+    pools.
+    """
 
     kind: Literal["overall", "topic", "statement"]
     key: str
@@ -19,12 +21,20 @@ class Line:
     summary: Summary
 
 
-def likert_table(definition: Definition, responses: Sequence[Answers], *, language: str, interval: Interval, overall: str) -> list[Line]:
+def likert_table(
+    definition: Definition,
+    responses: Sequence[Answers],
+    *,
+    language: str,
+    interval: Interval,
+    overall: str,
+) -> list[Line]:
     """Return the rows of the table.
 
     Args:
         definition: a questionnaire whose scoring is `likert`.
-        responses: a mapping a respondent, from statement to value; None or no entry is a missing answer.
+        responses: a mapping a respondent, from statement to value; None or no entry is a missing
+            answer.
         language: of the labels.
         interval: `normal` as the paper, `t` for new studies.
         overall: the label of the first row.
@@ -39,7 +49,22 @@ def likert_table(definition: Definition, responses: Sequence[Answers], *, langua
     neutral = (scale[0] + scale[-1]) / 2.0
     rows: list[tuple[Literal["overall", "topic", "statement"], str, str, tuple[str, ...]]] = [
         ("overall", "", overall, tuple(question.key for question in statements)),
-        *(("topic", topic.key, spoken(topic.text, language), topic.items) for topic in definition.topics),
-        *(("statement", question.key, spoken(question.text, language), (question.key,)) for question in statements),
+        *(
+            ("topic", topic.key, spoken(topic.text, language), topic.items)
+            for topic in definition.topics
+        ),
+        *(
+            ("statement", question.key, spoken(question.text, language), (question.key,))
+            for question in statements
+        ),
     ]
-    return [Line(kind, key, label, keys, summarise(responses, keys, scale, interval=interval, neutral=neutral)) for kind, key, label, keys in rows]
+    return [
+        Line(
+            kind,
+            key,
+            label,
+            keys,
+            summarise(responses, keys, scale, interval=interval, neutral=neutral),
+        )
+        for kind, key, label, keys in rows
+    ]

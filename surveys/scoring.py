@@ -1,8 +1,9 @@
 """Scores of the questionnaires that come with a rule of their own. Pure.
 
-- System Usability Scale (Brooke, 1996, "SUS: a quick and dirty usability scale"): ten answers from 1 to 5; odd items count x - 1, even
-  ones 5 - x; the sum times 2.5 gives 0 to 100.
-- Raw NASA-TLX (Hart, 2006, "NASA-Task Load Index; 20 years later"): the mean of the six scales from 0 to 100, without weights.
+- System Usability Scale (Brooke, 1996, "SUS: a quick and dirty usability scale"): ten answers from
+  1 to 5; odd items count x - 1, even ones 5 - x; the sum times 2.5 gives 0 to 100.
+- Raw NASA-TLX (Hart, 2006, "NASA-Task Load Index; 20 years later"): the mean of the six scales from
+  0 to 100, without weights.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +16,8 @@ SUS_FACTOR = 2.5
 
 
 def sus(answers: Sequence[int | None]) -> float | None:
-    """Return the SUS score, 0 to 100, of ten answers in the order of the scale's items; None when one is missing.
+    """Return the SUS score, 0 to 100, of ten answers in the order of the scale's items; None when
+    one is missing.
 
     Raises:
         ValueError: when there are not ten, or one is not from 1 to 5.
@@ -27,7 +29,9 @@ def sus(answers: Sequence[int | None]) -> float | None:
     given = [answer for answer in answers if answer is not None]
     if len(given) < len(answers):
         return None
-    return SUS_FACTOR * sum(answer - 1 if n % 2 else SUS_HIGHEST - answer for n, answer in enumerate(given, start=1))
+    return SUS_FACTOR * sum(
+        answer - 1 if n % 2 else SUS_HIGHEST - answer for n, answer in enumerate(given, start=1)
+    )
 
 
 def tlx_raw(ratings: Sequence[float | None]) -> float | None:
@@ -45,17 +49,33 @@ def tlx_raw(ratings: Sequence[float | None]) -> float | None:
 
 
 def scores(definition: Definition, values: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the scores of one response by name; none when the questionnaire has no rule of its own.
+    """Return the scores of one response by name; none when the questionnaire has no rule of its
+    own.
 
-    `likert` gives `score`, the mean of all statements that were answered, and `score_<topic>` likewise.
+    `likert` gives `score`, the mean of all statements that were answered, and `score_<topic>`
+    likewise.
     """
     if definition.scoring == "sus":
-        return {"sus": sus([values.get(question.key) for question in definition.questions() if question.points])}
+        return {
+            "sus": sus(
+                [values.get(question.key) for question in definition.questions() if question.points]
+            )
+        }
     if definition.scoring == "tlx_raw":
-        return {"tlx_raw": tlx_raw([values.get(question.key) for question in definition.questions() if isinstance(question.item, Slider)])}
+        return {
+            "tlx_raw": tlx_raw(
+                [
+                    values.get(question.key)
+                    for question in definition.questions()
+                    if isinstance(question.item, Slider)
+                ]
+            )
+        }
     if definition.scoring == "likert":
         statements = [question.key for question in definition.questions() if question.points]
-        return {"score": _mean(values, statements)} | {f"score_{topic.key}": _mean(values, topic.items) for topic in definition.topics}
+        return {"score": _mean(values, statements)} | {
+            f"score_{topic.key}": _mean(values, topic.items) for topic in definition.topics
+        }
     return {}
 
 

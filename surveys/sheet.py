@@ -1,4 +1,6 @@
-"""One page of a questionnaire as the template draws it: words in one language, controls with their state, in the order shown."""
+"""One page of a questionnaire as the template draws it: words in one language, controls with their
+state, in the order shown.
+"""
 
 import datetime
 import json
@@ -41,7 +43,9 @@ class Choice:
 
 @dataclass(frozen=True)
 class Control:
-    """The control of one question. `kind` is a definition's kind, with `scale` for every question on a scale."""
+    """The control of one question. `kind` is a definition's kind, with `scale` for every question
+    on a scale.
+    """
 
     key: str
     kind: str
@@ -77,7 +81,9 @@ class Control:
     @property
     def described_by(self) -> str:
         """The ids of hint and error, for aria-describedby; the page may put an error there later."""
-        return " ".join(f"q-{self.key}-{name}" for name in ("hint", "error") if name == "error" or self.hint)
+        return " ".join(
+            f"q-{self.key}-{name}" for name in ("hint", "error") if name == "error" or self.hint
+        )
 
 
 @dataclass(frozen=True)
@@ -127,7 +133,9 @@ class PageForm:
 
 @dataclass(frozen=True)
 class Reader:
-    """Who looks at the page: language, seed of the order, what they said so far, what they just sent, and when. A preview sees all."""
+    """Who looks at the page: language, seed of the order, what they said so far, what they just
+    sent, and when. A preview sees all.
+    """
 
     language: str
     seed: int
@@ -139,7 +147,9 @@ class Reader:
     sees_all: bool = False
 
 
-def sheet_of(definition: Definition, page: int, reader: Reader, shown_pages: Sequence[int]) -> PageForm:
+def sheet_of(
+    definition: Definition, page: int, reader: Reader, shown_pages: Sequence[int]
+) -> PageForm:
     """Return a page as somebody sees it.
 
     Args:
@@ -149,9 +159,15 @@ def sheet_of(definition: Definition, page: int, reader: Reader, shown_pages: Seq
         shown_pages: the pages on which they are asked anything, for "page 2 of 3".
     """
     values = {key: given.value for key, given in reader.stored.items()}
-    asked = {question.key for question in definition.questions()} if reader.sees_all else set(shown_keys(definition, values, reader.circumstances))
+    asked = (
+        {question.key for question in definition.questions()}
+        if reader.sees_all
+        else set(shown_keys(definition, values, reader.circumstances))
+    )
     here = [question for question in definition.questions() if question.page == page]
-    blocks = [_block(item, here, asked, reader) for item in items_of(definition.pages[page], reader.seed)]
+    blocks = [
+        _block(item, here, asked, reader) for item in items_of(definition.pages[page], reader.seed)
+    ]
     own = definition.pages[page]
     return PageForm(
         title=spoken(own.title, reader.language),
@@ -165,23 +181,43 @@ def sheet_of(definition: Definition, page: int, reader: Reader, shown_pages: Seq
 def _block(item: Any, here: list[Question], asked: set[str], reader: Reader) -> Fieldset | None:
     """Return the frame of one item; None when no answer on this page could make it appear."""
     questions = {question.key: question for question in here if question.item.key == item.key}
-    if not questions.keys() & asked and not _may_appear(item.show_if, {question.key for question in here}, reader):
+    if not questions.keys() & asked and not _may_appear(
+        item.show_if, {question.key for question in here}, reader
+    ):
         return None
     keys = [row.key for row in rows_of(item, reader.seed)] if isinstance(item, Grid) else [item.key]
-    controls = tuple(_control(questions[key], key in asked, _condition_here(item.show_if, here), reader) for key in keys)
+    controls = tuple(
+        _control(questions[key], key in asked, _condition_here(item.show_if, here), reader)
+        for key in keys
+    )
     is_grid = isinstance(item, Grid)
-    return Fieldset(spoken(item.text, reader.language) if is_grid else "", spoken(item.hint, reader.language) if is_grid else "", controls)
+    return Fieldset(
+        spoken(item.text, reader.language) if is_grid else "",
+        spoken(item.hint, reader.language) if is_grid else "",
+        controls,
+    )
 
 
 def _may_appear(condition: Condition | None, here: set[str], reader: Reader) -> bool:
-    return condition is not None and condition.item in here and circumstances_fit(condition, reader.circumstances)
+    return (
+        condition is not None
+        and condition.item in here
+        and circumstances_fit(condition, reader.circumstances)
+    )
 
 
 def _condition_here(condition: Condition | None, here: list[Question]) -> str:
     """Return the part of a condition that the page itself can follow, as JSON; empty without one."""
     if condition is None or condition.item not in {question.key for question in here}:
         return ""
-    return json.dumps({"item": condition.item, "is": list(condition.one_of), "at_least": condition.at_least, "at_most": condition.at_most})
+    return json.dumps(
+        {
+            "item": condition.item,
+            "is": list(condition.one_of),
+            "at_least": condition.at_least,
+            "at_most": condition.at_most,
+        }
+    )
 
 
 def _joined(blocks: list[Fieldset], definition: Definition) -> list[Fieldset]:
@@ -219,7 +255,9 @@ def _control(question: Question, shown: bool, condition: str, reader: Reader) ->
         is_required=item.required,
         is_shown=shown,
         choices=_choices(question, chosen, reader),
-        reasons=_reasons(item, reader.stored.get(question.key), reader.sent.get(question.key + REASON_MARK, ())),
+        reasons=_reasons(
+            item, reader.stored.get(question.key), reader.sent.get(question.key + REASON_MARK, ())
+        ),
         value=chosen[0] if chosen and isinstance(item, Number | TextItem | Date | Slider) else "",
         attributes=_attributes(item, reader),
         low=spoken(item.low, reader.language) if isinstance(item, Slider) else "",
@@ -244,12 +282,20 @@ def _choices(question: Question, chosen: list[str], reader: Reader) -> tuple[Cho
     if question.points:
         named = all(spoken(point.label, reader.language) for point in question.points)
         return tuple(
-            Choice(str(p.value), spoken(p.label, reader.language), str(p.value) in chosen, number="" if named else str(p.value))
+            Choice(
+                str(p.value),
+                spoken(p.label, reader.language),
+                str(p.value) in chosen,
+                number="" if named else str(p.value),
+            )
             for p in question.points
         )
     if isinstance(item, Single | Multiple):
         options = options_of(item, reader.seed)
-        return tuple(Choice(o.value, spoken(o.label, reader.language), o.value in chosen, is_alone=o.alone) for o in options)
+        return tuple(
+            Choice(o.value, spoken(o.label, reader.language), o.value in chosen, is_alone=o.alone)
+            for o in options
+        )
     return ()
 
 
@@ -259,7 +305,11 @@ def _reasons(item: Item, given: AnswerValue | None, sent: Sequence[str]) -> tupl
         (Missing.NOT_APPLICABLE.value, _("Does not apply"), item.not_applicable),
     ]
     stored = given.missing if given is not None else None
-    return tuple(Choice(value, label, value in sent or (not sent and stored == value)) for value, label, allowed in offered if allowed)
+    return tuple(
+        Choice(value, label, value in sent or (not sent and stored == value))
+        for value, label, allowed in offered
+        if allowed
+    )
 
 
 def _attributes(item: Item, reader: Reader) -> dict[str, Any]:
@@ -268,10 +318,23 @@ def _attributes(item: Item, reader: Reader) -> dict[str, Any]:
         greatest = greatest_number(item, reader.now)
         bounds = {"min": item.minimum, "max": greatest}
         numbers = {name: plain(bound) for name, bound in bounds.items() if bound is not None}
-        return {"step": "1" if item.whole else "any", "inputmode": "numeric" if item.whole else "decimal", **numbers}
+        return {
+            "step": "1" if item.whole else "any",
+            "inputmode": "numeric" if item.whole else "decimal",
+            **numbers,
+        }
     if isinstance(item, Slider):
-        return {"min": str(item.minimum), "max": str(item.maximum), "step": str(item.step), "inputmode": "numeric"}
+        return {
+            "min": str(item.minimum),
+            "max": str(item.maximum),
+            "step": str(item.step),
+            "inputmode": "numeric",
+        }
     if isinstance(item, Date):
         days = dict(zip(("min", "max"), days_between(item, reader.now), strict=True))
         return {name: day.isoformat() for name, day in days.items() if day is not None}
-    return {"maxlength": str(item.max_length), "rows": str(item.lines)} if isinstance(item, TextItem) else {}
+    return (
+        {"maxlength": str(item.max_length), "rows": str(item.lines)}
+        if isinstance(item, TextItem)
+        else {}
+    )

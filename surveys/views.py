@@ -1,7 +1,9 @@
-"""The pages on which people answer: one page of a questionnaire at a time, and single answers while they are given.
+"""The pages on which people answer: one page of a questionnaire at a time, and single answers while
+they are given.
 
-Both ways take the same fields. Without JavaScript only the whole page is sent; with it, the page at the end repeats what was saved. Strangers
-sign in first; whether the response that they ask for is there, they do not learn.
+Both ways take the same fields. Without JavaScript only the whole page is sent; with it, the page at
+the end repeats what was saved. Strangers sign in first; whether the response that they ask for is
+there, they do not learn.
 """
 
 import datetime
@@ -10,7 +12,13 @@ from uuid import UUID
 
 import msgspec
 from django.contrib.auth.decorators import login_required
-from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, JsonResponse
+from django.http import (
+    HttpRequest,
+    HttpResponse,
+    HttpResponseBase,
+    HttpResponseRedirect,
+    JsonResponse,
+)
 from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.utils.translation import get_language
@@ -54,13 +62,26 @@ def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
     shown = responses.pages_shown(row, definition)
     if number - 1 not in shown or number - 1 > row.reached:
         return _go_on(row, definition, now)
-    return _take(request, row, definition, number - 1) if request.method == "POST" else _show(request, row, definition, number - 1)
+    return (
+        _take(request, row, definition, number - 1)
+        if request.method == "POST"
+        else _show(request, row, definition, number - 1)
+    )
 
 
-def _take(request: HttpRequest, row: Response, definition: Definition, number: int) -> HttpResponseBase:
+def _take(
+    request: HttpRequest, row: Response, definition: Definition, number: int
+) -> HttpResponseBase:
     saving = _saving(request, definition)
     try:
-        result = responses.save_page(row, definition, number, fields=_fields(request), offered=request.POST.getlist("shown"), saving=saving)
+        result = responses.save_page(
+            row,
+            definition,
+            number,
+            fields=_fields(request),
+            offered=request.POST.getlist("shown"),
+            saving=saving,
+        )
     except ClosedError:
         return _away(row)
     except NotAskedError:
@@ -70,10 +91,20 @@ def _take(request: HttpRequest, row: Response, definition: Definition, number: i
     if not result.is_done:
         return _show(request, row, definition, number, result=result)
     following = responses.leave_page(row, definition, number)
-    return redirect("survey_page", row.pk, following + 1) if following is not None else _finish(row, definition, saving.now)
+    return (
+        redirect("survey_page", row.pk, following + 1)
+        if following is not None
+        else _finish(row, definition, saving.now)
+    )
 
 
-def _show(request: HttpRequest, row: Response, definition: Definition, number: int, result: responses.PageResult | None = None) -> HttpResponse:
+def _show(
+    request: HttpRequest,
+    row: Response,
+    definition: Definition,
+    number: int,
+    result: responses.PageResult | None = None,
+) -> HttpResponse:
     shown = responses.pages_shown(row, definition)
     reader = Reader(
         language=_language(definition),
@@ -86,11 +117,15 @@ def _show(request: HttpRequest, row: Response, definition: Definition, number: i
     )
     earlier = [n for n in shown if n < number]
     context: dict[str, Any] = {
-        "response": row, "sheet": sheet_of(definition, number, reader, shown), "page_number": number + 1,
+        "response": row,
+        "sheet": sheet_of(definition, number, reader, shown),
+        "page_number": number + 1,
         "more_appeared": bool(result and result.more_appeared),
-        "title": spoken(definition.title, reader.language), "intro": spoken(definition.intro, reader.language) if not earlier else "",
-        "language": reader.language, "earlier": earlier[-1] + 1 if earlier else None,
-    }  # fmt: skip
+        "title": spoken(definition.title, reader.language),
+        "intro": spoken(definition.intro, reader.language) if not earlier else "",
+        "language": reader.language,
+        "earlier": earlier[-1] + 1 if earlier else None,
+    }
     return render(request, "surveys/page.html", context, status=WRONG if result else 200)
 
 
@@ -100,15 +135,28 @@ def _show(request: HttpRequest, row: Response, definition: Definition, number: i
 def answer(request: HttpRequest, response: UUID) -> JsonResponse:
     """Save one answer while the page is filled in. Says `saved`, or in `error` why not."""
     if not request.user.is_authenticated:
-        return JsonResponse({"saved": False, "error": _("You are signed out. Sign in again to go on.")}, status=SIGNED_OUT)
+        return JsonResponse(
+            {"saved": False, "error": _("You are signed out. Sign in again to go on.")},
+            status=SIGNED_OUT,
+        )
     row = own_response(request, response)
     definition = row.questionnaire.as_definition()
     try:
-        responses.save_one(row, definition, request.POST.get("item", ""), _fields(request), _saving(request, definition))
+        responses.save_one(
+            row,
+            definition,
+            request.POST.get("item", ""),
+            _fields(request),
+            _saving(request, definition),
+        )
     except ClosedError:
-        return JsonResponse({"saved": False, "error": _("This questionnaire is already closed.")}, status=CLOSED)
+        return JsonResponse(
+            {"saved": False, "error": _("This questionnaire is already closed.")}, status=CLOSED
+        )
     except NotAskedError:
-        return JsonResponse({"saved": False, "error": _("This question is not on your page.")}, status=REFUSED)
+        return JsonResponse(
+            {"saved": False, "error": _("This question is not on your page.")}, status=REFUSED
+        )
     except RefusedError as error:
         return JsonResponse({"saved": False, "error": str(error)}, status=WRONG)
     return JsonResponse({"saved": True})
@@ -123,14 +171,22 @@ def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
     definition = row.questionnaire.as_definition()
     if row.finished_at is None:
         return redirect("survey", row.pk)
-    return render(request, "surveys/done.html", {"response": row, "title": spoken(definition.title, _language(definition))})
+    return render(
+        request,
+        "surveys/done.html",
+        {"response": row, "title": spoken(definition.title, _language(definition))},
+    )
 
 
 def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseRedirect:
     if row.finished_at is not None:
         return _away(row)
     number = responses.place(row, definition)
-    return redirect("survey_page", row.pk, number + 1) if number is not None else _finish(row, definition, now)
+    return (
+        redirect("survey_page", row.pk, number + 1)
+        if number is not None
+        else _finish(row, definition, now)
+    )
 
 
 def _back(row: Response, definition: Definition, number: int) -> HttpResponseRedirect:
@@ -157,14 +213,18 @@ def _fields(request: HttpRequest) -> dict[str, list[str]]:
 
 
 def _saving(request: HttpRequest, definition: Definition) -> Saving:
-    """Return what the page says about this saving; what is malformed there is left out, because no answer depends on it."""
+    """Return what the page says about this saving; what is malformed there is left out, because no
+    answer depends on it.
+    """
     writing = request.POST.get("writing", "")
     return Saving(
         now=timezone.now(),
         language=_language(definition),
         seconds=_seconds(request.POST.get("seconds", "")),
         writer=request.POST.get("writer", "")[:MAX_WRITER],
-        writing=int(writing) if writing.isascii() and writing.isdigit() and len(writing) <= MAX_WRITER // 2 else 0,
+        writing=int(writing)
+        if writing.isascii() and writing.isdigit() and len(writing) <= MAX_WRITER // 2
+        else 0,
     )
 
 

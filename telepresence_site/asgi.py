@@ -15,24 +15,41 @@ http = get_asgi_application()
 
 from robots.interpreter import set_up_for_latency  # noqa: E402
 from sessions.consumers.backpressure import Backpressure  # noqa: E402
-from sessions.urls import websocket_urlpatterns  # noqa: E402 -- consumers import models, which need the set-up above
-from telepresence_site.web.asgi_limits import BodyLimit, ConnectLimit, OpenLimit, SameOrigin, address_of, user_of  # noqa: E402
+from sessions.urls import (
+    websocket_urlpatterns,
+)  # noqa: E402 -- consumers import models, which need the set-up above
+from telepresence_site.web.asgi_limits import (
+    BodyLimit,
+    ConnectLimit,
+    OpenLimit,
+    SameOrigin,
+    address_of,
+    user_of,
+)  # noqa: E402
 from telepresence_site.web.request_log import RequestLog  # noqa: E402
 from telepresence_site.web.static_answers import StaticAnswers  # noqa: E402
 
 pages = OpenLimit(URLRouter(websocket_urlpatterns), settings.SOCKETS_PER_USER, user_of)
 # Refuses a foreign Origin, and a missing one.
-known = SameOrigin(AuthMiddlewareStack(pages), settings.CSRF_TRUSTED_ORIGINS, secure_only=settings.SECURE_SSL_REDIRECT)
+known = SameOrigin(
+    AuthMiddlewareStack(pages),
+    settings.CSRF_TRUSTED_ORIGINS,
+    secure_only=settings.SECURE_SSL_REDIRECT,
+)
 counted = OpenLimit(
-    AllowedHostsOriginValidator(known), settings.SOCKETS_PER_ADDRESS, lambda scope: address_of(scope, settings.TRUSTED_PROXIES)
-)  # fmt: skip
+    AllowedHostsOriginValidator(known),
+    settings.SOCKETS_PER_ADDRESS,
+    lambda scope: address_of(scope, settings.TRUSTED_PROXIES),
+)
 sockets = ConnectLimit(counted, settings.TRUSTED_PROXIES)
 
 kept = WhiteNoiseMiddleware(lambda _: None).files
 
 application = ProtocolTypeRouter(
     {
-        "http": RequestLog(BodyLimit(StaticAnswers(http, kept, secure_only=settings.SECURE_SSL_REDIRECT))),
+        "http": RequestLog(
+            BodyLimit(StaticAnswers(http, kept, secure_only=settings.SECURE_SSL_REDIRECT))
+        ),
         "websocket": Backpressure(RequestLog(sockets)),
     }
 )

@@ -1,6 +1,7 @@
 """System checks: a wrong setting is told when a command starts, not by a visitor.
 
-Errors (E) make the site unusable. Warnings (W) are risks; those that only matter on a real server come with `check --deploy`.
+Errors (E) make the site unusable. Warnings (W) are risks; those that only matter on a real server
+come with `check --deploy`.
 """
 
 import ipaddress
@@ -11,7 +12,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from django.conf import settings
-from django.core.checks import CheckMessage, Error, Tags, Warning, register  # noqa: A004 -- Django's own word
+from django.core.checks import (
+    CheckMessage,
+    Error,
+    Tags,
+    Warning,
+    register,
+)  # noqa: A004 -- Django's own word
 
 from robots.api.disk_space import MIB, DiskSpace
 
@@ -23,17 +30,36 @@ LOCAL_SUFFIXES = (".local", ".lan", ".internal", ".localhost")
 
 
 def check_mqtt(**_: Any) -> list[CheckMessage]:
-    """The broker's addresses are addresses (E001), and tokens cross no public network in the clear (W001)."""
+    """The broker's addresses are addresses (E001), and tokens cross no public network in the clear
+    (W001).
+    """
     found: list[CheckMessage] = []
-    urls = [("MQTT_URL", settings.MQTT_URL), *(("MQTT_PUBLIC_URL", url.strip()) for url in settings.MQTT_PUBLIC_URL.split(","))]
+    urls = [
+        ("MQTT_URL", settings.MQTT_URL),
+        *(("MQTT_PUBLIC_URL", url.strip()) for url in settings.MQTT_PUBLIC_URL.split(",")),
+    ]
     for name, url in urls:
         if not url and (name == "MQTT_URL" or not settings.MQTT_PUBLIC_URL):
             continue
         if not _is_mqtt_url(url):
-            found.append(Error(f"{name} is not an MQTT address: {url!r}.", hint="Such as mqtts://broker.example.org:8883.", id="telepresence.E001"))
-        elif urlsplit(url).scheme not in ENCRYPTED_SCHEMES and not _is_near(urlsplit(url.replace("{host}", "host.example")).hostname or ""):
+            found.append(
+                Error(
+                    f"{name} is not an MQTT address: {url!r}.",
+                    hint="Such as mqtts://broker.example.org:8883.",
+                    id="telepresence.E001",
+                )
+            )
+        elif urlsplit(url).scheme not in ENCRYPTED_SCHEMES and not _is_near(
+            urlsplit(url.replace("{host}", "host.example")).hostname or ""
+        ):
             hint = "Use mqtts:// (run_broker takes --certificate and --key) or wss://."
-            found.append(Warning(f"{name} sends the robots' tokens unencrypted over a public network.", hint=hint, id="telepresence.W001"))
+            found.append(
+                Warning(
+                    f"{name} sends the robots' tokens unencrypted over a public network.",
+                    hint=hint,
+                    id="telepresence.W001",
+                )
+            )
     return found
 
 
@@ -42,13 +68,22 @@ def check_ice(**_: Any) -> list[CheckMessage]:
     found: list[CheckMessage] = []
     for name, schemes in (("STUN_URLS", ("stun:", "stuns:")), ("TURN_URLS", ("turn:", "turns:"))):
         found += [
-            Error(f"{name} holds {url!r}.", hint=f"It must begin with {' or '.join(schemes)}", id="telepresence.E002")
+            Error(
+                f"{name} holds {url!r}.",
+                hint=f"It must begin with {' or '.join(schemes)}",
+                id="telepresence.E002",
+            )
             for url in getattr(settings, name)
             if not url.startswith(schemes)
         ]
     if settings.TURN_URLS and not settings.TURN_SECRET:
-        message = "TURN_URLS is set and TURN_SECRET is not: visitors behind firewalls would see no picture."
-        found.append(Error(message, hint="Set it to coturn's static-auth-secret.", id="telepresence.E003"))
+        message = (
+            "TURN_URLS is set and TURN_SECRET is not: visitors behind firewalls would see no"
+            " picture."
+        )
+        found.append(
+            Error(message, hint="Set it to coturn's static-auth-secret.", id="telepresence.E003")
+        )
     return found
 
 
@@ -56,41 +91,92 @@ def check_mail(**_: Any) -> list[CheckMessage]:
     """The word for verification is one (E004), and mail that everybody must receive is sent (W002)."""
     word = settings.ACCOUNT_EMAIL_VERIFICATION
     if word not in {"none", "optional", "mandatory"}:
-        return [Error(f"EMAIL_VERIFICATION is {word!r}.", hint="It is none, optional or mandatory.", id="telepresence.E004")]
+        return [
+            Error(
+                f"EMAIL_VERIFICATION is {word!r}.",
+                hint="It is none, optional or mandatory.",
+                id="telepresence.E004",
+            )
+        ]
     if word == "mandatory" and not settings.EMAIL_HOST:
         hint = f"Set EMAIL_HOST; until then messages are only kept in {settings.EMAIL_FILE_PATH}."
-        return [Warning("Sign-up asks for a confirmed e-mail address, and no mail server is set.", hint=hint, id="telepresence.W002")]
+        return [
+            Warning(
+                "Sign-up asks for a confirmed e-mail address, and no mail server is set.",
+                hint=hint,
+                id="telepresence.W002",
+            )
+        ]
     return []
 
 
 def check_numbers(**_: Any) -> list[CheckMessage]:
-    """Times and bounds are positive (E005), and how long a driver may do nothing is at least not negative."""
-    names = ("TURN_MINUTES", "START_SECONDS", "GRACE_SECONDS", "SOCKETS_PER_ADDRESS", "SOCKETS_PER_USER", "DISK_LOW_MB")
+    """Times and bounds are positive (E005), and how long a driver may do nothing is at least not
+    negative.
+    """
+    names = (
+        "TURN_MINUTES",
+        "START_SECONDS",
+        "GRACE_SECONDS",
+        "SOCKETS_PER_ADDRESS",
+        "SOCKETS_PER_USER",
+        "DISK_LOW_MB",
+    )
     values = {name: getattr(settings, name) for name in names}
-    wrong = [Error(f"{name} must be positive, not {value}.", id="telepresence.E005") for name, value in values.items() if not value > 0]
+    wrong = [
+        Error(f"{name} must be positive, not {value}.", id="telepresence.E005")
+        for name, value in values.items()
+        if not value > 0
+    ]
     if not settings.IDLE_SECONDS >= 0:
-        wrong.append(Error(f"IDLE_SECONDS must be positive, or 0 for never, not {settings.IDLE_SECONDS}.", id="telepresence.E005"))
+        wrong.append(
+            Error(
+                f"IDLE_SECONDS must be positive, or 0 for never, not {settings.IDLE_SECONDS}.",
+                id="telepresence.E005",
+            )
+        )
     return wrong
 
 
 def check_proxies(**_: Any) -> list[CheckMessage]:
     """Trusted proxies are addresses or networks (E006)."""
     wrong = [word for word in settings.TRUSTED_PROXIES if not _is_network(word)]
-    return [Error(f"TRUSTED_PROXIES holds {word!r}, which is no address and no network.", id="telepresence.E006") for word in wrong]
+    return [
+        Error(
+            f"TRUSTED_PROXIES holds {word!r}, which is no address and no network.",
+            id="telepresence.E006",
+        )
+        for word in wrong
+    ]
 
 
 def check_metrics(**_: Any) -> list[CheckMessage]:
-    """Who reads the figures is named by addresses (E007) or a token that nobody guesses (W007), and the format of logs exists (E008)."""
+    """Who reads the figures is named by addresses (E007) or a token that nobody guesses (W007), and
+    the format of logs exists (E008).
+    """
     found: list[CheckMessage] = [
-        Error(f"METRICS_ALLOWED holds {word!r}, which is no address and no network.", id="telepresence.E007")
+        Error(
+            f"METRICS_ALLOWED holds {word!r}, which is no address and no network.",
+            id="telepresence.E007",
+        )
         for word in settings.METRICS_ALLOWED
         if not _is_network(word)
     ]
     if settings.METRICS_TOKEN and len(settings.METRICS_TOKEN) < LEAST_TOKEN:
         hint = "Take a random one, such as from: openssl rand -hex 32."
-        found.append(Warning("METRICS_TOKEN is short enough to be guessed.", hint=hint, id="telepresence.W007"))
+        found.append(
+            Warning(
+                "METRICS_TOKEN is short enough to be guessed.", hint=hint, id="telepresence.W007"
+            )
+        )
     if settings.LOG_FORMAT not in {"text", "json"}:
-        found.append(Error(f"LOG_FORMAT is {settings.LOG_FORMAT!r}.", hint="It is text or json.", id="telepresence.E008"))
+        found.append(
+            Error(
+                f"LOG_FORMAT is {settings.LOG_FORMAT!r}.",
+                hint="It is text or json.",
+                id="telepresence.E008",
+            )
+        )
     return found
 
 
@@ -99,40 +185,79 @@ def check_plain_http(**_: Any) -> list[CheckMessage]:
     far = [host for host in settings.ALLOWED_HOSTS if host not in LOOPBACK_NAMES]
     if not settings.HTTP_ONLY or not far:
         return []
-    hint = "HTTP_ONLY=1 is for 127.0.0.1. Browsers also give no camera and no microphone to a page that came over plain http."
-    return [Warning(f"HTTP_ONLY is set and the site answers to {', '.join(far)}.", hint=hint, id="telepresence.W003")]
+    hint = (
+        "HTTP_ONLY=1 is for 127.0.0.1. Browsers also give no camera and no microphone to a page"
+        " that came over plain http."
+    )
+    return [
+        Warning(
+            f"HTTP_ONLY is set and the site answers to {', '.join(far)}.",
+            hint=hint,
+            id="telepresence.W003",
+        )
+    ]
 
 
 def check_secret_key(**_: Any) -> list[CheckMessage]:
     """On a server the secret key is set by its operator (W004)."""
     if os.environ.get("SECRET_KEY"):
         return []
-    hint = "A process on another machine would make another one: its broker password and its sessions would not be accepted."
-    return [Warning("SECRET_KEY is not set; one was made and is kept in VAR_DIR.", hint=hint, id="telepresence.W004")]
+    hint = (
+        "A process on another machine would make another one: its broker password and its sessions"
+        " would not be accepted."
+    )
+    return [
+        Warning(
+            "SECRET_KEY is not set; one was made and is kept in VAR_DIR.",
+            hint=hint,
+            id="telepresence.W004",
+        )
+    ]
 
 
 def check_cache(**_: Any) -> list[CheckMessage]:
     """On a server the limits on attempts are counted together (W005)."""
-    backend = settings.CACHES.get("default", {}).get("BACKEND", "") if hasattr(settings, "CACHES") else ""
+    backend = (
+        settings.CACHES.get("default", {}).get("BACKEND", "") if hasattr(settings, "CACHES") else ""
+    )
     if "locmem" not in backend and "dummy" not in backend:
         return []
-    return [Warning("Every web process counts attempts by itself.", hint="Set REDIS_URL when there is more than one.", id="telepresence.W005")]
+    return [
+        Warning(
+            "Every web process counts attempts by itself.",
+            hint="Set REDIS_URL when there is more than one.",
+            id="telepresence.W005",
+        )
+    ]
 
 
 def check_visitors_addresses(**_: Any) -> list[CheckMessage]:
     """On a server visitors are told apart by their addresses, also behind a proxy (W008)."""
     if not settings.SECURE_PROXY_SSL_HEADER or settings.TRUSTED_PROXIES:
         return []
-    hint = "Name the proxy's address: without it all visitors have the proxy's own, and share what one address may do."
-    return [Warning("BEHIND_TLS_PROXY is set and TRUSTED_PROXIES is not.", hint=hint, id="telepresence.W008")]
+    hint = (
+        "Name the proxy's address: without it all visitors have the proxy's own, and share what one"
+        " address may do."
+    )
+    return [
+        Warning(
+            "BEHIND_TLS_PROXY is set and TRUSTED_PROXIES is not.", hint=hint, id="telepresence.W008"
+        )
+    ]
 
 
 def check_private_folder(**_: Any) -> list[CheckMessage]:
     """On a server nobody else reads what was made at run time (W009)."""
     if os.name != "posix" or not settings.VAR_DIR.stat().st_mode & stat.S_IRWXO:
         return []
-    hint = f"chmod o-rwx {settings.VAR_DIR}; what a proxy serves belongs into STATIC_ROOT, elsewhere."
-    return [Warning("Every user of this machine can look into VAR_DIR.", hint=hint, id="telepresence.W009")]
+    hint = (
+        f"chmod o-rwx {settings.VAR_DIR}; what a proxy serves belongs into STATIC_ROOT, elsewhere."
+    )
+    return [
+        Warning(
+            "Every user of this machine can look into VAR_DIR.", hint=hint, id="telepresence.W009"
+        )
+    ]
 
 
 def check_disk(**_: Any) -> list[CheckMessage]:
@@ -141,21 +266,46 @@ def check_disk(**_: Any) -> list[CheckMessage]:
     if space.state() == "ok":
         return []
     hint = f"Make room, or lower DISK_LOW_MB ({settings.DISK_LOW_MB:g})."
-    return [Warning(f"Only {space.free() // MIB} MB are free on the disk of VAR_DIR.", hint=hint, id="telepresence.W010")]
+    return [
+        Warning(
+            f"Only {space.free() // MIB} MB are free on the disk of VAR_DIR.",
+            hint=hint,
+            id="telepresence.W010",
+        )
+    ]
 
 
 def check_demo(**_: Any) -> list[CheckMessage]:
     """On a server nobody signs in by the demo's link (W006)."""
     if not getattr(settings, "DEMO_TOKEN", ""):
         return []
-    return [Warning("DEMO_TOKEN is set: whoever has the demo's link is signed in.", hint="Only `manage.py demo` sets it.", id="telepresence.W006")]
+    return [
+        Warning(
+            "DEMO_TOKEN is set: whoever has the demo's link is signed in.",
+            hint="Only `manage.py demo` sets it.",
+            id="telepresence.W006",
+        )
+    ]
 
 
 ALWAYS: dict[str, tuple[Callable[..., list[CheckMessage]], ...]] = {
-    "telepresence": (check_disk, check_ice, check_mail, check_metrics, check_numbers, check_proxies),
+    "telepresence": (
+        check_disk,
+        check_ice,
+        check_mail,
+        check_metrics,
+        check_numbers,
+        check_proxies,
+    ),
     Tags.security: (check_mqtt, check_plain_http),
 }
-ON_A_SERVER = (check_secret_key, check_cache, check_visitors_addresses, check_private_folder, check_demo)
+ON_A_SERVER = (
+    check_secret_key,
+    check_cache,
+    check_visitors_addresses,
+    check_private_folder,
+    check_demo,
+)
 
 
 def register_all() -> None:
@@ -170,13 +320,19 @@ def register_all() -> None:
 def _is_mqtt_url(url: str) -> bool:
     try:
         parts = urlsplit(url.replace("{host}", "host"))
-        return parts.scheme in MQTT_SCHEMES and bool(parts.hostname) and (parts.port is None or parts.port > 0)
+        return (
+            parts.scheme in MQTT_SCHEMES
+            and bool(parts.hostname)
+            and (parts.port is None or parts.port > 0)
+        )
     except ValueError:
         return False
 
 
 def _is_near(host: str) -> bool:
-    """Tell whether a host is on this machine or in a private network, by its look alone: nothing is asked of a name server."""
+    """Tell whether a host is on this machine or in a private network, by its look alone: nothing is
+    asked of a name server.
+    """
     try:
         address = ipaddress.ip_address(host)
     except ValueError:

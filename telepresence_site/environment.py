@@ -30,7 +30,8 @@ def kept_secret(path: Path, nbytes: int = 48) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         secret = secrets.token_urlsafe(nbytes)
         try:
-            # O_EXCL: of two processes that start together one makes the secret and the other reads it.
+            # O_EXCL: of two processes that start together one makes the secret and the other reads
+            # it.
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         except FileExistsError:
             return path.read_text().strip() or kept_secret(path, nbytes)
@@ -40,18 +41,24 @@ def kept_secret(path: Path, nbytes: int = 48) -> str:
 
 
 def private_folder(path: Path) -> Path:
-    """Make a folder that its owner alone may look into; one that is there stays as it is (check telepresence.W009 looks at it)."""
+    """Make a folder that its owner alone may look into; one that is there stays as it is (check
+    telepresence.W009 looks at it).
+    """
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     return path
 
 
 def private_sqlite(name: str) -> None:
-    """Have a database's file readable by its owner alone, before SQLite makes it: the files beside it (-wal, -shm) get the same mode."""
+    """Have a database's file readable by its owner alone, before SQLite makes it: the files beside
+    it (-wal, -shm) get the same mode.
+    """
     path = Path(name)
-    if name.startswith((":", "file:")) or not path.parent.is_dir():  # in memory, or an address of SQLite's own
+    # in memory, or an address of SQLite's own
+    if name.startswith((":", "file:")) or not path.parent.is_dir():
         return
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
     for file in (path, *(path.with_name(path.name + part) for part in ("-wal", "-shm"))):
-        with contextlib.suppress(FileNotFoundError, PermissionError):  # another user's, who sees to it
+        # another user's, who sees to it
+        with contextlib.suppress(FileNotFoundError, PermissionError):
             file.chmod(0o600)

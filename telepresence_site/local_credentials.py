@@ -1,4 +1,6 @@
-"""Credentials of robots that run on this very machine, kept where `manage.py run_robot NAME` finds them."""
+"""Credentials of robots that run on this very machine, kept where `manage.py run_robot NAME` finds
+them.
+"""
 
 import tomllib
 from pathlib import Path
@@ -11,11 +13,17 @@ from robots.models import Robot
 
 
 def keep_credentials_here(robot: Robot, mqtt_url: str) -> None:
-    """Write the robot's credentials file; a token that still fits is kept, so that a copy of it elsewhere goes on working."""
+    """Write the robot's credentials file; a token that still fits is kept, so that a copy of it
+    elsewhere goes on working.
+    """
     file = settings.CREDENTIALS_DIR / f"{robot.name}.toml"
     token = _token_in(file)
     fits = token is not None and credentials.matches(token, robot.credential_hash)
-    same = credentials.Credentials(robot.name, token, robot.credential_user) if fits and token else None
+    same = (
+        credentials.Credentials(robot.name, token, robot.credential_user)
+        if fits and token
+        else None
+    )
     kept = same or credentials.make_credentials(robot, timezone.now())
     credentials.keep_credentials(kept, file, mqtt_url=mqtt_url)
 

@@ -1,7 +1,8 @@
-"""Settings of the site. Everything that differs between machines comes from the environment (telepresence_site/environment.py).
+"""Settings of the site. Everything that differs between machines comes from the environment
+(telepresence_site/environment.py).
 
-The defaults are those of a public server: HTTPS, secure cookies, no debug. `HTTP_ONLY=1`, which `make demo` sets, is the one switch
-that allows cookies over plain http, for 127.0.0.1.
+The defaults are those of a public server: HTTPS, secure cookies, no debug. `HTTP_ONLY=1`, which
+`make demo` sets, is the one switch that allows cookies over plain http, for 127.0.0.1.
 """
 
 from pathlib import Path
@@ -74,7 +75,7 @@ TEMPLATES = [
     },
 ]
 
-# --- data ------------------------------------------------------------------------------------------------------------
+# --- data -----------------------------------------------------------------------------------------
 
 DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 if mongodb.is_address(env.text("DATABASE_URL")):
@@ -83,12 +84,18 @@ if mongodb.is_address(env.text("DATABASE_URL")):
     MIGRATION_MODULES = mongodb.MIGRATION_MODULES
     DEFAULT_AUTO_FIELD = mongodb.KEY
 else:
-    DATABASES = {"default": dj_database_url.parse(env.text("DATABASE_URL", f"sqlite:///{VAR_DIR / 'telepresence.sqlite3'}"), conn_max_age=60)}
+    DATABASES = {
+        "default": dj_database_url.parse(
+            env.text("DATABASE_URL", f"sqlite:///{VAR_DIR / 'telepresence.sqlite3'}"),
+            conn_max_age=60,
+        )
+    }
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     env.private_sqlite(str(DATABASES["default"]["NAME"]))
     DATABASES["default"]["CONN_MAX_AGE"] = 0
     DATABASES["default"]["OPTIONS"] = {
-        # Several processes write: wait for each other instead of failing, and take the write lock when a transaction begins.
+        # Several processes write: wait for each other instead of failing, and take the write lock
+        # when a transaction begins.
         "timeout": 20,
         "transaction_mode": "IMMEDIATE",
         "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL;",
@@ -98,15 +105,25 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
 
 REDIS_URL = env.text("REDIS_URL")
 if REDIS_URL:
-    CHANNEL_LAYERS = {"default": {"BACKEND": "channels_redis.pubsub.RedisPubSubChannelLayer", "CONFIG": {"hosts": [REDIS_URL]}}}
-    CACHES = {"default": {"BACKEND": "django.core.cache.backends.redis.RedisCache", "LOCATION": REDIS_URL}}
+    CHANNEL_LAYERS = {
+        "default": {
+            "BACKEND": "channels_redis.pubsub.RedisPubSubChannelLayer",
+            "CONFIG": {"hosts": [REDIS_URL]},
+        }
+    }
+    CACHES = {
+        "default": {"BACKEND": "django.core.cache.backends.redis.RedisCache", "LOCATION": REDIS_URL}
+    }
 else:
     CHANNEL_LAYERS = {"default": {"BACKEND": "channels.layers.InMemoryChannelLayer"}}
 
-# --- accounts --------------------------------------------------------------------------------------------------------
+# --- accounts -------------------------------------------------------------------------------------
 
 AUTH_USER_MODEL = "accounts.User"
-AUTHENTICATION_BACKENDS = ["django.contrib.auth.backends.ModelBackend", "allauth.account.auth_backends.AuthenticationBackend"]
+AUTHENTICATION_BACKENDS = [
+    "django.contrib.auth.backends.ModelBackend",
+    "allauth.account.auth_backends.AuthenticationBackend",
+]
 AUTH_PASSWORD_VALIDATORS = [
     {"NAME": "django.contrib.auth.password_validation.UserAttributeSimilarityValidator"},
     {"NAME": "django.contrib.auth.password_validation.MinimumLengthValidator"},
@@ -116,7 +133,11 @@ LOGIN_URL = "account_login"
 LOGIN_REDIRECT_URL = "home"
 ACCOUNT_LOGIN_METHODS = {"username", "email"}
 ACCOUNT_EMAIL_VERIFICATION = env.text("EMAIL_VERIFICATION", "none")
-ACCOUNT_SIGNUP_FIELDS = ["username*", "email*" if ACCOUNT_EMAIL_VERIFICATION == "mandatory" else "email", "password1*"]
+ACCOUNT_SIGNUP_FIELDS = [
+    "username*",
+    "email*" if ACCOUNT_EMAIL_VERIFICATION == "mandatory" else "email",
+    "password1*",
+]
 ACCOUNT_ADAPTER = "accounts.adapter.AccountAdapter"
 ACCOUNT_FORMS = {
     "signup": "accounts.forms.SignUpForm",
@@ -140,13 +161,18 @@ EMAIL_HOST_PASSWORD = env.text("EMAIL_HOST_PASSWORD")
 EMAIL_USE_TLS = env.flag("EMAIL_USE_TLS", default=True)
 DEFAULT_FROM_EMAIL = env.text("DEFAULT_FROM_EMAIL", "telepresence@localhost")
 # Without a mail server nothing is sent: messages are kept as files, where the operator finds them.
-EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend" if EMAIL_HOST else "django.core.mail.backends.filebased.EmailBackend"
+EMAIL_BACKEND = (
+    "django.core.mail.backends.smtp.EmailBackend"
+    if EMAIL_HOST
+    else "django.core.mail.backends.filebased.EmailBackend"
+)
 EMAIL_FILE_PATH = VAR_DIR / "mail"
 
-# --- robots and sessions ---------------------------------------------------------------------------------------------
+# --- robots and sessions --------------------------------------------------------------------------
 
 MQTT_URL = env.text("MQTT_URL", "mqtt://127.0.0.1:1883")
-# Where robots reach the broker, when that differs from where the server does; {host} is the host of the request that asks.
+# Where robots reach the broker, when that differs from where the server does; {host} is the host of
+# the request that asks.
 MQTT_PUBLIC_URL = env.text("MQTT_PUBLIC_URL")
 CREDENTIALS_DIR = VAR_DIR / "credentials"
 STUN_URLS = env.words("STUN_URLS")
@@ -157,9 +183,11 @@ TURN_MINUTES = float(env.text("TURN_MINUTES", "15"))
 TURN_WARNING_SECONDS = float(env.text("TURN_WARNING_SECONDS", "120"))
 START_SECONDS = float(env.text("START_SECONDS", "60"))
 GRACE_SECONDS = float(env.text("GRACE_SECONDS", "30"))
-DISK_LOW_MB = float(env.text("DISK_LOW_MB", "500"))  # free on the disk of VAR_DIR, below which people are told
+# free on the disk of VAR_DIR, below which people are told
+DISK_LOW_MB = float(env.text("DISK_LOW_MB", "500"))
 IDLE_SECONDS = float(env.text("IDLE_SECONDS", "120"))  # 0: nobody is asked
-PRACTICE_ROBOTS = int(env.text("PRACTICE_ROBOTS", "0"))  # simulated ones for visitors who wait; run_practice runs them
+# simulated ones for visitors who wait; run_practice runs them
+PRACTICE_ROBOTS = int(env.text("PRACTICE_ROBOTS", "0"))
 PRACTICE_MINUTES = float(env.text("PRACTICE_MINUTES", "3"))
 LEASE_TTL_SECONDS = 10.0
 LEASE_RENEWAL_SECONDS = 2.0
@@ -170,7 +198,8 @@ SOCKETS_PER_USER = int(env.text("SOCKETS_PER_USER", "20"))
 # Set by `manage.py demo` alone, anew at each start: the secret part of its one-click link.
 DEMO_TOKEN = env.text("DEMO_TOKEN")
 
-# --- how long things are kept, in days; 0 is for ever. `manage.py forget` keeps to it (telepresence_site/ops/retention.py) ---------
+# --- how long things are kept, in days; 0 is for ever. `manage.py forget` keeps to it
+# (telepresence_site/ops/retention.py) ---------
 
 RETENTION_DAYS = {
     "sessions": float(env.text("RETENTION_SESSIONS_DAYS", "365")),
@@ -181,7 +210,7 @@ RETENTION_DAYS = {
     "audit_log": float(env.text("RETENTION_AUDIT_DAYS", "1095")),
 }
 
-# --- pages -----------------------------------------------------------------------------------------------------------
+# --- pages ----------------------------------------------------------------------------------------
 
 LANGUAGE_CODE = "en"
 LANGUAGES = [("en", "English"), ("es", "Español")]
@@ -197,13 +226,16 @@ MEDIA_ROOT = VAR_DIR / "media"
 STORAGES = {
     "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
     # The proxy reads them as another user, whatever the umask of whoever collects them.
-    "staticfiles": {"BACKEND": "telepresence_site.web.static_files.HashedModules", "OPTIONS": {"directory_permissions_mode": 0o755}},
+    "staticfiles": {
+        "BACKEND": "telepresence_site.web.static_files.HashedModules",
+        "OPTIONS": {"directory_permissions_mode": 0o755},
+    },
 }
 if DEBUG or env.flag("PLAIN_STATIC"):
     STORAGES["staticfiles"] = {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"}
     WHITENOISE_USE_FINDERS = True
 
-# --- security --------------------------------------------------------------------------------------------------------
+# --- security -------------------------------------------------------------------------------------
 
 CONTENT_SECURITY_POLICY = {
     "DIRECTIVES": {
@@ -226,19 +258,22 @@ SESSION_COOKIE_SECURE = not HTTP_ONLY
 CSRF_COOKIE_SECURE = not HTTP_ONLY
 SESSION_COOKIE_SAMESITE = "Lax"
 CSRF_COOKIE_HTTPONLY = True
-# Behind a proxy too, which says by X-Forwarded-Proto how the visitor came; only what asks how the server does may come plainly.
+# Behind a proxy too, which says by X-Forwarded-Proto how the visitor came; only what asks how the
+# server does may come plainly.
 SECURE_SSL_REDIRECT = not HTTP_ONLY
 SECURE_REDIRECT_EXEMPT = [r"^(healthz|readyz|metrics)$"]
 SECURE_HSTS_SECONDS = 0 if HTTP_ONLY else int(env.text("HSTS_SECONDS", "3600"))
 SECURE_HSTS_INCLUDE_SUBDOMAINS = env.flag("HSTS_SUBDOMAINS")
 SECURE_HSTS_PRELOAD = env.flag("HSTS_PRELOAD")
-# Whether the other sites of a domain can do without plain http, now and for years, is for whoever runs them to say; by default they need not.
+# Whether the other sites of a domain can do without plain http, now and for years, is for whoever
+# runs them to say; by default they need not.
 SILENCED_SYSTEM_CHECKS = ["security.W005", "security.W021"]
 if env.flag("BEHIND_TLS_PROXY"):
     SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
 DATA_UPLOAD_MAX_MEMORY_SIZE = 1024 * 1024
 
-# Who may read /metrics: whoever has the token, and what connects straight from these addresses or networks; without either, nobody.
+# Who may read /metrics: whoever has the token, and what connects straight from these addresses or
+# networks; without either, nobody.
 METRICS_TOKEN = env.text("METRICS_TOKEN")
 METRICS_ALLOWED = env.words("METRICS_ALLOWED")
 LOG_FORMAT = env.text("LOG_FORMAT", "text")
@@ -246,7 +281,15 @@ LOG_FORMAT = env.text("LOG_FORMAT", "text")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
-    "formatters": {"json": {"()": "telepresence_site.ops.log_lines.JsonLine"}, "text": {"()": "telepresence_site.ops.log_lines.KeyValueLine"}},
-    "handlers": {"console": {"class": "logging.StreamHandler", "formatter": "json" if LOG_FORMAT == "json" else "text"}},
+    "formatters": {
+        "json": {"()": "telepresence_site.ops.log_lines.JsonLine"},
+        "text": {"()": "telepresence_site.ops.log_lines.KeyValueLine"},
+    },
+    "handlers": {
+        "console": {
+            "class": "logging.StreamHandler",
+            "formatter": "json" if LOG_FORMAT == "json" else "text",
+        }
+    },
     "root": {"handlers": ["console"], "level": env.text("LOG_LEVEL", "INFO")},
 }

@@ -9,7 +9,8 @@ from telepresence_site.ops import health, metrics
 from telepresence_site.web import pages
 
 admin.autodiscover()
-# One way in, whose attempts are counted: the administration's own form would let anybody guess for ever.
+# One way in, whose attempts are counted: the administration's own form would let anybody guess for
+# ever.
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
 urlpatterns = [

@@ -15,8 +15,9 @@ LONGEST_FILE_S = 20.0
 
 pytest.register_assert_rewrite("tests.support.adapter_conformance", "tests.support.rca_conformance")
 
-# A busy computer is slow at everything: an example that takes long is no finding. The same examples every time, so that a change is judged by
-# what it changes; `pytest --hypothesis-profile=search` looks for others.
+# A busy computer is slow at everything: an example that takes long is no finding. The same examples
+# every time, so that a change is judged by what it changes; `pytest --hypothesis-profile=search`
+# looks for others.
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("same", settings.get_profile("search"), derandomize=True)
 settings.load_profile("same")
@@ -29,7 +30,9 @@ def pytest_sessionstart() -> None:
 
 @pytest.fixture(autouse=True)
 def no_attempts_counted():
-    """How often an address has tried something stands in the process's cache, and all tests of a process come from one address."""
+    """How often an address has tried something stands in the process's cache, and all tests of a
+    process come from one address.
+    """
     cache.clear()
 
 
@@ -42,9 +45,13 @@ def language_of_nobody():
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Say at once what failed: a run that somebody ends would otherwise keep it to itself. Of several processes, the one that collects says it."""
+    """Say at once what failed: a run that somebody ends would otherwise keep it to itself. Of
+    several processes, the one that collects says it.
+    """
     if report.failed and "PYTEST_XDIST_WORKER" not in os.environ:
-        sys.stderr.write(f"\n{report.nodeid} ({report.when}) failed:\n{report.longreprtext[-2000:]}\n")
+        sys.stderr.write(
+            f"\n{report.nodeid} ({report.when}) failed:\n{report.longreprtext[-2000:]}\n"
+        )
         sys.stderr.flush()
 
 
@@ -54,7 +61,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_terminal_summary(terminalreporter) -> None:
-    """Name the files whose tests took long together: each is to be made quicker, or is a matter of endurance."""
+    """Name the files whose tests took long together: each is to be made quicker, or is a matter of
+    endurance.
+    """
     seconds = collections.Counter()
     for reports in terminalreporter.stats.values():
         for report in reports:

@@ -1,4 +1,6 @@
-"""The site's settings with what tests change: plain http, static files that were collected, quick password hashes, and a directory of their own."""
+"""The site's settings with what tests change: plain http, static files that were collected, quick
+password hashes, and a directory of their own.
+"""
 
 import atexit
 import os

@@ -7,27 +7,42 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('accounts', '0001_initial'),
+        ("accounts", "0001_initial"),
     ]
 
     operations = [
         migrations.CreateModel(
-            name='AuditEntry',
+            name="AuditEntry",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('at', models.DateTimeField(db_index=True, verbose_name='at')),
-                ('actor', models.UUIDField(db_index=True, null=True, verbose_name='who')),
-                ('act', models.CharField(db_index=True, max_length=40, verbose_name='did')),
-                ('person', models.UUIDField(db_index=True, null=True, verbose_name='to whom')),
-                ('robot', models.CharField(blank=True, db_index=True, max_length=63, verbose_name='robot')),
-                ('study', models.CharField(blank=True, db_index=True, max_length=40, verbose_name='study')),
-                ('thing', models.CharField(blank=True, max_length=80, verbose_name='thing')),
-                ('detail', models.CharField(blank=True, max_length=200, verbose_name='detail')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("at", models.DateTimeField(db_index=True, verbose_name="at")),
+                ("actor", models.UUIDField(db_index=True, null=True, verbose_name="who")),
+                ("act", models.CharField(db_index=True, max_length=40, verbose_name="did")),
+                ("person", models.UUIDField(db_index=True, null=True, verbose_name="to whom")),
+                (
+                    "robot",
+                    models.CharField(
+                        blank=True, db_index=True, max_length=63, verbose_name="robot"
+                    ),
+                ),
+                (
+                    "study",
+                    models.CharField(
+                        blank=True, db_index=True, max_length=40, verbose_name="study"
+                    ),
+                ),
+                ("thing", models.CharField(blank=True, max_length=80, verbose_name="thing")),
+                ("detail", models.CharField(blank=True, max_length=200, verbose_name="detail")),
             ],
             options={
-                'verbose_name': 'audit entry',
-                'verbose_name_plural': 'audit log',
-                'ordering': ('-at',),
+                "verbose_name": "audit entry",
+                "verbose_name_plural": "audit log",
+                "ordering": ("-at",),
             },
         ),
     ]

@@ -1,7 +1,9 @@
-"""`python -m benchmarks.traffic.based_robot NAME --mqtt URL --token TOKEN --var DIR --base PORT`: a real agent whose base is somewhere else.
+"""`python -m benchmarks.traffic.based_robot NAME --mqtt URL --token TOKEN --var DIR --base PORT`: a
+real agent whose base is somewhere else.
 
-Agent, safety kernel, media and connection are the project's own; only the body is missing. Every velocity that the kernel lets through is
-one datagram to whoever plays the base, so that it can be told, also of an agent that is killed, what moved and when.
+Agent, safety kernel, media and connection are the project's own; only the body is missing. Every
+velocity that the kernel lets through is one datagram to whoever plays the base, so that it can be
+told, also of an agent that is killed, what moved and when.
 """
 
 import argparse
@@ -41,7 +43,9 @@ def main() -> None:
     given = parser.parse_args()
     environment = {**os.environ, "TELEPRESENCE_TOKEN": given.token}
     config = load({"robot": given.robot, "mqtt_url": given.mqtt, "var": given.var}, environment)
-    run_until_signalled(Agent(config, make_adapter=lambda _: BasedRobot(given.robot, int(given.base))))
+    run_until_signalled(
+        Agent(config, make_adapter=lambda _: BasedRobot(given.robot, int(given.base)))
+    )
 
 
 if __name__ == "__main__":

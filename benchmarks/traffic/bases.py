@@ -1,4 +1,6 @@
-"""The bases of robots that are agents elsewhere (based_robot.py): each does what it was told last, and stops by itself after a while."""
+"""The bases of robots that are agents elsewhere (based_robot.py): each does what it was told last,
+and stops by itself after a while.
+"""
 
 import socket
 import threading
@@ -13,7 +15,9 @@ LONGEST = 200
 
 
 class Bases:
-    """Listens on a thread of its own; `port` is where. Times are Unix time at arrival. Use as a context manager."""
+    """Listens on a thread of its own; `port` is where. Times are Unix time at arrival. Use as a
+    context manager.
+    """
 
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -26,7 +30,12 @@ class Bases:
         self._thread.start()
         return self
 
-    def __exit__(self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as last:
             last.sendto(b"", ("127.0.0.1", self.port))
         self._thread.join()

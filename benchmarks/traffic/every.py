@@ -1,4 +1,6 @@
-"""Something done every so often on a loop, and how late the loop was: a load generator that is late itself must say so."""
+"""Something done every so often on a loop, and how late the loop was: a load generator that is late
+itself must say so.
+"""
 
 import asyncio
 from array import array
@@ -18,7 +20,8 @@ class Timers:
         def ring(due: float) -> None:
             now = loop.time()
             self.late.append(now - due)
-            # One that was held up for longer is not made up for: neither a page nor a robot says later what it did not say in time.
+            # One that was held up for longer is not made up for: neither a page nor a robot says
+            # later what it did not say in time.
             following = max(due + period, now)
             loop.call_at(following, ring, following)
             act()

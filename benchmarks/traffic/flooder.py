@@ -1,6 +1,8 @@
-"""A process that floods a broker as fast as it can, until it is killed: `-m benchmarks.traffic.flooder FLOOD PORT USER TOKEN CONNECTIONS [CA]`.
+"""A process that floods a broker as fast as it can, until it is killed: `-m
+benchmarks.traffic.flooder FLOOD PORT USER TOKEN CONNECTIONS [CA]`.
 
-It is given a key of a robot, or is a stranger that has none; with the path of a certificate it speaks TLS. Whoever is hung up on comes back at once.
+It is given a key of a robot, or is a stranger that has none; with the path of a certificate it
+speaks TLS. Whoever is hung up on comes back at once.
 """
 
 import asyncio
@@ -25,19 +27,36 @@ def _repeated(*one: bytes) -> bytes:
 
 
 def _subscribes(user: str) -> bytes:
-    return _repeated(*(subscribe([(topics.of(user, f"signal/x{number}"), 1), (topics.of(user, "signal/+"), 1)]) for number in range(500)))
+    return _repeated(
+        *(
+            subscribe([(topics.of(user, f"signal/x{number}"), 1), (topics.of(user, "signal/+"), 1)])
+            for number in range(500)
+        )
+    )
 
 
 def _photos(user: str) -> bytes:
-    return _repeated(*(publish(Publish(topics.of(user, f"photo/{number}"), b"x", retain=True)) for number in range(500)))
+    return _repeated(
+        *(
+            publish(Publish(topics.of(user, f"photo/{number}"), b"x", retain=True))
+            for number in range(500)
+        )
+    )
 
 
 def _unacknowledged(user: str) -> bytes:
-    return subscribe([(topics.of(user, "connection"), 1)]) + _repeated(publish(Publish(topics.of(user, "connection"), b"", 1, packet_id=1)))
+    return subscribe([(topics.of(user, "connection"), 1)]) + _repeated(
+        publish(Publish(topics.of(user, "connection"), b"", 1, packet_id=1))
+    )
 
 
 def _unreleased(user: str) -> bytes:
-    return _repeated(*(publish(Publish(topics.of(user, "state"), b"", 2, packet_id=number)) for number in range(1, 5000)))
+    return _repeated(
+        *(
+            publish(Publish(topics.of(user, "state"), b"", 2, packet_id=number))
+            for number in range(1, 5000)
+        )
+    )
 
 
 KEY_FLOODS: dict[str, Callable[[str], bytes]] = {
@@ -48,7 +67,9 @@ KEY_FLOODS: dict[str, Callable[[str], bytes]] = {
     "unacknowledged": _unacknowledged,
     "unreleased": _unreleased,
     "huge": lambda user: publish(Publish(topics.of(user, "state"), bytes(1024 * 1024))),
-    "retained": lambda user: _repeated(publish(Publish(topics.of(user, "connection"), b"x" * 100, retain=True))),
+    "retained": lambda user: _repeated(
+        publish(Publish(topics.of(user, "connection"), b"x" * 100, retain=True))
+    ),
     "photos": _photos,
     "reconnects": lambda _: b"",
 }
@@ -63,7 +84,9 @@ class Flooder:
         self._numbers = itertools.count()
 
     async def by_key(self, flood: str) -> None:
-        """Sign in, and write whatever the flood is made of for as long as the broker takes it; read nothing of its answers."""
+        """Sign in, and write whatever the flood is made of for as long as the broker takes it; read
+        nothing of its answers.
+        """
         will = Publish(topics.of(self._user, "connection"), b"x", 1)
         data = KEY_FLOODS[flood](self._user)
         while True:
@@ -82,8 +105,13 @@ class Flooder:
             with contextlib.suppress(OSError):
                 reader, writer = await self._open()
                 if flood.startswith("password"):
-                    user = f"{self._user}{next(self._numbers)}" if flood == "passwords" else self._user
-                    writer.write(hello("stranger", user, "wrong") + (_repeated(b"\xc0\x00") if flood == "password" else b""))
+                    user = (
+                        f"{self._user}{next(self._numbers)}" if flood == "passwords" else self._user
+                    )
+                    writer.write(
+                        hello("stranger", user, "wrong")
+                        + (_repeated(b"\xc0\x00") if flood == "password" else b"")
+                    )
                 if flood != "come-and-go":
                     with contextlib.suppress(TimeoutError):
                         await asyncio.wait_for(reader.read(), IDLE_SECONDS)
@@ -95,7 +123,9 @@ class Flooder:
 
 async def main(flood: str, port: str, user: str, token: str, connections: str, *ca: str) -> None:
     """Flood for ever."""
-    flooder = Flooder(int(port), user, token, ssl.create_default_context(cafile=ca[0]) if ca else None)
+    flooder = Flooder(
+        int(port), user, token, ssl.create_default_context(cafile=ca[0]) if ca else None
+    )
     attack = flooder.by_key if flood in KEY_FLOODS else flooder.as_stranger
     await asyncio.gather(*(attack(flood) for _ in range(int(connections))))
 

@@ -1,6 +1,8 @@
-"""The client's side of MQTT 3.1.1 in as few steps as it takes: a client library would cost more than the broker that it loads.
+"""The client's side of MQTT 3.1.1 in as few steps as it takes: a client library would cost more
+than the broker that it loads.
 
-QoS 0 and 1 both ways, a will, keep-alive. What the broker sends is handed on as it is read; the caller's handlers must not raise.
+QoS 0 and 1 both ways, a will, keep-alive. What the broker sends is handed on as it is read; the
+caller's handlers must not raise.
 """
 
 import asyncio
@@ -41,9 +43,13 @@ class MqttLine(asyncio.Protocol):
         self._pinging: asyncio.TimerHandle | None = None
         self.refused = ""
 
-    def publish(self, topic: str, payload: bytes, packet_id: int = 0, *, retain: bool = False) -> None:
+    def publish(
+        self, topic: str, payload: bytes, packet_id: int = 0, *, retain: bool = False
+    ) -> None:
         """Send a message: at QoS 1 when it has a packet id."""
-        self._transport.write(packets.publish(Publish(topic, payload, int(packet_id > 0), retain, packet_id)))
+        self._transport.write(
+            packets.publish(Publish(topic, payload, int(packet_id > 0), retain, packet_id))
+        )
 
     def leave(self) -> None:
         """Say goodbye, so that the will is forgotten."""
@@ -54,7 +60,7 @@ class MqttLine(asyncio.Protocol):
         """Be gone without a word."""
         self._transport.abort()
 
-    # --- asyncio's side ----------------------------------------------------------------------------------------------
+    # --- asyncio's side ---------------------------------------------------------------------------
 
     def connection_made(self, transport: Any) -> None:
         """Introduce ourselves."""
@@ -76,7 +82,7 @@ class MqttLine(asyncio.Protocol):
             at = stop
         self._buffer = data[at:]
 
-    # --- packets -----------------------------------------------------------------------------------------------------
+    # --- packets ----------------------------------------------------------------------------------
 
     def _take(self, first: int, body: bytes) -> None:
         match first >> 4:
@@ -97,7 +103,9 @@ class MqttLine(asyncio.Protocol):
         size = int.from_bytes(body[:2], "big") + 2
         topic, rest = body[2:size].decode(), body[size:]
         if first & 0b0110:
-            self._transport.write(packets.acknowledgement(packets.PUBACK, int.from_bytes(rest[:2], "big")))
+            self._transport.write(
+                packets.acknowledgement(packets.PUBACK, int.from_bytes(rest[:2], "big"))
+            )
             rest = rest[2:]
         self._owner.heard(topic, rest, retained=bool(first & 1))
 
@@ -125,13 +133,20 @@ def hello(client_id: str, user: str, password: str, will: Publish | None = None)
         flags |= WILL | (will.qos << 3) | (WILL_RETAIN if will.retain else 0)
         parts += [will.topic.encode(), will.payload]
     parts += [user.encode(), password.encode()]
-    body = _text(b"MQTT") + bytes([packets.LEVEL, flags]) + KEEP_ALIVE.to_bytes(2, "big") + b"".join(_text(part) for part in parts)
+    body = (
+        _text(b"MQTT")
+        + bytes([packets.LEVEL, flags])
+        + KEEP_ALIVE.to_bytes(2, "big")
+        + b"".join(_text(part) for part in parts)
+    )
     return packets.framed(packets.CONNECT << 4, body)
 
 
 def subscribe(filters: Iterable[tuple[str, int]]) -> bytes:
     """Return a SUBSCRIBE, the one of a connection."""
-    body = (1).to_bytes(2, "big") + b"".join(_text(filter_.encode()) + bytes([qos]) for filter_, qos in filters)
+    body = (1).to_bytes(2, "big") + b"".join(
+        _text(filter_.encode()) + bytes([qos]) for filter_, qos in filters
+    )
     return packets.framed(packets.SUBSCRIBE << 4 | 2, body)
 
 

@@ -1,7 +1,8 @@
-"""The servers that are loaded: as `make demo` runs them, and as a server does (PostgreSQL, Redis, Mosquitto, one web process or more).
+"""The servers that are loaded: as `make demo` runs them, and as a server does (PostgreSQL, Redis,
+Mosquitto, one web process or more).
 
-Settings, processes and commands are those of the project; only the proxy is left out, whose share is small and whose TLS would cost the
-load generator more than all the rest.
+Settings, processes and commands are those of the project; only the proxy is left out, whose share
+is small and whose TLS would cost the load generator more than all the rest.
 """
 
 import contextlib
@@ -76,7 +77,9 @@ print(json.dumps([[str(row.pk), row.robot.name, row.granted_at.timestamp(), row.
 
 @dataclass(frozen=True)
 class Record:
-    """All stored states in the order of their stamps, and how many are known to be missing, by session."""
+    """All stored states in the order of their stamps, and how many are known to be missing, by
+    session.
+    """
 
     states: list[StoredState]
     missing: dict[str, int]
@@ -96,7 +99,17 @@ class Redis:
 
     def start(self) -> None:
         """Start it."""
-        words = [program("redis-server"), "--port", str(self._port), "--bind", LOOPBACK, "--save", "", "--appendonly", "no"]
+        words = [
+            program("redis-server"),
+            "--port",
+            str(self._port),
+            "--bind",
+            LOOPBACK,
+            "--save",
+            "",
+            "--appendonly",
+            "no",
+        ]
         with (self._directory / "redis.log").open("ab") as log:
             self._process = subprocess.Popen(words, stdout=log, stderr=subprocess.STDOUT)
 
@@ -115,7 +128,9 @@ class Database:
     @property
     def pid(self) -> int:
         """Return the id of its first process."""
-        return int((self.postgres.directory / "data" / "postmaster.pid").read_text().splitlines()[0])
+        return int(
+            (self.postgres.directory / "data" / "postmaster.pid").read_text().splitlines()[0]
+        )
 
     def start(self) -> None:
         """Start it again."""
@@ -128,7 +143,9 @@ class Database:
 
 @dataclass
 class Place:
-    """A running site and what can be asked of it. `webs` has the port of each web process, `outside` what is not ours."""
+    """A running site and what can be asked of it. `webs` has the port of each web process,
+    `outside` what is not ours.
+    """
 
     site: Site
     webs: dict[str, int]
@@ -160,10 +177,15 @@ class Place:
         return made
 
     def make_visitors(self, names: list[str], robots: list[str]) -> list[list[str]]:
-        """Return [address of the WebSocket, cookie] of new visitors, each at its robot, spread over the web processes."""
+        """Return [address of the WebSocket, cookie] of new visitors, each at its robot, spread over
+        the web processes.
+        """
         cookies: list[str] = json.loads(self.site.django(VISITORS.format(names=names)))
         ports = list(self.webs.values())
-        addresses = [f"http://{LOOPBACK}:{ports[number % len(ports)]}/ws/robots/{robot}/" for number, robot in enumerate(robots)]
+        addresses = [
+            f"http://{LOOPBACK}:{ports[number % len(ports)]}/ws/robots/{robot}/"
+            for number, robot in enumerate(robots)
+        ]
         return [list(pair) for pair in zip(addresses, cookies, strict=True)]
 
     def stored(self) -> dict[str, int]:
@@ -177,13 +199,21 @@ class Place:
         return Record([StoredState(*row) for row in found["states"]], dict(found["missing"]))
 
     def driven(self, since: float) -> list[str]:
-        """Return the robots that took a command after this moment, as the record has it: every part between page and database works."""
+        """Return the robots that took a command after this moment, as the record has it: every part
+        between page and database works.
+        """
         found: list[str] = json.loads(self.site.django(DRIVEN.format(since=since)))
         return found
 
     def is_closed(self) -> bool:
         """Tell whether nothing more is awaited for any session's record."""
-        return self.site.django("from sessions.models import Session; print(Session.objects.filter(closed_at=None).count())").strip() == "0"
+        return (
+            self.site.django(
+                "from sessions.models import Session;"
+                " print(Session.objects.filter(closed_at=None).count())"
+            ).strip()
+            == "0"
+        )
 
     def sessions(self) -> list[Drive]:
         """Return every session that had its robot, in order of their grants."""
@@ -207,7 +237,8 @@ def running_place(kind: str, directory: Path) -> Iterator[Place]:
     """Run a place: `demo`, or `server-N` with N web processes; everything is ended afterwards."""
     with contextlib.ExitStack() as stack:
         outside: dict[str, Redis | Database] = {}
-        settings = {"LOG_LEVEL": "WARNING", "SOCKETS_PER_ADDRESS": "10000"}  # all visitors come from this computer
+        # all visitors come from this computer
+        settings = {"LOG_LEVEL": "WARNING", "SOCKETS_PER_ADDRESS": "10000"}
         if kind != "demo":
             database, redis = Database(stack.enter_context(running_postgres())), Redis(directory)
             redis.start()
@@ -216,7 +247,11 @@ def running_place(kind: str, directory: Path) -> Iterator[Place]:
             settings |= {"DATABASE_URL": database.postgres.url, "REDIS_URL": redis.url}
         site = Site(directory / "var", settings=settings)
         stack.callback(site.stop_all)
-        webs = {"web": site.web_port} if kind == "demo" else {f"web-{n}": free_port() for n in range(int(kind.partition("-")[2]))}
+        webs = (
+            {"web": site.web_port}
+            if kind == "demo"
+            else {f"web-{n}": free_port() for n in range(int(kind.partition("-")[2]))}
+        )
         place = Place(site, webs, outside)
         if kind == "demo":
             site.prepare()

@@ -1,10 +1,14 @@
-"""`python -m benchmarks.traffic.robots`: robots without bodies, many in one process, with the traffic of real ones that are being driven.
+"""`python -m benchmarks.traffic.robots`: robots without bodies, many in one process, with the
+traffic of real ones that are being driven.
 
-Each has an MQTT connection of its own and speaks Robot API v1: presence with a will, factsheet, poses 15 times, heartbeats 5 times and
-states 4 times a second, with the commands that it took. Leases and what waits for the broker are decided by the agent's own code
-(robots/agent/safety/lease.py, outbox.py); there is no safety kernel and no base, so that nothing of what moves can be concluded from them.
+Each has an MQTT connection of its own and speaks Robot API v1: presence with a will, factsheet,
+poses 15 times, heartbeats 5 times and states 4 times a second, with the commands that it took.
+Leases and what waits for the broker are decided by the agent's own code
+(robots/agent/safety/lease.py, outbox.py); there is no safety kernel and no base, so that nothing of
+what moves can be concluded from them.
 
-What they measure is how long commands were on their way: the page's stamp is in the command, and all processes share one clock.
+What they measure is how long commands were on their way: the page's stamp is in the command, and
+all processes share one clock.
 """
 
 import asyncio
@@ -29,7 +33,15 @@ POSE, STATE, BEAT = 1 / 15, 1 / 4, 1 / 5
 STATES_KEPT = 9600
 WINDOW = 200  # letters that wait for the broker's word
 AGAIN = (0.2, 1.0)  # s until the next attempt to connect, drawn between
-LIMITS = m.Limits(linear=0.7, reverse=0.3, angular=0.7, linear_acceleration=0.5, angular_acceleration=1.0, linear_braking=0.8, angular_braking=1.6)
+LIMITS = m.Limits(
+    linear=0.7,
+    reverse=0.3,
+    angular=0.7,
+    linear_acceleration=0.5,
+    angular_acceleration=1.0,
+    linear_braking=0.8,
+    angular_braking=1.6,
+)
 FOOTPRINT = ((0.3, 0.25), (-0.3, 0.25), (-0.3, -0.25), (0.3, -0.25))
 COVARIANCE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.004)
 
@@ -53,9 +65,13 @@ class Grant:
 
 
 class LightRobot:
-    """One robot. `states` has how many states it numbered, by session and boot; `grants` every lease that it heard of."""
+    """One robot. `states` has how many states it numbered, by session and boot; `grants` every
+    lease that it heard of.
+    """
 
-    def __init__(self, name: str, token: str, told: Told, timers: Timers, rng: random.Random) -> None:
+    def __init__(
+        self, name: str, token: str, told: Told, timers: Timers, rng: random.Random
+    ) -> None:
         self.name, self._token, self._told, self._timers, self._rng = name, token, told, timers, rng
         self.boot = f"{int(time.time() * 1000):012x}-{secrets.token_hex(4)}"
         self.states: Counter[str] = Counter()
@@ -76,20 +92,28 @@ class LightRobot:
         """Tell whether its states belong to a session."""
         return self._leases.announced(time.monotonic()) is not None
 
-    # --- its connection ----------------------------------------------------------------------------------------------
+    # --- its connection ---------------------------------------------------------------------------
 
     async def live(self, host: str, port: int) -> None:
         """Connect, and again whenever the connection is lost, for ever."""
         rings = [(POSE, self._say_pose), (STATE, self._say_state), (BEAT, self._say_beat)]
         for period, act in rings:
             self._timers.every(period, self._rng.random(), act)
-        will = Publish(topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True)
-        filters = [(topics.of(self.name, line.suffix), line.qos) for line in topics.TABLE if line.direction == "to_robot"]
+        will = Publish(
+            topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
+        )
+        filters = [
+            (topics.of(self.name, line.suffix), line.qos)
+            for line in topics.TABLE
+            if line.direction == "to_robot"
+        ]
         while True:
             self._over.clear()
             try:
                 said = hello(f"light-{self.name}", self.name, self._token, will)
-                _, self._line = await asyncio.get_running_loop().create_connection(lambda said=said: MqttLine(self, said, filters), host, port)
+                _, self._line = await asyncio.get_running_loop().create_connection(
+                    lambda said=said: MqttLine(self, said, filters), host, port
+                )
                 await self._over.wait()
             except OSError:
                 self._told.counts["connection_refused"] += 1
@@ -122,16 +146,26 @@ class LightRobot:
         self._flush()
 
     def _flush(self) -> None:
-        while self.online and self._line is not None and len(self._outbox) and len(self._flying) < WINDOW:
+        while (
+            self.online
+            and self._line is not None
+            and len(self._outbox)
+            and len(self._flying) < WINDOW
+        ):
             said = self._outbox.take()
             if said.qos:
                 self._packet = self._packet % 0xFFFF + 1
                 self._flying[self._packet] = said
-            self._line.publish(topics.of(self.name, said.suffix), said.payload, self._packet if said.qos else 0, retain=said.retained)
+            self._line.publish(
+                topics.of(self.name, said.suffix),
+                said.payload,
+                self._packet if said.qos else 0,
+                retain=said.retained,
+            )
             if not said.qos:
                 self._outbox.acknowledged(said)
 
-    # --- what it hears -----------------------------------------------------------------------------------------------
+    # --- what it hears ----------------------------------------------------------------------------
 
     def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Take a message of the server."""
@@ -142,7 +176,9 @@ class LightRobot:
                 self._command(codec.decode("command/velocity", payload), now)
             case "heartbeat":
                 beat = codec.decode("command/heartbeat", payload)
-                self._echoes[beat.peer] = m.Echo(peer=beat.peer, n=beat.n, stamp=beat.stamp, received=now)
+                self._echoes[beat.peer] = m.Echo(
+                    peer=beat.peer, n=beat.n, stamp=beat.stamp, received=now
+                )
             case "lease":
                 self._lease(payload, now, retained=retained)
             case "action":
@@ -152,7 +188,11 @@ class LightRobot:
 
     def _command(self, command: m.VelocityCommand, now: float) -> None:
         self._told.delays.append(now - command.stamp)
-        last = self._last if self._last[:2] == (command.session, command.epoch) else (command.session, command.epoch, command.seq - 1)
+        last = (
+            self._last
+            if self._last[:2] == (command.session, command.epoch)
+            else (command.session, command.epoch, command.seq - 1)
+        )
         self._told.counts["commands_missing"] += max(0, command.seq - last[2] - 1)
         self._last = (command.session, command.epoch, command.seq)
         lease = self._leases.live(time.monotonic())
@@ -161,9 +201,14 @@ class LightRobot:
             return
         self._told.counts["commands"] += 1
         applied = m.AppliedCommand(
-            seq=command.seq, stamp=command.stamp, method=command.method, way="mqtt", age=now - command.stamp, linear=command.linear,
+            seq=command.seq,
+            stamp=command.stamp,
+            method=command.method,
+            way="mqtt",
+            age=now - command.stamp,
+            linear=command.linear,
             angular=command.angular,
-        )  # fmt: skip
+        )
         self._applied = [*self._applied, applied][-60:]
 
     def _lease(self, payload: bytes, now: float, *, retained: bool) -> None:
@@ -179,7 +224,10 @@ class LightRobot:
     def _take(self, lease: m.Lease, now: float, *, retained: bool) -> None:
         if not self._leases.take(lease, retained=retained, now=time.monotonic()):
             self._told.counts["leases_late"] += 1
-        elif not self.grants or (self.grants[-1].session, self.grants[-1].epoch) != (lease.session, lease.epoch):
+        elif not self.grants or (self.grants[-1].session, self.grants[-1].epoch) != (
+            lease.session,
+            lease.epoch,
+        ):
             self.grants.append(Grant(self.name, lease.session, lease.epoch, now))
             self._say_event("lease_taken", lease)
 
@@ -193,17 +241,29 @@ class LightRobot:
                 self._told.counts["states_resent"] += 1
                 self._put("state", payload)
 
-    # --- what it says ------------------------------------------------------------------------------------------------
+    # --- what it says -----------------------------------------------------------------------------
 
     def _say_pose(self) -> None:
         if self._leases.live(time.monotonic()) is not None:  # a robot that stands says none
             self._told.counts["poses"] += self.online
-            self._put("pose", codec.encode(m.PoseUpdate(stamp=time.time(), pose=self._pose(), velocity=m.Velocity(linear=0.35, angular=0.1))))
+            self._put(
+                "pose",
+                codec.encode(
+                    m.PoseUpdate(
+                        stamp=time.time(),
+                        pose=self._pose(),
+                        velocity=m.Velocity(linear=0.35, angular=0.1),
+                    )
+                ),
+            )
 
     def _say_beat(self) -> None:
         self._beats += 1
         newest = sorted(self._echoes.values(), key=lambda echo: echo.received)[-4:]
-        self._put("heartbeat", codec.encode(m.Heartbeat(n=self._beats, stamp=time.time(), echoes=tuple(newest))))
+        self._put(
+            "heartbeat",
+            codec.encode(m.Heartbeat(n=self._beats, stamp=time.time(), echoes=tuple(newest))),
+        )
 
     def _say_state(self, of: m.Lease | None = None) -> int:
         lapsed = self._leases.lapse(time.monotonic())
@@ -221,16 +281,33 @@ class LightRobot:
         return self._seq
 
     def _say_event(self, kind: Any, lease: m.Lease, **more: Any) -> None:
-        event = m.Event(stamp=time.time(), boot=self.boot, seq=self._seq + 1, session=lease.session, epoch=lease.epoch, type=kind, **more)
+        event = m.Event(
+            stamp=time.time(),
+            boot=self.boot,
+            seq=self._seq + 1,
+            session=lease.session,
+            epoch=lease.epoch,
+            type=kind,
+            **more,
+        )
         self._put("event", codec.encode(event))
 
     def _state(self, lease: m.Lease | None) -> m.State:
         now, beat = time.time(), self._echoes.get(lease.peer) if lease else None
         return m.State(
-            stamp=now, boot=self.boot, seq=self._seq, session=lease.session if lease else None, epoch=lease.epoch if lease else 0, pose=self._pose(),
-            velocity=m.Velocity(linear=0.35 * bool(self._applied), angular=0.1), battery=m.Battery(charge=0.87, voltage=26.3), clearance=0.456,
-            distance=self._seq * 0.01, visitor_silence=now - beat.received if beat else None, applied=tuple(self._applied),
-        )  # fmt: skip
+            stamp=now,
+            boot=self.boot,
+            seq=self._seq,
+            session=lease.session if lease else None,
+            epoch=lease.epoch if lease else 0,
+            pose=self._pose(),
+            velocity=m.Velocity(linear=0.35 * bool(self._applied), angular=0.1),
+            battery=m.Battery(charge=0.87, voltage=26.3),
+            clearance=0.456,
+            distance=self._seq * 0.01,
+            visitor_silence=now - beat.received if beat else None,
+            applied=tuple(self._applied),
+        )
 
     @staticmethod
     def _pose() -> m.Pose:
@@ -241,9 +318,16 @@ class LightRobot:
 
     def _factsheet(self) -> m.Factsheet:
         return m.Factsheet(
-            name=self.name, series="Light", rca="none", agent_version="benchmark", boot=self.boot, capabilities=("velocity",), limits=LIMITS,
-            footprint=FOOTPRINT, watchdog=0.3,
-        )  # fmt: skip
+            name=self.name,
+            series="Light",
+            rca="none",
+            agent_version="benchmark",
+            boot=self.boot,
+            capabilities=("velocity",),
+            limits=LIMITS,
+            footprint=FOOTPRINT,
+            watchdog=0.3,
+        )
 
 
 class Robots:
@@ -271,15 +355,26 @@ class Robots:
 
     def measured(self) -> dict[str, Any]:
         """Return what was seen since the last time, and begin anew."""
-        found = {"delays": list(self._told.delays), "counts": dict(self._told.counts), "late": list(self._timers.late)}
+        found = {
+            "delays": list(self._told.delays),
+            "counts": dict(self._told.counts),
+            "late": list(self._timers.late),
+        }
         del self._told.delays[:], self._timers.late[:]
         self._told.counts.clear()
         return found
 
     def record(self) -> dict[str, Any]:
-        """Return what the robots know: states by session, and grants in the order in which they heard of them."""
-        states = {session: count for robot in self._robots for session, count in robot.states.items()}
-        return {"states": states, "grants": [asdict(grant) for robot in self._robots for grant in robot.grants]}
+        """Return what the robots know: states by session, and grants in the order in which they
+        heard of them.
+        """
+        states = {
+            session: count for robot in self._robots for session, count in robot.states.items()
+        }
+        return {
+            "states": states,
+            "grants": [asdict(grant) for robot in self._robots for grant in robot.grants],
+        }
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""What part of a core each process of a site takes, and how much memory, with its children (Linux, /proc)."""
+"""What part of a core each process of a site takes, and how much memory, with its children (Linux,
+/proc).
+"""
 
 import os
 import time
@@ -24,13 +26,21 @@ def seconds(pid: int) -> float:
 
 
 def megabytes(pid: int) -> float:
-    """Return the memory that a process alone would give back (its anonymous pages), 0 when it is gone."""
-    lines = [line for line in _read(PROC / str(pid) / "status").splitlines() if line.startswith("RssAnon")]
+    """Return the memory that a process alone would give back (its anonymous pages), 0 when it is
+    gone.
+    """
+    lines = [
+        line
+        for line in _read(PROC / str(pid) / "status").splitlines()
+        if line.startswith("RssAnon")
+    ]
     return int(lines[0].split()[1]) / 1024 if lines else 0.0
 
 
 def busy_seconds() -> tuple[float, float]:
-    """Return the time since the computer started that all cores together were not idle, and that a virtual one waited for a real one."""
+    """Return the time since the computer started that all cores together were not idle, and that a
+    virtual one waited for a real one.
+    """
     fields = [int(field) for field in _read(PROC / "stat").splitlines()[0].split()[1:9]]
     return (sum(fields) - fields[3] - fields[4] - fields[7]) / TICKS, fields[7] / TICKS
 
@@ -61,7 +71,8 @@ def read(processes: dict[str, int]) -> Reading:
 def between(before: Reading, after: Reading) -> dict[str, float]:
     """Return the shares of a core that were taken between two looks.
 
-    `others` is whatever else ran on this computer, `stolen` what other virtual computers took of its cores.
+    `others` is whatever else ran on this computer, `stolen` what other virtual computers took of
+    its cores.
     """
     passed = after.at - before.at
     shares = {name: (taken - before.taken[name]) / passed for name, taken in after.taken.items()}

@@ -1,4 +1,5 @@
-"""What must never be seen, however things crash, told by what robots, bases and database know afterwards. Pure; times are Unix time.
+"""What must never be seen, however things crash, told by what robots, bases and database know
+afterwards. Pure; times are Unix time.
 
 Every function returns what was wrong as sentences, none when nothing was.
 """
@@ -8,13 +9,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-# From the end of a drive to the moment at which the robot has heard of it or its deadman has struck, on a computer with much else to do.
+# From the end of a drive to the moment at which the robot has heard of it or its deadman has
+# struck, on a computer with much else to do.
 LEAVE_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A session that had its robot, from when to when; `until` is None while it has it. `outcome` is empty until it has ended."""
+    """A session that had its robot, from when to when; `until` is None while it has it. `outcome`
+    is empty until it has ended.
+    """
 
     session: str
     robot: str
@@ -38,46 +42,85 @@ def two_at_once(drives: Sequence[Drive]) -> list[str]:
     """Find drives of one robot that overlap."""
     wrong = []
     for robot in {drive.robot for drive in drives}:
-        own = sorted((drive for drive in drives if drive.robot == robot), key=lambda drive: drive.since)
+        own = sorted(
+            (drive for drive in drives if drive.robot == robot), key=lambda drive: drive.since
+        )
         for earlier, later in pairwise(own):
             if earlier.until is None or earlier.until > later.since:
-                ended = "never ended" if earlier.until is None else f"ended {earlier.until - later.since:.3f} s later, {earlier.outcome}"
-                wrong.append(f"{robot}: {later.session} began while somebody had it: {earlier.session} {ended}")
+                ended = (
+                    "never ended"
+                    if earlier.until is None
+                    else f"ended {earlier.until - later.since:.3f} s later, {earlier.outcome}"
+                )
+                wrong.append(
+                    f"{robot}: {later.session} began while somebody had it: {earlier.session}"
+                    f" {ended}"
+                )
     return wrong
 
 
-def shared_epochs(states: Sequence[StoredState], grants: Sequence[tuple[str, int, str]]) -> list[str]:
-    """Find epochs of a robot that two sessions had, in its states or in the leases it heard of, given as (robot, epoch, session)."""
+def shared_epochs(
+    states: Sequence[StoredState], grants: Sequence[tuple[str, int, str]]
+) -> list[str]:
+    """Find epochs of a robot that two sessions had, in its states or in the leases it heard of,
+    given as (robot, epoch, session).
+    """
     sessions: defaultdict[tuple[str, int], set[str]] = defaultdict(set)
     for state in states:
         sessions[state.robot, state.epoch].add(state.session)
     for robot, epoch, session in grants:
         sessions[robot, epoch].add(session)
-    return [f"{robot}: epoch {epoch} is that of {len(found)} sessions" for (robot, epoch), found in sessions.items() if len(found) > 1]
+    return [
+        f"{robot}: epoch {epoch} is that of {len(found)} sessions"
+        for (robot, epoch), found in sessions.items()
+        if len(found) > 1
+    ]
 
 
-def lost(numbered: Mapping[str, int], states: Sequence[StoredState], missing: Mapping[str, int]) -> list[str]:
-    """Find states that robots numbered, by session, and the record lacks, or that it has twice, or knows to be missing."""
+def lost(
+    numbered: Mapping[str, int], states: Sequence[StoredState], missing: Mapping[str, int]
+) -> list[str]:
+    """Find states that robots numbered, by session, and the record lacks, or that it has twice, or
+    knows to be missing.
+    """
     stored = Counter(state.session for state in states)
-    wrong = [f"{session}: {count} numbered, {stored[session]} stored" for session, count in numbered.items() if stored[session] != count]
+    wrong = [
+        f"{session}: {count} numbered, {stored[session]} stored"
+        for session, count in numbered.items()
+        if stored[session] != count
+    ]
     copies = Counter((state.robot, state.boot, state.seq) for state in states)
-    wrong += [f"{robot}: state {seq} is stored {count} times" for (robot, _, seq), count in copies.items() if count > 1]
+    wrong += [
+        f"{robot}: state {seq} is stored {count} times"
+        for (robot, _, seq), count in copies.items()
+        if count > 1
+    ]
     return wrong + [f"{session}: {count} states are missing" for session, count in missing.items()]
 
 
-def moved_alone(moves: Mapping[str, Sequence[tuple[float, float]]], drives: Sequence[Drive], late: float = 0.0) -> list[str]:
-    """Find motion outside of all drives of a robot; `late` is by how many seconds more the computer itself held things up."""
+def moved_alone(
+    moves: Mapping[str, Sequence[tuple[float, float]]], drives: Sequence[Drive], late: float = 0.0
+) -> list[str]:
+    """Find motion outside of all drives of a robot; `late` is by how many seconds more the computer
+    itself held things up.
+    """
     wrong = []
     for robot, spans in moves.items():
-        allowed = merged([(drive.since, drive.until or float("inf")) for drive in drives if drive.robot == robot])
+        allowed = merged(
+            [(drive.since, drive.until or float("inf")) for drive in drives if drive.robot == robot]
+        )
         for since, until in spans:
-            if not any(begin <= since and until <= end + LEAVE_SECONDS + late for begin, end in allowed):
+            if not any(
+                begin <= since and until <= end + LEAVE_SECONDS + late for begin, end in allowed
+            ):
                 wrong.append(f"{robot} moved from {since:.2f} to {until:.2f} while nobody had it")
     return wrong
 
 
 def merged(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return spans in order, those that follow each other so soon that a robot need not stop between them as one."""
+    """Return spans in order, those that follow each other so soon that a robot need not stop
+    between them as one.
+    """
     found: list[tuple[float, float]] = []
     for since, until in sorted(spans):
         if found and since <= found[-1][1] + LEAVE_SECONDS:

@@ -1,11 +1,14 @@
-"""`python -m benchmarks.traffic.visitors`: visitors without browsers, many in one process, with the traffic of drive pages whose WebRTC failed.
+"""`python -m benchmarks.traffic.visitors`: visitors without browsers, many in one process, with the
+traffic of drive pages whose WebRTC failed.
 
-Each has a WebSocket of its own, signed in by a session's cookie; takes the robot, sends velocities 20 times, heartbeats 5 times and its
-network once a second, and reads everything that comes. A page with a data channel sends its velocities there, so this is the worst that
-a visitor does to a server. It sees no picture, and says that it has seen one as new as the robot's last word. One that was cut off comes
-back as the same page; one whose time is over leaves and asks again.
+Each has a WebSocket of its own, signed in by a session's cookie; takes the robot, sends velocities
+20 times, heartbeats 5 times and its network once a second, and reads everything that comes. A page
+with a data channel sends its velocities there, so this is the worst that a visitor does to a
+server. It sees no picture, and says that it has seen one as new as the robot's last word. One that
+was cut off comes back as the same page; one whose time is over leaves and asks again.
 
-What they measure is how long poses, states and heartbeats were on their way: the robot's stamp is in them, and all processes share one clock.
+What they measure is how long poses, states and heartbeats were on their way: the robot's stamp is
+in them, and all processes share one clock.
 """
 
 import asyncio
@@ -56,7 +59,9 @@ class LightVisitor:
         stays: for how long it drives before it makes room for others, in seconds.
     """
 
-    def __init__(self, url: str, cookie: str, stays: float, *, told: Told, timers: Timers, rng: random.Random) -> None:
+    def __init__(
+        self, url: str, cookie: str, stays: float, *, told: Told, timers: Timers, rng: random.Random
+    ) -> None:
         self._url, self._stays, self._told, self._timers, self._rng = url, stays, told, timers, rng
         self._headers = {"Cookie": f"sessionid={cookie}", "Origin": url.partition("/ws/")[0]}
         self._said = msgspec.json.Decoder(Said)
@@ -86,11 +91,15 @@ class LightVisitor:
             await asyncio.sleep(self._rng.uniform(*AGAIN))
 
     def _ring(self) -> None:
-        rings: list[tuple[float, Callable[[], None]]] = [(VELOCITY, self._drive), (BEAT, self._beat), (NETWORK, self._tell_network)]
+        rings: list[tuple[float, Callable[[], None]]] = [
+            (VELOCITY, self._drive),
+            (BEAT, self._beat),
+            (NETWORK, self._tell_network),
+        ]
         for period, act in rings:
             self._timers.every(period, self._rng.random(), act)
 
-    # --- what it hears -----------------------------------------------------------------------------------------------
+    # --- what it hears ----------------------------------------------------------------------------
 
     def _hear(self, frame: str | bytes) -> None:
         now = time.time()
@@ -115,7 +124,9 @@ class LightVisitor:
         if said.n:
             self._echo = m.Echo(peer="robot", n=said.n, stamp=said.stamp, received=now)
         if said.seq:
-            self._told.counts["states_missing"] += max(0, said.seq - self._state - 1) if self._state else 0
+            self._told.counts["states_missing"] += (
+                max(0, said.seq - self._state - 1) if self._state else 0
+            )
             self._state = said.seq
 
     def _granted(self, granted: protocol.Granted) -> None:
@@ -126,7 +137,12 @@ class LightVisitor:
             self._seq = 0
         if (granted.session, granted.epoch) != (self._session, self._epoch):
             self._seq = 0
-        self._session, self._epoch, self._peer, self.drives = granted.session, granted.epoch, granted.peer, True
+        self._session, self._epoch, self._peer, self.drives = (
+            granted.session,
+            granted.epoch,
+            granted.peer,
+            True,
+        )
 
     def _over(self) -> None:
         self._session = self._peer = None
@@ -138,13 +154,15 @@ class LightVisitor:
             self._say("session/take", protocol.Take())
 
     def _denied(self, denied: protocol.Denied) -> None:
-        """Ask again, as a page does that gets no answer, for what the server could not do just then."""
+        """Ask again, as a page does that gets no answer, for what the server could not do just
+        then.
+        """
         self._told.counts[f"denied_{denied.reason}"] += 1
         again = {"session/take": self._ask, "session/leave": self.leave}.get(denied.suffix)
         if denied.reason == "unavailable" and again is not None:
             asyncio.get_running_loop().call_later(self._rng.uniform(*AGAIN), again)
 
-    # --- what it says ------------------------------------------------------------------------------------------------
+    # --- what it says -----------------------------------------------------------------------------
 
     def _drive(self) -> None:
         if not self.drives or self._session is None:
@@ -155,10 +173,19 @@ class LightVisitor:
         self._seq += 1
         self._told.counts["commands"] += 1
         linear = 0.35 if self._seq % 40 < 20 else 0.2
-        self._say("command/velocity", m.VelocityCommand(
-            session=self._session, epoch=self._epoch, seq=self._seq, stamp=time.time(), linear=linear, angular=0.1, method="keyboard",
-            frame=self._newest or None,
-        ))  # fmt: skip
+        self._say(
+            "command/velocity",
+            m.VelocityCommand(
+                session=self._session,
+                epoch=self._epoch,
+                seq=self._seq,
+                stamp=time.time(),
+                linear=linear,
+                angular=0.1,
+                method="keyboard",
+                frame=self._newest or None,
+            ),
+        )
 
     def depart(self) -> None:
         """Be done for good."""
@@ -173,11 +200,19 @@ class LightVisitor:
     def _beat(self) -> None:
         if self.drives:
             self._beats += 1
-            self._say("command/heartbeat", m.CommandHeartbeat(n=self._beats, stamp=time.time(), echo=self._echo))
+            self._say(
+                "command/heartbeat",
+                m.CommandHeartbeat(n=self._beats, stamp=time.time(), echo=self._echo),
+            )
 
     def _tell_network(self) -> None:
         if self.drives:
-            self._say("page/network", protocol.PageNetwork(stamp=time.time(), way="mqtt", round_trip=0.01, path="server/jpeg"))
+            self._say(
+                "page/network",
+                protocol.PageNetwork(
+                    stamp=time.time(), way="mqtt", round_trip=0.01, path="server/jpeg"
+                ),
+            )
 
     def _say(self, suffix: str, message: m.Message) -> None:
         if self._socket is not None:
@@ -193,9 +228,15 @@ class Visitors:
         self._living: set[asyncio.Task[None]] = set()
 
     def add(self, visitors: list[list[str]], stays: float) -> int:
-        """Let visitors come, given as [address of the WebSocket, cookie]; returns how many there are."""
+        """Let visitors come, given as [address of the WebSocket, cookie]; returns how many there
+        are.
+        """
         for url, cookie in visitors:
-            self._visitors.append(LightVisitor(url, cookie, stays, told=self._told, timers=self._timers, rng=self._rng))
+            self._visitors.append(
+                LightVisitor(
+                    url, cookie, stays, told=self._told, timers=self._timers, rng=self._rng
+                )
+            )
             self._living.add(asyncio.create_task(self._visitors[-1].live()))
         return len(self._visitors)
 
@@ -212,7 +253,11 @@ class Visitors:
 
     def measured(self) -> dict[str, Any]:
         """Return what was seen since the last time, and begin anew."""
-        found = {"delays": list(self._told.delays), "counts": dict(self._told.counts), "late": list(self._timers.late)}
+        found = {
+            "delays": list(self._told.delays),
+            "counts": dict(self._told.counts),
+            "late": list(self._timers.late),
+        }
         del self._told.delays[:], self._timers.late[:]
         self._told.counts.clear()
         return found

@@ -1,4 +1,6 @@
-"""A process that does what it is asked by name: a JSON list of a method and its arguments a line, one JSON answer a line."""
+"""A process that does what it is asked by name: a JSON list of a method and its arguments a line,
+one JSON answer a line.
+"""
 
 import asyncio
 import gc
@@ -19,7 +21,12 @@ class Hands:
     def __init__(self, module: str) -> None:
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module], cwd=ROOT, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-m", module],
+            cwd=ROOT,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         self.pid = self._process.pid
 
@@ -53,7 +60,9 @@ def serve(make: Callable[[], Any]) -> None:
 
 async def _serve(make: Callable[[], Any]) -> None:
     asked = asyncio.StreamReader(limit=1 << 24)
-    await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(asked), sys.stdin)
+    await asyncio.get_running_loop().connect_read_pipe(
+        lambda: asyncio.StreamReaderProtocol(asked), sys.stdin
+    )
     does = make()
     gc.freeze()  # a collection of everything that was imported would hold the loop up
     while line := await asked.readline():

@@ -1,9 +1,12 @@
-"""A robot in Home Assistant: reads the site's JSON API, and offers the robot by MQTT discovery at Home Assistant's own broker.
+"""A robot in Home Assistant: reads the site's JSON API, and offers the robot by MQTT discovery at
+Home Assistant's own broker.
 
-    TELEPRESENCE_KEY=… python3 bridge.py --site https://robots.example.org --robot giraff --broker mqtt://user:password@homeassistant.local:1883
+    TELEPRESENCE_KEY=… python3 bridge.py --site https://robots.example.org --robot giraff --broker
+    mqtt://user:password@homeassistant.local:1883
 
-Needs paho-mqtt and nothing else of ours: a worked example of a program that uses docs/reference/json-api.md. What Home Assistant shows are
-state, charge, who is there, and three buttons: stop, emergency stop, go to the charging station. A button that was pressed while this
+Needs paho-mqtt and nothing else of ours: a worked example of a program that uses
+docs/reference/json-api.md. What Home Assistant shows are state, charge, who is there, and three
+buttons: stop, emergency stop, go to the charging station. A button that was pressed while this
 program was away does nothing later: a retained command is not obeyed, and nothing is kept.
 """
 
@@ -47,7 +50,9 @@ class Site:
 
     def _ask(self, url: str, body: bytes | None = None) -> Any:
         headers = {"Authorization": f"Bearer {self._key}", "Content-Type": "application/json"}
-        with urllib.request.urlopen(urllib.request.Request(url, body, headers), timeout=TIMEOUT) as answer:  # noqa: S310 -- the operator's address
+        with urllib.request.urlopen(
+            urllib.request.Request(url, body, headers), timeout=TIMEOUT
+        ) as answer:  # noqa: S310 -- the operator's address
             return json.loads(answer.read())
 
 
@@ -56,24 +61,61 @@ def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
     unique, called = f"telepresence_{robot['name']}", robot["name"].replace("-", "_")
 
     def part(kind: str, name: str, label: str, **more: Any) -> dict[str, Any]:
-        return {"platform": kind, "unique_id": f"{unique}_{name}", "default_entity_id": f"{kind}.{called}_{name}", "name": label, **more}
+        return {
+            "platform": kind,
+            "unique_id": f"{unique}_{name}",
+            "default_entity_id": f"{kind}.{called}_{name}",
+            "name": label,
+            **more,
+        }
 
     def truth(name: str, label: str, **more: Any) -> dict[str, Any]:
         said = f"value_json.{name}"
-        return part("binary_sensor", name, label, value_template=f"{{{{ none if {said} is none else 'ON' if {said} else 'OFF' }}}}", **more)
+        return part(
+            "binary_sensor",
+            name,
+            label,
+            value_template=f"{{{{ none if {said} is none else 'ON' if {said} else 'OFF' }}}}",
+            **more,
+        )
 
-    percent = "{{ (value_json.charge * 100) | round(0) if value_json.charge is not none else none }}"
+    percent = (
+        "{{ (value_json.charge * 100) | round(0) if value_json.charge is not none else none }}"
+    )
     sensors = {
-        "state": part("sensor", "state", "State", value_template="{{ value_json.state }}", icon="mdi:robot"),
-        "charge": part("sensor", "charge", "Charge", value_template=percent, device_class="battery", unit_of_measurement="%"),
-        "waiting": part("sensor", "waiting", "Visitors waiting", value_template="{{ value_json.waiting }}", icon="mdi:account-clock"),
+        "state": part(
+            "sensor", "state", "State", value_template="{{ value_json.state }}", icon="mdi:robot"
+        ),
+        "charge": part(
+            "sensor",
+            "charge",
+            "Charge",
+            value_template=percent,
+            device_class="battery",
+            unit_of_measurement="%",
+        ),
+        "waiting": part(
+            "sensor",
+            "waiting",
+            "Visitors waiting",
+            value_template="{{ value_json.waiting }}",
+            icon="mdi:account-clock",
+        ),
         "driven": truth("driven", "Visitor", device_class="occupancy"),
         "charging": truth("charging", "Charging", device_class="battery_charging"),
         "docked": truth("docked", "Docked", icon="mdi:ev-station"),
     }
-    buttons = {kind: part("button", kind, label, command_topic=f"{base}/command", payload_press=kind) for kind, label in ACTIONS.items()}
+    buttons = {
+        kind: part("button", kind, label, command_topic=f"{base}/command", payload_press=kind)
+        for kind, label in ACTIONS.items()
+    }
     return {
-        "device": {"identifiers": [unique], "name": robot["title"], "model": robot["series"], "configuration_url": robot["page"]},
+        "device": {
+            "identifiers": [unique],
+            "name": robot["title"],
+            "model": robot["series"],
+            "configuration_url": robot["page"],
+        },
         "origin": {"name": "telepresence"},
         "availability_topic": f"{base}/availability",
         "state_topic": f"{base}/state",
@@ -96,10 +138,14 @@ class Bridge:
             self._client.tls_set()
         self._client.will_set(f"{self.base}/availability", "offline", qos=1, retain=True)
         self._client.on_connect, self._client.on_message = self._connected, self._heard
-        self._client.connect_async(parts.hostname or "localhost", parts.port or (8883 if parts.scheme == "mqtts" else 1883))
+        self._client.connect_async(
+            parts.hostname or "localhost", parts.port or (8883 if parts.scheme == "mqtts" else 1883)
+        )
 
     def run(self) -> None:
-        """Look at the robot again and again; presses are carried out beside it, so that a slow site delays no stop."""
+        """Look at the robot again and again; presses are carried out beside it, so that a slow site
+        delays no stop.
+        """
         pressing = threading.Thread(target=self._carry_out, daemon=True)
         pressing.start()
         self._client.loop_start()
@@ -124,7 +170,10 @@ class Bridge:
         if self._announce.is_set():
             self._announce.clear()
             self._client.publish(
-                f"homeassistant/device/telepresence_{self._robot}/config", json.dumps(discovery(robot, self.base)), qos=1, retain=True
+                f"homeassistant/device/telepresence_{self._robot}/config",
+                json.dumps(discovery(robot, self.base)),
+                qos=1,
+                retain=True,
             )
         self._client.publish(f"{self.base}/availability", "online", qos=1, retain=True)
         self._client.publish(f"{self.base}/state", json.dumps(robot), qos=1)
@@ -161,14 +210,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Offer a robot to Home Assistant.")
     parser.add_argument("--site", required=True, help="such as https://robots.example.org")
     parser.add_argument("--robot", required=True, help="its name on the site")
-    parser.add_argument("--broker", required=True, help="Home Assistant's: mqtt:// or mqtts://user:password@host:port")
-    parser.add_argument("--period", type=float, default=SECONDS, help="seconds between two looks (5)")
+    parser.add_argument(
+        "--broker",
+        required=True,
+        help="Home Assistant's: mqtt:// or mqtts://user:password@host:port",
+    )
+    parser.add_argument(
+        "--period", type=float, default=SECONDS, help="seconds between two looks (5)"
+    )
     options = parser.parse_args()
     key = os.environ.get("TELEPRESENCE_KEY")
     if not key:
-        parser.error("TELEPRESENCE_KEY is not set: manage.py api_key ROBOT home-assistant makes one.")
+        parser.error(
+            "TELEPRESENCE_KEY is not set: manage.py api_key ROBOT home-assistant makes one."
+        )
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
-    bridge = Bridge(Site(options.site, options.robot, key), options.robot, options.broker, options.period)
+    bridge = Bridge(
+        Site(options.site, options.robot, key), options.robot, options.broker, options.period
+    )
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, bridge.stop)
     bridge.run()

@@ -1,9 +1,10 @@
-"""Everything at once: a folder of tables and figures from a dataset, and nothing else, so that the same dataset gives the same bytes.
+"""Everything at once: a folder of tables and figures from a dataset, and nothing else, so that the
+same dataset gives the same bytes.
 
     <selection>/tables/<name>.csv, .tex          every number and what it is made of
     <selection>/figures/<name>.svg, .pdf, .csv   every figure and its numbers
-    <selection>/sources.json                     which sessions are behind every cell, bar and trajectory
-    SHA256SUMS                                   of all of these
+    <selection>/sources.json                     which sessions are behind every cell, bar and
+    trajectory SHA256SUMS                                   of all of these
 
 A selection is `all`, or `without-excluded` where a researcher has excluded sessions.
 """
@@ -22,18 +23,32 @@ from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.sessions import VERSION, Measured, measure_all
 from experiments.analysis.tables.ages import ages
 from experiments.analysis.tables.answers import compare_answers
-from experiments.analysis.tables.effects import against_network, by_network, compare_conditions, learning, outcomes_by_condition
+from experiments.analysis.tables.effects import (
+    against_network,
+    by_network,
+    compare_conditions,
+    learning,
+    outcomes_by_condition,
+)
 from experiments.analysis.tables.flow import flow, funnel
 from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.reliability import Verdict, judge
-from experiments.analysis.tables.summaries import metrics_table, segment_spreads, segments_table, sessions_table, verdicts_table
+from experiments.analysis.tables.summaries import (
+    metrics_table,
+    segment_spreads,
+    segments_table,
+    sessions_table,
+    verdicts_table,
+)
 from experiments.analysis.tables.table import Table, as_csv, as_latex
 
 
 @dataclass(frozen=True)
 class Report:
-    """The tables and figures of a selection of sessions, with the sessions' numbers and the verdicts on their records."""
+    """The tables and figures of a selection of sessions, with the sessions' numbers and the
+    verdicts on their records.
+    """
 
     name: str
     tables: tuple[Table, ...]
@@ -43,12 +58,18 @@ class Report:
 
 
 def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
-    """Yield the report on all sessions that count, and the one without the excluded ones where there are any."""
+    """Yield the report on all sessions that count, and the one without the excluded ones where
+    there are any.
+    """
     every = dataset.chosen(kinds)
     measured = measure_all(every)
     yield report(EVERY, every, measured)
     if any(session.excluded for session in every.sessions):
-        yield report(WITHOUT, dataset.chosen(kinds, with_excluded=False), [one for one in measured if not one.session.excluded])
+        yield report(
+            WITHOUT,
+            dataset.chosen(kinds, with_excluded=False),
+            [one for one in measured if not one.session.excluded],
+        )
 
 
 def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
@@ -59,20 +80,46 @@ def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
         *(table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset)),
         *(table_5(dataset, key) for key in conditions if len(conditions) > 1),
         *(participants_table(dataset), flow(dataset), funnel(dataset, measured)),
-        *(metrics_table(measured), segment_spreads(measured), sessions_table(measured, verdicts), segments_table(measured)),
-        *(verdicts_table(measured, verdicts), outcomes_by_condition(dataset, measured), compare_conditions(dataset, measured)),
-        *(compare_answers(dataset), against_network(measured), by_network(measured), ages(dataset, measured), learning(measured)),
+        *(
+            metrics_table(measured),
+            segment_spreads(measured),
+            sessions_table(measured, verdicts),
+            segments_table(measured),
+        ),
+        *(
+            verdicts_table(measured, verdicts),
+            outcomes_by_condition(dataset, measured),
+            compare_conditions(dataset, measured),
+        ),
+        *(
+            compare_answers(dataset),
+            against_network(measured),
+            by_network(measured),
+            ages(dataset, measured),
+            learning(measured),
+        ),
     )
     sites = dict.fromkeys(course.site for course in dataset.study.courses)
-    figures = (*(figure_6(dataset, site) for site in sites), figure_7(dataset, measured), figure_8a(dataset), figure_8b(dataset))
+    figures = (
+        *(figure_6(dataset, site) for site in sites),
+        figure_7(dataset, measured),
+        figure_8a(dataset),
+        figure_8b(dataset),
+    )
     return Report(name, tables, figures, tuple(measured), verdicts)
 
 
 Also = Callable[[Report, Path], None]
 
 
-def analyse(dataset: Dataset, folder: Path, kinds: Sequence[Kind] = ("participant",), also: Also | None = None) -> list[Path]:
-    """Write the reports on a dataset into a folder, which is made; return what was written, the sums last.
+def analyse(
+    dataset: Dataset,
+    folder: Path,
+    kinds: Sequence[Kind] = ("participant",),
+    also: Also | None = None,
+) -> list[Path]:
+    """Write the reports on a dataset into a folder, which is made; return what was written, the
+    sums last.
 
     What `also` writes into the folder of each report is no part of the sums.
     """
@@ -81,7 +128,10 @@ def analyse(dataset: Dataset, folder: Path, kinds: Sequence[Kind] = ("participan
         written += write(one, folder / one.name)
         if also is not None:
             also(one, folder / one.name)
-    lines = [f"{sha256(path.read_bytes()).hexdigest()}  {path.relative_to(folder).as_posix()}" for path in sorted(written)]
+    lines = [
+        f"{sha256(path.read_bytes()).hexdigest()}  {path.relative_to(folder).as_posix()}"
+        for path in sorted(written)
+    ]
     sums = folder / "SHA256SUMS"
     sums.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="")
     return [*sorted(written), sums]
@@ -106,9 +156,11 @@ def _file(path: Path, content: bytes) -> Path:
 
 
 def sources(found: Report) -> dict[str, Any]:
-    """Return which sessions are behind every cell (table, row, column) and every part of a figure (figure, gid).
+    """Return which sessions are behind every cell (table, row, column) and every part of a figure
+    (figure, gid).
 
-    Sets of sessions are written once, in `sets`, and named by their place there, because many cells share one.
+    Sets of sessions are written once, in `sets`, and named by their place there, because many cells
+    share one.
     """
     sets: dict[tuple[str, ...], int] = {}
 
@@ -116,9 +168,19 @@ def sources(found: Report) -> dict[str, Any]:
         return sets.setdefault(tuple(dict.fromkeys(sessions)), len(sets))
 
     tables = {
-        table.name: [[place(cell.sessions) if cell.sessions else None for cell in row] for row in table.rows]
+        table.name: [
+            [place(cell.sessions) if cell.sessions else None for cell in row] for row in table.rows
+        ]
         for table in found.tables
         if table.name not in {"sessions", "segments"}  # a row of these names its session
     }
-    figures = {drawing.name: {gid: place(ids) for gid, ids in drawing.behind.items()} for drawing in found.figures}
-    return {"metrics_version": VERSION, "sets": [list(ids) for ids in sets], "tables": tables, "figures": figures}
+    figures = {
+        drawing.name: {gid: place(ids) for gid, ids in drawing.behind.items()}
+        for drawing in found.figures
+    }
+    return {
+        "metrics_version": VERSION,
+        "sets": [list(ids) for ids in sets],
+        "tables": tables,
+        "figures": figures,
+    }

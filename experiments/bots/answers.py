@@ -1,4 +1,6 @@
-"""How a bot fills in a form: every kind of question that there is, from the controls of its page alone."""
+"""How a bot fills in a form: every kind of question that there is, from the controls of its page
+alone.
+"""
 
 import datetime
 from collections.abc import Mapping
@@ -12,8 +14,11 @@ GUARDIAN = ("guardian", "tutor")
 Sent = list[tuple[str, str]]
 
 
-def fill(form: Form, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime) -> Sent:
-    """Return the fields of a form as a person would send them; buttons and hidden fields are the browser's.
+def fill(
+    form: Form, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
+) -> Sent:
+    """Return the fields of a form as a person would send them; buttons and hidden fields are the
+    browser's.
 
     Who declines or leaves out does so by the persona's seed alone, and only where that may be done.
     """
@@ -25,13 +30,17 @@ def fill(form: Form, persona: Persona, circumstances: Mapping[str, str], now: da
     return sent
 
 
-def _answer(asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime) -> Sent:  # noqa: PLR0911 -- a table
+def _answer(
+    asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
+) -> Sent:  # noqa: PLR0911 -- a table
     match asked.kind:
         case "radio":
             return _one_of(asked, persona, circumstances)
         case "select":
             options = [choice.value for choice in asked.choices if choice.value]
-            return [(asked.name, options[persona.option(asked.name, len(options))])] if options else []
+            return (
+                [(asked.name, options[persona.option(asked.name, len(options))])] if options else []
+            )
         case "checkbox":
             return _some_of(asked, persona)
         case "number" | "range":
@@ -45,7 +54,9 @@ def _answer(asked: Field, persona: Persona, circumstances: Mapping[str, str], no
 
 
 def _one_of(asked: Field, persona: Persona, circumstances: Mapping[str, str]) -> Sent:
-    """Choose a point of a scale by opinion, an option by chance: a scale's values are numbers, in order."""
+    """Choose a point of a scale by opinion, an option by chance: a scale's values are numbers, in
+    order.
+    """
     values = [choice.value for choice in asked.choices if not choice.value.startswith("~")]
     if not values:
         return []
@@ -60,11 +71,17 @@ def _some_of(asked: Field, persona: Persona) -> Sent:
         return [(asked.name, asked.choices[0].value)]
     chosen = asked.choices[persona.option(asked.name, len(asked.choices))]
     second = asked.choices[persona.option(f"{asked.name}.second", len(asked.choices))]
-    both = [chosen] if chosen.alone or second.alone or second == chosen or persona.explore is not None else [chosen, second]
+    both = (
+        [chosen]
+        if chosen.alone or second.alone or second == chosen or persona.explore is not None
+        else [chosen, second]
+    )
     return [(asked.name, choice.value) for choice in both]
 
 
-def _number(asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime) -> str:
+def _number(
+    asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
+) -> str:
     named = f"{asked.name} {asked.label}".lower()
     if any(word in named for word in BIRTH):
         return str(persona.birth_year)
@@ -82,9 +99,14 @@ def _number(asked: Field, persona: Persona, circumstances: Mapping[str, str], no
 
 def _day(asked: Field, persona: Persona, now: datetime.datetime) -> str:
     latest = asked.attributes.get("max") or now.date().isoformat()
-    earliest = asked.attributes.get("min") or (datetime.date.fromisoformat(latest) - datetime.timedelta(days=365)).isoformat()
+    earliest = (
+        asked.attributes.get("min")
+        or (datetime.date.fromisoformat(latest) - datetime.timedelta(days=365)).isoformat()
+    )
     first, last = datetime.date.fromisoformat(earliest), datetime.date.fromisoformat(latest)
-    return (first + datetime.timedelta(days=persona.option(asked.name, (last - first).days + 1))).isoformat()
+    return (
+        first + datetime.timedelta(days=persona.option(asked.name, (last - first).days + 1))
+    ).isoformat()
 
 
 def _words(asked: Field, persona: Persona) -> Sent:

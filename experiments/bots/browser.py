@@ -1,4 +1,6 @@
-"""A bot's browser as far as HTTP goes: cookies, redirects, forms with their tokens. What it does not understand it says."""
+"""A bot's browser as far as HTTP goes: cookies, redirects, forms with their tokens. What it does
+not understand it says.
+"""
 
 import http.client
 import http.cookiejar
@@ -49,8 +51,14 @@ class Browser:
     def __init__(self, site: str, agent: str = AGENT, language: str = "en") -> None:
         self.site = site.rstrip("/")
         self.jar = http.cookiejar.CookieJar()
-        self._opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(self.jar), urllib.request.ProxyHandler({}))
-        self._headers = {"User-Agent": agent, "Accept-Language": language, "Accept": "text/html,application/json"}
+        self._opener = urllib.request.build_opener(
+            urllib.request.HTTPCookieProcessor(self.jar), urllib.request.ProxyHandler({})
+        )
+        self._headers = {
+            "User-Agent": agent,
+            "Accept-Language": language,
+            "Accept": "text/html,application/json",
+        }
 
     @property
     def headers(self) -> dict[str, str]:
@@ -74,10 +82,14 @@ class Browser:
         """
         url = self._absolute(address)
         body = urllib.parse.urlencode(list(fields)).encode()
-        request = urllib.request.Request(url, data=body, headers={**self._headers, "Origin": self.site, "Referer": url})  # noqa: S310 -- as above
+        request = urllib.request.Request(
+            url, data=body, headers={**self._headers, "Origin": self.site, "Referer": url}
+        )  # noqa: S310 -- as above
         return self._ask(request)
 
-    def send(self, here: Answer, form: Form, fields: Iterable[tuple[str, str]], button: int = 0) -> Answer:
+    def send(
+        self, here: Answer, form: Form, fields: Iterable[tuple[str, str]], button: int = 0
+    ) -> Answer:
         """Send a form of the page that one is on, with one of its buttons."""
         pressed = form.buttons[button] if form.buttons else None
         named = [(pressed.name, pressed.value)] if pressed is not None and pressed.name else []
@@ -100,7 +112,12 @@ class Browser:
     def _once(self, request: urllib.request.Request) -> Answer:
         try:
             with self._opener.open(request, timeout=TIMEOUT) as response:
-                return _answer(response.url, response.status, response.headers.get_content_type(), response.read())
+                return _answer(
+                    response.url,
+                    response.status,
+                    response.headers.get_content_type(),
+                    response.read(),
+                )
         except urllib.error.HTTPError as error:
             return _answer(error.url, error.code, error.headers.get_content_type(), error.read())
         except (OSError, http.client.HTTPException) as error:
@@ -109,4 +126,9 @@ class Browser:
 
 def _answer(url: str, status: int, kind: str, body: bytes) -> Answer:
     is_page = kind == "text/html"
-    return Answer(url, status, page.read(body.decode(errors="replace")) if is_page else Page(), b"" if is_page else body)
+    return Answer(
+        url,
+        status,
+        page.read(body.decode(errors="replace")) if is_page else Page(),
+        b"" if is_page else body,
+    )

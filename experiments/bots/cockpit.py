@@ -1,7 +1,9 @@
-"""A bot at the wheel: the drive page's WebSocket, with everything that a page sends of itself. Pictures come through the server.
+"""A bot at the wheel: the drive page's WebSocket, with everything that a page sends of itself.
+Pictures come through the server.
 
-Heartbeats five times a second, a picture asked for as soon as the one before has come, velocities ten times a second while it drives,
-zeros when it lets go, and silence: as static/js does it, without WebRTC.
+Heartbeats five times a second, a picture asked for as soon as the one before has come, velocities
+ten times a second while it drives, zeros when it lets go, and silence: as static/js does it,
+without WebRTC.
 """
 
 import asyncio
@@ -16,13 +18,24 @@ from experiments.bots.socket import Socket, SocketClosed
 from experiments.bots.steering import STAND, Speed
 from experiments.bots.view import View
 from robots.api.codec import encode_frame
-from robots.api.messages import CommandHeartbeat, Echo, InputMethod, Message, Photo, PictureRequest, Stop, VelocityCommand
+from robots.api.messages import (
+    CommandHeartbeat,
+    Echo,
+    InputMethod,
+    Message,
+    Photo,
+    PictureRequest,
+    Stop,
+    VelocityCommand,
+)
 from sessions import protocol
 
 BEAT = 0.2
 TICK = 0.1
 ZEROS = 3
-PICTURE_PERIOD = 0.25  # seconds between two pictures: fresh enough for full speed, and easy on a computer that has many bots
+# seconds between two pictures: fresh enough for full speed, and easy on a computer that has many
+# bots
+PICTURE_PERIOD = 0.25
 PICTURE_PATIENCE = 1.5
 NETWORK_PERIOD = 1.0
 
@@ -37,10 +50,17 @@ class Cockpit:
         clock: Unix seconds.
     """
 
-    def __init__(self, browser: Browser, address: str, method: InputMethod, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        browser: Browser,
+        address: str,
+        method: InputMethod,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
         self._browser, self._address, self._method, self._clock = browser, address, method, clock
         self.view = View()
-        self.is_mute = False  # nothing that the page says of itself arrives: no heartbeat, no question for pictures
+        # nothing that the page says of itself arrives: no heartbeat, no question for pictures
+        self.is_mute = False
         self.closed: int | None = None
         self._socket: Socket | None = None
         self._tasks: list[asyncio.Task[None]] = []
@@ -66,9 +86,14 @@ class Cockpit:
             SocketClosed: the server does not want it.
             OSError: it cannot be reached.
         """
-        self._socket = await Socket.connect(self._browser.site + self._address, self._browser.headers)
+        self._socket = await Socket.connect(
+            self._browser.site + self._address, self._browser.headers
+        )
         self.closed = None
-        self._tasks = [asyncio.create_task(work()) for work in (self._listen, self._keep_beating, self._keep_moving)]
+        self._tasks = [
+            asyncio.create_task(work())
+            for work in (self._listen, self._keep_beating, self._keep_moving)
+        ]
 
     async def close(self) -> None:
         """Close the page."""
@@ -105,12 +130,15 @@ class Cockpit:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._tasks = []
 
-    # --- what the visitor does ---------------------------------------------------------------------------------------
+    # --- what the visitor does --------------------------------------------------------------------
 
     def take(self, *, takeover: bool = False) -> None:
         """Ask for the robot; `takeover` brings a visit here that another page of the visitor has."""
         self.view.turn = False
-        self._say("session/take", protocol.Take(session=self.view.session if takeover else None, takeover=takeover))
+        self._say(
+            "session/take",
+            protocol.Take(session=self.view.session if takeover else None, takeover=takeover),
+        )
 
     def leave(self) -> None:
         """Say that one is done."""
@@ -127,7 +155,9 @@ class Cockpit:
         """Press the stop button, and let go of the controller."""
         self.steer(STAND)
         self._seq += 1
-        self._say("command/action", Stop(action_id=uuid.uuid4().hex, stamp=self._clock(), seq=self._seq))
+        self._say(
+            "command/action", Stop(action_id=uuid.uuid4().hex, stamp=self._clock(), seq=self._seq)
+        )
 
     def photo(self) -> str:
         """Ask for a photo and return the action's id."""
@@ -140,7 +170,9 @@ class Cockpit:
         self._say("page/event", protocol.PageEvent(stamp=self._clock(), type=kind, data=data))
 
     async def until(self, condition: Callable[[], Any], seconds: float) -> bool:
-        """Wait until a condition holds or the time is over, whichever comes first; the end of the connection ends it too."""
+        """Wait until a condition holds or the time is over, whichever comes first; the end of the
+        connection ends it too.
+        """
         deadline = self._clock() + seconds
         while not condition():
             left = deadline - self._clock()
@@ -151,7 +183,7 @@ class Cockpit:
                 await asyncio.wait_for(self._changed.wait(), min(left, 0.5))
         return True
 
-    # --- what the page does by itself --------------------------------------------------------------------------------
+    # --- what the page does by itself -------------------------------------------------------------
 
     async def _listen(self) -> None:
         assert self._socket is not None
@@ -187,14 +219,25 @@ class Cockpit:
 
     def _beat(self, now: float) -> CommandHeartbeat:
         last = self.view.beats[-1] if self.view.beats else None
-        echo = Echo(peer="robot", n=last[0], stamp=last[1], received=last[2]) if last is not None else None
+        echo = (
+            Echo(peer="robot", n=last[0], stamp=last[1], received=last[2])
+            if last is not None
+            else None
+        )
         age = max(0.0, now - self.view.frame) if self.view.frame is not None else None
         self._beats += 1
-        return CommandHeartbeat(n=2 * self._beats + 1, stamp=now, echo=echo, frame_age=age)  # odd: it went by the WebSocket
+        # odd: it went by the WebSocket
+        return CommandHeartbeat(n=2 * self._beats + 1, stamp=now, echo=echo, frame_age=age)
 
     def _network(self, now: float) -> protocol.PageNetwork:
         age = max(0.0, now - self.view.frame) if self.view.frame is not None else None
-        return protocol.PageNetwork(stamp=now, way="mqtt", round_trip=self.view.round_trip, frame_age=age, path="server/jpeg")
+        return protocol.PageNetwork(
+            stamp=now,
+            way="mqtt",
+            round_trip=self.view.round_trip,
+            frame_age=age,
+            path="server/jpeg",
+        )
 
     async def _keep_moving(self) -> None:
         while True:
@@ -208,7 +251,10 @@ class Cockpit:
         waited = now - self._asked_at
         if waited >= (PICTURE_PATIENCE if self.view.awaiting_picture else PICTURE_PERIOD):
             self._asked_at, self.view.awaiting_picture = now, True
-            self._say("command/picture", PictureRequest(stamp=now, seen=self.view.frame, round_trip=self.view.round_trip))
+            self._say(
+                "command/picture",
+                PictureRequest(stamp=now, seen=self.view.frame, round_trip=self.view.round_trip),
+            )
 
     def _send_velocity(self, now: float) -> None:
         if self._speed.is_zero:
@@ -218,9 +264,15 @@ class Cockpit:
         self._seq += 1
         assert self.view.session is not None
         command = VelocityCommand(
-            session=self.view.session, epoch=self.view.epoch, seq=self._seq, stamp=now, linear=self._speed.linear, angular=self._speed.angular,
-            method=self._method, frame=self.view.frame,
-        )  # fmt: skip
+            session=self.view.session,
+            epoch=self.view.epoch,
+            seq=self._seq,
+            stamp=now,
+            linear=self._speed.linear,
+            angular=self._speed.angular,
+            method=self._method,
+            frame=self.view.frame,
+        )
         self._say("command/velocity", command)
 
     def _say(self, suffix: str, message: Message) -> None:

@@ -18,7 +18,8 @@ GOVERNED_EVERY = 0.5  # seconds of the quick clock
 
 @dataclass(frozen=True)
 class Plan:
-    """What a crowd is made of. `links` are paths, one a bot; `explore` makes each answer differently, to open every branch.
+    """What a crowd is made of. `links` are paths, one a bot; `explore` makes each answer
+    differently, to open every branch.
 
     Each takes part `visits` times.
     """
@@ -49,7 +50,11 @@ class BotGroup:
         places = asyncio.Semaphore(self.plan.at_once)
         governing = asyncio.create_task(self._govern()) if self.pace is not None else None
         try:
-            return list(await asyncio.gather(*(self._one(number, places) for number in range(len(self.plan.links)))))
+            return list(
+                await asyncio.gather(
+                    *(self._one(number, places) for number in range(len(self.plan.links)))
+                )
+            )
         finally:
             if governing is not None and self.pace is not None:
                 governing.cancel()
@@ -58,8 +63,17 @@ class BotGroup:
                 self.pace.set(1.0)
 
     async def _one(self, number: int, places: asyncio.Semaphore) -> Diary:
-        persona = Persona(number, self.plan.seed, self.plan.effects, number if self.plan.explore else None)
-        bot = Participant(self.plan.site, self.plan.links[number], persona, self.plan.endings[number], self.clock, self.plan.visits)
+        persona = Persona(
+            number, self.plan.seed, self.plan.effects, number if self.plan.explore else None
+        )
+        bot = Participant(
+            self.plan.site,
+            self.plan.links[number],
+            persona,
+            self.plan.endings[number],
+            self.clock,
+            self.plan.visits,
+        )
         async with places:
             self._living.add(bot)
             try:
@@ -80,11 +94,20 @@ class BotGroup:
             self.pace.set(governor.decide(self._round_trips(), lag))
 
     def _round_trips(self) -> list[float]:
-        """Return the round trip of each who drives, or how long the robot's next heartbeat is overdue when that is more.
+        """Return the round trip of each who drives, or how long the robot's next heartbeat is
+        overdue when that is more.
 
         Who is away hears nothing, and that is nobody's lateness.
         """
         now = self.clock()
-        views = [bot.drive.view for bot in self._living if bot.drive is not None and bot.drive.cockpit.is_open]
-        driving = [view for view in views if view.granted and view.ended is None and view.round_trip is not None]
+        views = [
+            bot.drive.view
+            for bot in self._living
+            if bot.drive is not None and bot.drive.cockpit.is_open
+        ]
+        driving = [
+            view
+            for view in views
+            if view.granted and view.ended is None and view.round_trip is not None
+        ]
         return [max(view.round_trip or 0.0, now - view.beats[-1][2] - BEAT) for view in driving]

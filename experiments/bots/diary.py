@@ -1,4 +1,6 @@
-"""What a bot can tell afterwards: where it was for how long, what it read and was asked, what it drove, and where it got stuck."""
+"""What a bot can tell afterwards: where it was for how long, what it read and was asked, what it
+drove, and where it got stuck.
+"""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -6,7 +8,9 @@ from typing import Any
 
 @dataclass
 class Leg:
-    """One drive. `seconds` from the first picture; `passed` the numbers of checkpoints; `circumstances` what a driver sees of a condition."""
+    """One drive. `seconds` from the first picture; `passed` the numbers of checkpoints;
+    `circumstances` what a driver sees of a condition.
+    """
 
     seconds: float = 0.0
     waited: float = 0.0
@@ -26,7 +30,9 @@ class Leg:
 
 @dataclass
 class Entry:
-    """One page: its heading, when it came, and for how long it was open (seconds), its words and questions."""
+    """One page: its heading, when it came, and for how long it was open (seconds), its words and
+    questions.
+    """
 
     heading: str
     path: str

@@ -1,4 +1,6 @@
-"""One visit of a bot to the robot: waits for its turn, drives by the cues to the end, or until its own ending comes."""
+"""One visit of a bot to the robot: waits for its turn, drives by the cues to the end, or until its
+own ending comes.
+"""
 
 import asyncio
 import contextlib
@@ -39,14 +41,28 @@ class Drive:
 
     Args:
         browser: whose.
-        config: what the page is told (sessions.views.page_config, and experiments.tasks.page under `study`).
+        config: what the page is told (sessions.views.page_config, and experiments.tasks.page under
+            `study`).
         persona: who drives.
         ending: how it ends.
         clock: Unix seconds.
     """
 
-    def __init__(self, browser: Browser, config: dict[str, Any], persona: Persona, ending: Ending, clock: Callable[[], float] = time.time) -> None:
-        self.browser, self.config, self.persona, self.ending, self.clock = browser, config, persona, ending, clock
+    def __init__(
+        self,
+        browser: Browser,
+        config: dict[str, Any],
+        persona: Persona,
+        ending: Ending,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.browser, self.config, self.persona, self.ending, self.clock = (
+            browser,
+            config,
+            persona,
+            ending,
+            clock,
+        )
         self.study: dict[str, Any] = config.get("study", {})
         sheet = config.get("factsheet") or {}
         self.limits = sheet.get("limits", {})
@@ -65,7 +81,11 @@ class Drive:
     def _page(self) -> Cockpit:
         """Return a page that knows nothing yet."""
         allowed, wanted = self.study.get("controllers") or CONTROLLERS, self.persona.method
-        method = wanted if wanted in allowed else next((name for name in CONTROLLERS if name in allowed), "keyboard")
+        method = (
+            wanted
+            if wanted in allowed
+            else next((name for name in CONTROLLERS if name in allowed), "keyboard")
+        )
         page = Cockpit(self.browser, self.config["socket"], method, self.clock)  # type: ignore[arg-type]  # one of CONTROLLERS
         page.view.laser, page.is_mute = self._laser, self.ending == Ending.GETS_NO_CONNECTION
         return page
@@ -94,23 +114,45 @@ class Drive:
         answer = await asyncio.to_thread(self.browser.get, self.config["floorplan"])
         plan = floorplan.decode(json.dumps(json.loads(answer.body)["plan"]))
         pace = self.persona.pace(self._circumstances())
-        fastest = Speed(pace * self.limits.get("linear", 0.5), 0.9 * self.limits.get("angular", 0.7))
-        skips, early, practises = self.ending == Ending.SKIPS_PHOTO, self.ending == Ending.DOCKS_EARLY, self.study.get("kind") == "practice"
+        fastest = Speed(
+            pace * self.limits.get("linear", 0.5), 0.9 * self.limits.get("angular", 0.7)
+        )
+        skips, early, practises = (
+            self.ending == Ending.SKIPS_PHOTO,
+            self.ending == Ending.DOCKS_EARLY,
+            self.study.get("kind") == "practice",
+        )
         guide = Guide.of(self.study, plan, self.series)
-        return Driver(plan, guide, fastest, skips_photo=skips, practises=practises, docks_early=early and not practises)
+        return Driver(
+            plan,
+            guide,
+            fastest,
+            skips_photo=skips,
+            practises=practises,
+            docks_early=early and not practises,
+        )
 
     def _circumstances(self) -> dict[str, str]:
-        """What a driver sees of a condition: the robot, the assistance in force, the doors that were found closed."""
+        """What a driver sees of a condition: the robot, the assistance in force, the doors that
+        were found closed.
+        """
         assist = self.study.get("assist") or max(self.view.assists - {"off"}, default="off")
-        return {"robot": str(self.series), "assist": str(assist), "interface": str(self.study.get("interface") or "")}
+        return {
+            "robot": str(self.series),
+            "assist": str(assist),
+            "interface": str(self.study.get("interface") or ""),
+        }
 
-    # --- the queue ---------------------------------------------------------------------------------------------------
+    # --- the queue --------------------------------------------------------------------------------
 
     async def _wait_for_turn(self) -> bool:
         began = self.clock()
         self.cockpit.take()
         while self.clock() - began < WAIT_FOR_ROBOT:
-            news = await self.cockpit.until(lambda: self.view.granted or self.view.turn or self.view.refused or self.view.ended, ASK_AGAIN)
+            news = await self.cockpit.until(
+                lambda: self.view.granted or self.view.turn or self.view.refused or self.view.ended,
+                ASK_AGAIN,
+            )
             if self.view.granted:
                 self.leg.waited = self.clock() - began
                 return True
@@ -130,7 +172,7 @@ class Drive:
                 self.cockpit.take()
         return False
 
-    # --- the drive ---------------------------------------------------------------------------------------------------
+    # --- the drive --------------------------------------------------------------------------------
 
     async def _drive(self, driver: Driver) -> None:
         if self.ending in {Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK}:
@@ -141,7 +183,9 @@ class Drive:
             return
         await self.cockpit.until(lambda: self.view.frames and self.view.pose, WAIT_FOR_PICTURE)
         self._began = self.clock()
-        limit = self._began + min(OVER, 60.0 * float(self.study.get("minutes") or 15.0) + SLOWEST_END)
+        limit = self._began + min(
+            OVER, 60.0 * float(self.study.get("minutes") or 15.0) + SLOWEST_END
+        )
         while self.view.ended is None and self.clock() < limit:
             if self.cockpit.closed is not None:
                 await self.cockpit.come_back()
@@ -168,16 +212,24 @@ class Drive:
     def _answer(self, choice: str, driver: Driver) -> None:
         """Say once what becomes of the photo; a skip needs none."""
         about = self.view.task.photo or self._photo or ("" if choice == "skip" else None)
-        if about is None or (about == self._answered and self.clock() - self._answered_at < ASK_AGAIN):
+        if about is None or (
+            about == self._answered and self.clock() - self._answered_at < ASK_AGAIN
+        ):
             return
         self._answered, self._answered_at = about, self.clock()
-        if self.ending == Ending.TAKES_PHOTO_AGAIN and choice == "keep" and self._thrown_away in {None, about}:
+        if (
+            self.ending == Ending.TAKES_PHOTO_AGAIN
+            and choice == "keep"
+            and self._thrown_away in {None, about}
+        ):
             choice, self._thrown_away, self._photo = "again", about, None
             driver.photo_failed()
         self.cockpit.note("photo_answer", id=about or uuid.uuid4().hex, choice=choice)
 
     def _with_pauses(self, speed: Speed) -> Speed:
-        """Let go where the robot waits for that, as the page says; who lets the time run out drives for a while and then looks at the picture."""
+        """Let go where the robot waits for that, as the page says; who lets the time run out drives
+        for a while and then looks at the picture.
+        """
         if self.view.state is not None and self.view.state.safety.inhibited == "stopped":
             return STAND
         if self.ending == Ending.LETS_TIME_RUN_OUT and self._driven_for() > 30.0:  # noqa: PLR2004 -- seconds; the robot has moved
@@ -193,11 +245,13 @@ class Drive:
             self.leg.cues.append(cue)
             self.cockpit.note("cue_shown", cue=cue)
 
-    # --- endings -----------------------------------------------------------------------------------------------------
+    # --- endings ----------------------------------------------------------------------------------
 
     async def _ends_its_own_way(self) -> bool:
         """Do what the ending says once it is time; True when the visit is over for the bot."""
-        is_midway = len(self.view.task.passed) >= max(1, (len(self.study.get("checkpoints", ())) - 1) // 2)
+        is_midway = len(self.view.task.passed) >= max(
+            1, (len(self.study.get("checkpoints", ())) - 1) // 2
+        )
         if self.study.get("kind") == "practice" and self._driven_for() > 20.0:  # noqa: PLR2004 -- seconds; enough to know how it drives
             await self._leave()
             return True
@@ -230,7 +284,9 @@ class Drive:
             await self._open_another_page(self.cockpit)
 
     async def _open_another_page(self, old: Cockpit) -> None:
-        """Go on with the visit on a page that knows nothing but which visit it is: the same one loaded again, or a second one beside it."""
+        """Go on with the visit on a page that knows nothing but which visit it is: the same one
+        loaded again, or a second one beside it.
+        """
         new = self._page()
         new.view.session = old.view.session
         if self.ending == Ending.RELOADS_PAGE:
@@ -253,6 +309,10 @@ class Drive:
         leg.outcome = view.task.outcome or (view.ended.outcome if view.ended is not None else "")
         leg.reason = leg.reason or (view.ended.reason if view.ended is not None else "")
         leg.refused, leg.pictures = dict(view.denied), view.frames
-        leg.round_trip = view.round_trip if view.round_trip is not None and math.isfinite(view.round_trip) else None
+        leg.round_trip = (
+            view.round_trip
+            if view.round_trip is not None and math.isfinite(view.round_trip)
+            else None
+        )
         leg.circumstances = self._circumstances()
         return leg

@@ -1,7 +1,9 @@
-"""How a bot drives a course: from the cue to a place, from the place to a way, from the way to a speed. Decides, sends nothing.
+"""How a bot drives a course: from the cue to a place, from the place to a way, from the way to a
+speed. Decides, sends nothing.
 
-It goes by what its page shows: the floor plan, the pose, the laser's points, the cues. A door that the laser sees closed, or at which
-it gets stuck, is taken to be closed, and another way is looked for.
+It goes by what its page shows: the floor plan, the pose, the laser's points, the cues. A door that
+the laser sees closed, or at which it gets stuck, is taken to be closed, and another way is looked
+for.
 """
 
 import math
@@ -34,7 +36,9 @@ REPLAN_SECONDS = 4.0
 
 @dataclass(frozen=True)
 class Guide:
-    """What the page is told of the task: the docked pose, checkpoints by number, and after which of them the photo is."""
+    """What the page is told of the task: the docked pose, checkpoints by number, and after which of
+    them the photo is.
+    """
 
     dock: Pose2D
     stops: dict[int, Point]
@@ -42,11 +46,17 @@ class Guide:
 
     @classmethod
     def of(cls, study: dict[str, Any], plan: FloorPlan, series: str) -> "Guide":
-        """Read the page's configuration; without a course (a practice drive) the robot's own station is home."""
+        """Read the page's configuration; without a course (a practice drive) the robot's own
+        station is home.
+        """
         dock, own = study.get("dock"), plan.dock_of(series)
         if dock is None and own is not None:
             dock = {"x": own.x, "y": own.y, "theta": own.theta}
-        home = Pose2D(dock["x"], dock["y"], dock["theta"]) if dock is not None else Pose2D(0.0, 0.0, 0.0)
+        home = (
+            Pose2D(dock["x"], dock["y"], dock["theta"])
+            if dock is not None
+            else Pose2D(0.0, 0.0, 0.0)
+        )
         stops = {stop["number"]: (stop["x"], stop["y"]) for stop in study.get("checkpoints", ())}
         photo = study.get("photo")
         return cls(home, stops, photo["checkpoint"] if photo else None)
@@ -54,7 +64,9 @@ class Guide:
 
 @dataclass(frozen=True)
 class Intent:
-    """What the bot does now: a speed, and perhaps a photo (`take`), or an answer about it (`keep`, `again`, `skip`)."""
+    """What the bot does now: a speed, and perhaps a photo (`take`), or an answer about it (`keep`,
+    `again`, `skip`).
+    """
 
     speed: Speed = STAND
     take: bool = False
@@ -63,7 +75,9 @@ class Intent:
 
 @dataclass
 class Driver:
-    """One bot on one course. `decide` is called ten times a second; `now` in seconds of any clock that goes steadily."""
+    """One bot on one course. `decide` is called ten times a second; `now` in seconds of any clock
+    that goes steadily.
+    """
 
     plan: FloorPlan
     guide: Guide
@@ -91,28 +105,47 @@ class Driver:
         cue, pose = view.task.cue, view.pose
         if self.practises and pose is not None:
             return Intent(BACKING if self._in_station(pose) else Speed(0.0, LOOKING))
-        if pose is None or not view.localized or cue in {"", "wait_for_picture", "completed", "timed_out", "ended"}:
+        if (
+            pose is None
+            or not view.localized
+            or cue in {"", "wait_for_picture", "completed", "timed_out", "ended"}
+        ):
             self._moved_from = None
             return Intent()
         if cue.startswith("photo_"):
             return self._photo(cue, view, pose, now)
         self._asked_photo, self._steady_since = False, None
         is_early = self._is_early(cue, view, pose)
-        if cue in {"return_home", "dock_now", "dock_hold", "dock_again"} or (cue == "lost" and view.task.number == 0) or is_early:
-            lets_go = cue == "dock_hold" or view.contact  # until the robot is docked, or the contacts part again
-            return Intent() if lets_go else Intent(self._unstuck(pose, self._home(view, pose, now), now))
+        if (
+            cue in {"return_home", "dock_now", "dock_hold", "dock_again"}
+            or (cue == "lost" and view.task.number == 0)
+            or is_early
+        ):
+            # until the robot is docked, or the contacts part again
+            lets_go = cue == "dock_hold" or view.contact
+            return (
+                Intent()
+                if lets_go
+                else Intent(self._unstuck(pose, self._home(view, pose, now), now))
+            )
         self._docking = False
         if view.task.x is None or view.task.y is None:
             return Intent()
-        return Intent(self._unstuck(pose, self._go(view, pose, (view.task.x, view.task.y), now), now))
+        return Intent(
+            self._unstuck(pose, self._go(view, pose, (view.task.x, view.task.y), now), now)
+        )
 
     def _is_early(self, cue: str, view: View, pose: Pose2D) -> bool:
-        """Tell whether it is on its way back too soon: from the moment at which it is out of the station until it is in again."""
+        """Tell whether it is on its way back too soon: from the moment at which it is out of the
+        station until it is in again.
+        """
         if self.docks_early and cue == "docked_early":
             self.docks_early = False
-        return self.docks_early and not view.docked and (self._docking or not self._in_station(pose))
+        return (
+            self.docks_early and not view.docked and (self._docking or not self._in_station(pose))
+        )
 
-    # --- to a place --------------------------------------------------------------------------------------------------
+    # --- to a place -------------------------------------------------------------------------------
 
     def _go(self, view: View, pose: Pose2D, goal: Point, now: float) -> Speed:
         if self._in_station(pose):
@@ -140,7 +173,12 @@ class Driver:
 
     def _look_at_doors(self, view: View) -> None:
         """Take a door for closed when the laser sees something where its leaf would be."""
-        if self._ways is None or not self._way or view.scan is None or view.scan.stamp == self._sweep:
+        if (
+            self._ways is None
+            or not self._way
+            or view.scan is None
+            or view.scan.stamp == self._sweep
+        ):
             return
         self._sweep = view.scan.stamp
         name = self._ways.door_on(self._way, BEFORE_A_DOOR)
@@ -152,7 +190,7 @@ class Driver:
         if self._shut[1] >= SURE:
             self.closed.add(door.name)
 
-    # --- stuck -------------------------------------------------------------------------------------------------------
+    # --- stuck ------------------------------------------------------------------------------------
 
     def _unstuck(self, pose: Pose2D, speed: Speed, now: float) -> Speed:
         if now < self._backing_until:
@@ -160,17 +198,22 @@ class Driver:
         if speed.linear == 0.0:
             self._moved_from = None
             return speed
-        if self._moved_from is None or math.dist(self._moved_from[:2], (pose.x, pose.y)) > STUCK_METRES:
+        if (
+            self._moved_from is None
+            or math.dist(self._moved_from[:2], (pose.x, pose.y)) > STUCK_METRES
+        ):
             self._moved_from = (pose.x, pose.y, now)
         elif now - self._moved_from[2] > STUCK_SECONDS:
             self._stuck += 1
-            door = self._ways.door_on(self._way, 1.0) if self._ways is not None and self._way else None
+            door = (
+                self._ways.door_on(self._way, 1.0) if self._ways is not None and self._way else None
+            )
             if door is not None and self._stuck > 1:
                 self.closed.add(door)
             self._moved_from, self._goal, self._backing_until = None, None, now + BACK_SECONDS
         return speed
 
-    # --- home --------------------------------------------------------------------------------------------------------
+    # --- home -------------------------------------------------------------------------------------
 
     def _home(self, view: View, pose: Pose2D, now: float) -> Speed:
         dock = self.guide.dock
@@ -190,7 +233,7 @@ class Driver:
             return STAND
         return into(pose, dock, self.fastest)
 
-    # --- the photo ---------------------------------------------------------------------------------------------------
+    # --- the photo --------------------------------------------------------------------------------
 
     def _photo(self, cue: str, view: View, pose: Pose2D, now: float) -> Intent:
         if self.skips_photo:

@@ -22,7 +22,8 @@ class Ending(StrEnum):
     STOPS_ANSWERING = "stops_answering"
     COMES_AGAIN = "comes_again"
     LEAVES_READING = "leaves_while_reading"
-    GETS_NO_CONNECTION = "gets_no_connection"  # as behind a firewall: nothing that the page says arrives
+    # as behind a firewall: nothing that the page says arrives
+    GETS_NO_CONNECTION = "gets_no_connection"
     STAYS_AWAY = "stays_away"  # longer than the time of grace
     RELOADS_PAGE = "reloads_the_page"
     OPENS_SECOND_PAGE = "opens_a_second_page"
@@ -33,13 +34,22 @@ class Ending(StrEnum):
 
 EVERY = tuple(Ending)
 ABOUT_PHOTO = frozenset({Ending.SKIPS_PHOTO, Ending.TAKES_PHOTO_AGAIN})
-GIVES_UP = frozenset({Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.GETS_NO_CONNECTION})  # who does not drive after the first attempt
+# who does not drive after the first attempt
+GIVES_UP = frozenset({Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.GETS_NO_CONNECTION})
 # About what the paper's participants did: nine in ten complete it.
 USUAL: dict[Ending, float] = {
-    Ending.COMPLETES: 0.72, Ending.SKIPS_PHOTO: 0.06, Ending.COMES_AGAIN: 0.05, Ending.LOSES_NETWORK: 0.04, Ending.LEAVES_MIDWAY: 0.03,
-    Ending.CLOSES_PAGE: 0.02, Ending.LETS_TIME_RUN_OUT: 0.02, Ending.LEAVES_AT_DOCK: 0.02, Ending.STOPS_ANSWERING: 0.02, Ending.REFUSES: 0.01,
+    Ending.COMPLETES: 0.72,
+    Ending.SKIPS_PHOTO: 0.06,
+    Ending.COMES_AGAIN: 0.05,
+    Ending.LOSES_NETWORK: 0.04,
+    Ending.LEAVES_MIDWAY: 0.03,
+    Ending.CLOSES_PAGE: 0.02,
+    Ending.LETS_TIME_RUN_OUT: 0.02,
+    Ending.LEAVES_AT_DOCK: 0.02,
+    Ending.STOPS_ANSWERING: 0.02,
+    Ending.REFUSES: 0.01,
     Ending.WITHDRAWS: 0.01,
-}  # fmt: skip
+}
 
 
 def draw(count: int, rng: np.random.Generator) -> list[Ending]:

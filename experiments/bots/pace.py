@@ -1,8 +1,10 @@
-"""How fast time goes for a system that was started for it (experiments/bots/fast_time), and who slows it down when the computer is late.
+"""How fast time goes for a system that was started for it (experiments/bots/fast_time), and who
+slows it down when the computer is late.
 
-A computer that has too much to do delivers late, and at ten times the pace ten times as late: commands would be refused as stale that
-are not. So the pace is governed by what drivers notice, the round trip to the robot: never faster than asked for, slower than real time
-where the computer has no time for more, and every drive under way sees the delays that it would see on a quiet computer.
+A computer that has too much to do delivers late, and at ten times the pace ten times as late:
+commands would be refused as stale that are not. So the pace is governed by what drivers notice, the
+round trip to the robot: never faster than asked for, slower than real time where the computer has
+no time for more, and every drive under way sees the delays that it would see on a quiet computer.
 """
 
 import mmap
@@ -16,8 +18,9 @@ from pathlib import Path
 from experiments.bots.fast_time.sitecustomize import SIZE, SLOT, SLOTS, VARIABLE, Clocks
 
 FOLDER = Path(__file__).resolve().parent / "fast_time"
-# Seconds of a round trip above which time goes slower, and below which faster. The way to the robot is half of it; from half the age
-# limit on (125 ms) the safety kernel lowers the speed, so up to here no drive notices.
+# Seconds of a round trip above which time goes slower, and below which faster. The way to the robot
+# is half of it; from half the age limit on (125 ms) the safety kernel lowers the speed, so up to
+# here no drive notices.
 LATE = 0.16
 PROMPT = 0.10
 SLOWER, FASTER = 0.8, 1.03
@@ -33,7 +36,12 @@ class Pace:
         unix: its Unix clock, for a file that is made.
     """
 
-    def __init__(self, path: Path, real: Callable[[], float] = time.monotonic, unix: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        path: Path,
+        real: Callable[[], float] = time.monotonic,
+        unix: Callable[[], float] = time.time,
+    ) -> None:
         self.path, self.real = path, real
         is_new = not path.exists()
         if is_new:
@@ -63,7 +71,10 @@ class Pace:
 
     def environment(self, given: dict[str, str]) -> dict[str, str]:
         """Return the environment of a process that keeps this pace."""
-        paths = [str(FOLDER), *(part for part in given.get("PYTHONPATH", "").split(os.pathsep) if part)]
+        paths = [
+            str(FOLDER),
+            *(part for part in given.get("PYTHONPATH", "").split(os.pathsep) if part),
+        ]
         return {**given, VARIABLE: str(self.path), "PYTHONPATH": os.pathsep.join(paths)}
 
 
@@ -84,8 +95,10 @@ class Governor:
         """Return the pace for the next while.
 
         Args:
-            trips: the latest round trips of those who drive, in seconds of the quick clock. Without any there is no evidence that more than
-                real time would do no harm: so whoever drives next begins at what was good for the last one.
+            trips: the latest round trips of those who drive, in seconds of the quick clock. Without
+                any there is no evidence that more than
+                real time would do no harm: so whoever drives next begins at what was good for the
+                    last one.
             lag: how late one was oneself.
         """
         seen = list(trips)

@@ -1,11 +1,29 @@
-"""A page as a bot reads it: its words, links, forms and the JSON that it gives to its modules. No browser, no scripts."""
+"""A page as a bot reads it: its words, links, forms and the JSON that it gives to its modules. No
+browser, no scripts.
+"""
 
 import json
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import Any
 
-VOID = frozenset({"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"})
+VOID = frozenset(
+    {
+        "area",
+        "base",
+        "br",
+        "col",
+        "embed",
+        "hr",
+        "img",
+        "input",
+        "link",
+        "meta",
+        "source",
+        "track",
+        "wbr",
+    }
+)
 QUIET = frozenset({"script", "style", "template"})
 
 
@@ -21,7 +39,9 @@ class Choice:
 
 @dataclass
 class Field:
-    """What takes one answer. `kind` is the type of its input, or `textarea`, `select`; `attributes` are those of its first control."""
+    """What takes one answer. `kind` is the type of its input, or `textarea`, `select`; `attributes`
+    are those of its first control.
+    """
 
     name: str
     kind: str
@@ -72,7 +92,9 @@ class Link:
 
 @dataclass
 class Page:
-    """What was found. `text` is what stands in the main part, in order; `json` the blocks of `json_script` by their ids."""
+    """What was found. `text` is what stands in the main part, in order; `json` the blocks of
+    `json_script` by their ids.
+    """
 
     title: str = ""
     headings: list[str] = field(default_factory=list)
@@ -81,7 +103,8 @@ class Page:
     forms: list[Form] = field(default_factory=list)
     json: dict[str, Any] = field(default_factory=dict)
     errors: list[str] = field(default_factory=list)
-    by_id: dict[str, str] = field(default_factory=dict)  # the words of whatever has an id, in the main part
+    # the words of whatever has an id, in the main part
+    by_id: dict[str, str] = field(default_factory=dict)
 
     @property
     def next_link(self) -> Link | None:
@@ -90,12 +113,22 @@ class Page:
 
     def next_form(self) -> tuple["Form", int] | None:
         """Return the form that most people send next, and with which of its buttons."""
-        found = ((form, number) for form in self.main_forms() for number, button in enumerate(form.buttons) if button.is_primary)
+        found = (
+            (form, number)
+            for form in self.main_forms()
+            for number, button in enumerate(form.buttons)
+            if button.is_primary
+        )
         return next(found, None)
 
     def button(self, value: str) -> tuple["Form", int] | None:
         """Return the form with a button of this value."""
-        found = ((form, number) for form in self.main_forms() for number, button in enumerate(form.buttons) if button.value == value)
+        found = (
+            (form, number)
+            for form in self.main_forms()
+            for number, button in enumerate(form.buttons)
+            if button.value == value
+        )
         return next(found, None)
 
     def form(self, form_id: str) -> Form | None:
@@ -120,7 +153,9 @@ class _Open:
 
 
 class _Reader(HTMLParser):
-    """Fills a Page. A control's label is the `<label for>` of its id, which may stand before or after it, else the fieldset's legend."""
+    """Fills a Page. A control's label is the `<label for>` of its id, which may stand before or
+    after it, else the fieldset's legend.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -133,7 +168,7 @@ class _Reader(HTMLParser):
         self.form: Form | None = None
         self.legend = ""
 
-    # --- what the parser tells ---------------------------------------------------------------------------------------
+    # --- what the parser tells --------------------------------------------------------------------
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         attributes = {name: value or "" for name, value in attrs}
@@ -145,7 +180,12 @@ class _Reader(HTMLParser):
             self.legend = ""
         elif tag == "input" and self.form is not None and not self._is_disabled(attributes):
             self._input(self.form, attributes)
-        elif tag in {"select", "textarea"} and self.form is not None and "name" in attributes and not self._is_disabled(attributes):
+        elif (
+            tag in {"select", "textarea"}
+            and self.form is not None
+            and "name" in attributes
+            and not self._is_disabled(attributes)
+        ):
             kept = self._field(self.form, attributes, tag)
             self.described.append((kept, attributes.get("id", "")))
 
@@ -161,7 +201,11 @@ class _Reader(HTMLParser):
     def handle_data(self, data: str) -> None:
         for part in self.open:
             part.text.append(data)
-        if self._inside("main") and not any(part.tag in QUIET for part in self.open) and not self._is_hidden():
+        if (
+            self._inside("main")
+            and not any(part.tag in QUIET for part in self.open)
+            and not self._is_hidden()
+        ):
             self.words.append(data)
 
     def finish(self) -> Page:
@@ -169,14 +213,17 @@ class _Reader(HTMLParser):
         self.close()
         for asked, index, identity in self.choices:
             asked.choices[index] = Choice(
-                asked.choices[index].value, self.labels.get(identity, ""), asked.choices[index].chosen, asked.choices[index].alone
+                asked.choices[index].value,
+                self.labels.get(identity, ""),
+                asked.choices[index].chosen,
+                asked.choices[index].alone,
             )
         for asked, identity in self.described:
             asked.label = self.labels.get(identity, asked.label)
         self.page.text = " ".join(" ".join(self.words).split())
         return self.page
 
-    # --- small steps -------------------------------------------------------------------------------------------------
+    # --- small steps ------------------------------------------------------------------------------
 
     def _inside(self, tag: str) -> bool:
         return any(part.tag == tag for part in self.open)
@@ -185,25 +232,41 @@ class _Reader(HTMLParser):
         return any("hidden" in part.attributes for part in self.open)
 
     def _is_disabled(self, attributes: dict[str, str]) -> bool:
-        return "disabled" in attributes or any(part.tag == "fieldset" and "disabled" in part.attributes for part in self.open)
+        return "disabled" in attributes or any(
+            part.tag == "fieldset" and "disabled" in part.attributes for part in self.open
+        )
 
     def _begin_form(self, attributes: dict[str, str]) -> None:
         data = {name: value for name, value in attributes.items() if name.startswith("data-")}
         self.form = Form(
-            attributes.get("id", ""), attributes.get("action", ""), attributes.get("method", "get").lower(), self._inside("main"), data=data
+            attributes.get("id", ""),
+            attributes.get("action", ""),
+            attributes.get("method", "get").lower(),
+            self._inside("main"),
+            data=data,
         )
         self.page.forms.append(self.form)
 
     def _field(self, form: Form, attributes: dict[str, str], kind: str) -> Field:
         name = attributes["name"]
-        kept = form.fields.setdefault(name, Field(name, kind, self.legend, attributes.get("value", ""), attributes))
+        kept = form.fields.setdefault(
+            name, Field(name, kind, self.legend, attributes.get("value", ""), attributes)
+        )
         kept.required |= "required" in attributes or attributes.get("aria-required") == "true"
         return kept
 
     def _input(self, form: Form, attributes: dict[str, str]) -> None:
         name, kind = attributes.get("name"), attributes.get("type", "text")
         if kind in {"submit", "image"}:
-            form.buttons.append(Button(attributes.get("value", ""), False, name or "", attributes.get("value", ""), attributes.get("formaction", "")))
+            form.buttons.append(
+                Button(
+                    attributes.get("value", ""),
+                    False,
+                    name or "",
+                    attributes.get("value", ""),
+                    attributes.get("formaction", ""),
+                )
+            )
         elif name is None:
             return
         elif kind == "hidden":
@@ -211,7 +274,14 @@ class _Reader(HTMLParser):
         elif kind in {"radio", "checkbox"}:
             kept = self._field(form, attributes, kind)
             self.choices.append((kept, len(kept.choices), attributes.get("id", "")))
-            kept.choices.append(Choice(attributes.get("value", "on"), "", "checked" in attributes, "data-alone" in attributes))
+            kept.choices.append(
+                Choice(
+                    attributes.get("value", "on"),
+                    "",
+                    "checked" in attributes,
+                    "data-alone" in attributes,
+                )
+            )
         else:
             self.described.append((self._field(form, attributes, kind), attributes.get("id", "")))
 
@@ -225,14 +295,18 @@ class _Reader(HTMLParser):
                 self.legend = text
             case "a":
                 is_primary = PRIMARY in part.attributes.get("class", "").split()
-                self.page.links.append(Link(part.attributes.get("href", ""), text, self._inside("main"), is_primary))
+                self.page.links.append(
+                    Link(part.attributes.get("href", ""), text, self._inside("main"), is_primary)
+                )
             case "h1" | "h2":
                 self.page.headings.append(text)
             case "title":
                 self.page.title = text
             case "form":
                 self.form = None
-            case "script" if part.attributes.get("type") == "application/json" and "id" in part.attributes:
+            case "script" if (
+                part.attributes.get("type") == "application/json" and "id" in part.attributes
+            ):
                 self.page.json[part.attributes["id"]] = json.loads(text)
             case _:
                 self._closed_in_form(part, text)
@@ -255,7 +329,10 @@ class _Reader(HTMLParser):
             )
         elif part.tag == "option":
             self._option(part, text)
-        elif part.tag == "textarea" and (written := self.form.fields.get(part.attributes.get("name", ""))) is not None:
+        elif (
+            part.tag == "textarea"
+            and (written := self.form.fields.get(part.attributes.get("name", ""))) is not None
+        ):
             written.value = text
 
     def _option(self, part: _Open, text: str) -> None:

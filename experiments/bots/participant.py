@@ -1,7 +1,9 @@
-"""A scripted participant: from the link to the completion code, over HTTP and WebSocket alone, by what the pages offer.
+"""A scripted participant: from the link to the completion code, over HTTP and WebSocket alone, by
+what the pages offer.
 
-It knows no study. On each page it does what most people do next: it fills in the form, follows the marked link, drives where the page
-is one to drive on; until the page shows a code, or, when its ending says so, until it leaves.
+It knows no study. On each page it does what most people do next: it fills in the form, follows the
+marked link, drives where the page is one to drive on; until the page shows a code, or, when its
+ending says so, until it leaves.
 """
 
 import asyncio
@@ -62,7 +64,9 @@ class Participant:
         self._wanted = self.visits + (self.ending == Ending.COMES_AGAIN)
 
     async def take_part(self) -> Diary:
-        """Go through the study and return what there is to tell; whatever the site does wrong stands in `stuck`."""
+        """Go through the study and return what there is to tell; whatever the site does wrong
+        stands in `stuck`.
+        """
         try:
             here = await self._come_in()
             await self._go_through(here)
@@ -70,28 +74,36 @@ class Participant:
             self.diary.stuck = str(error)
         return self.diary
 
-    # --- coming in ---------------------------------------------------------------------------------------------------
+    # --- coming in --------------------------------------------------------------------------------
 
     async def _come_in(self) -> Answer:
         here = await self._get(self.link)
         sign_up = next((link for link in here.page.links if link.in_main and link.is_primary), None)
         if here.page.next_form() is None and sign_up is not None:
-            here = await self._sign_up(await self._get(urllib.parse.urljoin(here.url, sign_up.href)))
+            here = await self._sign_up(
+                await self._get(urllib.parse.urljoin(here.url, sign_up.href))
+            )
         return here
 
     async def _sign_up(self, here: Answer) -> Answer:
         form = next((form for form in here.page.main_forms() if "password1" in form.fields), None)
         if form is None:
             raise StuckError(f"there is nowhere to sign up: “{here.page.title}” at {here.path}")
-        self.diary.user = f"bot-{self.persona.seed}-{self.persona.number}-{time.time_ns() % 1_000_000_000:09d}"
+        self.diary.user = (
+            f"bot-{self.persona.seed}-{self.persona.number}-{time.time_ns() % 1_000_000_000:09d}"
+        )
         secret = secrets.token_urlsafe(18)
-        fields = [("username", self.diary.user), ("display_name", f"Bot {self.persona.number}"), ("password1", secret)]
+        fields = [
+            ("username", self.diary.user),
+            ("display_name", f"Bot {self.persona.number}"),
+            ("password1", secret),
+        ]
         after = await self._send(here, form, fields, 0)
         if after.path == here.path:
             raise StuckError(f"signing up was refused: {'; '.join(after.page.errors)}")
         return after
 
-    # --- page by page ------------------------------------------------------------------------------------------------
+    # --- page by page -----------------------------------------------------------------------------
 
     async def _go_through(self, here: Answer) -> None:
         seen: dict[str, int] = {}
@@ -108,7 +120,8 @@ class Participant:
             seen[signature] = seen.get(signature, 0) + 1
             if seen[signature] > (MOST_LOOKS if self._is_waiting(here) else SAME_PAGE):
                 raise StuckError(
-                    f"“{' · '.join(here.page.headings)}” at {here.path} does not go on: {'; '.join(here.page.errors) or 'no reason given'}"
+                    f"“{' · '.join(here.page.headings)}” at {here.path} does not go on:"
+                    f" {'; '.join(here.page.errors) or 'no reason given'}"
                 )
             following = await self._following(here)
             if following is None:
@@ -119,7 +132,13 @@ class Participant:
     async def _following(self, here: Answer) -> Answer | None:
         """Do what this page asks for, and return the next one; None when the bot has left."""
         began = self.clock()
-        entry = Entry(" · ".join(here.page.headings), here.path, began, words=here.page.words, questions=len(_asked(here)))
+        entry = Entry(
+            " · ".join(here.page.headings),
+            here.path,
+            began,
+            words=here.page.words,
+            questions=len(_asked(here)),
+        )
         self.diary.entries.append(entry)
         try:
             return await self._act(here)
@@ -141,7 +160,11 @@ class Participant:
                 return await self._get(here.url)
             return await self._send(here, *_split(without))
         link = here.page.next_link
-        if link is not None and self.ending == Ending.LEAVES_READING and here.page.next_form() is None:
+        if (
+            link is not None
+            and self.ending == Ending.LEAVES_READING
+            and here.page.next_form() is None
+        ):
             self._left = True
             return None
         if link is not None:
@@ -149,7 +172,10 @@ class Participant:
         form = here.page.next_form()
         if form is not None:
             return await self._fill(here, *form)
-        raise StuckError(f"“{' · '.join(here.page.headings) or here.page.title}” at {here.path} offers nothing to go on with")
+        raise StuckError(
+            f"“{' · '.join(here.page.headings) or here.page.title}” at {here.path} offers nothing"
+            " to go on with"
+        )
 
     @property
     def _gives_up(self) -> bool:
@@ -165,7 +191,7 @@ class Participant:
         self.diary.answered |= {name: value for name, value in sent if form.id == "survey"}
         return await self._send(here, form, sent, button)
 
-    # --- leaving -----------------------------------------------------------------------------------------------------
+    # --- leaving ----------------------------------------------------------------------------------
 
     async def _leave(self, here: Answer) -> Answer | None:
         refuses = here.page.button("decline") if self.ending == Ending.REFUSES else None
@@ -202,7 +228,7 @@ class Participant:
         self._visits += 1
         return await self._send(here, forms[0], [], 0)
 
-    # --- driving -----------------------------------------------------------------------------------------------------
+    # --- driving ----------------------------------------------------------------------------------
 
     async def _drive(self, here: Answer) -> Answer | None:
         config = here.page.json["config"]
@@ -217,7 +243,7 @@ class Participant:
             return None
         return await self._get(config.get("study", {}).get("urls", {}).get("step", here.url))
 
-    # --- the browser, which blocks, beside the loop ------------------------------------------------------------------
+    # --- the browser, which blocks, beside the loop -----------------------------------------------
 
     async def _get(self, address: str) -> Answer:
         return await asyncio.to_thread(self.browser.get, address)

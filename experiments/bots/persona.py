@@ -1,8 +1,11 @@
-"""Who a bot is: one seeded person with traits, a way to drive, and opinions, into which effects are planted on purpose.
+"""Who a bot is: one seeded person with traits, a way to drive, and opinions, into which effects are
+planted on purpose.
 
-An opinion on a question is normal with mean 0 and variance 1 over many bots: part of it is the person's own and the same in all of
-their answers, the rest belongs to the answer. An effect moves it by so many standard deviations where its circumstances hold; one of
-size 0 is a planted null. Bots know no condition: circumstances are what a driver sees (the robot, the assistance in force, …).
+An opinion on a question is normal with mean 0 and variance 1 over many bots: part of it is the
+person's own and the same in all of their answers, the rest belongs to the answer. An effect moves
+it by so many standard deviations where its circumstances hold; one of size 0 is a planted null.
+Bots know no condition: circumstances are what a driver sees (the robot, the assistance in force,
+…).
 """
 
 import math
@@ -17,12 +20,23 @@ OWN_SHARE = 0.5  # of the variance of an opinion that is the person's own
 LATE_BIRTH, EARLY_BIRTH = 2003, 1950
 AGENTS = (
     "Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Gecko/20100101 Firefox/140.0",
-    "Mozilla/5.0 (Windows NT 10.0; Win64; x64) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/141.0.0.0 Safari/537.36",
-    "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/605.1.15 (KHTML, like Gecko) Version/18.3 Safari/605.1.15",
-    "Mozilla/5.0 (Linux; Android 14; Pixel 8) AppleWebKit/537.36 (KHTML, like Gecko) Chrome/141.0.0.0 Mobile Safari/537.36",
+    (
+        "Mozilla/5.0 (Windows NT 10.0; Win64; x64) AppleWebKit/537.36 (KHTML, like Gecko)"
+        " Chrome/141.0.0.0 Safari/537.36"
+    ),
+    (
+        "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/605.1.15 (KHTML, like Gecko)"
+        " Version/18.3 Safari/605.1.15"
+    ),
+    (
+        "Mozilla/5.0 (Linux; Android 14; Pixel 8) AppleWebKit/537.36 (KHTML, like Gecko)"
+        " Chrome/141.0.0.0 Mobile Safari/537.36"
+    ),
 )
 MARK = " TelepresenceBot/1.0"
-FORM = re.compile(r"^(?P<item>[a-z][a-z0-9_]*)(@(?P<name>[a-z_]+)=(?P<value>[^:@=]+))?:(?P<size>[-+]?[0-9]*\.?[0-9]+)$")
+FORM = re.compile(
+    r"^(?P<item>[a-z][a-z0-9_]*)(@(?P<name>[a-z_]+)=(?P<value>[^:@=]+))?:(?P<size>[-+]?[0-9]*\.?[0-9]+)$"
+)
 PACE = "pace"  # the one name of an effect that is no question: how fast the bot drives
 
 
@@ -32,7 +46,9 @@ class EffectError(ValueError):
 
 @dataclass(frozen=True)
 class Effect:
-    """`size` standard deviations on a question, or on the `pace` of driving, where `name` of the circumstances is `value`."""
+    """`size` standard deviations on a question, or on the `pace` of driving, where `name` of the
+    circumstances is `value`.
+    """
 
     item: str
     size: float
@@ -45,20 +61,26 @@ class Effect:
 
 
 def effect(text: str) -> Effect:
-    """Return the effect that is written as `question@circumstance=value:size`, such as `easy@assist=steer:0.8`.
+    """Return the effect that is written as `question@circumstance=value:size`, such as
+    `easy@assist=steer:0.8`.
 
     Raises:
         EffectError: it is not written so.
     """
     found = FORM.match(text.strip())
     if found is None:
-        raise EffectError(f"“{text}” is no effect: write question:size or question@circumstance=value:size, such as easy@assist=steer:0.8.")
+        raise EffectError(
+            f"“{text}” is no effect: write question:size or question@circumstance=value:size, such"
+            " as easy@assist=steer:0.8."
+        )
     return Effect(found["item"], float(found["size"]), found["name"] or "", found["value"] or "")
 
 
 @dataclass
 class Persona:
-    """One bot. `explore`, when set, makes it choose the n-th option of every list, so that bots 0, 1, 2 … open every branch."""
+    """One bot. `explore`, when set, makes it choose the n-th option of every list, so that bots 0,
+    1, 2 … open every branch.
+    """
 
     number: int
     seed: int
@@ -75,33 +97,55 @@ class Persona:
         self._pace = float(np.clip(0.85 + 0.1 * rng.standard_normal(), 0.6, 1.0))
 
     def _rng(self, *about: str | int) -> np.random.Generator:
-        """Return the generator of one matter: what is asked before it changes nothing, so that a page that comes twice is answered alike."""
+        """Return the generator of one matter: what is asked before it changes nothing, so that a
+        page that comes twice is answered alike.
+        """
         words = "\x1f".join(str(part) for part in about).encode()
         return np.random.default_rng([self.seed, self.number, *words])
 
     def opinion(self, item: str, circumstances: Mapping[str, str]) -> float:
         """Return how much the bot agrees, in standard deviations of all bots."""
-        noise = float(self._rng("opinion", item, *sorted(f"{k}={v}" for k, v in circumstances.items())).standard_normal())
-        shift = sum(effect.size for effect in self.effects if effect.item == item and effect.holds(circumstances))
+        noise = float(
+            self._rng(
+                "opinion", item, *sorted(f"{k}={v}" for k, v in circumstances.items())
+            ).standard_normal()
+        )
+        shift = sum(
+            effect.size
+            for effect in self.effects
+            if effect.item == item and effect.holds(circumstances)
+        )
         return math.sqrt(OWN_SHARE) * self._own + math.sqrt(1.0 - OWN_SHARE) * noise + shift
 
     def point(self, item: str, count: int, circumstances: Mapping[str, str]) -> int:
-        """Return which of `count` ordered points is chosen: 0 is the lowest. Without effects each is as likely as any other."""
+        """Return which of `count` ordered points is chosen: 0 is the lowest. Without effects each
+        is as likely as any other.
+        """
         if self.explore is not None:
             return self.explore % count
         return min(count - 1, int(float(ndtr(self.opinion(item, circumstances))) * count))
 
     def option(self, item: str, count: int) -> int:
         """Return which of `count` options without an order is chosen."""
-        return self.explore % count if self.explore is not None else int(self._rng("option", item).integers(count))
+        return (
+            self.explore % count
+            if self.explore is not None
+            else int(self._rng("option", item).integers(count))
+        )
 
-    def number_between(self, item: str, low: float, high: float, circumstances: Mapping[str, str]) -> float:
+    def number_between(
+        self, item: str, low: float, high: float, circumstances: Mapping[str, str]
+    ) -> float:
         """Return a number within bounds, by the bot's opinion."""
         return low + (high - low) * float(ndtr(self.opinion(item, circumstances)))
 
     def pace(self, circumstances: Mapping[str, str]) -> float:
         """Return the share of full speed at which the bot drives."""
-        shift = sum(effect.size for effect in self.effects if effect.item == PACE and effect.holds(circumstances))
+        shift = sum(
+            effect.size
+            for effect in self.effects
+            if effect.item == PACE and effect.holds(circumstances)
+        )
         return float(np.clip(self._pace + 0.1 * shift, 0.4, 1.0))
 
     def seconds(self, matter: str, low: float, high: float) -> float:

@@ -1,4 +1,6 @@
-"""A WebSocket as a client has it (RFC 6455), in as many lines as a bot needs: no extension, whole messages, nothing to install."""
+"""A WebSocket as a client has it (RFC 6455), in as many lines as a bot needs: no extension, whole
+messages, nothing to install.
+"""
 
 import asyncio
 import base64
@@ -43,7 +45,9 @@ class Socket:
         secure = parts.scheme in {"https", "wss"}
         port = parts.port or (443 if secure else 80)
         async with asyncio.timeout(OPEN_SECONDS):
-            reader, writer = await asyncio.open_connection(parts.hostname, port, ssl=secure or None, limit=LARGEST)
+            reader, writer = await asyncio.open_connection(
+                parts.hostname, port, ssl=secure or None, limit=LARGEST
+            )
             socket = cls(reader, writer)
             with contextlib.ExitStack() as unless_open:
                 unless_open.callback(writer.close)
@@ -53,8 +57,19 @@ class Socket:
 
     async def _shake_hands(self, host: str, path: str, headers: Mapping[str, str]) -> None:
         key = base64.b64encode(secrets.token_bytes(16))
-        lines = [f"GET {path} HTTP/1.1", f"Host: {host}", "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"]
-        lines += [f"Sec-WebSocket-Key: {key.decode()}", *(f"{name}: {value}" for name, value in headers.items() if value), "", ""]
+        lines = [
+            f"GET {path} HTTP/1.1",
+            f"Host: {host}",
+            "Upgrade: websocket",
+            "Connection: Upgrade",
+            "Sec-WebSocket-Version: 13",
+        ]
+        lines += [
+            f"Sec-WebSocket-Key: {key.decode()}",
+            *(f"{name}: {value}" for name, value in headers.items() if value),
+            "",
+            "",
+        ]
         self._writer.write("\r\n".join(lines).encode())
         try:
             head = await self._reader.readuntil(b"\r\n\r\n")
@@ -65,7 +80,9 @@ class Socket:
             raise SocketClosed(1006, head.split(b"\r\n")[0].decode(errors="replace"))
 
     def send(self, text: str) -> None:
-        """Send a message of text; one that cannot go any more is lost, as on any page that is being closed."""
+        """Send a message of text; one that cannot go any more is lost, as on any page that is being
+        closed.
+        """
         if not self._writer.is_closing():
             self._writer.write(_frame(TEXT, text.encode()))
 
@@ -83,7 +100,10 @@ class Socket:
                 raise SocketClosed(1006) from error
             if code == CLOSE:
                 self._writer.close()
-                raise SocketClosed(int.from_bytes(payload[:2], "big") if payload else 1005, payload[2:].decode(errors="replace"))
+                raise SocketClosed(
+                    int.from_bytes(payload[:2], "big") if payload else 1005,
+                    payload[2:].decode(errors="replace"),
+                )
             if code == PING:
                 self._writer.write(_frame(PONG, payload))
             elif code != PONG:
@@ -126,5 +146,7 @@ def _frame(code: int, payload: bytes) -> bytes:
     else:
         head = bytes([FINAL | code, MASKED | EIGHT_BYTES]) + size.to_bytes(8, "big")
     stream = mask * (size // 4 + 1)
-    masked = (int.from_bytes(payload, "big") ^ int.from_bytes(stream[:size], "big")).to_bytes(size, "big")
+    masked = (int.from_bytes(payload, "big") ^ int.from_bytes(stream[:size], "big")).to_bytes(
+        size, "big"
+    )
     return head + mask + masked

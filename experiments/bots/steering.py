@@ -1,4 +1,6 @@
-"""Steering by hand, as people do it: towards a point some way ahead, slower in bends, turning on the spot when it lies aside."""
+"""Steering by hand, as people do it: towards a point some way ahead, slower in bends, turning on
+the spot when it lies aside.
+"""
 
 import math
 from collections.abc import Sequence
@@ -32,7 +34,9 @@ STAND = Speed()
 
 
 def rest_of(way: Sequence[Point], x: float, y: float) -> list[Point]:
-    """Return the way from the point of it that is nearest, so that what was driven is forgotten; at least its end."""
+    """Return the way from the point of it that is nearest, so that what was driven is forgotten; at
+    least its end.
+    """
     nearest = min(range(len(way)), key=lambda index: math.dist(way[index], (x, y)))
     return list(way[nearest:])
 
@@ -65,7 +69,9 @@ def turn_to(pose: Pose2D, theta: float, fastest: Speed, within: float = ALIGNED)
 
 
 def into(pose: Pose2D, dock: Pose2D, fastest: Speed) -> Speed:
-    """Return the speed into a station from before it: along its axis, ever slower, and gently back onto the axis."""
+    """Return the speed into a station from before it: along its axis, ever slower, and gently back
+    onto the axis.
+    """
     seen = dock.inverse().compose(pose)  # x < 0 before the station, y aside of its axis
     to_go = -seen.x
     heading = math.atan2(-seen.y, max(0.35, min(0.8, to_go)))

@@ -1,4 +1,6 @@
-"""What a bot at the wheel knows: what the server and the robot have told its page, and nothing else."""
+"""What a bot at the wheel knows: what the server and the robot have told its page, and nothing
+else.
+"""
 
 import math
 import statistics
@@ -26,7 +28,9 @@ NO_TASK = protocol.Task(session="none", stamp=0.0)
 
 @dataclass
 class View:
-    """The newest of everything. Times are Unix seconds of this computer, but for `frame`, which the robot's clock made."""
+    """The newest of everything. Times are Unix seconds of this computer, but for `frame`, which the
+    robot's clock made.
+    """
 
     session: str | None = None
     epoch: int = 0
@@ -56,7 +60,8 @@ class View:
     actions: dict[str, ActionStatus] = field(default_factory=dict)
     denied: dict[str, int] = field(default_factory=dict)
     assists: set[str] = field(default_factory=set)
-    beats: list[tuple[int, float, float]] = field(default_factory=list)  # the robot's newest: n, its stamp, when it came
+    # the robot's newest: n, its stamp, when it came
+    beats: list[tuple[int, float, float]] = field(default_factory=list)
     trips: deque[float] = field(default_factory=lambda: deque(maxlen=TRIPS))
 
     def take(self, frame: str | bytes, now: float) -> None:
@@ -82,7 +87,13 @@ class View:
             case protocol.Task():
                 self.task, self.task_frames = message, self.task_frames + 1
             case protocol.Granted():
-                self.session, self.epoch, self.peer, self.granted, self.queued = message.session, message.epoch, message.peer, True, False
+                self.session, self.epoch, self.peer, self.granted, self.queued = (
+                    message.session,
+                    message.epoch,
+                    message.peer,
+                    True,
+                    False,
+                )
                 self.interface = message.terms.interface if message.terms is not None else ""
             case protocol.Queued():
                 self.session, self.queued, self.turn = message.session, True, False
@@ -107,7 +118,11 @@ class View:
             self.assists.add(state.assist)
 
     def _pose(self, pose: RobotPose, tilt: float | None) -> None:
-        self.pose, self.localized, self.tilt = Pose2D(pose.x, pose.y, pose.theta), pose.localized, tilt
+        self.pose, self.localized, self.tilt = (
+            Pose2D(pose.x, pose.y, pose.theta),
+            pose.localized,
+            tilt,
+        )
 
     def _beat(self, beat: Heartbeat, now: float) -> None:
         self.beats = [(beat.n, beat.stamp, now)]
@@ -118,7 +133,9 @@ class View:
 
     @property
     def round_trip(self) -> float | None:
-        """Return the median of the last round trips to the robot, in seconds; None before there is one."""
+        """Return the median of the last round trips to the robot, in seconds; None before there is
+        one.
+        """
         return statistics.median(self.trips) if self.trips else None
 
     def points(self) -> list[tuple[float, float]]:
@@ -129,7 +146,9 @@ class View:
         for number, distance in enumerate(self.scan.ranges):
             if distance is not None and distance < self.scan.range_max:
                 angle = self.scan.angle_min + number * self.scan.angle_increment
-                found.append(world_from_laser.apply(distance * math.cos(angle), distance * math.sin(angle)))
+                found.append(
+                    world_from_laser.apply(distance * math.cos(angle), distance * math.sin(angle))
+                )
         return found
 
 

@@ -1,6 +1,8 @@
-"""RouteGrid over a floor plan, from what a page is given of it: walls, doors, furniture. Short ones that keep off everything.
+"""RouteGrid over a floor plan, from what a page is given of it: walls, doors, furniture. Short ones
+that keep off everything.
 
-A raster of the floor, the distance of each cell to the nearest thing, and Dijkstra's way through what is left, dearer near things.
+A raster of the floor, the distance of each cell to the nearest thing, and Dijkstra's way through
+what is left, dearer near things.
 """
 
 import math
@@ -39,7 +41,10 @@ class _Raster:
     columns: int
 
     def centres(self) -> tuple[Cells, Cells]:
-        return np.meshgrid(self.x + (np.arange(self.columns) + 0.5) * CELL, self.y + (np.arange(self.rows) + 0.5) * CELL)
+        return np.meshgrid(
+            self.x + (np.arange(self.columns) + 0.5) * CELL,
+            self.y + (np.arange(self.rows) + 0.5) * CELL,
+        )
 
 
 class RouteGrid:
@@ -66,7 +71,9 @@ class RouteGrid:
             found = self._way(start, goal, clearance)
             if found is not None:
                 return [*found[:-1], goal] if len(found) > 1 else [goal]
-        raise NoRouteError(f"no way from {start[0]:.1f}, {start[1]:.1f} to {goal[0]:.1f}, {goal[1]:.1f}")
+        raise NoRouteError(
+            f"no way from {start[0]:.1f}, {start[1]:.1f} to {goal[0]:.1f}, {goal[1]:.1f}"
+        )
 
     def _way(self, start: Point, goal: Point, clearance: float) -> list[Point] | None:
         free = self._room > clearance
@@ -76,7 +83,12 @@ class RouteGrid:
         number = np.full(free.shape, -1)
         number[free] = np.arange(len(cells))
         here, there = self._nearest(cells, start), self._nearest(cells, goal)
-        costs, towards = dijkstra(_graph(cells, number, self._room), indices=there, return_predecessors=True, directed=False)
+        costs, towards = dijkstra(
+            _graph(cells, number, self._room),
+            indices=there,
+            return_predecessors=True,
+            directed=False,
+        )
         if not math.isfinite(costs[here]):
             return None
         found = [here]
@@ -85,14 +97,21 @@ class RouteGrid:
         return [self._point(cells[index]) for index in found]
 
     def _nearest(self, cells: npt.NDArray[np.int64], point: Point) -> int:
-        column, row = (point[0] - self._raster.x) / CELL - 0.5, (point[1] - self._raster.y) / CELL - 0.5
+        column, row = (
+            (point[0] - self._raster.x) / CELL - 0.5,
+            (point[1] - self._raster.y) / CELL - 0.5,
+        )
         return int(np.argmin((cells[:, 0] - row) ** 2 + (cells[:, 1] - column) ** 2))
 
     def _point(self, cell: npt.NDArray[np.int64]) -> Point:
-        return self._raster.x + (float(cell[1]) + 0.5) * CELL, self._raster.y + (float(cell[0]) + 0.5) * CELL
+        return self._raster.x + (float(cell[1]) + 0.5) * CELL, self._raster.y + (
+            float(cell[0]) + 0.5
+        ) * CELL
 
     def door_on(self, way: Sequence[Point], within: float) -> str | None:
-        """Return the first open door that a way comes to within so many metres of driving; None when there is none."""
+        """Return the first open door that a way comes to within so many metres of driving; None
+        when there is none.
+        """
         driven = 0.0
         for before, after in pairwise(way):
             driven += math.dist(before, after)
@@ -100,7 +119,10 @@ class RouteGrid:
                 return None
             for door in self.plan.doors:
                 middle = ((door.start[0] + door.end[0]) / 2.0, (door.start[1] + door.end[1]) / 2.0)
-                if door.name not in self.closed and math.dist(middle, after) < math.dist(door.start, door.end) / 2.0:
+                if (
+                    door.name not in self.closed
+                    and math.dist(middle, after) < math.dist(door.start, door.end) / 2.0
+                ):
                     return door.name
         return None
 
@@ -122,7 +144,9 @@ def _room(plan: FloorPlan, closed: frozenset[str], raster: _Raster) -> Cells:
         free |= _strip(opening.start, opening.end, opening.thickness / 2.0 + CELL, x, y)
     taken = _walls(plan, x, y) | _furniture(plan, x, y) | _stations(plan, x, y)
     for door in plan.doors:
-        taken |= _strip(door.start, door.end, CELL, x, y) if door.name in closed else _leaf(door, x, y)
+        taken |= (
+            _strip(door.start, door.end, CELL, x, y) if door.name in closed else _leaf(door, x, y)
+        )
     distances: Cells = ndimage.distance_transform_edt(free & ~taken) * CELL
     return distances
 
@@ -140,7 +164,9 @@ def _furniture(plan: FloorPlan, x: Cells, y: Cells) -> npt.NDArray[np.bool_]:
         if piece.shape == "cylinder":
             taken |= np.hypot(x - piece.x, y - piece.y) <= piece.width / 2.0
         else:
-            taken |= _box(Pose2D(piece.x, piece.y, piece.theta), piece.width / 2.0, piece.depth / 2.0, x, y)
+            taken |= _box(
+                Pose2D(piece.x, piece.y, piece.theta), piece.width / 2.0, piece.depth / 2.0, x, y
+            )
     return taken
 
 
@@ -164,8 +190,12 @@ def _leaf(door: Door, x: Cells, y: Cells) -> npt.NDArray[np.bool_]:
 def _strip(start: Point, end: Point, half: float, x: Cells, y: Cells) -> npt.NDArray[np.bool_]:
     """Cells within `half` metres of a line."""
     dx, dy = end[0] - start[0], end[1] - start[1]
-    share = np.clip(((x - start[0]) * dx + (y - start[1]) * dy) / max(dx * dx + dy * dy, 1e-9), 0.0, 1.0)
-    near: npt.NDArray[np.bool_] = np.hypot(x - start[0] - share * dx, y - start[1] - share * dy) <= max(half, CELL / 2.0)
+    share = np.clip(
+        ((x - start[0]) * dx + (y - start[1]) * dy) / max(dx * dx + dy * dy, 1e-9), 0.0, 1.0
+    )
+    near: npt.NDArray[np.bool_] = np.hypot(
+        x - start[0] - share * dx, y - start[1] - share * dy
+    ) <= max(half, CELL / 2.0)
     return near
 
 
@@ -195,4 +225,7 @@ def _graph(cells: npt.NDArray[np.int64], number: npt.NDArray[np.int64], room: Ce
         origins.append(origin)
         ends.append(end[origin])
         costs.append(length * CELL * dear[origin])
-    return coo_array((np.concatenate(costs), (np.concatenate(origins), np.concatenate(ends))), shape=(len(cells), len(cells))).tocsr()
+    return coo_array(
+        (np.concatenate(costs), (np.concatenate(origins), np.concatenate(ends))),
+        shape=(len(cells), len(cells)),
+    ).tocsr()

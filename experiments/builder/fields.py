@@ -1,12 +1,16 @@
-"""A definition as a form, and a form as a definition: what a page of the study builder asks follows from the classes alone.
+"""A definition as a form, and a form as a definition: what a page of the study builder asks follows
+from the classes alone.
 
-A part of a study is a plain document (dicts and lists, as in JSON). `ask` lays it out as groups of fields for a template, `read` makes
-the document of what was sent, `change` adds, removes and moves what stands in lists, and `errors` tells, field by field, what cannot be
-kept. What was typed is never lost: a number that is none stays in the document as the text that it was.
+A part of a study is a plain document (dicts and lists, as in JSON). `ask` lays it out as groups of
+fields for a template, `read` makes the document of what was sent, `change` adds, removes and moves
+what stands in lists, and `errors` tells, field by field, what cannot be kept. What was typed is
+never lost: a number that is none stays in the document as the text that it was.
 
-The names of fields are paths: `leaves.0.text.en`. A field that is empty has the value that the class says, where it says one.
+The names of fields are paths: `leaves.0.text.en`. A field that is empty has the value that the
+class says, where it says one.
 
-Longer than most files here, because laying out, reading and refusing go over the same shapes and must agree on each of them.
+Longer than most files here, because laying out, reading and refusing go over the same shapes and
+must agree on each of them.
 """
 
 import math
@@ -43,7 +47,9 @@ class Sent(Protocol):
 
 @dataclass(frozen=True)
 class Field:
-    """One thing to fill in. `key` is the field of the class, `language` is set for a text's; `choices` are values."""
+    """One thing to fill in. `key` is the field of the class, `language` is set for a text's;
+    `choices` are values.
+    """
 
     name: str
     key: str
@@ -56,7 +62,9 @@ class Field:
 
 @dataclass(frozen=True)
 class Group:
-    """Fields that belong together: a part, an optional part (`switch` is the name of its box to tick), or a list of parts."""
+    """Fields that belong together: a part, an optional part (`switch` is the name of its box to
+    tick), or a list of parts.
+    """
 
     name: str
     key: str
@@ -74,18 +82,24 @@ class Group:
 
     @property
     def called(self) -> int:
-        """Return the number by which people know a part of a list; checkpoints are counted from 0, the station."""
+        """Return the number by which people know a part of a list; checkpoints are counted from 0,
+        the station.
+        """
         return (self.number or 0) - (self.key == "checkpoints")
 
     @property
     def has_error(self) -> bool:
         """Tell whether anything inside is wrong."""
-        return any(part.has_error if isinstance(part, Group) else bool(part.error) for part in self.parts)
+        return any(
+            part.has_error if isinstance(part, Group) else bool(part.error) for part in self.parts
+        )
 
 
 @dataclass(frozen=True)
 class Asking:
-    """What a form needs beside the document: the study's languages, what may be chosen by key of a field, and errors by name."""
+    """What a form needs beside the document: the study's languages, what may be chosen by key of a
+    field, and errors by name.
+    """
 
     languages: Sequence[str]
     offered: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -94,7 +108,9 @@ class Asking:
 
 @dataclass(frozen=True)
 class _Member:
-    """A field of a class: `shape` is what it holds, without None; `has_none` tells whether it may hold nothing."""
+    """A field of a class: `shape` is what it holds, without None; `has_none` tells whether it may
+    hold nothing.
+    """
 
     key: str
     type: Any
@@ -113,9 +129,20 @@ def members(cls: type[Any], only: Collection[str] = ()) -> list[_Member]:
 
 def _member(one: Any) -> _Member:
     shape = inspect.type_info(one.type)
-    inner = [kind for kind in shape.types if not isinstance(kind, inspect.NoneType)] if isinstance(shape, inspect.UnionType) else [shape]
+    inner = (
+        [kind for kind in shape.types if not isinstance(kind, inspect.NoneType)]
+        if isinstance(shape, inspect.UnionType)
+        else [shape]
+    )
     default = None if one.default is msgspec.NODEFAULT else msgspec.to_builtins(one.default)
-    return _Member(one.name, one.type, inner[0], len(inner) != 1 or inner[0] is not shape, default, one.required)
+    return _Member(
+        one.name,
+        one.type,
+        inner[0],
+        len(inner) != 1 or inner[0] is not shape,
+        default,
+        one.required,
+    )
 
 
 def _parts_of(shape: inspect.Type) -> type[Any] | None:
@@ -124,7 +151,7 @@ def _parts_of(shape: inspect.Type) -> type[Any] | None:
     return inner.cls if isinstance(inner, inspect.StructType) else None
 
 
-# --- laying out ------------------------------------------------------------------------------------------------------
+# --- laying out -----------------------------------------------------------------------------------
 
 
 def ask(cls: type[Any], document: Document, asking: Asking, *, only: Collection[str] = ()) -> Group:
@@ -132,7 +159,9 @@ def ask(cls: type[Any], document: Document, asking: Asking, *, only: Collection[
     return Group("", cls.__name__.lower(), list(_ask_all(cls, document, "", asking, only)))
 
 
-def _ask_all(cls: type[Any], document: Document, prefix: str, asking: Asking, only: Collection[str] = ()) -> Iterator[Field | Group]:
+def _ask_all(
+    cls: type[Any], document: Document, prefix: str, asking: Asking, only: Collection[str] = ()
+) -> Iterator[Field | Group]:
     for member in members(cls, only):
         value = document.get(member.key, member.default)
         yield from _ask(member, value, prefix + member.key, asking)
@@ -145,17 +174,34 @@ def _ask(member: _Member, value: Any, name: str, asking: Asking) -> Iterator[Fie
         inner = list(_ask_all(member.shape.cls, value or {}, f"{name}.", asking))
         yield Group(name, member.key, inner, switch=switch, is_on=not switch or value is not None)
     elif listed is not None:
-        yield Group(name, member.key, list(_ask_list(listed, member.key, value or [], name, asking)), is_list=True)
+        yield Group(
+            name,
+            member.key,
+            list(_ask_list(listed, member.key, value or [], name, asking)),
+            is_list=True,
+        )
     elif member.type == Text:
-        for language in [*asking.languages, *(other for other in value or {} if other not in asking.languages)]:
+        for language in [
+            *asking.languages,
+            *(other for other in value or {} if other not in asking.languages),
+        ]:
             label = f"{name}.{language}"
             widget: Widget = "text" if member.key in LONG else "line"
-            yield Field(label, member.key, widget, (value or {}).get(language, ""), language=language, error=asking.errors.get(label, ""))
+            yield Field(
+                label,
+                member.key,
+                widget,
+                (value or {}).get(language, ""),
+                language=language,
+                error=asking.errors.get(label, ""),
+            )
     else:
         yield _ask_one(member, value, name, asking)
 
 
-def _ask_list(cls: type[Any], key: str, values: list[Document], name: str, asking: Asking) -> Iterator[Group]:
+def _ask_list(
+    cls: type[Any], key: str, values: list[Document], name: str, asking: Asking
+) -> Iterator[Group]:
     for n, value in enumerate(values):
         inner = list(_ask_all(cls, value, f"{name}.{n}.", asking))
         yield Group(f"{name}.{n}", key, inner, number=n + 1, is_last=n == len(values) - 1)
@@ -168,7 +214,9 @@ def _ask_one(member: _Member, value: Any, name: str, asking: Asking) -> Field:
     elif widget == "choice":
         missing = () if value in choices or value in {None, ""} else (str(value),)
         choices = (*(("",) if member.has_none or member.default == "" else ()), *choices, *missing)
-    return Field(name, member.key, widget, _shown(widget, value), choices, error=asking.errors.get(name, ""))
+    return Field(
+        name, member.key, widget, _shown(widget, value), choices, error=asking.errors.get(name, "")
+    )
 
 
 def _widget(member: _Member, offered: Sequence[str]) -> tuple[Widget, tuple[str, ...]]:
@@ -184,7 +232,9 @@ def _widget(member: _Member, offered: Sequence[str]) -> tuple[Widget, tuple[str,
     return ("choice", tuple(offered)) if offered else ("text" if member.key in LONG else "line", ())
 
 
-def _widget_of_list(member: _Member, inner: inspect.Type, offered: Sequence[str]) -> tuple[Widget, tuple[str, ...]]:
+def _widget_of_list(
+    member: _Member, inner: inspect.Type, offered: Sequence[str]
+) -> tuple[Widget, tuple[str, ...]]:
     if isinstance(inner, inspect.LiteralType):
         return "choices", get_args(get_args(member.type)[0])  # inspect has sorted them
     if isinstance(inner, inspect.StrType):
@@ -194,7 +244,9 @@ def _widget_of_list(member: _Member, inner: inspect.Type, offered: Sequence[str]
 
 def _shown(widget: Widget, value: Any) -> Any:
     if widget == "points":
-        return value if isinstance(value, str) else "\n".join(f"{x:g} {y:g}" for x, y in value or ())
+        return (
+            value if isinstance(value, str) else "\n".join(f"{x:g} {y:g}" for x, y in value or ())
+        )
     if widget == "names":
         return ", ".join(value or ())
     if widget == "number":
@@ -204,7 +256,7 @@ def _shown(widget: Widget, value: Any) -> Any:
     return "" if value is None else value
 
 
-# --- reading ---------------------------------------------------------------------------------------------------------
+# --- reading --------------------------------------------------------------------------------------
 
 
 def read(cls: type[Any], sent: Sent, *, only: Collection[str] = (), prefix: str = "") -> Document:
@@ -223,16 +275,23 @@ def _read(member: _Member, sent: Sent, name: str) -> Any:
         is_off = member.has_none and f"{name}.on" not in sent
         return None if is_off else read(member.shape.cls, sent, prefix=f"{name}.")
     if listed is not None:
-        return [_numbered(listed, n, read(listed, sent, prefix=f"{name}.{n}.")) for n in range(_count(sent, name))]
+        return [
+            _numbered(listed, n, read(listed, sent, prefix=f"{name}.{n}."))
+            for n in range(_count(sent, name))
+        ]
     if member.type == Text:
         start = f"{name}."
-        texts = {key.removeprefix(start): _lines(sent.get(key)) for key in sent if key.startswith(start)}
+        texts = {
+            key.removeprefix(start): _lines(sent.get(key)) for key in sent if key.startswith(start)
+        }
         return {language: text for language, text in texts.items() if text}
     return _read_one(member, sent, name)
 
 
 def _count(sent: Sent, name: str) -> int:
-    """Return how many parts of a list were sent: each has a field `<name>.<n>`, so that an empty one is there too."""
+    """Return how many parts of a list were sent: each has a field `<name>.<n>`, so that an empty
+    one is there too.
+    """
     return next((n for n in range(MOST_LISTED) if f"{name}.{n}" not in sent), MOST_LISTED)
 
 
@@ -280,10 +339,12 @@ def _point(line: str) -> list[float] | None:
     return x_and_y if len(x_and_y) == len(numbers) == 2 else None  # noqa: PLR2004 -- x and y
 
 
-# --- what cannot be kept ---------------------------------------------------------------------------------------------
+# --- what cannot be kept --------------------------------------------------------------------------
 
 
-def errors(cls: type[Any], document: Document, *, only: Collection[str] = (), prefix: str = "") -> dict[str, str]:
+def errors(
+    cls: type[Any], document: Document, *, only: Collection[str] = (), prefix: str = ""
+) -> dict[str, str]:
     """Return, by name of the field, what the classes refuse."""
     found: dict[str, str] = {}
     for member in members(cls, only):
@@ -312,11 +373,13 @@ def _refused(member: _Member, value: Any) -> str:
     return ""
 
 
-# --- lists -----------------------------------------------------------------------------------------------------------
+# --- lists ----------------------------------------------------------------------------------------
 
 
 def change(values: list[Any], verb: str, n: int) -> list[Any]:
-    """Return a list with its part number `n` (from 0) removed, copied, or moved up or down; the list itself where that makes no sense."""
+    """Return a list with its part number `n` (from 0) removed, copied, or moved up or down; the
+    list itself where that makes no sense.
+    """
     if not 0 <= n < len(values):
         return values
     rest = [*values[:n], *values[n + 1 :]]
@@ -332,18 +395,31 @@ def change(values: list[Any], verb: str, n: int) -> list[Any]:
 
 
 def renumber(course: Document) -> Document:
-    """Return a course whose checkpoints are numbered as they stand, its photo staying with its checkpoint."""
+    """Return a course whose checkpoints are numbered as they stand, its photo staying with its
+    checkpoint.
+    """
     checkpoints, photo = course.get("checkpoints", []), course.get("photo")
     places = {checkpoint.get("number"): n for n, checkpoint in enumerate(checkpoints)}
-    numbered = {**course, "checkpoints": [{**checkpoint, "number": n} for n, checkpoint in enumerate(checkpoints)]}
-    return {**numbered, "photo": {**photo, "checkpoint": places[photo["checkpoint"]]}} if photo and photo.get("checkpoint") in places else numbered
+    numbered = {
+        **course,
+        "checkpoints": [{**checkpoint, "number": n} for n, checkpoint in enumerate(checkpoints)],
+    }
+    return (
+        {**numbered, "photo": {**photo, "checkpoint": places[photo["checkpoint"]]}}
+        if photo and photo.get("checkpoint") in places
+        else numbered
+    )
 
 
 def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
     """Return a document without the texts in other languages."""
     kept = dict(document)
     for key in document.keys() & {one.name for one in msgspec.structs.fields(cls)}:
-        kept[key] = _in_languages(next(one for one in msgspec.structs.fields(cls) if one.name == key), document[key], languages)
+        kept[key] = _in_languages(
+            next(one for one in msgspec.structs.fields(cls) if one.name == key),
+            document[key],
+            languages,
+        )
     return kept
 
 
@@ -356,7 +432,11 @@ def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:
     inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None
     kinds = inner.types if isinstance(inner, inspect.UnionType) else [inner]
     classes = [kind for kind in kinds if isinstance(kind, inspect.StructType)]
-    return [in_languages(_class_of(classes, part), part, languages) for part in value] if classes else value
+    return (
+        [in_languages(_class_of(classes, part), part, languages) for part in value]
+        if classes
+        else value
+    )
 
 
 def _class_of(classes: Sequence[inspect.StructType], part: Document) -> type[Any]:
@@ -366,4 +446,6 @@ def _class_of(classes: Sequence[inspect.StructType], part: Document) -> type[Any
 def new_point(at: str, default: Point) -> Point:
     """Return the point "x y" that a click on the map stands for; `default` when there was none."""
     points = _points(at)
-    return (points[0][0], points[0][1]) if isinstance(points, list) and len(points) == 1 else default
+    return (
+        (points[0][0], points[0][1]) if isinstance(points, list) and len(points) == 1 else default
+    )

@@ -1,4 +1,6 @@
-"""Forms of the studies' administration: a study from a file or begun empty, why it is published, its researchers, its personal links."""
+"""Forms of the studies' administration: a study from a file or begun empty, why it is published,
+its researchers, its personal links.
+"""
 
 import datetime
 from typing import Any
@@ -25,14 +27,30 @@ MOST_DAYS = 366
 class StudyForm(forms.ModelForm):
     """A study: how people come in, and, while it is a draft, its whole definition as JSON."""
 
-    file = forms.FileField(label=_("JSON file"), required=False, help_text=_("The format stands in docs/reference/studies.md."))
+    file = forms.FileField(
+        label=_("JSON file"),
+        required=False,
+        help_text=_("The format stands in docs/reference/studies.md."),
+    )
     document = forms.CharField(
-        label=_("or its text"), required=False, strip=False, max_length=MAX_BYTES,
-        widget=forms.Textarea(attrs={"rows": 20, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}),
-    )  # fmt: skip
-    name = forms.SlugField(label=_("Name"), required=False, max_length=40, help_text=_("Lower-case letters, digits and hyphens: its address."))
+        label=_("or its text"),
+        required=False,
+        strip=False,
+        max_length=MAX_BYTES,
+        widget=forms.Textarea(
+            attrs={"rows": 20, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
+        ),
+    )
+    name = forms.SlugField(
+        label=_("Name"),
+        required=False,
+        max_length=40,
+        help_text=_("Lower-case letters, digits and hyphens: its address."),
+    )
     called = forms.CharField(label=_("Title"), required=False, max_length=200)
-    spoken = forms.CharField(label=_("Languages"), required=False, initial="en", help_text=_("Codes such as “en, es”."))
+    spoken = forms.CharField(
+        label=_("Languages"), required=False, initial="en", help_text=_("Codes such as “en, es”.")
+    )
 
     class Meta:
         model = Study
@@ -46,38 +64,83 @@ class StudyForm(forms.ModelForm):
         self.is_new = self.instance._state.adding  # noqa: SLF001 -- Django's documented way to ask
 
     def clean(self) -> dict[str, Any]:
-        """Store the definition, so that what was published a moment ago is told like any other problem."""
+        """Store the definition, so that what was published a moment ago is told like any other
+        problem.
+        """
         cleaned = super().clean() or self.cleaned_data
         upload = cleaned.get("file")
-        document = upload.read(MAX_BYTES + 1) if upload is not None else cleaned.get("document", "").encode()
+        document = (
+            upload.read(MAX_BYTES + 1)
+            if upload is not None
+            else cleaned.get("document", "").encode()
+        )
         if self.errors or (not document.strip() and not self.is_new):
             return cleaned
         try:
             self.stored = self._take(parse(document)) if document.strip() else self._begin(cleaned)
         except BadDefinitionError as error:
-            raise forms.ValidationError([forms.ValidationError("%(problem)s", params={"problem": problem}) for problem in error.problems]) from error
+            raise forms.ValidationError(
+                [
+                    forms.ValidationError("%(problem)s", params={"problem": problem})
+                    for problem in error.problems
+                ]
+            ) from error
         except publishing.ChangedMeanwhileError as error:
-            raise forms.ValidationError(_now("Somebody changed or published this study at the same moment. Please try again.")) from error
+            raise forms.ValidationError(
+                _now(
+                    "Somebody changed or published this study at the same moment. Please try again."
+                )
+            ) from error
         return cleaned
 
     def _begin(self, cleaned: dict[str, Any]) -> Study:
         if not cleaned.get("name"):
-            raise BadDefinitionError([_now("Choose a file, paste the text of one, or write a name to begin an empty study.")])
+            raise BadDefinitionError(
+                [
+                    _now(
+                        "Choose a file, paste the text of one, or write a name to begin an empty"
+                        " study."
+                    )
+                ]
+            )
         languages = cleaned.get("spoken", "").replace(",", " ").split() or ["en"]
-        return publishing.begin_empty(cleaned["name"], cleaned.get("called") or cleaned["name"], languages, timezone.now())
+        return publishing.begin_empty(
+            cleaned["name"], cleaned.get("called") or cleaned["name"], languages, timezone.now()
+        )
 
     def _take(self, definition: Definition) -> Study:
-        """Keep an import from replacing what is there unseen, and a change from becoming another study."""
-        name, own = (definition.slug, definition.version), (self.instance.slug, self.instance.version)
+        """Keep an import from replacing what is there unseen, and a change from becoming another
+        study.
+        """
+        name, own = (
+            (definition.slug, definition.version),
+            (self.instance.slug, self.instance.version),
+        )
         if not self.is_new:
             if name != own:
-                raise BadDefinitionError([_now("This is version %(n)d of %(slug)s; name and version stay.") % {"n": own[1], "slug": own[0]}])
+                raise BadDefinitionError(
+                    [
+                        _now("This is version %(n)d of %(slug)s; name and version stay.")
+                        % {
+                            "n": own[1],
+                            "slug": own[0],
+                        }
+                    ]
+                )
             return publishing.save_draft(Study.objects.get(pk=self.instance.pk), definition)
         versions = Study.objects.filter(slug=definition.slug)
         if versions.exists() and not may(self.user, definition.slug, "owner"):
-            raise BadDefinitionError([_now("The name %(slug)s is taken: give yours another one.") % {"slug": definition.slug}])
+            raise BadDefinitionError(
+                [
+                    _now("The name %(slug)s is taken: give yours another one.")
+                    % {"slug": definition.slug}
+                ]
+            )
         if versions.filter(version=definition.version).exists():
-            text = _now("Version %(n)d of %(slug)s is here already: change that one, or give yours another version.")
+            text = _now(
+                "Version %(n)d of %(slug)s is here already: change that one, or give yours another"
+                " version."
+            )
             raise BadDefinitionError([text % {"n": name[1], "slug": name[0]}])
         return publishing.store(definition, timezone.now())
 
@@ -90,7 +153,12 @@ class StudyForm(forms.ModelForm):
 class PublishForm(forms.Form):
     """Why a study is published without a rehearsal that passed."""
 
-    reason = forms.CharField(label=_("Why without a rehearsal"), required=False, max_length=2000, widget=forms.Textarea(attrs={"rows": 3}))
+    reason = forms.CharField(
+        label=_("Why without a rehearsal"),
+        required=False,
+        max_length=2000,
+        widget=forms.Textarea(attrs={"rows": 3}),
+    )
 
 
 class MemberForm(forms.Form):
@@ -102,11 +170,18 @@ class MemberForm(forms.Form):
     def clean_person(self) -> User:
         """Return the user; one who is no staff could not come in here."""
         text = self.cleaned_data["person"].strip()
-        found = list(User.objects.filter(Q(username=text) | Q(email__iexact=text), is_active=True)[:2])
+        found = list(
+            User.objects.filter(Q(username=text) | Q(email__iexact=text), is_active=True)[:2]
+        )
         if len(found) != 1:
             raise forms.ValidationError(_now("There is no such user."))
         if not found[0].is_staff:
-            raise forms.ValidationError(_now("This user may not enter the administration: an administrator must allow it first."))
+            raise forms.ValidationError(
+                _now(
+                    "This user may not enter the administration: an administrator must allow it"
+                    " first."
+                )
+            )
         return found[0]
 
 
@@ -114,11 +189,26 @@ class LinksForm(forms.Form):
     """So many personal links."""
 
     count = forms.IntegerField(label=_("How many"), min_value=1, max_value=MOST_LINKS, initial=10)
-    label = forms.CharField(label=_("Label"), required=False, max_length=110, help_text=_("Each link gets it, and a number."))
-    access = forms.ChoiceField(
-        label=_("Gives"), choices=[("invitation", _("the conditions for those who were invited")), ("open", _("the conditions for everybody"))]
+    label = forms.CharField(
+        label=_("Label"),
+        required=False,
+        max_length=110,
+        help_text=_("Each link gets it, and a number."),
     )
-    days = forms.IntegerField(label=_("Expires after (days)"), required=False, min_value=1, max_value=MOST_DAYS, help_text=_("Empty: never."))
+    access = forms.ChoiceField(
+        label=_("Gives"),
+        choices=[
+            ("invitation", _("the conditions for those who were invited")),
+            ("open", _("the conditions for everybody")),
+        ],
+    )
+    days = forms.IntegerField(
+        label=_("Expires after (days)"),
+        required=False,
+        min_value=1,
+        max_value=MOST_DAYS,
+        help_text=_("Empty: never."),
+    )
 
     def expires_at(self, now: datetime.datetime) -> datetime.datetime | None:
         """Return when they expire."""

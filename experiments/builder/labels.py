@@ -1,4 +1,6 @@
-"""What the study builder calls things: a label and a hint for each field of a definition, and words for what may be chosen."""
+"""What the study builder calls things: a label and a hint for each field of a definition, and words
+for what may be chosen.
+"""
 
 from typing import Any
 
@@ -86,12 +88,19 @@ LABELS: dict[str, Words] = {
 }
 
 HINTS: dict[str, Words] = {
-    "languages": _("Codes such as “en, es”. Every text is needed in each of them; leaving one out deletes its texts."),
+    "languages": _(
+        "Codes such as “en, es”. Every text is needed in each of them; leaving one out deletes its"
+        " texts."
+    ),
     "key": _("Lower-case letters, digits and underscores. It stands in the data."),
     "repeat": _("Steps that are repeated stand together, the task among them."),
     "minimum_age": _("Asked with the consent."),
-    "picture": _("A picture of the site's own: driving, map, task, photo, assistance. Empty: none."),
-    "doors_closed": _("Those of the site that are closed in this condition; the others are opened."),
+    "picture": _(
+        "A picture of the site's own: driving, map, task, photo, assistance. Empty: none."
+    ),
+    "doors_closed": _(
+        "Those of the site that are closed in this condition; the others are opened."
+    ),
     "idle_seconds": _("Of doing nothing. Empty: never; the time limit is enough."),
     "path": _("One point a line: x and y in metres."),
     "polygon": _("One corner a line: x and y in metres, in order; at least three."),
@@ -107,7 +116,10 @@ HINTS: dict[str, Words] = {
     "linear": _("Below the robot's own; empty: the robot's."),
     "angular": _("Below the robot's own; empty: the robot's."),
     "statements": _("The questionnaire whose percentages are tabled."),
-    "control": _("Of the driver's commands; stopping is never held up. With jitter at most 0.2 s late: the robot takes nothing older."),
+    "control": _(
+        "Of the driver's commands; stopping is never held up. With jitter at most 0.2 s late: the"
+        " robot takes nothing older."
+    ),
     "video": _("Of picture and sound on their way to the driver alone."),
     "jitter": _("Up to so much more or less than the delay."),
     "reorder": _("Overtaken by the next."),
@@ -119,37 +131,74 @@ HINTS: dict[str, Words] = {
 CHOICES: dict[str, dict[str, Words]] = {
     "minors": {"refused": _("are turned away"), "guardian": _("need the word of a guardian")},
     "access": {"open": _("everybody with the link"), "invitation": _("those who were invited")},
-    "control_way": {"any": _("any"), "datachannel": _("WebRTC alone"), "mqtt": _("the server alone")},
+    "control_way": {
+        "any": _("any"),
+        "datachannel": _("WebRTC alone"),
+        "mqtt": _("the server alone"),
+    },
     "controllers": {
-        "keyboard": _("keyboard"), "mouse": _("mouse"), "touch": _("touch"), "stick": _("stick on the page"), "gamepad": _("gamepad"),
+        "keyboard": _("keyboard"),
+        "mouse": _("mouse"),
+        "touch": _("touch"),
+        "stick": _("stick on the page"),
+        "gamepad": _("gamepad"),
     },
     "actions": {
-        "places": _("go to places"), "map": _("go where the map is clicked"), "follow": _("follow a path"), "dock": _("dock by itself"),
-        "undock": _("leave the station by itself"), "tilt": _("tilt its head"),
+        "places": _("go to places"),
+        "map": _("go where the map is clicked"),
+        "follow": _("follow a path"),
+        "dock": _("dock by itself"),
+        "undock": _("leave the station by itself"),
+        "tilt": _("tilt its head"),
     },
     "interface": {
-        "standard": _("as it is for everybody"), "novice": _("novice: most help, least shown"), "expert": _("expert: no explanations"),
+        "standard": _("as it is for everybody"),
+        "novice": _("novice: most help, least shown"),
+        "expert": _("expert: no explanations"),
         "technical": _("technical: with the figures of the connection"),
     },
-    "assist": {"off": _("off"), "slow": _("slows down and stops before obstacles"), "steer": _("steers round obstacles and through doors")},
-    "design": {"between": _("each participant does one condition"), "within": _("each participant does all conditions")},
-    "order": {"fixed": _("as they stand here"), "all": _("all orders"), "balanced": _("balanced orders")},
+    "assist": {
+        "off": _("off"),
+        "slow": _("slows down and stops before obstacles"),
+        "steer": _("steers round obstacles and through doors"),
+    },
+    "design": {
+        "between": _("each participant does one condition"),
+        "within": _("each participant does all conditions"),
+    },
+    "order": {
+        "fixed": _("as they stand here"),
+        "all": _("all orders"),
+        "balanced": _("balanced orders"),
+    },
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal, as in the paper"), "t": _("Student's t")},
     "outcomes": {
-        "completed": _("completed"), "timed_out": _("timed out"), "connection_refused": _("connection refused"), "cancelled": _("cancelled"),
-        "stopped_by_operator": _("stopped by operator"), "robot_fault": _("robot fault"), "connection_lost": _("connection lost"),
+        "completed": _("completed"),
+        "timed_out": _("timed out"),
+        "connection_refused": _("connection refused"),
+        "cancelled": _("cancelled"),
+        "stopped_by_operator": _("stopped by operator"),
+        "robot_fault": _("robot fault"),
+        "connection_lost": _("connection lost"),
     },
-}  # fmt: skip
+}
 
 KINDS: dict[str, Words] = {
-    "consent": _("Consent"), "form": _("Form about the person"), "instructions": _("Instructions"), "practice": _("Practice drive"),
-    "task": _("Task"), "questionnaire": _("Questionnaire about the drive"), "debrief": _("Debriefing"),
-}  # fmt: skip
+    "consent": _("Consent"),
+    "form": _("Form about the person"),
+    "instructions": _("Instructions"),
+    "practice": _("Practice drive"),
+    "task": _("Task"),
+    "questionnaire": _("Questionnaire about the drive"),
+    "debrief": _("Debriefing"),
+}
 
 ITEMS: dict[str, Words] = {
-    "leaves": pgettext_lazy("of the instructions", "Page"), "checkpoints": _("Checkpoint"), "zones": _("Zone"),
-}  # fmt: skip
+    "leaves": pgettext_lazy("of the instructions", "Page"),
+    "checkpoints": _("Checkpoint"),
+    "zones": _("Zone"),
+}
 
 NOTHING = _("none")
 

@@ -1,4 +1,6 @@
-"""The pages of the study builder as places in a definition: what each edits, how it is put back, and where a problem belongs."""
+"""The pages of the study builder as places in a definition: what each edits, how it is put back,
+and where a problem belongs.
+"""
 
 import math
 import re
@@ -10,7 +12,18 @@ import msgspec
 
 from experiments.builder import fields
 from experiments.builder.fields import Document
-from experiments.definition.schema import Condition, Consent, Course, Debrief, Form, Instructions, Practice, Questionnaire, Study, Task
+from experiments.definition.schema import (
+    Condition,
+    Consent,
+    Course,
+    Debrief,
+    Form,
+    Instructions,
+    Practice,
+    Questionnaire,
+    Study,
+    Task,
+)
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
 
@@ -24,12 +37,23 @@ STEPS = (Consent, Form, Instructions, Practice, Task, Questionnaire, Debrief)
 KINDS: dict[str, type[Any]] = {str(cls.__struct_config__.tag): cls for cls in STEPS}
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
 BEGINNINGS = {
-    "steps": ("The consent", "The debriefing", "The steps", "The step", "There are", "One round", "The last", "Participants do"),
+    "steps": (
+        "The consent",
+        "The debriefing",
+        "The steps",
+        "The step",
+        "There are",
+        "One round",
+        "The last",
+        "Participants do",
+    ),
     "conditions": ("There is no condition", "The condition"),
     "courses": ("The course",),
     "rules": ("The refill", "The statements"),
 }
-_OF_A_PART = re.compile(r"(Step|Condition) (?P<key>[a-z][a-z0-9_]*): |(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]")
+_OF_A_PART = re.compile(
+    r"(Step|Condition) (?P<key>[a-z][a-z0-9_]*): |(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
+)
 _OF_A_COURSE = re.compile(r"Course of (?P<robot>\S+) at (?P<site>\S+): ")
 _IN_A_LIST = re.compile(r"study\.(?P<section>steps|conditions|courses)\[(?P<index>\d+)\]")
 
@@ -52,7 +76,11 @@ class Place:
         """Return the class of what is edited."""
         if self.index is None:
             return Study
-        return KINDS[part["kind"]] if self.section == "steps" else {"conditions": Condition, "courses": Course}[self.section]
+        return (
+            KINDS[part["kind"]]
+            if self.section == "steps"
+            else {"conditions": Condition, "courses": Course}[self.section]
+        )
 
     @property
     def only(self) -> Collection[str]:
@@ -64,10 +92,17 @@ class Place:
         if self.index is None:
             kept = {key: value for key, value in whole.items() if key not in self.only}
             changed = {**kept, **part}
-            return fields.in_languages(Study, changed, part["languages"]) if "languages" in part else changed
+            return (
+                fields.in_languages(Study, changed, part["languages"])
+                if "languages" in part
+                else changed
+            )
         parts = list(whole[self.section])
         kind = {"kind": parts[self.index]["kind"]} if self.section == "steps" else {}
-        parts[self.index] = {**kind, **(fields.renumber(part) if self.section == "courses" else part)}
+        parts[self.index] = {
+            **kind,
+            **(fields.renumber(part) if self.section == "courses" else part),
+        }
         return {**whole, self.section: parts}
 
 
@@ -75,14 +110,26 @@ def place_of(problem: str, study: Study) -> Place | None:
     """Return the page on which a problem is mended; None when that cannot be told."""
     if found := _OF_A_COURSE.match(problem):
         named = ((course.robot, course.site) for course in study.courses)
-        return next((Place("courses", n) for n, name in enumerate(named) if name == (found["robot"], found["site"])), None)
+        return next(
+            (
+                Place("courses", n)
+                for n, name in enumerate(named)
+                if name == (found["robot"], found["site"])
+            ),
+            None,
+        )
     if found := _IN_A_LIST.match(problem):
         return Place(found["section"], int(found["index"]))
     if problem.startswith("study."):
         return Place("about")
-    if (found := _OF_A_PART.match(problem)) and (place := _place_of_key(found["key"] or found["text"], study)):
+    if (found := _OF_A_PART.match(problem)) and (
+        place := _place_of_key(found["key"] or found["text"], study)
+    ):
         return place
-    return next((Place(section) for section, starts in BEGINNINGS.items() if problem.startswith(starts)), None)
+    return next(
+        (Place(section) for section, starts in BEGINNINGS.items() if problem.startswith(starts)),
+        None,
+    )
 
 
 def _place_of_key(key: str, study: Study) -> Place | None:
@@ -93,7 +140,7 @@ def _place_of_key(key: str, study: Study) -> Place | None:
     return None
 
 
-# --- what is new -----------------------------------------------------------------------------------------------------
+# --- what is new ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -106,11 +153,18 @@ class AtHand:
 
 def new_step(kind: str, whole: Document) -> Document:
     """Return a step without words."""
-    step: Document = {"kind": kind, "key": _free(kind, [one["key"] for one in whole["steps"]]), "title": {}}
+    step: Document = {
+        "kind": kind,
+        "key": _free(kind, [one["key"] for one in whole["steps"]]),
+        "title": {},
+    }
     more: dict[str, Document] = {
-        "consent": {"text": {}}, "debrief": {"text": {}}, "instructions": {"leaves": []}, "form": {"questionnaire": "ict"},
+        "consent": {"text": {}},
+        "debrief": {"text": {}},
+        "instructions": {"leaves": []},
+        "form": {"questionnaire": "ict"},
         "questionnaire": {"questionnaire": "experience"},
-    }  # fmt: skip
+    }
     return {**step, **more.get(kind, {})}
 
 
@@ -118,11 +172,19 @@ def new_condition(whole: Document, at_hand: AtHand) -> Document:
     """Return a condition of the first robot and site."""
     key = _free("condition", [one["key"] for one in whole["conditions"]])
     site, robot = next(iter(at_hand.sites), "site"), next(iter(at_hand.robots), "robot")
-    return {"key": key, "title": {}, "robot": robot, "site": site, "controllers": ["keyboard", "mouse", "touch", "stick"]}
+    return {
+        "key": key,
+        "title": {},
+        "robot": robot,
+        "site": site,
+        "controllers": ["keyboard", "mouse", "touch", "stick"],
+    }
 
 
 def new_course(whole: Document, at_hand: AtHand) -> Document:
-    """Return a course for the first robot and site of the conditions that have none, as the plan suggests it."""
+    """Return a course for the first robot and site of the conditions that have none, as the plan
+    suggests it.
+    """
     wanted = [(one["robot"], one["site"]) for one in whole["conditions"]]
     taken = {(one["robot"], one["site"]) for one in whole["courses"]}
     first = (next(iter(at_hand.robots), "robot"), next(iter(at_hand.sites), "site"))
@@ -140,19 +202,33 @@ def _suggested(plan: FloorPlan, robot: str) -> Document:
     if route is None:
         stations = [{"number": 0, "x": dock.x, "y": dock.y} for dock in docks[:1]]
         return {**named, "checkpoints": stations}
-    points = [{"number": one.number, "x": one.x, "y": one.y, "radius": one.radius} for one in route.checkpoints]
+    points = [
+        {"number": one.number, "x": one.x, "y": one.y, "radius": one.radius}
+        for one in route.checkpoints
+    ]
     return {**named, "checkpoints": points, "path": msgspec.to_builtins(route.path), "doors": doors}
 
 
 def new_part(key: str, n: int, at: Point) -> Document | None:
-    """Return a new part number `n` (from 0) of a list inside a step or a course, placed at a point; None for other lists."""
+    """Return a new part number `n` (from 0) of a list inside a step or a course, placed at a point;
+    None for other lists.
+    """
     x, y = at
     half = NEW_ZONE / 2.0
-    corners = [[x - half, y - half], [x + half, y - half], [x + half, y + half], [x - half, y + half]]
+    corners = [
+        [x - half, y - half],
+        [x + half, y - half],
+        [x + half, y + half],
+        [x - half, y + half],
+    ]
     parts: dict[str, Document] = {
         "leaves": {"text": {}},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
-        "zones": {"name": f"zone_{n + 1}", "title": {}, "polygon": [[round(value, 2) for value in corner] for corner in corners]},
+        "zones": {
+            "name": f"zone_{n + 1}",
+            "title": {},
+            "polygon": [[round(value, 2) for value in corner] for corner in corners],
+        },
     }
     return parts.get(key)
 
@@ -162,14 +238,26 @@ def middle_of(plan: FloorPlan | None) -> Point:
     if plan is None:
         return 0.0, 0.0
     corners = plan.rooms[0].polygon
-    return math.fsum(x for x, _ in corners) / len(corners), math.fsum(y for _, y in corners) / len(corners)
+    return math.fsum(x for x, _ in corners) / len(corners), math.fsum(y for _, y in corners) / len(
+        corners
+    )
 
 
 def copied(section: str, part: Document, whole: Document) -> Document:
     """Return a copy of a part of a list, under a key of its own."""
-    return {**part, "key": _free(part["key"], [one["key"] for one in whole[section]])} if "key" in part else part
+    return (
+        {**part, "key": _free(part["key"], [one["key"] for one in whole[section]])}
+        if "key" in part
+        else part
+    )
 
 
 def _free(key: str, taken: Collection[str]) -> str:
     longest = 36
-    return key if key not in taken else next(name for n in range(2, len(taken) + 3) if (name := f"{key[:longest]}_{n}") not in taken)
+    return (
+        key
+        if key not in taken
+        else next(
+            name for n in range(2, len(taken) + 3) if (name := f"{key[:longest]}_{n}") not in taken
+        )
+    )

@@ -1,9 +1,12 @@
-"""The study builder: a definition edited page by page, without JSON and without JavaScript. Mixed into the studies' administration.
+"""The study builder: a definition edited page by page, without JSON and without JavaScript. Mixed
+into the studies' administration.
 
-A page is a form over one place of the definition (experiments/builder/pages.py). Every button of it sends the whole form: what was
-typed is kept with each part that is added, removed or moved. A draft may be saved half done; what is still wrong stands above the form.
+A page is a form over one place of the definition (experiments/builder/pages.py). Every button of it
+sends the whole form: what was typed is kept with each part that is added, removed or moved. A draft
+may be saved half done; what is still wrong stands above the form.
 
-Longer than most files here: lists, forms and the map of a course are pages of one kind, with one way to be saved.
+Longer than most files here: lists, forms and the map of a course are pages of one kind, with one
+way to be saved.
 """
 
 import re
@@ -24,7 +27,20 @@ from django.views.decorators.cache import never_cache
 
 from experiments.builder import fields, labels
 from experiments.builder.fields import Asking, Document
-from experiments.builder.pages import KINDS, LISTS, PAGES, AtHand, Place, copied, middle_of, new_condition, new_course, new_part, new_step, place_of
+from experiments.builder.pages import (
+    KINDS,
+    LISTS,
+    PAGES,
+    AtHand,
+    Place,
+    copied,
+    middle_of,
+    new_condition,
+    new_course,
+    new_part,
+    new_step,
+    place_of,
+)
 from experiments.definition import publishing
 from experiments.definition.problems import problems
 from experiments.definition.schema import Course, Study
@@ -37,10 +53,16 @@ from sessions.interfaces import INTERFACES
 
 PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
 TITLES = {
-    "about": gettext_lazy("About the study"), "steps": gettext_lazy("Steps"), "conditions": gettext_lazy("Conditions"),
-    "courses": gettext_lazy("Courses"), "rules": gettext_lazy("Rules"),
-}  # fmt: skip
-MEANWHILE = gettext_lazy("Somebody changed this study meanwhile. What you see below is yours: do it again if it is still right.")
+    "about": gettext_lazy("About the study"),
+    "steps": gettext_lazy("Steps"),
+    "conditions": gettext_lazy("Conditions"),
+    "courses": gettext_lazy("Courses"),
+    "rules": gettext_lazy("Rules"),
+}
+MEANWHILE = gettext_lazy(
+    "Somebody changed this study meanwhile. What you see below is yours: do it again if it is still"
+    " right."
+)
 WRONG_PLACE = re.compile(r"checkpoint (\d+) (?:cannot be reached|lies in no room|does not lie)")
 MOST_SHOWN = 40  # problems above a form
 
@@ -55,7 +77,9 @@ class Told:
 
 @dataclass
 class Draft:
-    """A form as it came in: `part` as typed, `errors` by name of the field, `above` what no field is to blame for, `anchor` where to go on."""
+    """A form as it came in: `part` as typed, `errors` by name of the field, `above` what no field
+    is to blame for, `anchor` where to go on.
+    """
 
     part: Document
     errors: dict[str, str] = field(default_factory=dict)
@@ -87,22 +111,40 @@ def at_hand() -> AtHand:
     """Return the sites, and the series of robots that were heard of, or have a station there."""
     sites = publishing.sites()
     stations = {dock.type: None for plan in sites.values() for dock in plan.docks}
-    return AtHand(sites=sites, robots=tuple({**dict.fromkeys(publishing.known_here().robots), **stations}))
+    return AtHand(
+        sites=sites, robots=tuple({**dict.fromkeys(publishing.known_here().robots), **stations})
+    )
 
 
 def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
-    """Return what can be chosen in a form, by key of the field; doors, stations and mirrors are those of the part's own site."""
+    """Return what can be chosen in a form, by key of the field; doors, stations and mirrors are
+    those of the part's own site.
+    """
     here = at_hand()
     plan = here.sites.get(part.get("site", ""))
     doors = tuple(door.name for door in plan.doors) if plan is not None else ()
     return {
-        "robot": here.robots, "site": tuple(here.sites), "doors": doors, "doors_closed": doors,
-        "dock": tuple(dock.name for dock in plan.docks if dock.type == part.get("robot")) if plan is not None else (),
+        "robot": here.robots,
+        "site": tuple(here.sites),
+        "doors": doors,
+        "doors_closed": doors,
+        "dock": (
+            tuple(dock.name for dock in plan.docks if dock.type == part.get("robot"))
+            if plan is not None
+            else ()
+        ),
         "mirror": tuple(mirror.name for mirror in plan.mirrors) if plan is not None else (),
-        "questionnaire": tuple(sorted({slug for slug, _version in publishing.known_here().questionnaires})),
-        "statements": tuple(dict.fromkeys(step["questionnaire"] for step in whole["steps"] if "questionnaire" in step)),
-        "interface": INTERFACES, "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
-    }  # fmt: skip
+        "questionnaire": tuple(
+            sorted({slug for slug, _version in publishing.known_here().questionnaires})
+        ),
+        "statements": tuple(
+            dict.fromkeys(
+                step["questionnaire"] for step in whole["steps"] if "questionnaire" in step
+            )
+        ),
+        "interface": INTERFACES,
+        "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
+    }
 
 
 class BuilderPages:
@@ -114,8 +156,16 @@ class BuilderPages:
         start = "<uuid:pk>/build/<slug:section>/"
         return [
             path(start, guard(never_cache(self.section_view)), name="experiments_study_section"),
-            path(f"{start}<int:index>/", guard(never_cache(self.part_view)), name="experiments_study_part"),
-            path(f"{start}<int:index>/check/", guard(never_cache(self.check_view)), name="experiments_study_check"),
+            path(
+                f"{start}<int:index>/",
+                guard(never_cache(self.part_view)),
+                name="experiments_study_part",
+            ),
+            path(
+                f"{start}<int:index>/check/",
+                guard(never_cache(self.check_view)),
+                name="experiments_study_check",
+            ),
         ]
 
     def section_view(self, request: HttpRequest, pk: Any, section: str) -> HttpResponse:
@@ -127,7 +177,13 @@ class BuilderPages:
             raise Http404
         if request.method == "POST":
             return self._change_list(request, _to_change(request, row), section)
-        return self._render(request, row, "list", section, {"parts": list(_listed(row, section)), "kinds": _kinds(section)})
+        return self._render(
+            request,
+            row,
+            "list",
+            section,
+            {"parts": list(_listed(row, section)), "kinds": _kinds(section)},
+        )
 
     def part_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> HttpResponse:
         """Show one step, condition or course; a POST changes it."""
@@ -142,12 +198,21 @@ class BuilderPages:
             raise Http404
         draft = _read(request, place, part)
         if draft.errors:
-            return JsonResponse({"problems": list(dict.fromkeys(draft.errors.values())), "checkpoints": []})
+            return JsonResponse(
+                {"problems": list(dict.fromkeys(draft.errors.values())), "checkpoints": []}
+            )
         course = msgspec.convert(draft.part, Course)
         wrong = _of_course(_put(whole, place, draft.part), course)
-        return JsonResponse({"problems": wrong, "checkpoints": sorted({int(n) for text in wrong for n in WRONG_PLACE.findall(text)})})
+        return JsonResponse(
+            {
+                "problems": wrong,
+                "checkpoints": sorted(
+                    {int(n) for text in wrong for n in WRONG_PLACE.findall(text)}
+                ),
+            }
+        )
 
-    # --- forms -------------------------------------------------------------------------------------------------------
+    # --- forms ------------------------------------------------------------------------------------
 
     def _form(self, request: HttpRequest, row: Row, place: Place) -> HttpResponse:
         whole = whole_of(row)
@@ -161,38 +226,85 @@ class BuilderPages:
         saved = None if draft.errors else _save(request, row, place, draft)
         if saved is None:
             return self._show(request, Row.objects.get(pk=row.pk), place, draft, status=422)
-        publishing.log(saved, request.user, f"Changed: {place.section}{'' if place.index is None else f' {place.index + 1}'}.")
+        publishing.log(
+            saved,
+            request.user,
+            f"Changed: {place.section}{'' if place.index is None else f' {place.index + 1}'}.",
+        )
         messages.success(request, _("Saved."))
-        return HttpResponseRedirect(address(row, place) + (f"#{draft.anchor}" if draft.anchor else ""))
+        return HttpResponseRedirect(
+            address(row, place) + (f"#{draft.anchor}" if draft.anchor else "")
+        )
 
-    def _show(self, request: HttpRequest, row: Row, place: Place, draft: Draft, status: int = 200) -> HttpResponse:
+    def _show(
+        self, request: HttpRequest, row: Row, place: Place, draft: Draft, status: int = 200
+    ) -> HttpResponse:
         whole, part = whole_of(row), draft.part
         former = place.part(whole) or part
         cls = place.cls(former)
         asking = Asking(whole["languages"], offered(whole, part), draft.errors)
         context = {
-            "form": fields.ask(cls, part, asking, only=place.only), "place": place, "above": draft.above, "has_errors": bool(draft.errors),
+            "form": fields.ask(cls, part, asking, only=place.only),
+            "place": place,
+            "above": draft.above,
+            "has_errors": bool(draft.errors),
             "part_title": _title_of(former, whole) if place.index is not None else "",
-            "kind": labels.KINDS.get(former.get("kind", ""), "") if place.section == "steps" else "",
-        }  # fmt: skip
+            "kind": (
+                labels.KINDS.get(former.get("kind", ""), "") if place.section == "steps" else ""
+            ),
+        }
         if place.section == "courses":
-            context |= {"course": _drawn(part), "check": reverse("admin:experiments_study_check", args=[row.pk, "courses", place.index])}
-        return self._render(request, row, "course" if place.section == "courses" else "part", place.section, context, place=place, status=status)
+            context |= {
+                "course": _drawn(part),
+                "check": reverse(
+                    "admin:experiments_study_check", args=[row.pk, "courses", place.index]
+                ),
+            }
+        return self._render(
+            request,
+            row,
+            "course" if place.section == "courses" else "part",
+            place.section,
+            context,
+            place=place,
+            status=status,
+        )
 
     def _render(
-        self, request: HttpRequest, row: Row, page: str, section: str, more: Document, *, place: Place | None = None, status: int = 200
+        self,
+        request: HttpRequest,
+        row: Row,
+        page: str,
+        section: str,
+        more: Document,
+        *,
+        place: Place | None = None,
+        status: int = 200,
     ) -> HttpResponse:
         found = told(row)
         mine = [one for one in found if place is None or one.url == address(row, place)]
-        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
-            "title": _title(section), "opts": self.opts, "study": row, "section": section,  # type: ignore[attr-defined]
-            "sections": [(name, _title(name), address(row, Place(name)), _count(row, name)) for name in TITLES],
-            "problems": mine[:MOST_SHOWN], "elsewhere": len(found) - len(mine), "may_change": _may_change(request, row),
-            "pilots": row.participants.count(),
-        }  # fmt: skip
-        return render(request, f"admin/experiments/study/builder_{page}.html", context | more, status=status)
+        context = (
+            self.admin_site.each_context(request)
+            | {  # type: ignore[attr-defined]
+                "title": _title(section),
+                "opts": self.opts,
+                "study": row,
+                "section": section,  # type: ignore[attr-defined]
+                "sections": [
+                    (name, _title(name), address(row, Place(name)), _count(row, name))
+                    for name in TITLES
+                ],
+                "problems": mine[:MOST_SHOWN],
+                "elsewhere": len(found) - len(mine),
+                "may_change": _may_change(request, row),
+                "pilots": row.participants.count(),
+            }
+        )
+        return render(
+            request, f"admin/experiments/study/builder_{page}.html", context | more, status=status
+        )
 
-    # --- lists -------------------------------------------------------------------------------------------------------
+    # --- lists ------------------------------------------------------------------------------------
 
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
         verb, _colon, what = request.POST.get("do", "").partition(":")
@@ -221,14 +333,18 @@ def _may_change(request: HttpRequest, row: Row) -> bool:
 
 
 def _to_change(request: HttpRequest, row: Row) -> Row:
-    """Return the row when it may be changed; for whoever may not, a page that changes it is not there."""
+    """Return the row when it may be changed; for whoever may not, a page that changes it is not
+    there.
+    """
     if not _may_change(request, row):
         raise Http404
     return row
 
 
 def _read(request: HttpRequest, place: Place, former: Document) -> Draft:
-    """Return what a form says after its button: `save`, `add:<list>`, or `remove|up|down:<list>:<n>`."""
+    """Return what a form says after its button: `save`, `add:<list>`, or
+    `remove|up|down:<list>:<n>`.
+    """
     cls = place.cls(former)
     part = fields.read(cls, request.POST, only=place.only)
     anchor = _press(part, request.POST)
@@ -238,12 +354,16 @@ def _read(request: HttpRequest, place: Place, former: Document) -> Draft:
 
 
 def _press(part: Document, sent: Any) -> str:
-    """Do what the button of a form says to one of the lists in it, and return where the page goes on."""
+    """Do what the button of a form says to one of the lists in it, and return where the page goes
+    on.
+    """
     verb, _colon, what = sent.get("do", "save").partition(":")
     key, _colon, n = what.partition(":")
     values = part.get(key, [])
     if verb == "add" and key in labels.ITEMS:
-        at = fields.new_point(sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", ""))))
+        at = fields.new_point(
+            sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", "")))
+        )
         part[key] = [*values, new_part(key, len(values), at)]
         return "course" if sent.get("at") else f"{key}.{len(values)}"
     if n.isascii() and n.isdigit() and isinstance(values, list):
@@ -276,7 +396,7 @@ def _keep(row: Row, whole: Document) -> Row | str:
         return _("Somebody changed or published this study at the same moment. Please try again.")
 
 
-# --- what is shown ---------------------------------------------------------------------------------------------------
+# --- what is shown --------------------------------------------------------------------------------
 
 
 def _count(row: Row, section: str) -> int | None:
@@ -292,13 +412,26 @@ def _kinds(section: str) -> list[tuple[str, Any]]:
 def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
     whole = whole_of(row)
     for n, part in enumerate(whole[section]):
-        yield {"url": address(row, Place(section, n)), "n": n, "title": _title_of(part, whole), "about": list(_about(section, part))}
+        yield {
+            "url": address(row, Place(section, n)),
+            "n": n,
+            "title": _title_of(part, whole),
+            "about": list(_about(section, part)),
+        }
 
 
 def _title_of(part: Document, whole: Document) -> str:
     texts = part.get("title", {})
     said = next((texts[language] for language in whole["languages"] if texts.get(language)), "")
-    return said or part.get("key") or _("%(robot)s at %(site)s") % {"robot": part.get("robot", ""), "site": part.get("site", "")}
+    return (
+        said
+        or part.get("key")
+        or _("%(robot)s at %(site)s")
+        % {
+            "robot": part.get("robot", ""),
+            "site": part.get("site", ""),
+        }
+    )
 
 
 def _about(section: str, part: Document) -> Iterator[Any]:
@@ -310,8 +443,16 @@ def _about(section: str, part: Document) -> Iterator[Any]:
     elif section == "conditions":
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
         yield _("by invitation") if part.get("access") == "invitation" else ""
-        yield _("assistance: %(level)s") % {"level": labels.word("assist", part["assist"])} if "assist" in part else ""
-        yield _("closed: %(doors)s") % {"doors": ", ".join(part["doors_closed"])} if part.get("doors_closed") else ""
+        yield (
+            _("assistance: %(level)s") % {"level": labels.word("assist", part["assist"])}
+            if "assist" in part
+            else ""
+        )
+        yield (
+            _("closed: %(doors)s") % {"doors": ", ".join(part["doors_closed"])}
+            if part.get("doors_closed")
+            else ""
+        )
         yield _("network impaired") if part.get("network") else ""
     else:
         yield _("%(n)d checkpoints") % {"n": len(part["checkpoints"])}
@@ -323,23 +464,35 @@ def _new(section: str, kind: str, whole: Document) -> Document:
         if kind not in KINDS:
             raise Http404
         return new_step(kind, whole)
-    return new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
+    return (
+        new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
+    )
 
 
-# --- courses ---------------------------------------------------------------------------------------------------------
+# --- courses --------------------------------------------------------------------------------------
 
 
 def _drawn(course: Document) -> Document:
     """Return what a page needs to draw the ground of a course; no plan when there is no such site."""
     plan = FloorPlan.objects.filter(name=course.get("site", "")).first()
-    return {"plan": plan_content(plan) if plan is not None else None, "robot": course.get("robot", "")}
+    return {
+        "plan": plan_content(plan) if plan is not None else None,
+        "robot": course.get("robot", ""),
+    }
 
 
 def _of_course(study: Study, course: Course) -> list[str]:
     """Return what is wrong with one course of a study, or with its conditions because of it."""
     mine = f"Course of {course.robot} at {course.site}: "
     wrong = [text for text in problems(study) if text.startswith(mine)]
-    driven = tuple(one for one in study.conditions if (one.robot, one.site) == (course.robot, course.site))
+    driven = tuple(
+        one for one in study.conditions if (one.robot, one.site) == (course.robot, course.site)
+    )
     # Its conditions come first: what a checkpoint is not reached from is told for each of them.
-    alone = msgspec.structs.replace(study, courses=(course,), conditions=driven, steps=tuple(step for step in study.steps if step is study.task))
+    alone = msgspec.structs.replace(
+        study,
+        courses=(course,),
+        conditions=driven,
+        steps=tuple(step for step in study.steps if step is study.task),
+    )
     return [text.removeprefix(mine) for text in (*wrong, *publishing.obstacles_here(alone))]

@@ -1,4 +1,6 @@
-"""Filled-in questionnaires as the responses of a dataset: how every question stands, in written order."""
+"""Filled-in questionnaires as the responses of a dataset: how every question stands, in written
+order.
+"""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,39 +19,67 @@ from surveys.models import Answer
 from surveys.models import Questionnaire as QuestionnaireRow
 from surveys.models import Response as Row
 
-# experiments/participation/questions.py: a participant's key, and a place as experiments/participation/journey.py writes it.
+# experiments/participation/questions.py: a participant's key, and a place as
+# experiments/participation/journey.py writes it.
 _PLACED = re.compile(rf"{CONTEXT}/([0-9a-f-]{{36}})/(\d+)\.(\d+)\.([a-z0-9_-]+)")
 AT_ONCE = 200  # participants, whose responses are asked for in one query
 
 
-def responses_of(study: Study, sessions: Mapping[Round, str], names: Pseudonyms, choice: Choice) -> Iterator[Response]:
-    """Yield the responses that were given in a study, participant by participant; `sessions` has the code of each round's drive."""
-    people = list(Participant.objects.filter(study=study).exclude(status=Participant.Status.WITHDRAWN).order_by("code"))
-    asking = [step for step in study.as_definition().steps if isinstance(step, Form | Questionnaire)]
-    repeated, slugs = {step.key: isinstance(step, Questionnaire) for step in asking}, {step.questionnaire for step in asking}
+def responses_of(
+    study: Study, sessions: Mapping[Round, str], names: Pseudonyms, choice: Choice
+) -> Iterator[Response]:
+    """Yield the responses that were given in a study, participant by participant; `sessions` has
+    the code of each round's drive.
+    """
+    people = list(
+        Participant.objects.filter(study=study)
+        .exclude(status=Participant.Status.WITHDRAWN)
+        .order_by("code")
+    )
+    asking = [
+        step for step in study.as_definition().steps if isinstance(step, Form | Questionnaire)
+    ]
+    repeated, slugs = (
+        {step.key: isinstance(step, Questionnaire) for step in asking},
+        {step.questionnaire for step in asking},
+    )
     for start in range(0, len(people), AT_ONCE):
         known = {str(one.pk): one for one in people[start : start + AT_ONCE]}
         users = [one.user_id for one in known.values() if one.user_id is not None]
         found: dict[str, list[Response]] = {key: [] for key in known}
-        rows = Row.objects.filter(user__in=users, context__startswith=f"{CONTEXT}/", questionnaire__slug__in=slugs)
+        rows = Row.objects.filter(
+            user__in=users, context__startswith=f"{CONTEXT}/", questionnaire__slug__in=slugs
+        )
         for row, definition, answers in answered(rows):
             place = place_of(row.context)
             if place is None or place[0] not in known or place[3] not in repeated:
                 continue
             who, visit, turn, step = place
             session = sessions.get((known[who].pk, visit, turn), "") if repeated[step] else ""
-            found[who].append(_response(row, definition, answers, known[who].code, session, names, choice))
+            found[who].append(
+                _response(row, definition, answers, known[who].code, session, names, choice)
+            )
         for own in found.values():
             yield from own
 
 
 def place_of(context: str) -> tuple[str, int, int, str] | None:
-    """Return participant, visit, round and step of a response's context; None when it is no study's."""
+    """Return participant, visit, round and step of a response's context; None when it is no
+    study's.
+    """
     found = _PLACED.fullmatch(context)
     return (found[1], int(found[2]), int(found[3]), found[4]) if found else None
 
 
-def _response(row: Row, definition: Definition, answers: Sequence[Answer], who: str, session: str, names: Pseudonyms, choice: Choice) -> Response:  # noqa: PLR0917 -- all that a response is made of
+def _response(
+    row: Row,
+    definition: Definition,
+    answers: Sequence[Answer],
+    who: str,
+    session: str,
+    names: Pseudonyms,
+    choice: Choice,
+) -> Response:  # noqa: PLR0917 -- all that a response is made of
     stands = row.standings(definition, {answer.item: answer.given for answer in answers})
     values, missing = {}, {}
     for question in definition.questions():
@@ -61,9 +91,16 @@ def _response(row: Row, definition: Definition, answers: Sequence[Answer], who: 
     seconds = {answer.item: answer.seconds for answer in answers if answer.seconds is not None}
     order = [key for key in (*values, *missing) if key in seconds]
     return Response(
-        names.response(row.pk), row.questionnaire.slug, who, values, version=row.questionnaire.version, session=session,
-        finished=row.finished_at is not None, missing=missing, seconds={key: seconds[key] for key in order},
-    )  # fmt: skip
+        names.response(row.pk),
+        row.questionnaire.slug,
+        who,
+        values,
+        version=row.questionnaire.version,
+        session=session,
+        finished=row.finished_at is not None,
+        missing=missing,
+        seconds={key: seconds[key] for key in order},
+    )
 
 
 def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[object, str]:
@@ -76,6 +113,16 @@ def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[objec
 
 def questionnaires_of(study: Study) -> tuple[Definition, ...]:
     """Return the questionnaires of a study in every version that is there, by name and version."""
-    slugs = {step.questionnaire for step in study.as_definition().steps if isinstance(step, Form | Questionnaire)}
-    rows = QuestionnaireRow.objects.filter(slug__in=sorted(slugs | {study.as_definition().analysis.statements}))
-    return tuple(sorted((row.as_definition() for row in rows), key=lambda one: f"{one.slug}-{one.version}.json"))
+    slugs = {
+        step.questionnaire
+        for step in study.as_definition().steps
+        if isinstance(step, Form | Questionnaire)
+    }
+    rows = QuestionnaireRow.objects.filter(
+        slug__in=sorted(slugs | {study.as_definition().analysis.statements})
+    )
+    return tuple(
+        sorted(
+            (row.as_definition() for row in rows), key=lambda one: f"{one.slug}-{one.version}.json"
+        )
+    )

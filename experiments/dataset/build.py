@@ -1,8 +1,9 @@
 """A study in the database as a dataset: what tables, figures and exports are made of.
 
-Sessions, responses and networks go by codes that are made from the study's secret, participants by the random one that they have;
-times are seconds since the robot was granted. States and network samples are read when they are asked for, a session at a time, and
-events are read once or, in an export, as they are written.
+Sessions, responses and networks go by codes that are made from the study's secret, participants by
+the random one that they have; times are seconds since the robot was granted. States and network
+samples are read when they are asked for, a session at a time, and events are read once or, in an
+export, as they are written.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,13 +24,16 @@ from experiments.models import Drive, Study
 ANALYSED = Choice(sources=("task",))  # tables and figures ask for no other events
 
 
-def dataset_of(study: Study, *, choice: Choice = ANALYSED, drives: Sequence[Drive] | None = None) -> Dataset:
+def dataset_of(
+    study: Study, *, choice: Choice = ANALYSED, drives: Sequence[Drive] | None = None
+) -> Dataset:
     """Return what was recorded of a study.
 
     Args:
         study: one version of a study.
         choice: what is left out of it.
-        drives: its drives, by whoever has them already and reads their events by themself: then the dataset has none.
+        drives: its drives, by whoever has them already and reads their events by themself: then the
+            dataset has none.
     """
     names = Pseudonyms(study.secret)
     with_events = drives is None
@@ -46,21 +50,31 @@ def dataset_of(study: Study, *, choice: Choice = ANALYSED, drives: Sequence[Driv
         responses=tuple(responses_of(study, places, names, choice)),
         questionnaires=questionnaires_of(study),
         plans=plans_of(study.as_definition()),
-        states=_reader(drives, names, lambda drive: states_of(drive.session_id, granted(drive)), columns_of(STATES)),
+        states=_reader(
+            drives,
+            names,
+            lambda drive: states_of(drive.session_id, granted(drive)),
+            columns_of(STATES),
+        ),
         network=_reader(drives, names, _network, columns_of(NETWORK)),
     )
 
 
 def places_of(drives: Sequence[Drive], names: Pseudonyms) -> dict[Round, str]:
     """Return the code of the session of each round, the last one where somebody had to begin again."""
-    return {(drive.participant_id, drive.visit, drive.round): names.session(drive.session_id) for drive in drives}
+    return {
+        (drive.participant_id, drive.visit, drive.round): names.session(drive.session_id)
+        for drive in drives
+    }
 
 
 def _network(drive: Drive) -> Columns:
     return network_of(drive.session_id, granted(drive), page_offset(drive.session_id))
 
 
-def _reader(drives: Sequence[Drive], names: Pseudonyms, read: Callable[[Drive], Columns], nothing: Columns) -> Callable[[str], Columns]:
+def _reader(
+    drives: Sequence[Drive], names: Pseudonyms, read: Callable[[Drive], Columns], nothing: Columns
+) -> Callable[[str], Columns]:
     """Reading the same session twice in a row reads the database once."""
     known = {names.session(drive.session_id): drive for drive in drives}
 

@@ -1,4 +1,6 @@
-"""The events of sessions, from everybody who told of some: the task engine, the server, the robot and the page."""
+"""The events of sessions, from everybody who told of some: the task engine, the server, the robot
+and the page.
+"""
 
 import statistics
 from collections.abc import Iterable, Iterator
@@ -24,8 +26,18 @@ def _task(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
     if "task" not in choice.sources:
         return
     code, begin = names.session(drive.session_id), granted(drive)
-    for stamp, kind, data in TaskEvent.objects.filter(drive=drive).order_by("number").values_list("stamp", "type", "data"):
-        yield Event(code, round(stamp - begin, 6), "task", kind, event_data("task", kind, data, granted=begin, choice=choice, names=names))
+    for stamp, kind, data in (
+        TaskEvent.objects.filter(drive=drive)
+        .order_by("number")
+        .values_list("stamp", "type", "data")
+    ):
+        yield Event(
+            code,
+            round(stamp - begin, 6),
+            "task",
+            kind,
+            event_data("task", kind, data, granted=begin, choice=choice, names=names),
+        )
 
 
 def _told(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
@@ -34,23 +46,35 @@ def _told(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
         return
     code, begin = names.session(drive.session_id), granted(drive)
     offsets = {"robot": robot_offset(drive.session_id), "page": page_offset(drive.session_id)}
-    rows = SessionEvent.objects.filter(session=drive.session_id, source__in=sources).order_by("received_at", "id")
-    for source, kind, stamp, data in rows.values_list("source", "type", "stamp", "data").iterator(chunk_size=1000):
+    rows = SessionEvent.objects.filter(session=drive.session_id, source__in=sources).order_by(
+        "received_at", "id"
+    )
+    for source, kind, stamp, data in rows.values_list("source", "type", "stamp", "data").iterator(
+        chunk_size=1000
+    ):
         kept = event_data(source, kind, data, granted=begin, choice=choice, names=names)
         yield Event(code, round(stamp - offsets.get(source, 0.0) - begin, 6), source, kind, kept)
 
 
 def robot_offset(session: object) -> float:
-    """Return the robot's clock minus the server's in seconds, as it mostly was; 0 when it was never known."""
-    known = StateChunk.objects.filter(session=session, clock_offset__isnull=False).values_list("clock_offset", flat=True)
+    """Return the robot's clock minus the server's in seconds, as it mostly was; 0 when it was never
+    known.
+    """
+    known = StateChunk.objects.filter(session=session, clock_offset__isnull=False).values_list(
+        "clock_offset", flat=True
+    )
     offsets = list(known)
     return statistics.median(offsets) if offsets else 0.0
 
 
 def page_offset(session: object) -> float:
-    """Return the page's clock minus the server's in seconds, less the least time on the way; 0 without a word of it."""
+    """Return the page's clock minus the server's in seconds, less the least time on the way; 0
+    without a word of it.
+    """
     late = F("received_at") - F("stamp")
-    events = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.PAGE).aggregate(least=Min(late))["least"]
+    events = SessionEvent.objects.filter(
+        session=session, source=SessionEvent.Source.PAGE
+    ).aggregate(least=Min(late))["least"]
     samples = NetworkSample.objects.filter(session=session).aggregate(least=Min(late))["least"]
     known = [least for least in (events, samples) if least is not None]
     return -min(known) if known else 0.0

@@ -10,13 +10,20 @@ from experiments.participation.completion import SCREENED_OUT
 
 NAN = float("nan")
 LEFT = {Row.Status.SCREENED_OUT: "screened out", Row.Status.WITHDRAWN: "withdrew"}
-NO_REASON = frozenset({"", "completed", "timed_out"})  # after these a participant goes on by themself
+# after these a participant goes on by themself
+NO_REASON = frozenset({"", "completed", "timed_out"})
 Round = tuple[object, int, int]  # participant, visit and round
 
 
 def participants_of(study: Study, drives: Iterable[Drive]) -> list[Participant]:
-    """Return everybody who came, by code; whoever withdrew is a row with the step at which that was."""
-    begun = dict(StepVisit.objects.filter(participant__study=study).order_by("began_at").values_list("participant_id", "step"))
+    """Return everybody who came, by code; whoever withdrew is a row with the step at which that
+    was.
+    """
+    begun = dict(
+        StepVisit.objects.filter(participant__study=study)
+        .order_by("began_at")
+        .values_list("participant_id", "step")
+    )
     outcomes = {drive.participant_id: drive.outcome or drive.session.outcome for drive in drives}
     rows = Row.objects.filter(study=study).order_by("code")
     return [_participant(row, begun.get(row.pk, ""), outcomes.get(row.pk, "")) for row in rows]
@@ -27,23 +34,46 @@ def _participant(row: Row, begun: str, outcome: str) -> Participant:
     turned_away = row.completion == SCREENED_OUT  # whoever comes again has finished all the same
     lost = outcome if row.status == Row.Status.ACTIVE and outcome not in NO_REASON else ""
     return Participant(
-        row.code, kind=row.kind, age=NAN if row.age is None or withdrawn else float(row.age), cell=row.cell,
-        reached=row.withdrawn_step or row.step or begun, left=LEFT.get(row.status, lost), finished=bool(row.completion) and not turned_away,
+        row.code,
+        kind=row.kind,
+        age=NAN if row.age is None or withdrawn else float(row.age),
+        cell=row.cell,
+        reached=row.withdrawn_step or row.step or begun,
+        left=LEFT.get(row.status, lost),
+        finished=bool(row.completion) and not turned_away,
         withdrawn=withdrawn,
-    )  # fmt: skip
+    )
 
 
 def pages_of(study: Study, sessions: Mapping[Round, str]) -> list[Page]:
-    """Return every page that was seen, by participant and in order; `sessions` has the code of each round's drive."""
-    visits = StepVisit.objects.filter(participant__study=study).exclude(participant__status=Row.Status.WITHDRAWN)
-    columns = ("participant_id", "participant__code", "visit", "round", "step", "began_at", "finished_at")
+    """Return every page that was seen, by participant and in order; `sessions` has the code of each
+    round's drive.
+    """
+    visits = StepVisit.objects.filter(participant__study=study).exclude(
+        participant__status=Row.Status.WITHDRAWN
+    )
+    columns = (
+        "participant_id",
+        "participant__code",
+        "visit",
+        "round",
+        "step",
+        "began_at",
+        "finished_at",
+    )
     found = visits.order_by("participant__code", "began_at", "id").values_list(*columns)
     definition = study.as_definition()
     own = {step.key for step in definition.steps if step.repeat or step == definition.task}
     return [
-        Page(code, step, sessions.get((who, visit, turn), "") if step in own else "", _seconds(began, ended), finished=ended is not None)
+        Page(
+            code,
+            step,
+            sessions.get((who, visit, turn), "") if step in own else "",
+            _seconds(began, ended),
+            finished=ended is not None,
+        )
         for who, code, visit, turn, step, began, ended in found
-    ]  # fmt: skip
+    ]
 
 
 def _seconds(began: datetime.datetime, ended: datetime.datetime | None) -> float:

@@ -1,4 +1,6 @@
-"""Names that tell nothing: the same thing has the same one within a study, and nobody without the study's secret finds what it stands for."""
+"""Names that tell nothing: the same thing has the same one within a study, and nobody without the
+study's secret finds what it stands for.
+"""
 
 import hashlib
 import hmac
@@ -11,7 +13,9 @@ _UUID = re.compile(r"[0-9a-fA-F]{8}-(?:[0-9a-fA-F]{4}-){3}[0-9a-fA-F]{12}")
 
 
 class Pseudonyms:
-    """The names of one study's sessions, responses and networks, made from its secret (RFC 2104, SHA-256)."""
+    """The names of one study's sessions, responses and networks, made from its secret (RFC 2104,
+    SHA-256).
+    """
 
     def __init__(self, secret: str) -> None:
         self._key = secret.encode()
@@ -25,11 +29,19 @@ class Pseudonyms:
         return "R" + self._code("response", str(key))
 
     def network(self, network: str) -> str:
-        """Return a hash by which networks are counted; empty for one that is not known, and what is such a hash already stays."""
-        return "N" + self._code("network", network) if network and not _HASHED.fullmatch(network) else network
+        """Return a hash by which networks are counted; empty for one that is not known, and what is
+        such a hash already stays.
+        """
+        return (
+            "N" + self._code("network", network)
+            if network and not _HASHED.fullmatch(network)
+            else network
+        )
 
     def thing(self, name: str) -> str:
-        """Return the code of anything else that has a name of its own: an action, a run of an agent."""
+        """Return the code of anything else that has a name of its own: an action, a run of an
+        agent.
+        """
         return "X" + self._code("thing", name)
 
     def in_text(self, text: str) -> str:
@@ -37,7 +49,9 @@ class Pseudonyms:
         return _UUID.sub(lambda found: self.thing(found.group().lower()), text)
 
     def _code(self, kind: str, name: str) -> str:
-        number = int.from_bytes(hmac.digest(self._key, f"{kind}:{name}".encode(), hashlib.sha256)[:8])
+        number = int.from_bytes(
+            hmac.digest(self._key, f"{kind}:{name}".encode(), hashlib.sha256)[:8]
+        )
         letters = []
         for _ in range(LENGTH):
             number, at = divmod(number, len(LETTERS))

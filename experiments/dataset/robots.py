@@ -16,11 +16,26 @@ YES, NO, UNKNOWN = "yes", "no", "–"
 
 
 def robots_of(study: Study, driven: Iterable[str]) -> tuple[Robot, ...]:
-    """Return the robots that were driven, by name, and those at the study's sites that could have been."""
+    """Return the robots that were driven, by name, and those at the study's sites that could have
+    been.
+    """
     wanted, names = {(one.robot, one.site) for one in study.conditions}, set(driven)
     rows = Row.objects.select_related("floor_plan").order_by("name")
-    found = [row for row in rows if row.name in names or (series_of(row), row.floor_plan.name if row.floor_plan else "") in wanted]
-    return tuple(Robot(name=row.name, title=row.title, series=series_of(row), facts=facts(row.factsheet or {}, study)) for row in found)
+    found = [
+        row
+        for row in rows
+        if row.name in names
+        or (series_of(row), row.floor_plan.name if row.floor_plan else "") in wanted
+    ]
+    return tuple(
+        Robot(
+            name=row.name,
+            title=row.title,
+            series=series_of(row),
+            facts=facts(row.factsheet or {}, study),
+        )
+        for row in found
+    )
 
 
 def series_of(row: Row) -> str:
@@ -45,7 +60,10 @@ def facts(sheet: Mapping[str, Any], study: Study) -> dict[str, str]:
         "Self-localization": YES if "localization" in can else NO,
         "Docks by itself": YES if "dock" in can else NO,
         "Mirror task": YES if any(course.photo for course in courses) else NO,
-        "Participants": ", ".join(sorted({"open": "everybody", "invitation": "by invitation"}[one] for one in entries)) or UNKNOWN,
+        "Participants": ", ".join(
+            sorted({"open": "everybody", "invitation": "by invitation"}[one] for one in entries)
+        )
+        or UNKNOWN,
     }
 
 
@@ -55,11 +73,17 @@ def _limit(sheet: Mapping[str, Any], name: str) -> str:
 
 
 def _camera(camera: Mapping[str, Any] | None) -> str:
-    return UNKNOWN if camera is None else f"{camera['width']}×{camera['height']}, {camera['hfov'] * 57.29578:.0f}°"
+    return (
+        UNKNOWN
+        if camera is None
+        else f"{camera['width']}×{camera['height']}, {camera['hfov'] * 57.29578:.0f}°"
+    )
 
 
 def plans_of(study: Study) -> dict[str, FloorPlan]:
     """Return the floor plans of the sites of a study, by name."""
     sites = {one.site for one in (*study.conditions, *study.courses)}
-    rows = PlanRow.objects.filter(name__in=sorted(sites)).order_by("name").values_list("name", "plan")
+    rows = (
+        PlanRow.objects.filter(name__in=sorted(sites)).order_by("name").values_list("name", "plan")
+    )
     return {name: floorplan.decode(msgspec.json.encode(plan)) for name, plan in rows if plan}

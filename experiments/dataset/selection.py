@@ -9,7 +9,21 @@ from experiments.dataset.pseudonyms import Pseudonyms
 
 SOURCES = ("task", "server", "robot", "page")
 _WORD = re.compile(r"^[A-Za-z0-9_.+-]{1,40}$")
-_PERSONAL = frozenset({"user", "who", "by", "username", "email", "address", "ip", "user_agent", "text", "message", "name"})
+_PERSONAL = frozenset(
+    {
+        "user",
+        "who",
+        "by",
+        "username",
+        "email",
+        "address",
+        "ip",
+        "user_agent",
+        "text",
+        "message",
+        "name",
+    }
+)
 _NAMES = frozenset({"id", "action", "actionId", "action_id", "boot", "session", "peer"})
 _LATCH = frozenset({"estop", "estop_cleared"})  # their detail names who it was
 _NEAR = 86_400.0  # s: a number so near to the grant is a time
@@ -19,7 +33,8 @@ _NEAR = 86_400.0  # s: a number so near to the grant is a time
 class Choice:
     """What a dataset holds beside numbers and words from lists.
 
-    `identified` adds who the participants are and leaves out nothing; `sources` are those of the events.
+    `identified` adds who the participants are and leaves out nothing; `sources` are those of the
+    events.
     """
 
     identified: bool = False
@@ -40,22 +55,43 @@ class Choice:
 
 
 def words_of(reason: str, choice: Choice) -> str:
-    """Return a reason that is a word; a sentence, which a person wrote, only where free text is kept."""
+    """Return a reason that is a word; a sentence, which a person wrote, only where free text is
+    kept.
+    """
     return reason if choice.has_text or _WORD.match(reason) else ""
 
 
-def event_data(source: str, kind: str, data: Mapping[str, Any], *, granted: float, choice: Choice, names: Pseudonyms) -> dict[str, Any]:
-    """Return what is kept of an event's data: times relative to the grant (Unix seconds), names as codes, and no text that a person wrote."""
+def event_data(
+    source: str,
+    kind: str,
+    data: Mapping[str, Any],
+    *,
+    granted: float,
+    choice: Choice,
+    names: Pseudonyms,
+) -> dict[str, Any]:
+    """Return what is kept of an event's data: times relative to the grant (Unix seconds), names as
+    codes, and no text that a person wrote.
+    """
     if choice.identified:
         return {name: _relative(value, granted) for name, value in data.items()}
     if source == "task":  # made by the task engine: nobody's words are in it
-        return {name: names.in_text(value) if isinstance(value, str) else value for name, value in data.items()}
+        return {
+            name: names.in_text(value) if isinstance(value, str) else value
+            for name, value in data.items()
+        }
     return dict(_withheld(kind, data, granted, choice, names))
 
 
-def _withheld(kind: str, data: Mapping[str, Any], granted: float, choice: Choice, names: Pseudonyms) -> Iterator[tuple[str, Any]]:
+def _withheld(
+    kind: str, data: Mapping[str, Any], granted: float, choice: Choice, names: Pseudonyms
+) -> Iterator[tuple[str, Any]]:
     for name, value in data.items():
-        if name in _PERSONAL or (name == "detail" and kind in _LATCH) or (name == "reason" and kind.startswith("operator")):
+        if (
+            name in _PERSONAL
+            or (name == "detail" and kind in _LATCH)
+            or (name == "reason" and kind.startswith("operator"))
+        ):
             continue
         if isinstance(value, str):
             if name in _NAMES:

@@ -23,19 +23,33 @@ OPERATOR = "operator"  # events of the server that begin so were an operator's d
 
 def drives_of(study: Study) -> QuerySet[Drive]:
     """Return the drives whose data are there for research: those of the withdrawn are not."""
-    rows = Drive.objects.filter(participant__study=study).exclude(participant__status=Participant.Status.WITHDRAWN)
-    return rows.select_related("session", "session__robot", "participant", "participant__user").order_by("participant__code", "number", "granted_at")
+    rows = Drive.objects.filter(participant__study=study).exclude(
+        participant__status=Participant.Status.WITHDRAWN
+    )
+    return rows.select_related(
+        "session", "session__robot", "participant", "participant__user"
+    ).order_by("participant__code", "number", "granted_at")
 
 
-def sessions_of(study: Study, drives: Sequence[Drive], names: Pseudonyms, choice: Choice) -> list[Session]:
+def sessions_of(
+    study: Study, drives: Sequence[Drive], names: Pseudonyms, choice: Choice
+) -> list[Session]:
     """Return drives as sessions, in their order."""
     definition = study.as_definition()
     practice = {step.key for step in definition.steps if isinstance(step, Practice)}
     touched = _touched([drive.session_id for drive in drives])
     numbers = _numbers([drive for drive in drives if drive.step not in practice])
     return [
-        _session(drive, definition, names, choice, number=numbers.get(drive.pk, 0), operator=drive.session_id in touched) for drive in drives
-    ]  # fmt: skip
+        _session(
+            drive,
+            definition,
+            names,
+            choice,
+            number=numbers.get(drive.pk, 0),
+            operator=drive.session_id in touched,
+        )
+        for drive in drives
+    ]
 
 
 def _numbers(drives: Iterable[Drive]) -> dict[object, int]:
@@ -49,23 +63,53 @@ def _numbers(drives: Iterable[Drive]) -> dict[object, int]:
 
 def _touched(sessions: Sequence[object]) -> set[object]:
     """Those in which an operator intervened."""
-    acts = SessionEvent.objects.filter(source=SessionEvent.Source.SERVER, type__startswith=OPERATOR, session__drive__isnull=False)
+    acts = SessionEvent.objects.filter(
+        source=SessionEvent.Source.SERVER, type__startswith=OPERATOR, session__drive__isnull=False
+    )
     return set(acts.values_list("session_id", flat=True)) & set(sessions)
 
 
-def _session(drive: Drive, definition: Definition, names: Pseudonyms, choice: Choice, *, number: int, operator: bool) -> Session:
+def _session(
+    drive: Drive,
+    definition: Definition,
+    names: Pseudonyms,
+    choice: Choice,
+    *,
+    number: int,
+    operator: bool,
+) -> Session:
     visit, condition = drive.session, definition.condition(drive.condition)
     device = visit.device or {}
-    stopped = visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR and visit.outcome_reason != "robot_disabled"
+    stopped = (
+        visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
+        and visit.outcome_reason != "robot_disabled"
+    )
     return Session(
-        names.session(visit.pk), drive.participant.code, visit.robot.name, kind=drive.participant.kind, number=number, practice=not number,
-        site=condition.site if condition else "", condition=drive.condition, mismatch="|".join(drive.mismatches),
-        **_assigned(condition), **_applied(drive), outcome=drive.outcome or visit.outcome,
-        reason=_reason(visit, choice, by_operator=stopped), os=device.get("os", ""),
-        browser=device.get("browser", ""), network=names.network(device.get("network", "")), first_frame=_first_frame(drive),
-        first_motion=_first_motion(drive), ended=_after(drive, visit.ended_at), **_ends(drive), **_docking(drive), operator=operator or stopped,
-        missing=visit.summary.get("missing", 0), excluded=drive.excluded_reason,
-    )  # fmt: skip
+        names.session(visit.pk),
+        drive.participant.code,
+        visit.robot.name,
+        kind=drive.participant.kind,
+        number=number,
+        practice=not number,
+        site=condition.site if condition else "",
+        condition=drive.condition,
+        mismatch="|".join(drive.mismatches),
+        **_assigned(condition),
+        **_applied(drive),
+        outcome=drive.outcome or visit.outcome,
+        reason=_reason(visit, choice, by_operator=stopped),
+        os=device.get("os", ""),
+        browser=device.get("browser", ""),
+        network=names.network(device.get("network", "")),
+        first_frame=_first_frame(drive),
+        first_motion=_first_motion(drive),
+        ended=_after(drive, visit.ended_at),
+        **_ends(drive),
+        **_docking(drive),
+        operator=operator or stopped,
+        missing=visit.summary.get("missing", 0),
+        excluded=drive.excluded_reason,
+    )
 
 
 def _reason(visit: Visit, choice: Choice, *, by_operator: bool) -> str:
@@ -76,14 +120,26 @@ def _reason(visit: Visit, choice: Choice, *, by_operator: bool) -> str:
 def _assigned(condition: Condition | None) -> dict[str, object]:
     if condition is None:
         return {}
-    networks = {"control_network": spell(condition.network.control), "video_network": spell(condition.network.video)}
-    return {"control_way": condition.control_way, "assist": condition.assist, "doors_closed": tuple(sorted(condition.doors_closed)), **networks}
+    networks = {
+        "control_network": spell(condition.network.control),
+        "video_network": spell(condition.network.video),
+    }
+    return {
+        "control_way": condition.control_way,
+        "assist": condition.assist,
+        "doors_closed": tuple(sorted(condition.doors_closed)),
+        **networks,
+    }
 
 
 def _applied(drive: Drive) -> dict[str, str]:
     """What of the networks the robot says that it has put on."""
     found = {name: drive.applied.get(f"{name}_network") for name in ("control", "video")}
-    return {f"{name}_applied": spell(msgspec.convert(report, LabReport).lab) for name, report in found.items() if report}
+    return {
+        f"{name}_applied": spell(msgspec.convert(report, LabReport).lab)
+        for name, report in found.items()
+        if report
+    }
 
 
 def _ends(drive: Drive) -> dict[str, float]:
@@ -101,7 +157,10 @@ def _docking(drive: Drive) -> dict[str, float]:
     rule = (drive.assigned.get("track") or {}).get("docked")
     if rule is None:
         return {"docked_seconds": NAN, "dock_contacts": NAN}
-    return {"docked_seconds": float(rule["seconds"]), "dock_contacts": float(drive.result.get("dock_contacts", NAN))}
+    return {
+        "docked_seconds": float(rule["seconds"]),
+        "dock_contacts": float(drive.result.get("dock_contacts", NAN)),
+    }
 
 
 def granted(drive: Drive) -> float:
@@ -114,16 +173,22 @@ def _after(drive: Drive, at: datetime.datetime | None) -> float:
 
 
 def _first_frame(drive: Drive) -> float:
-    """What the task engine counted from; the page's first word of a picture where there was no task."""
+    """What the task engine counted from; the page's first word of a picture where there was no
+    task.
+    """
     started = drive.result.get("started")
     if started is None:
-        events = SessionEvent.objects.filter(session=drive.session_id, source=SessionEvent.Source.PAGE, type="first_frame")
+        events = SessionEvent.objects.filter(
+            session=drive.session_id, source=SessionEvent.Source.PAGE, type="first_frame"
+        )
         started = events.order_by("received_at").values_list("received_at", flat=True).first()
     return NAN if started is None else round(started - granted(drive), 6)
 
 
 def _first_motion(drive: Drive) -> float:
-    """The session manager's note; one that it could not make, because it was away, is found in the states."""
+    """The session manager's note; one that it could not make, because it was away, is found in the
+    states.
+    """
     if drive.settled_at is not None and not drive.exposed:
         return NAN
     noted = _after(drive, drive.session.first_motion_at)
@@ -131,7 +196,11 @@ def _first_motion(drive: Drive) -> float:
 
 
 def _from_states(drive: Drive) -> float:
-    chunks = StateChunk.objects.filter(session=drive.session_id).order_by("received_at").values_list("clock_offset", "states")
+    chunks = (
+        StateChunk.objects.filter(session=drive.session_id)
+        .order_by("received_at")
+        .values_list("clock_offset", "states")
+    )
     for offset, states in chunks.iterator(chunk_size=100):
         for state in states:
             if state.get("applied"):

@@ -1,7 +1,9 @@
-"""The stored states and network samples of a session as columns of numbers, read a session at a time.
+"""The stored states and network samples of a session as columns of numbers, read a session at a
+time.
 
-A thousand sessions have more than a million states: the JSON is decoded straight into classes with no more than what the columns
-need, twenty times as fast as into dictionaries. Times are seconds since the grant, to the microsecond.
+A thousand sessions have more than a million states: the JSON is decoded straight into classes with
+no more than what the columns need, twenty times as fast as into dictionaries. Times are seconds
+since the grant, to the microsecond.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,8 +22,15 @@ DECIMALS = 6
 NAN = float("nan")
 _MODE = {name: float(number) for number, name in enumerate(MODES)}
 ABOUT = ("received", "clock_offset", "boot")
-SUMMED = ("age_sum", "age_max", "answer_age", *(f"by_{name}" for name in METHODS), *(f"on_{name}" for name in WAYS))
-_COUNTED = {name: index for index, name in enumerate((*METHODS, *WAYS), start=3)}  # their places in SUMMED
+SUMMED = (
+    "age_sum",
+    "age_max",
+    "answer_age",
+    *(f"by_{name}" for name in METHODS),
+    *(f"on_{name}" for name in WAYS),
+)
+# their places in SUMMED
+_COUNTED = {name: index for index, name in enumerate((*METHODS, *WAYS), start=3)}
 
 
 class Part(msgspec.Struct, gc=False, rename="camel"):
@@ -94,7 +103,9 @@ class Sample(Part):
 
 
 class Decoded(Field):
-    """Reads a JSON column straight into classes; a database that stores documents gives them as they are."""
+    """Reads a JSON column straight into classes; a database that stores documents gives them as
+    they are.
+    """
 
     def __init__(self, kind: Any) -> None:
         super().__init__()
@@ -102,47 +113,87 @@ class Decoded(Field):
 
     def from_db_value(self, value: Any, expression: Any, connection: Any) -> Any:  # noqa: ARG002 -- Django's signature
         """Return what a row holds."""
-        return self._decoder.decode(value) if isinstance(value, str | bytes) else msgspec.convert(value, self._kind)
+        return (
+            self._decoder.decode(value)
+            if isinstance(value, str | bytes)
+            else msgspec.convert(value, self._kind)
+        )
 
 
 STATES_OF_CHUNK, SAMPLE = Decoded(list[StoredState]), Decoded(Sample)
 
 
 def states_of(session: object, granted: float) -> Columns:
-    """Return the states of a session, (n, columns.STATES), run by run and in order within each; `granted` is Unix time in seconds."""
+    """Return the states of a session, (n, columns.STATES), run by run and in order within each;
+    `granted` is Unix time in seconds.
+    """
     states: list[StoredState] = []
     about: list[tuple[float | None, ...]] = []
     for own, found in _chunks(session, granted):
         states += found
         about += [own] * len(found)
     rows = [_row(state, granted) for state in states]
-    whole = [_table(about, len(ABOUT)), _table(rows, len(STATES) - len(ABOUT) - len(SUMMED)), _commands(states)]
+    whole = [
+        _table(about, len(ABOUT)),
+        _table(rows, len(STATES) - len(ABOUT) - len(SUMMED)),
+        _commands(states),
+    ]
     # As in columns.STATES: the stamp stands before what is known of the chunk.
     values = np.hstack((whole[1][:, :1], whole[0], whole[1][:, 1:], whole[2]))
     return Columns(STATES, _exact(values))
 
 
-def _chunks(session: object, granted: float) -> Iterator[tuple[tuple[float | None, ...], list[StoredState]]]:
+def _chunks(
+    session: object, granted: float
+) -> Iterator[tuple[tuple[float | None, ...], list[StoredState]]]:
     """Yield what is known of each chunk (ABOUT), and its states."""
     stored = ExpressionWrapper(F("states"), output_field=STATES_OF_CHUNK)
     columns = ("boot", "first_seq", "received_at", "clock_offset", "stored")
-    chunks = list(StateChunk.objects.filter(session=session).annotate(stored=stored).values_list(*columns).order_by("received_at", "first_seq"))
-    runs = {boot: float(number) for number, boot in enumerate(dict.fromkeys(boot for boot, *_ in chunks))}
-    for boot, _, received_at, offset, states in sorted(chunks, key=lambda chunk: (runs[chunk[0]], chunk[1])):
+    chunks = list(
+        StateChunk.objects.filter(session=session)
+        .annotate(stored=stored)
+        .values_list(*columns)
+        .order_by("received_at", "first_seq")
+    )
+    runs = {
+        boot: float(number)
+        for number, boot in enumerate(dict.fromkeys(boot for boot, *_ in chunks))
+    }
+    for boot, _, received_at, offset, states in sorted(
+        chunks, key=lambda chunk: (runs[chunk[0]], chunk[1])
+    ):
         yield (received_at - granted, offset, runs[boot]), states
 
 
 def _row(state: StoredState, granted: float) -> tuple[float | None, ...]:
     pose, velocity, battery = state.pose, state.velocity, state.battery
     return (
-        state.stamp - granted, state.seq, pose.x, pose.y, pose.theta, pose.localized, pose.score, velocity.linear, velocity.angular,
-        battery.charge, battery.charging, state.docked, state.tilt, _MODE.get(state.mode), state.clearance, state.contacts, state.distance,
-        state.visitor_silence, len(state.applied), sum(state.refused.values()) if state.refused else 0,
-    )  # fmt: skip
+        state.stamp - granted,
+        state.seq,
+        pose.x,
+        pose.y,
+        pose.theta,
+        pose.localized,
+        pose.score,
+        velocity.linear,
+        velocity.angular,
+        battery.charge,
+        battery.charging,
+        state.docked,
+        state.tilt,
+        _MODE.get(state.mode),
+        state.clearance,
+        state.contacts,
+        state.distance,
+        state.visitor_silence,
+        len(state.applied),
+        sum(state.refused.values()) if state.refused else 0,
+    )
 
 
 def _commands(states: Sequence[StoredState]) -> Floats:
-    """Return sum and maximum of the ages of each state's commands, the mean age of their pictures, and counts by method and way.
+    """Return sum and maximum of the ages of each state's commands, the mean age of their pictures,
+    and counts by method and way.
 
     (n, SUMMED), of all states at once.
     """
@@ -154,17 +205,27 @@ def _commands(states: Sequence[StoredState]) -> Floats:
         ages = np.array([command.age for command in commands])
         found[:, 0] = np.bincount(owner, ages, len(states))
         np.fmax.at(found[:, 1], owner, ages)
-        _answer_ages(found[:, 2], owner, np.array([command.frame_age for command in commands], dtype=np.float64))
-        for names in ([command.method for command in commands], [command.way for command in commands]):
+        _answer_ages(
+            found[:, 2],
+            owner,
+            np.array([command.frame_age for command in commands], dtype=np.float64),
+        )
+        for names in (
+            [command.method for command in commands],
+            [command.way for command in commands],
+        ):
             kinds = set(names)
             for kind in kinds & _COUNTED.keys():
-                own = owner if len(kinds) == 1 else owner[[name == kind for name in names]]  # mostly all came from one and on one
+                # mostly all came from one and on one
+                own = owner if len(kinds) == 1 else owner[[name == kind for name in names]]
                 found[:, _COUNTED[kind]] = np.bincount(own, minlength=len(states))
     return found
 
 
 def _answer_ages(found: Floats, owner: npt.NDArray[np.intp], ages: Floats) -> None:
-    """Write the mean of the ages of each state that has any; a command that answered no picture has none (NaN)."""
+    """Write the mean of the ages of each state that has any; a command that answered no picture has
+    none (NaN).
+    """
     known = np.isfinite(ages)
     counts = np.bincount(owner[known], minlength=len(found))
     sums = np.bincount(owner[known], ages[known], len(found))
@@ -172,15 +233,37 @@ def _answer_ages(found: Floats, owner: npt.NDArray[np.intp], ages: Floats) -> No
 
 
 def network_of(session: object, granted: float, clock_offset: float) -> Columns:
-    """Return the network samples of a session, (n, columns.NETWORK); `clock_offset` is the page's clock minus the server's, in seconds."""
-    rows = NetworkSample.objects.filter(session=session).annotate(stored=ExpressionWrapper(F("data"), output_field=SAMPLE))
+    """Return the network samples of a session, (n, columns.NETWORK); `clock_offset` is the page's
+    clock minus the server's, in seconds.
+    """
+    rows = NetworkSample.objects.filter(session=session).annotate(
+        stored=ExpressionWrapper(F("data"), output_field=SAMPLE)
+    )
     found = rows.order_by("stamp", "id").values_list("stamp", "stored")
-    return Columns(NETWORK, _exact(_table([_sample(stamp - clock_offset - granted, sample) for stamp, sample in found], len(NETWORK))))
+    return Columns(
+        NETWORK,
+        _exact(
+            _table(
+                [_sample(stamp - clock_offset - granted, sample) for stamp, sample in found],
+                len(NETWORK),
+            )
+        ),
+    )
 
 
 def _sample(at: float, found: Sample) -> tuple[float | None, ...]:
     way = None if found.way is None else float(found.way == "datachannel")
-    return at, found.round_trip, found.loss, found.fps, found.bitrate, found.freezes, found.jitter, found.frame_age, way
+    return (
+        at,
+        found.round_trip,
+        found.loss,
+        found.fps,
+        found.bitrate,
+        found.freezes,
+        found.jitter,
+        found.frame_age,
+        way,
+    )
 
 
 def _table(rows: list[tuple[float | None, ...]], width: int) -> Floats:
@@ -189,5 +272,7 @@ def _table(rows: list[tuple[float | None, ...]], width: int) -> Floats:
 
 
 def _exact(values: Floats) -> Floats:
-    """Numbers are as exact as they are written, so that reading a file gives the same ones; adding zero makes a negative zero positive."""
+    """Numbers are as exact as they are written, so that reading a file gives the same ones; adding
+    zero makes a negative zero positive.
+    """
     return np.round(values, DECIMALS) + 0.0

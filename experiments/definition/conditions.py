@@ -1,6 +1,7 @@
 """A condition as it is set on a robot, and whether it was in force.
 
-What was assigned and what the robot said of itself are both kept; `mismatches` tells where they differ, and a session with any is flagged.
+What was assigned and what the robot said of itself are both kept; `mismatches` tells where they
+differ, and a session with any is flagged.
 """
 
 from collections.abc import Iterable
@@ -12,16 +13,23 @@ from robots.api.floorplan import DoorState
 from robots.api.messages import Config, LabReport, LeaseLimits, NetworkLab, State
 
 FASTER = 1.02  # a robot may overshoot its limit by so much
-ALWAYS = frozenset({"stop", "estop", "cancel", "photo", "say", "call", "relocalize", "resend_states"})  # nobody is kept from these
+# nobody is kept from these
+ALWAYS = frozenset(
+    {"stop", "estop", "cancel", "photo", "say", "call", "relocalize", "resend_states"}
+)
 
 
 def allowed_actions(condition: Condition) -> frozenset[str]:
-    """Return the types of Robot API actions that a visitor may ask for under a condition; they are called like the capabilities."""
+    """Return the types of Robot API actions that a visitor may ask for under a condition; they are
+    called like the capabilities.
+    """
     return ALWAYS | {CAPABILITY[action] for action in condition.actions}
 
 
 def lease_limits(condition: Condition) -> LeaseLimits:
-    """Return the speeds that a lease allows under a condition; the robot's own limits hold below them."""
+    """Return the speeds that a lease allows under a condition; the robot's own limits hold below
+    them.
+    """
     return LeaseLimits(linear=condition.speed.linear, angular=condition.speed.angular)
 
 
@@ -34,25 +42,39 @@ def config(condition: Condition, doors: Iterable[str], *, stamp: float, seed: in
         stamp: Unix time in seconds.
         seed: of the session, for its network's chance.
     """
-    states: dict[str, DoorState] = {name: "closed" if name in condition.doors_closed else "open" for name in doors}
+    states: dict[str, DoorState] = {
+        name: "closed" if name in condition.doors_closed else "open" for name in doors
+    }
     control, video = condition.network.control, condition.network.video
-    return Config(stamp=stamp, assist=condition.assist, doors=states, control_network=_lab(control, seed), video_network=_lab(video, seed + 1))
+    return Config(
+        stamp=stamp,
+        assist=condition.assist,
+        doors=states,
+        control_network=_lab(control, seed),
+        video_network=_lab(video, seed + 1),
+    )
 
 
 def _lab(impairment: Impairment | None, seed: int) -> NetworkLab | None:
     if _effective(impairment) is None or impairment is None:
         return None
     return NetworkLab(
-        delay=impairment.delay, jitter=impairment.jitter, loss=impairment.loss, reorder=impairment.reorder, bitrate=impairment.bitrate, seed=seed
+        delay=impairment.delay,
+        jitter=impairment.jitter,
+        loss=impairment.loss,
+        reorder=impairment.reorder,
+        bitrate=impairment.bitrate,
+        seed=seed,
     )
 
 
 @dataclass
 class Applied:
-    """What was in force in a session, gathered from what the robot and the server's record say. Speeds are the greatest, in m/s and rad/s.
+    """What was in force in a session, gathered from what the robot and the server's record say.
+    Speeds are the greatest, in m/s and rad/s.
 
-    `impaired` is every pair of networks that the robot reported while it was driven, `control_network` and `video_network` its last word on
-    what had become of their packets.
+    `impaired` is every pair of networks that the robot reported while it was driven,
+    `control_network` and `video_network` its last word on what had become of their packets.
     """
 
     robot: str
@@ -76,27 +98,35 @@ class Applied:
         self.angular = max(self.angular, *(abs(command.angular) for command in state.applied), 0.0)
         self.methods |= {command.method for command in state.applied}
         self.ways |= {command.way for command in state.applied}
-        if state.applied:  # in between, and while a visitor is away, the robot has no driver whose network it could be
-            self.impaired.add((_impairment(state.control_network), _impairment(state.video_network)))
+        # in between, and while a visitor is away, the robot has no driver whose network it could be
+        if state.applied:
+            self.impaired.add(
+                (_impairment(state.control_network), _impairment(state.video_network))
+            )
         self.control_network = state.control_network or self.control_network
         self.video_network = state.video_network or self.video_network
 
 
 def mismatches(condition: Condition, applied: Applied) -> tuple[str, ...]:
-    """Return the names of what was not as the condition says, in the order of its fields; empty when all was."""
+    """Return the names of what was not as the condition says, in the order of its fields; empty
+    when all was.
+    """
     network = condition.network
     speed = condition.speed
     wrong = {
         "robot": applied.robot != condition.robot,
         "site": applied.site != condition.site,
-        "control_way": condition.control_way != "any" and bool(applied.ways - {condition.control_way}),
+        "control_way": condition.control_way != "any"
+        and bool(applied.ways - {condition.control_way}),
         "controllers": bool(applied.methods - set(condition.controllers)),
         "actions": bool(applied.actions - allowed_actions(condition)),
         "assist": bool(applied.assist - {condition.assist}),
         "interface": applied.interface not in {"", condition.interface},
         "speed": _faster(applied.linear, speed.linear) or _faster(applied.angular, speed.angular),
         "doors_closed": applied.doors_closed != set(condition.doors_closed),
-        "network": bool(applied.impaired - {(_effective(network.control), _effective(network.video))}),
+        "network": bool(
+            applied.impaired - {(_effective(network.control), _effective(network.video))}
+        ),
     }
     return tuple(name for name, is_wrong in wrong.items() if is_wrong)
 
@@ -106,7 +136,15 @@ def _impairment(report: LabReport | None) -> Impairment | None:
     if report is None:
         return None
     lab = report.lab
-    return _effective(Impairment(delay=lab.delay, jitter=lab.jitter, loss=lab.loss, reorder=lab.reorder, bitrate=lab.bitrate))
+    return _effective(
+        Impairment(
+            delay=lab.delay,
+            jitter=lab.jitter,
+            loss=lab.loss,
+            reorder=lab.reorder,
+            bitrate=lab.bitrate,
+        )
+    )
 
 
 def _effective(impairment: Impairment | None) -> Impairment | None:

@@ -1,4 +1,6 @@
-"""A course on its ground: what a condition's names of docks, doors and mirrors come to in the metres of a site's plan."""
+"""A course on its ground: what a condition's names of docks, doors and mirrors come to in the
+metres of a site's plan.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,7 +20,9 @@ class CourseError(ValueError):
 
 @dataclass(frozen=True)
 class Stop:
-    """A checkpoint; `room` is the floor on which it must be passed, empty where it lies in no room (a doorway)."""
+    """A checkpoint; `room` is the floor on which it must be passed, empty where it lies in no room
+    (a doorway).
+    """
 
     number: int
     x: float
@@ -29,7 +33,9 @@ class Stop:
     def is_passed(self, motion: "Motion") -> bool:
         """Tell whether a motion came near enough, and not on the other side of a wall."""
         x, y = motion.nearest(self.x, self.y)
-        return math.dist((x, y), (self.x, self.y)) <= self.radius and (not self.room or contains(self.room, x, y))
+        return math.dist((x, y), (self.x, self.y)) <= self.radius and (
+            not self.room or contains(self.room, x, y)
+        )
 
     def distance(self, x: float, y: float) -> float:
         """Return how far a point is, in metres."""
@@ -52,9 +58,11 @@ class Doorway:
 
 @dataclass(frozen=True)
 class Sight:
-    """How the robot stands to a mirror, as a fact: `bearing` radians from its nose to its reflection (counter-clockwise), metres off.
+    """How the robot stands to a mirror, as a fact: `bearing` radians from its nose to its
+    reflection (counter-clockwise), metres off.
 
-    `before` says whether there is glass where the reflection would be, `sees` whether the camera shows it.
+    `before` says whether there is glass where the reflection would be, `sees` whether the camera
+    shows it.
     """
 
     bearing: float
@@ -76,15 +84,16 @@ class PhotoSpot:
     def sight(self, pose: Pose2D) -> Sight:
         """Return how a robot at `pose` stands to the mirror.
 
-        One's own reflection is seen where one stands square to the mirror's line; it is in the picture when that foot lies on the
-        glass and within `view` of the camera's axis.
+        One's own reflection is seen where one stands square to the mirror's line; it is in the
+        picture when that foot lies on the glass and within `view` of the camera's axis.
         """
         along = (self.end[0] - self.start[0], self.end[1] - self.start[1])
         length = math.hypot(*along)
         dx, dy = pose.x - self.start[0], pose.y - self.start[1]
         share = (dx * along[0] + dy * along[1]) / length**2
         distance = (along[0] * dy - along[1] * dx) / length
-        towards = math.atan2(-along[0], along[1])  # against the normal of the glass, (-along_y, along_x)
+        # against the normal of the glass, (-along_y, along_x)
+        towards = math.atan2(-along[0], along[1])
         bearing = wrap_angle(towards - pose.theta)
         before = distance > 0.0 and 0.0 <= share <= 1.0
         return Sight(bearing, distance, before, before and abs(bearing) <= self.view)
@@ -92,7 +101,9 @@ class PhotoSpot:
 
 @dataclass(frozen=True)
 class Motion:
-    """A straight line that the robot's middle has gone, in metres; start and end are the same where no motion can be told."""
+    """A straight line that the robot's middle has gone, in metres; start and end are the same where
+    no motion can be told.
+    """
 
     start: Point
     end: Point
@@ -102,11 +113,15 @@ class Motion:
         (ax, ay), (bx, by) = self.start, self.end
         dx, dy = bx - ax, by - ay
         square = dx * dx + dy * dy
-        share = 0.0 if square == 0.0 else min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / square))
+        share = (
+            0.0 if square == 0.0 else min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / square))
+        )
         return ax + share * dx, ay + share * dy
 
     def crosses(self, start: Point, end: Point) -> bool:
-        """Tell whether it goes from one side of a doorway to the other, between its posts; the line itself belongs to the right-hand side."""
+        """Tell whether it goes from one side of a doorway to the other, between its posts; the line
+        itself belongs to the right-hand side.
+        """
         before, after = _side(start, end, self.start), _side(start, end, self.end)
         if (before > 0.0) == (after > 0.0):
             return False
@@ -114,7 +129,11 @@ class Motion:
         x = self.start[0] + share * (self.end[0] - self.start[0])
         y = self.start[1] + share * (self.end[1] - self.start[1])
         along = (end[0] - start[0], end[1] - start[1])
-        return 0.0 <= (x - start[0]) * along[0] + (y - start[1]) * along[1] <= along[0] ** 2 + along[1] ** 2
+        return (
+            0.0
+            <= (x - start[0]) * along[0] + (y - start[1]) * along[1]
+            <= along[0] ** 2 + along[1] ** 2
+        )
 
 
 def _side(start: Point, end: Point, point: Point) -> float:
@@ -124,9 +143,11 @@ def _side(start: Point, end: Point, point: Point) -> float:
 
 @dataclass(frozen=True)
 class Track:
-    """All that the task engine needs to know. `stops` are checkpoints 1, 2 …; `limit` and `last` (what is announced) in seconds.
+    """All that the task engine needs to know. `stops` are checkpoints 1, 2 …; `limit` and `last`
+    (what is announced) in seconds.
 
-    `docked` is the rule by which docking counts; None in drives from before there was one, where a single state in the station did.
+    `docked` is the rule by which docking counts; None in drives from before there was one, where a
+    single state in the station did.
     """
 
     dock: Pose2D
@@ -153,17 +174,29 @@ def lay_out(study: Study, condition: Condition, plan: FloorPlan) -> Track:
         raise CourseError(f"no course for condition {condition.key} on the plan {plan.map_id}")
     stops = tuple(_stop(checkpoint, plan) for checkpoint in course.checkpoints[1:])
     required = set(course.doors) - set(condition.doors_closed)
-    doorways = tuple(Doorway(door.name, door.start, door.end, door.name in required) for door in plan.doors)
+    doorways = tuple(
+        Doorway(door.name, door.start, door.end, door.name in required) for door in plan.doors
+    )
     return Track(
-        dock=Pose2D(dock.x, dock.y, dock.theta), stops=stops, doorways=doorways, photo=_photo(course, stops, plan),
-        limit=task.minutes * 60.0, last=task.last_minutes * 60.0,
+        dock=Pose2D(dock.x, dock.y, dock.theta),
+        stops=stops,
+        doorways=doorways,
+        photo=_photo(course, stops, plan),
+        limit=task.minutes * 60.0,
+        last=task.last_minutes * 60.0,
         docked=replace(DOCKED, seconds=task.docked_seconds),
-    )  # fmt: skip
+    )
 
 
 def _stop(checkpoint: Checkpoint, plan: FloorPlan) -> Stop:
     room = plan.room_at(checkpoint.x, checkpoint.y)
-    return Stop(checkpoint.number, checkpoint.x, checkpoint.y, checkpoint.radius, room.polygon if room is not None else ())
+    return Stop(
+        checkpoint.number,
+        checkpoint.x,
+        checkpoint.y,
+        checkpoint.radius,
+        room.polygon if room is not None else (),
+    )
 
 
 def _photo(course: Course, stops: tuple[Stop, ...], plan: FloorPlan) -> PhotoSpot | None:
@@ -173,5 +206,8 @@ def _photo(course: Course, stops: tuple[Stop, ...], plan: FloorPlan) -> PhotoSpo
     mirror = next((mirror for mirror in plan.mirrors if mirror.name == photo.mirror), None)
     stop = next((stop for stop in stops if stop.number == photo.checkpoint), None)
     if mirror is None or stop is None:
-        raise CourseError(f"no mirror {photo.mirror} or no checkpoint {photo.checkpoint} on the plan {plan.map_id}")
+        raise CourseError(
+            f"no mirror {photo.mirror} or no checkpoint {photo.checkpoint} on the plan"
+            f" {plan.map_id}"
+        )
     return PhotoSpot(stop, photo.radius, photo.view, mirror.start, mirror.end)

@@ -1,4 +1,5 @@
-"""What the visitor is told next, by situation. Keys only: the words live with the page, in its languages.
+"""What the visitor is told next, by situation. Keys only: the words live with the page, in its
+languages.
 
 A cue that is shown gives way a little later than it would be chosen, so that none flickers.
 """
@@ -12,9 +13,25 @@ from experiments.definition.schema import Outcome
 from robots.api.messages import Point
 
 CueKey = Literal[
-    "wait_for_picture", "leave_station", "go_to_checkpoint", "wrong_checkpoint", "photo_turn_left", "photo_turn_right", "photo_move",
-    "photo_ready", "photo_review", "return_home", "dock_now", "dock_hold", "dock_again", "docked_early", "lost", "completed", "timed_out", "ended",
-]  # fmt: skip
+    "wait_for_picture",
+    "leave_station",
+    "go_to_checkpoint",
+    "wrong_checkpoint",
+    "photo_turn_left",
+    "photo_turn_right",
+    "photo_move",
+    "photo_ready",
+    "photo_review",
+    "return_home",
+    "dock_now",
+    "dock_hold",
+    "dock_again",
+    "docked_early",
+    "lost",
+    "completed",
+    "timed_out",
+    "ended",
+]
 Window = Literal["shut", "open", "review"]
 
 NEAR_HOME = 1.5  # from here on the visitor is told to dock: metres
@@ -38,10 +55,11 @@ FIRST = Cue("wait_for_picture")
 
 @dataclass(frozen=True)
 class Situation:
-    """What decides. `passed` counts checkpoints, `wrong` is the later one on which the robot stands, `home` metres to the station.
+    """What decides. `passed` counts checkpoints, `wrong` is the later one on which the robot
+    stands, `home` metres to the station.
 
-    `early` tells that it has been docked before its time, `touching` that the charging contacts meet at the end of the course,
-    `dock_contacts` how often they have met there.
+    `early` tells that it has been docked before its time, `touching` that the charging contacts
+    meet at the end of the course, `dock_contacts` how often they have met there.
     """
 
     started: bool = False
@@ -61,7 +79,13 @@ class Situation:
 def choose(situation: Situation, track: Track, shown: Cue | None) -> Cue:
     """Return what is told in a situation; `shown` is what was told just before."""
     if situation.outcome is not None:
-        return Cue("completed" if situation.outcome == "completed" else "timed_out" if situation.outcome == "timed_out" else "ended")
+        return Cue(
+            "completed"
+            if situation.outcome == "completed"
+            else "timed_out"
+            if situation.outcome == "timed_out"
+            else "ended"
+        )
     if not situation.started:
         return FIRST
     if situation.passed < len(track.stops):
@@ -81,7 +105,9 @@ def _on_the_way(situation: Situation, track: Track, shown: Cue | None) -> Cue:
         return Cue("docked_early" if situation.early else "leave_station", stop.number, target)
     if situation.lost:
         return Cue("lost", stop.number, target)
-    return Cue("go_to_checkpoint" if situation.wrong is None else "wrong_checkpoint", stop.number, target)
+    return Cue(
+        "go_to_checkpoint" if situation.wrong is None else "wrong_checkpoint", stop.number, target
+    )
 
 
 def _photo(situation: Situation, track: Track, shown: Cue | None) -> Cue | None:
@@ -91,7 +117,11 @@ def _photo(situation: Situation, track: Track, shown: Cue | None) -> Cue | None:
     if situation.window == "review":
         return Cue("photo_review", spot.stop.number)
     key = "photo_move" if sight is None else _hint(sight, spot.view, shown)
-    return Cue(key, spot.stop.number, ((spot.start[0] + spot.end[0]) / 2.0, (spot.start[1] + spot.end[1]) / 2.0))
+    return Cue(
+        key,
+        spot.stop.number,
+        ((spot.start[0] + spot.end[0]) / 2.0, (spot.start[1] + spot.end[1]) / 2.0),
+    )
 
 
 def _hint(sight: Sight, view: float, shown: Cue | None) -> CueKey:

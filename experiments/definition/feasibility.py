@@ -1,20 +1,37 @@
-"""Can a study be run with the robots, sites and questionnaires that are at hand? One sentence for each thing that stands in the way."""
+"""Can a study be run with the robots, sites and questionnaires that are at hand? One sentence for
+each thing that stands in the way.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from experiments.definition.problems import length_of
-from experiments.definition.schema import Condition, Course, Form, Impairment, Network, OwnAction, Questionnaire, Study
+from experiments.definition.schema import (
+    Condition,
+    Course,
+    Form,
+    Impairment,
+    Network,
+    OwnAction,
+    Questionnaire,
+    Study,
+)
 from robots.api.floorplan import Dock, FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
 
 CAPABILITY: dict[OwnAction, Capability] = {
-    "places": "goto", "map": "goto", "follow": "follow", "dock": "dock", "undock": "undock", "tilt": "tilt",
-}  # fmt: skip
+    "places": "goto",
+    "map": "goto",
+    "follow": "follow",
+    "dock": "dock",
+    "undock": "undock",
+    "tilt": "tilt",
+}
 NETWORK_LAB: Capability = "network_lab"
-# Of the ages that a robot takes, what the real network and the visitor's own page need for themselves, in seconds.
+# Of the ages that a robot takes, what the real network and the visitor's own page need for
+# themselves, in seconds.
 ROOM_FOR_COMMANDS, ROOM_FOR_PICTURES = 0.05, 0.15
 ROUNDING = 1e-9
 SAME_PLACE = 0.5  # how far checkpoint 0 may lie from the docked pose: metres
@@ -24,7 +41,9 @@ Unreachable = Callable[[FloorPlan, Iterable[str], Pose2D, Sequence[tuple[Point, 
 
 @dataclass(frozen=True)
 class RobotFacts:
-    """What a series of robots can do: its speed limit in m/s, and how old a command and its picture may be, in seconds."""
+    """What a series of robots can do: its speed limit in m/s, and how old a command and its picture
+    may be, in seconds.
+    """
 
     capabilities: frozenset[str]
     linear: float
@@ -34,7 +53,9 @@ class RobotFacts:
 
 @dataclass(frozen=True)
 class Known:
-    """What is at hand. `questionnaires` has slug and version of those that can be used, not of templates."""
+    """What is at hand. `questionnaires` has slug and version of those that can be used, not of
+    templates.
+    """
 
     sites: Mapping[str, FloorPlan]
     robots: Mapping[str, RobotFacts]
@@ -48,20 +69,37 @@ def obstacles(study: Study, known: Known, unreachable: Unreachable) -> Iterator[
     Args:
         study: without problems of its own.
         known: robots, sites and questionnaires at hand.
-        unreachable: tells which points cannot be got to (experiments.definition.reachability, or a double).
+        unreachable: tells which points cannot be got to (experiments.definition.reachability, or a
+            double).
     """
     for step in study.steps:
-        if isinstance(step, Form | Questionnaire) and (step.questionnaire, step.version) not in known.questionnaires:
-            yield f"Step {step.key}: there is no usable questionnaire {step.questionnaire}, version {step.version}."
+        if (
+            isinstance(step, Form | Questionnaire)
+            and (step.questionnaire, step.version) not in known.questionnaires
+        ):
+            yield (
+                f"Step {step.key}: there is no usable questionnaire {step.questionnaire}, version"
+                f" {step.version}."
+            )
     for course in study.courses:
-        yield from (f"Course of {course.robot} at {course.site}: {problem}" for problem in _of_course(course, known))
+        yield from (
+            f"Course of {course.robot} at {course.site}: {problem}"
+            for problem in _of_course(course, known)
+        )
     for condition in study.conditions:
-        yield from (f"Condition {condition.key}: {problem}" for problem in _of_condition(study, condition, known, unreachable))
+        yield from (
+            f"Condition {condition.key}: {problem}"
+            for problem in _of_condition(study, condition, known, unreachable)
+        )
 
 
 def dock_of(course: Course, plan: FloorPlan) -> Dock | None:
-    """Return the station of a course: the one that it names, or the only one for its robot; None when that is not exactly one."""
-    fitting = [dock for dock in plan.docks if dock.type == course.robot and course.dock in {"", dock.name}]
+    """Return the station of a course: the one that it names, or the only one for its robot; None
+    when that is not exactly one.
+    """
+    fitting = [
+        dock for dock in plan.docks if dock.type == course.robot and course.dock in {"", dock.name}
+    ]
     return fitting[0] if len(fitting) == 1 else None
 
 
@@ -76,12 +114,18 @@ def _of_course(course: Course, known: Known) -> Iterator[str]:
     if course.photo is not None and course.photo.mirror not in mirrors:
         yield f"there is no mirror {course.photo.mirror}."
     for checkpoint in course.checkpoints:
-        if plan.room_at(checkpoint.x, checkpoint.y) is None and not _in_doorway(plan, checkpoint.x, checkpoint.y):
+        if plan.room_at(checkpoint.x, checkpoint.y) is None and not _in_doorway(
+            plan, checkpoint.x, checkpoint.y
+        ):
             yield f"checkpoint {checkpoint.number} lies in no room."
 
 
 def _in_doorway(plan: FloorPlan, x: float, y: float) -> bool:
-    return any(math.dist(_middle(opening.start, opening.end), (x, y)) <= math.dist(opening.start, opening.end) / 2.0 for opening in plan.openings)
+    return any(
+        math.dist(_middle(opening.start, opening.end), (x, y))
+        <= math.dist(opening.start, opening.end) / 2.0
+        for opening in plan.openings
+    )
 
 
 def _middle(start: Point, end: Point) -> Point:
@@ -92,16 +136,31 @@ def _of_dock(course: Course, plan: FloorPlan) -> Iterator[str]:
     named = [dock for dock in plan.docks if course.dock in {"", dock.name}]
     fitting = [dock for dock in named if dock.type == course.robot]
     if not named:
-        yield f"there is no charging station {course.dock}." if course.dock else "there is no charging station."
+        yield (
+            f"there is no charging station {course.dock}."
+            if course.dock
+            else "there is no charging station."
+        )
     elif not fitting:
         yield f"no charging station there is one for {course.robot}."
     elif len(fitting) > 1:
-        yield f"there are {len(fitting)} charging stations for {course.robot}: name the one that is meant."
-    elif course.checkpoints and math.dist((course.checkpoints[0].x, course.checkpoints[0].y), (fitting[0].x, fitting[0].y)) > SAME_PLACE:
+        yield (
+            f"there are {len(fitting)} charging stations for {course.robot}: name the one that is"
+            " meant."
+        )
+    elif (
+        course.checkpoints
+        and math.dist(
+            (course.checkpoints[0].x, course.checkpoints[0].y), (fitting[0].x, fitting[0].y)
+        )
+        > SAME_PLACE
+    ):
         yield f"checkpoint 0 does not lie at the charging station {fitting[0].name}."
 
 
-def _of_condition(study: Study, condition: Condition, known: Known, unreachable: Unreachable) -> Iterator[str]:
+def _of_condition(
+    study: Study, condition: Condition, known: Known, unreachable: Unreachable
+) -> Iterator[str]:
     if condition.interface not in known.interfaces:
         yield f"there is no interface profile {condition.interface}."
     robot = known.robots.get(condition.robot)
@@ -115,48 +174,82 @@ def _of_condition(study: Study, condition: Condition, known: Known, unreachable:
 
 
 def _of_robot(study: Study, condition: Condition, robot: RobotFacts) -> Iterator[str]:
-    wanted: dict[str, str] = {CAPABILITY[action]: f"the action {action}" for action in condition.actions}
+    wanted: dict[str, str] = {
+        CAPABILITY[action]: f"the action {action}" for action in condition.actions
+    }
     if condition.assist != "off":
         wanted["assist"] = f"assistance {condition.assist}"
     if condition.controllers:
         wanted["velocity"] = "driving by hand"
-    yield from (f"{condition.robot} cannot do {what}." for capability, what in wanted.items() if capability not in robot.capabilities)
+    yield from (
+        f"{condition.robot} cannot do {what}."
+        for capability, what in wanted.items()
+        if capability not in robot.capabilities
+    )
     yield from _of_network(condition, robot)
     course, task = study.course_of(condition), study.task
-    if course is not None and task is not None and length_of(course) / robot.linear >= task.minutes * 60.0:
-        yield f"at {robot.linear:g} m/s, the most of {condition.robot}, the course takes longer than the task's {task.minutes:g} minutes."
+    if (
+        course is not None
+        and task is not None
+        and length_of(course) / robot.linear >= task.minutes * 60.0
+    ):
+        yield (
+            f"at {robot.linear:g} m/s, the most of {condition.robot}, the course takes longer than"
+            f" the task's {task.minutes:g} minutes."
+        )
 
 
 def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[str]:
-    """Yield why nobody could drive this robot over such a network; its own limits on age hold in every condition."""
+    """Yield why nobody could drive this robot over such a network; its own limits on age hold in
+    every condition.
+    """
     if condition.network != Network() and NETWORK_LAB not in robot.capabilities:
-        yield f"{condition.robot} cannot make its network worse: no delay, loss or limit can be put on it."
+        yield (
+            f"{condition.robot} cannot make its network worse: no delay, loss or limit can be put"
+            " on it."
+        )
     there, back = _latest(condition.network.control), _latest(condition.network.video)
     if there > robot.command_age - ROOM_FOR_COMMANDS + ROUNDING:
         yield (
-            f"commands would be delayed by up to {1e3 * there:g} ms; {condition.robot} takes none older than {1e3 * robot.command_age:g} ms, "
-            f"and {1e3 * ROOM_FOR_COMMANDS:g} ms of that are the real network's."
+            f"commands would be delayed by up to {1e3 * there:g} ms; {condition.robot} takes none"
+            f" older than {1e3 * robot.command_age:g} ms, and {1e3 * ROOM_FOR_COMMANDS:g} ms of"
+            " that are the real network's."
         )
     if there + back > robot.frame_age - ROOM_FOR_PICTURES + ROUNDING:
         yield (
-            f"pictures and the commands that answer them would be delayed by up to {1e3 * (there + back):g} ms; {condition.robot} takes no "
-            f"command whose picture is older than {1e3 * robot.frame_age:g} ms, and {1e3 * ROOM_FOR_PICTURES:g} ms of that are camera's and page's."
+            "pictures and the commands that answer them would be delayed by up to"
+            f" {1e3 * (there + back):g} ms; {condition.robot} takes no command whose picture is"
+            f" older than {1e3 * robot.frame_age:g} ms, and {1e3 * ROOM_FOR_PICTURES:g} ms of that"
+            " are camera's and page's."
         )
 
 
 def _latest(impairment: Impairment | None) -> float:
-    """Return for how long a packet is held at most by what is put on a network, but for its bit rate."""
+    """Return for how long a packet is held at most by what is put on a network, but for its bit
+    rate.
+    """
     return 0.0 if impairment is None else impairment.delay + impairment.jitter
 
 
-def _of_way(condition: Condition, course: Course, plan: FloorPlan, unreachable: Unreachable) -> Iterator[str]:
+def _of_way(
+    condition: Condition, course: Course, plan: FloorPlan, unreachable: Unreachable
+) -> Iterator[str]:
     doors = {door.name for door in plan.doors}
     unknown = [name for name in condition.doors_closed if name not in doors]
     yield from (f"there is no door {name} to close." for name in unknown)
     dock = dock_of(course, plan)
     if dock is None or unknown:
         return
-    spots = [((checkpoint.x, checkpoint.y), checkpoint.radius) for checkpoint in course.checkpoints[1:]]
-    with_doors = f" with {', '.join(condition.doors_closed)} closed" if condition.doors_closed else ""
-    for index in unreachable(plan, condition.doors_closed, Pose2D(dock.x, dock.y, dock.theta), spots):
-        yield f"checkpoint {course.checkpoints[1:][index].number} cannot be reached from the charging station{with_doors}."
+    spots = [
+        ((checkpoint.x, checkpoint.y), checkpoint.radius) for checkpoint in course.checkpoints[1:]
+    ]
+    with_doors = (
+        f" with {', '.join(condition.doors_closed)} closed" if condition.doors_closed else ""
+    )
+    for index in unreachable(
+        plan, condition.doors_closed, Pose2D(dock.x, dock.y, dock.theta), spots
+    ):
+        yield (
+            f"checkpoint {course.checkpoints[1:][index].number} cannot be reached from the charging"
+            f" station{with_doors}."
+        )

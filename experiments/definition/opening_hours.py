@@ -1,8 +1,10 @@
-"""When a study can be taken part in: spans of the week in the study's own time zone. None at all means always.
+"""When a study can be taken part in: spans of the week in the study's own time zone. None at all
+means always.
 
-A span is `{"days": [0..6], "start": "09:00", "end": "17:00"}`, Monday is 0; one that does not end later than it starts ends on the next
-day, so that `00:00` to `00:00` is a whole one. Wall-clock times: a study that opens at nine opens at nine on both sides of a change of
-the clocks. A time that the clocks skip counts as the same moment told by the clock before the change.
+A span is `{"days": [0..6], "start": "09:00", "end": "17:00"}`, Monday is 0; one that does not end
+later than it starts ends on the next day, so that `00:00` to `00:00` is a whole one. Wall-clock
+times: a study that opens at nine opens at nine on both sides of a change of the clocks. A time that
+the clocks skip counts as the same moment told by the clock before the change.
 """
 
 import datetime
@@ -31,7 +33,8 @@ def problems(hours: Any, time_zone: str) -> Iterator[str]:
 def _is_zone(name: str) -> bool:
     try:
         ZoneInfo(name)
-    except (ZoneInfoNotFoundError, ValueError, OSError):  # a folder's name and a bad path are no zones either
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        # a folder's name and a bad path are no zones either
         return False
     return True
 
@@ -41,7 +44,11 @@ def _of_span(span: Any) -> Iterator[str]:
         yield "it needs days, start and end, and nothing else."
         return
     days = span["days"]
-    if not isinstance(days, list) or not days or any(type(day) is not int or not 0 <= day < _WEEK for day in days):
+    if (
+        not isinstance(days, list)
+        or not days
+        or any(type(day) is not int or not 0 <= day < _WEEK for day in days)
+    ):
         yield "its days are numbers from 0 (Monday) to 6, at least one."
     for name in ("start", "end"):
         if not isinstance(span[name], str) or not _CLOCK.match(span[name]):
@@ -61,22 +68,37 @@ def opens_at(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.d
     return later.astimezone(ZoneInfo(time_zone))
 
 
-def opens_on_the_wall(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.datetime | None:
-    """Return `opens_at` as the clock on the wall shows it there: naive, so that no page turns it into another zone's."""
+def opens_on_the_wall(
+    hours: Hours, time_zone: str, now: datetime.datetime
+) -> datetime.datetime | None:
+    """Return `opens_at` as the clock on the wall shows it there: naive, so that no page turns it
+    into another zone's.
+    """
     later = opens_at(hours, time_zone, now)
     return later.replace(tzinfo=None) if later is not None else None
 
 
-def _around(hours: Hours, time_zone: str, now: datetime.datetime) -> list[tuple[datetime.datetime, datetime.datetime]]:
-    """Return the spans from the day before a moment to a week after it, as moments in UTC: only there are they compared rightly."""
+def _around(
+    hours: Hours, time_zone: str, now: datetime.datetime
+) -> list[tuple[datetime.datetime, datetime.datetime]]:
+    """Return the spans from the day before a moment to a week after it, as moments in UTC: only
+    there are they compared rightly.
+    """
     zone = ZoneInfo(time_zone)
     today = now.astimezone(zone).date()
     days = [today + datetime.timedelta(days=shift) for shift in range(-1, _WEEK + 2)]
-    return [_moments(span, day, zone) for day in days for span in hours if day.weekday() in span["days"]]
+    return [
+        _moments(span, day, zone) for day in days for span in hours if day.weekday() in span["days"]
+    ]
 
 
-def _moments(span: Mapping[str, Any], day: datetime.date, zone: ZoneInfo) -> tuple[datetime.datetime, datetime.datetime]:
-    start, end = datetime.time.fromisoformat(span["start"]), datetime.time.fromisoformat(span["end"])
+def _moments(
+    span: Mapping[str, Any], day: datetime.date, zone: ZoneInfo
+) -> tuple[datetime.datetime, datetime.datetime]:
+    start, end = (
+        datetime.time.fromisoformat(span["start"]),
+        datetime.time.fromisoformat(span["end"]),
+    )
     last = day if end > start else day + datetime.timedelta(days=1)
     return _utc(day, start, zone), _utc(last, end, zone)
 

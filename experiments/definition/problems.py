@@ -1,26 +1,43 @@
-"""What is wrong with a study that somebody wrote, in sentences that say where. Asks nothing but the study itself."""
+"""What is wrong with a study that somebody wrote, in sentences that say where. Asks nothing but the
+study itself.
+"""
 
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
-from experiments.definition.schema import Condition, Consent, Course, Debrief, Form, Impairment, Instructions, Practice, Questionnaire, Study, Task
+from experiments.definition.schema import (
+    Condition,
+    Consent,
+    Course,
+    Debrief,
+    Form,
+    Impairment,
+    Instructions,
+    Practice,
+    Questionnaire,
+    Study,
+    Task,
+)
 from surveys.problems import checked, text_problems
 
 MAX_BYTES = 1024 * 1024
 MOST_ORDERED = 4  # conditions within one participant
 MOST_MINUTES = 240.0  # of driving, for one participant
 LEAST_CHECKPOINTS = 2
-# Beyond these nobody can drive: with more loss the robot brakes between commands, below these rates commands or pictures only queue (bit/s).
+# Beyond these nobody can drive: with more loss the robot brakes between commands, below these rates
+# commands or pictures only queue (bit/s).
 MOST_LOSS, LEAST_CONTROL_RATE, LEAST_VIDEO_RATE = 0.5, 50e3, 150e3
-TAKEN_NAMES = frozenset({"link"})  # a study of that name could not be reached: /studies/link/ leads to personal links
+# a study of that name could not be reached: /studies/link/ leads to personal links
+TAKEN_NAMES = frozenset({"link"})
 
 
 def parse(document: bytes) -> Study:
     """Return the study that a JSON document holds.
 
     Raises:
-        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at the first.
+        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
+            the first.
     """
     return checked(document, Study, problems, MAX_BYTES)
 
@@ -30,16 +47,24 @@ def problems(study: Study) -> Iterator[str]:
     yield from _of_the_whole(study)
     yield from _of_steps(study)
     for condition in study.conditions:
-        yield from (f"Condition {condition.key}: {problem}" for problem in _of_condition(study, condition))
+        yield from (
+            f"Condition {condition.key}: {problem}" for problem in _of_condition(study, condition)
+        )
     for course in study.courses:
-        yield from (f"Course of {course.robot} at {course.site}: {problem}" for problem in _of_course(study, course))
+        yield from (
+            f"Course of {course.robot} at {course.site}: {problem}"
+            for problem in _of_course(study, course)
+        )
     yield from _of_allocation(study)
 
 
 def name_problems(slug: str) -> Iterator[str]:
     """Yield why a study cannot have a name."""
     if slug in TAKEN_NAMES:
-        yield f"The name {slug} belongs to the addresses of personal links: give the study another one."
+        yield (
+            f"The name {slug} belongs to the addresses of personal links: give the study another"
+            " one."
+        )
 
 
 def _of_the_whole(study: Study) -> Iterator[str]:
@@ -56,13 +81,20 @@ def _of_the_whole(study: Study) -> Iterator[str]:
 
 
 def _twice(what: str, names: Iterable[str]) -> Iterator[str]:
-    yield from (f"The {what} {name} stands {count} times." for name, count in Counter(names).items() if count > 1)
+    yield from (
+        f"The {what} {name} stands {count} times."
+        for name, count in Counter(names).items()
+        if count > 1
+    )
 
 
 def _of_steps(study: Study) -> Iterator[str]:
     kinds = Counter(type(step) for step in study.steps)
     if kinds[Task] != 1:
-        yield f"There are {kinds[Task]} task steps; a study has one, which is repeated for each condition."
+        yield (
+            f"There are {kinds[Task]} task steps; a study has one, which is repeated for each"
+            " condition."
+        )
     if kinds[Consent] > 1:
         yield f"There are {kinds[Consent]} consent steps; one is enough."
     if kinds[Consent] and not isinstance(study.steps[0], Consent):
@@ -78,7 +110,9 @@ def _of_steps(study: Study) -> Iterator[str]:
 
 
 def _of_repeats(study: Study) -> Iterator[str]:
-    """Who drives several times goes round the repeated steps, so these stand together and the task is among them."""
+    """Who drives several times goes round the repeated steps, so these stand together and the task
+    is among them.
+    """
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
     if repeated and repeated != list(range(repeated[0], repeated[-1] + 1)):
         yield "The steps that are repeated do not stand together."
@@ -87,15 +121,24 @@ def _of_repeats(study: Study) -> Iterator[str]:
         yield "Participants do every condition, but the task is not repeated."
     driving = sum(step.minutes for step in study.steps if isinstance(step, Task | Practice))
     if task is not None and driving > MOST_MINUTES:
-        yield f"One round lasts up to {driving:g} minutes of driving; at most {MOST_MINUTES:g} are allowed."
+        yield (
+            f"One round lasts up to {driving:g} minutes of driving; at most {MOST_MINUTES:g} are"
+            " allowed."
+        )
     if task is not None and task.last_minutes > task.minutes:
         yield f"The last {task.last_minutes:g} minutes of the task are longer than the task."
 
 
 def _of_condition(study: Study, condition: Condition) -> Iterator[str]:
-    if not condition.controllers and not {"places", "map", "follow"}.intersection(condition.actions):
+    if not condition.controllers and not {"places", "map", "follow"}.intersection(
+        condition.actions
+    ):
         yield "there is no controller and no way to send the robot: nobody could drive."
-    for what, names in (("controller", condition.controllers), ("action", condition.actions), ("closed door", condition.doors_closed)):
+    for what, names in (
+        ("controller", condition.controllers),
+        ("action", condition.actions),
+        ("closed door", condition.doors_closed),
+    ):
         yield from _twice(what, names)
     yield from _of_network("towards the robot", condition.network.control, LEAST_CONTROL_RATE)
     yield from _of_network("back from the camera", condition.network.video, LEAST_VIDEO_RATE)
@@ -104,7 +147,11 @@ def _of_condition(study: Study, condition: Condition) -> Iterator[str]:
         yield f"there is no course for {condition.robot} at {condition.site}."
         return
     task, linear = study.task, condition.speed.linear
-    if task is not None and linear is not None and length_of(course) / linear >= task.minutes * 60.0:
+    if (
+        task is not None
+        and linear is not None
+        and length_of(course) / linear >= task.minutes * 60.0
+    ):
         yield f"at {linear:g} m/s the course takes longer than the task's {task.minutes:g} minutes."
 
 
@@ -112,23 +159,42 @@ def _of_network(direction: str, impairment: Impairment | None, least_rate: float
     if impairment is None:
         return
     if impairment.jitter > impairment.delay:
-        yield f"{direction}, the jitter is greater than the delay, which it changes by up to so much either way."
+        yield (
+            f"{direction}, the jitter is greater than the delay, which it changes by up to so much"
+            " either way."
+        )
     if impairment.loss > MOST_LOSS:
-        yield f"{direction}, more than {MOST_LOSS:.0%} of the packets would be lost: nobody could drive."
+        yield (
+            f"{direction}, more than {MOST_LOSS:.0%} of the packets would be lost: nobody could"
+            " drive."
+        )
     if impairment.bitrate is not None and impairment.bitrate < least_rate:
         yield f"{direction}, the bit rate is below {least_rate / 1e3:g} kbit/s: nobody could drive."
 
 
 def length_of(course: Course) -> float:
-    """Return the least length of a course in metres: straight from checkpoint to checkpoint and back to the station."""
+    """Return the least length of a course in metres: straight from checkpoint to checkpoint and
+    back to the station.
+    """
     points = [(checkpoint.x, checkpoint.y) for checkpoint in course.checkpoints]
-    return sum(math.dist(one, other) for one, other in zip(points, points[1:] + points[:1], strict=True)) if points else 0.0
+    return (
+        sum(
+            math.dist(one, other)
+            for one, other in zip(points, points[1:] + points[:1], strict=True)
+        )
+        if points
+        else 0.0
+    )
 
 
 def _of_course(study: Study, course: Course) -> Iterator[str]:
     numbers = [checkpoint.number for checkpoint in course.checkpoints]
     if len(numbers) < LEAST_CHECKPOINTS:
-        yield "there is no checkpoint beside the charging station." if numbers else "there is no checkpoint."
+        yield (
+            "there is no checkpoint beside the charging station."
+            if numbers
+            else "there is no checkpoint."
+        )
     elif numbers != list(range(len(numbers))):
         yield f"the checkpoints are numbered {numbers}, not 0, 1, 2 …"
     if course.photo is not None and course.photo.checkpoint not in numbers[1:]:
@@ -146,11 +212,16 @@ def _of_allocation(study: Study) -> Iterator[str]:
     for access in ("open", "invitation"):
         count = sum(condition.access == access for condition in study.conditions)
         if study.allocation.design == "within" and count > MOST_ORDERED:
-            yield f"{count} conditions within one participant; at most {MOST_ORDERED} can be ordered."
+            yield (
+                f"{count} conditions within one participant; at most {MOST_ORDERED} can be ordered."
+            )
     if bool(study.refill.outcomes) != bool(study.refill.most):
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
         yield "The refill rule may not refill outcomes of the task itself (completed, timed out)."
     known = {step.questionnaire for step in study.steps if isinstance(step, Form | Questionnaire)}
     if study.analysis.statements not in known:
-        yield f"The statements of the analysis, {study.analysis.statements}, are not among the questionnaires that are asked."
+        yield (
+            f"The statements of the analysis, {study.analysis.statements}, are not among the"
+            " questionnaires that are asked."
+        )

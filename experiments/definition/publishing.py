@@ -1,7 +1,9 @@
-"""Studies in the database: taken from definitions, changed while they are drafts, published once nothing stands in the way, closed.
+"""Studies in the database: taken from definitions, changed while they are drafts, published once
+nothing stands in the way, closed.
 
-A draft may be half done: it is stored as long as its types are right, and what is wrong with it is told until it is mended. What is
-published has no problems, is feasible with the sites, robots and questionnaires at hand, and never changes again.
+A draft may be half done: it is stored as long as its types are right, and what is wrong with it is
+told until it is mended. What is published has no problems, is feasible with the sites, robots and
+questionnaires at hand, and never changes again.
 """
 
 import datetime
@@ -17,7 +19,16 @@ from accounts import audit
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.problems import name_problems, problems
 from experiments.definition.reachability import unreachable
-from experiments.definition.schema import Consent, Debrief, Form, Instructions, Questionnaire, Study, Task, digest
+from experiments.definition.schema import (
+    Consent,
+    Debrief,
+    Form,
+    Instructions,
+    Questionnaire,
+    Study,
+    Task,
+    digest,
+)
 from experiments.models import PersonalLink, Rehearsal, StudyMember
 from experiments.models import Study as Row
 from robots.api import floorplan
@@ -42,11 +53,12 @@ class ChangedMeanwhileError(RuntimeError):
     """Somebody else changed or published the draft since it was read."""
 
 
-# --- into the database -----------------------------------------------------------------------------------------------
+# --- into the database ----------------------------------------------------------------------------
 
 
 def store(definition: Study, now: datetime.datetime) -> Row:
-    """Put a study into the database as a draft, in place of a draft of the same version, or return the row that holds the same already.
+    """Put a study into the database as a draft, in place of a draft of the same version, or return
+    the row that holds the same already.
 
     Raises:
         BadDefinitionError: when it is wrong, or its version was published with other content.
@@ -61,7 +73,9 @@ def _put(definition: Study, now: datetime.datetime) -> Row:
     fields = _fields(definition)
     try:
         with transaction.atomic():
-            return Row.objects.create(slug=definition.slug, version=definition.version, created_at=now, **fields)
+            return Row.objects.create(
+                slug=definition.slug, version=definition.version, created_at=now, **fields
+            )
     except IntegrityError:
         return _replace(definition, fields)
 
@@ -71,20 +85,33 @@ def _replace(definition: Study, fields: dict[str, Any]) -> Row:
     rows.filter(status=Row.Status.DRAFT).exclude(sha256=fields["sha256"]).update(**fields)
     row = rows.get()
     if row.sha256 != fields["sha256"]:
-        raise BadDefinitionError([f"Version {definition.version} of {definition.slug} is published and cannot change: make a new version."])
+        raise BadDefinitionError(
+            [
+                f"Version {definition.version} of {definition.slug} is published and cannot change:"
+                " make a new version."
+            ]
+        )
     return row
 
 
 def _fields(definition: Study) -> dict[str, Any]:
-    title = next((text for text in (definition.title.get("en", ""), *definition.title.values()) if text), definition.slug)
-    return {"title": title[:200], "definition": msgspec.to_builtins(definition), "sha256": digest(definition)}
+    title = next(
+        (text for text in (definition.title.get("en", ""), *definition.title.values()) if text),
+        definition.slug,
+    )
+    return {
+        "title": title[:200],
+        "definition": msgspec.to_builtins(definition),
+        "sha256": digest(definition),
+    }
 
 
 def save_draft(row: Row, definition: Study) -> Row:
     """Keep a draft as it stands now, right or half done; name and version stay.
 
     Raises:
-        ChangedMeanwhileError: the row is no draft any more, or holds something else than when it was read.
+        ChangedMeanwhileError: the row is no draft any more, or holds something else than when it
+            was read.
     """
     named = msgspec.structs.replace(definition, slug=row.slug, version=row.version)
     rows = Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256)
@@ -99,7 +126,10 @@ def begin_empty(slug: str, title: str, languages: Sequence[str], now: datetime.d
     Raises:
         BadDefinitionError: there is a study of that name, or name or languages cannot be.
     """
-    taken = [*name_problems(slug), *([f"There is a study {slug} already."] if Row.objects.filter(slug=slug).exists() else [])]
+    taken = [
+        *name_problems(slug),
+        *([f"There is a study {slug} already."] if Row.objects.filter(slug=slug).exists() else []),
+    ]
     if taken:
         raise BadDefinitionError(taken)
     try:
@@ -121,12 +151,22 @@ def _usual(slug: str, title: str, languages: tuple[str, ...]) -> dict[str, Any]:
         Questionnaire(key="experience", title=said("Your experience"), questionnaire="experience"),
         Debrief(key="thanks", title=said("Thanks"), text={}),
     )
-    study = {"format": 1, "slug": slug, "version": 1, "title": said(title), "languages": list(languages), "conditions": [], "courses": []}
+    study = {
+        "format": 1,
+        "slug": slug,
+        "version": 1,
+        "title": said(title),
+        "languages": list(languages),
+        "conditions": [],
+        "courses": [],
+    }
     return {**study, "steps": msgspec.to_builtins(steps)}
 
 
 def new_version(row: Row, now: datetime.datetime) -> Row:
-    """Return a draft copy, numbered after the newest version; how people come in and when is taken along."""
+    """Return a draft copy, numbered after the newest version; how people come in and when is taken
+    along.
+    """
     newest = Row.objects.filter(slug=row.slug).aggregate(newest=Max("version"))["newest"]
     made = _put(msgspec.structs.replace(row.as_definition(), version=newest + 1), now)
     kept = ("entry", "opening_hours", "time_zone", "exclusive")
@@ -137,30 +177,45 @@ def new_version(row: Row, now: datetime.datetime) -> Row:
 def own(row: Row, user: Any) -> None:
     """Make whoever brought a study its owner, when it has none."""
     if not StudyMember.objects.filter(slug=row.slug, role=StudyMember.Role.OWNER).exists():
-        StudyMember.objects.update_or_create(slug=row.slug, user=user, defaults={"role": StudyMember.Role.OWNER})
+        StudyMember.objects.update_or_create(
+            slug=row.slug, user=user, defaults={"role": StudyMember.Role.OWNER}
+        )
 
 
-# --- what stands in the way ------------------------------------------------------------------------------------------
+# --- what stands in the way -----------------------------------------------------------------------
 
 
 def problems_of(row: Row) -> list[str]:
-    """Return what is wrong with a study in itself, then, when nothing is, what stands in its way here."""
+    """Return what is wrong with a study in itself, then, when nothing is, what stands in its way
+    here.
+    """
     definition = row.as_definition()
     return list(problems(definition)) or obstacles_here(definition)
 
 
 def obstacles_here(definition: Study) -> list[str]:
-    """Return what makes a study impossible with the sites, robots and questionnaires of this server, a sentence each."""
+    """Return what makes a study impossible with the sites, robots and questionnaires of this
+    server, a sentence each.
+    """
     return [*obstacles(definition, known_here(), unreachable), *(_elsewhere(definition))]
 
 
 def known_here() -> Known:
-    """Return what is at hand. Questionnaires that come with the site count: publishing puts them in."""
-    return Known(sites=sites(), robots=_robots(), questionnaires=frozenset(_usable()), interfaces=frozenset(INTERFACES))
+    """Return what is at hand. Questionnaires that come with the site count: publishing puts them
+    in.
+    """
+    return Known(
+        sites=sites(),
+        robots=_robots(),
+        questionnaires=frozenset(_usable()),
+        interfaces=frozenset(INTERFACES),
+    )
 
 
 def sites() -> dict[str, floorplan.FloorPlan]:
-    """Return the plans of the sites by map id; a site that has only a picture is none to make a course on."""
+    """Return the plans of the sites by map id; a site that has only a picture is none to make a
+    course on.
+    """
     rows = FloorPlan.objects.exclude(plan={}).values_list("name", "plan")
     return {name: floorplan.decode(msgspec.json.encode(plan)) for name, plan in rows}
 
@@ -172,7 +227,10 @@ def _robots() -> dict[str, RobotFacts]:
         sheet = robot.factsheet or {}
         limits = sheet["limits"]
         linear = min(limits["linear"], robot.max_linear or float("inf"))
-        ages = limits.get("commandAge", RobotFacts.command_age), limits.get("frameAge", RobotFacts.frame_age)
+        ages = (
+            limits.get("commandAge", RobotFacts.command_age),
+            limits.get("frameAge", RobotFacts.frame_age),
+        )
         facts = RobotFacts(frozenset(sheet["capabilities"]), linear, *ages)
         other = found.get(sheet["series"], facts)
         found[sheet["series"]] = RobotFacts(
@@ -186,38 +244,61 @@ def _robots() -> dict[str, RobotFacts]:
 
 def _heard_of() -> list[Robot]:
     """Return the robots in use that have said what they are, once at least."""
-    robots = Robot.objects.filter(enabled=True, practice=False).select_related("floor_plan").defer("floor_plan__image")
+    robots = (
+        Robot.objects.filter(enabled=True, practice=False)
+        .select_related("floor_plan")
+        .defer("floor_plan__image")
+    )
     return [robot for robot in robots if robot.factsheet]
 
 
 def _elsewhere(definition: Study) -> Iterator[str]:
-    here = {((robot.factsheet or {})["series"], robot.floor_plan.name) for robot in _heard_of() if robot.floor_plan is not None}
+    here = {
+        ((robot.factsheet or {})["series"], robot.floor_plan.name)
+        for robot in _heard_of()
+        if robot.floor_plan is not None
+    }
     series = {name for name, _site in here}
     for condition in definition.conditions:
         if condition.robot in series and (condition.robot, condition.site) not in here:
-            yield f"Condition {condition.key}: no {condition.robot} is at the site {condition.site}."
+            yield (
+                f"Condition {condition.key}: no {condition.robot} is at the site {condition.site}."
+            )
 
 
 def _usable() -> Iterator[tuple[str, int]]:
-    """Yield slug and version of what can be asked: in the database, and what comes with the site; never templates."""
+    """Yield slug and version of what can be asked: in the database, and what comes with the site;
+    never templates.
+    """
     in_database = QuestionnaireRow.objects.values_list("slug", "version", "definition")
     taken = {(slug, version) for slug, version, _definition in in_database}
-    yield from ((slug, version) for slug, version, definition in in_database if not definition.get("template"))
+    yield from (
+        (slug, version)
+        for slug, version, definition in in_database
+        if not definition.get("template")
+    )
     shipped = questionnaires.shipped().values()
-    yield from ((one.slug, one.version) for one in shipped if not one.template and (one.slug, one.version) not in taken)
+    yield from (
+        (one.slug, one.version)
+        for one in shipped
+        if not one.template and (one.slug, one.version) not in taken
+    )
 
 
-# --- publishing ------------------------------------------------------------------------------------------------------
+# --- publishing -----------------------------------------------------------------------------------
 
 
 def passed_rehearsal(row: Row) -> Rehearsal | None:
     """Return the newest rehearsal of exactly this definition that passed."""
-    rehearsals = Rehearsal.objects.filter(study=row, sha256=row.sha256, passed=True, finished_at__isnull=False)
+    rehearsals = Rehearsal.objects.filter(
+        study=row, sha256=row.sha256, passed=True, finished_at__isnull=False
+    )
     return rehearsals.order_by("-finished_at").first()
 
 
 def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
-    """Open a draft to participants; from now on its definition is frozen, and no earlier version takes anybody new.
+    """Open a draft to participants; from now on its definition is frozen, and no earlier version
+    takes anybody new.
 
     Args:
         row: the draft.
@@ -229,18 +310,38 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
         NotPublishableError: with everything that stands in the way.
     """
     rehearsal, reason = passed_rehearsal(row), reason.strip()
-    wrong = ["Only a draft can be published."] if row.status != Row.Status.DRAFT else problems_of(row)
+    wrong = (
+        ["Only a draft can be published."] if row.status != Row.Status.DRAFT else problems_of(row)
+    )
     if rehearsal is None and len(reason) < LEAST_REASON:
-        wrong.append(f"No rehearsal of this definition has passed: say in at least {LEAST_REASON} characters why it is published without.")
+        wrong.append(
+            f"No rehearsal of this definition has passed: say in at least {LEAST_REASON} characters"
+            " why it is published without."
+        )
     if wrong:
         raise NotPublishableError(wrong)
     _freeze_questionnaires(row.as_definition(), now)
-    told = {"status": Row.Status.PUBLISHED, "published_at": now, "published_by": user, "unrehearsed_reason": "" if rehearsal is not None else reason}
+    told = {
+        "status": Row.Status.PUBLISHED,
+        "published_at": now,
+        "published_by": user,
+        "unrehearsed_reason": "" if rehearsal is not None else reason,
+    }
     if not Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256).update(**told):
         raise NotPublishableError(["It was changed or published meanwhile."])
-    Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk).update(status=Row.Status.CLOSED, closed_at=now)
-    audit.note("study_published", actor=user, study=row.slug, detail=f"version {row.version}{', unrehearsed' if rehearsal is None else ''}", at=now)
-    log(row, user, f"Published without a rehearsal: {reason}" if rehearsal is None else "Published.")
+    Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk).update(
+        status=Row.Status.CLOSED, closed_at=now
+    )
+    audit.note(
+        "study_published",
+        actor=user,
+        study=row.slug,
+        detail=f"version {row.version}{', unrehearsed' if rehearsal is None else ''}",
+        at=now,
+    )
+    log(
+        row, user, f"Published without a rehearsal: {reason}" if rehearsal is None else "Published."
+    )
     return Row.objects.get(pk=row.pk)
 
 
@@ -255,8 +356,12 @@ def _freeze_questionnaires(definition: Study, now: datetime.datetime) -> None:
     shipped = {(one.slug, one.version): one for one in questionnaires.shipped().values()}
     for step in definition.steps:
         if isinstance(step, Form | Questionnaire):
-            row = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version).first()
-            questionnaires.freeze(row or questionnaires.store(shipped[step.questionnaire, step.version], now), now)
+            row = QuestionnaireRow.objects.filter(
+                slug=step.questionnaire, version=step.version
+            ).first()
+            questionnaires.freeze(
+                row or questionnaires.store(shipped[step.questionnaire, step.version], now), now
+            )
 
 
 def close(row: Row, now: datetime.datetime) -> Row:
@@ -265,7 +370,9 @@ def close(row: Row, now: datetime.datetime) -> Row:
     Raises:
         NotPublishableError: it is not published.
     """
-    if not Row.objects.filter(pk=row.pk, status=Row.Status.PUBLISHED).update(status=Row.Status.CLOSED, closed_at=now):
+    if not Row.objects.filter(pk=row.pk, status=Row.Status.PUBLISHED).update(
+        status=Row.Status.CLOSED, closed_at=now
+    ):
         raise NotPublishableError(["Only a published study can be closed."])
     return Row.objects.get(pk=row.pk)
 
@@ -276,9 +383,15 @@ def reopen(row: Row) -> Row:
     Raises:
         NotPublishableError: it is not closed, or a newer version is published.
     """
-    if Row.objects.filter(slug=row.slug, version__gt=row.version).exclude(status=Row.Status.DRAFT).exists():
+    if (
+        Row.objects.filter(slug=row.slug, version__gt=row.version)
+        .exclude(status=Row.Status.DRAFT)
+        .exists()
+    ):
         raise NotPublishableError(["A newer version of this study was published."])
-    if not Row.objects.filter(pk=row.pk, status=Row.Status.CLOSED).update(status=Row.Status.PUBLISHED, closed_at=None):
+    if not Row.objects.filter(pk=row.pk, status=Row.Status.CLOSED).update(
+        status=Row.Status.PUBLISHED, closed_at=None
+    ):
         raise NotPublishableError(["Only a closed study can be opened again."])
     return Row.objects.get(pk=row.pk)
 

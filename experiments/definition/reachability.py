@@ -1,6 +1,7 @@
 """Can a robot's middle get from one place of a site to others, with some of its doors closed?
 
-A closed door is a wall of the plan; what is connected is told on the same map that the site's own inspection uses.
+A closed door is a wall of the plan; what is connected is told on the same map that the site's own
+inspection uses.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,18 +18,29 @@ from robots.world.render_plan import rasterise
 CELLS = 2.0  # how far beside the point before a station the floor may begin
 
 
-def unreachable(plan: FloorPlan, closed: Iterable[str], dock: Pose2D, spots: Sequence[tuple[Point, float]]) -> list[int]:
-    """Return the indices of the spots, each a point and a radius in metres, that a robot which leaves `dock` does not get to.
+def unreachable(
+    plan: FloorPlan, closed: Iterable[str], dock: Pose2D, spots: Sequence[tuple[Point, float]]
+) -> list[int]:
+    """Return the indices of the spots, each a point and a radius in metres, that a robot which
+    leaves `dock` does not get to.
 
     When the station itself cannot be left, that is all of them.
     """
     floor = _floor(plan, frozenset(closed))
     x, y = dock.apply(-BACKED_OUT, 0.0)
     home = floor.about(x, y, CELLS * floor.grid.transform.resolution)[1]
-    return [n for n, ((x, y), radius) in enumerate(spots) if not home & floor.about(x, y, radius / 2.0)[1]]
+    return [
+        n
+        for n, ((x, y), radius) in enumerate(spots)
+        if not home & floor.about(x, y, radius / 2.0)[1]
+    ]
 
 
 @lru_cache(maxsize=16)
 def _floor(plan: FloorPlan, closed: frozenset[str]) -> Floor:
-    leaves = tuple(Wall(start=door.start, end=door.end, thickness=door.thickness) for door in plan.doors if door.name in closed)
+    leaves = tuple(
+        Wall(start=door.start, end=door.end, thickness=door.thickness)
+        for door in plan.doors
+        if door.name in closed
+    )
     return Floor.of(rasterise(msgspec.structs.replace(plan, walls=(*plan.walls, *leaves))))

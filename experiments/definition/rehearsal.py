@@ -1,7 +1,8 @@
-"""What a dress rehearsal says of a study, from the diaries of the bots that played it. Pure: diaries in, a report out.
+"""What a dress rehearsal says of a study, from the diaries of the bots that played it. Pure:
+diaries in, a report out.
 
-Bots read at once, answer at once and drive without hesitating. So what people will need is reckoned from what bots met: words to read,
-questions to answer, and the time of the drive by a factor.
+Bots read at once, answer at once and drive without hesitating. So what people will need is reckoned
+from what bots met: words to read, questions to answer, and the time of the drive by a factor.
 """
 
 import math
@@ -14,17 +15,22 @@ from experiments.bots.diary import Diary, Leg
 from experiments.definition.power import LARGE, MEDIUM, SMALL, participants_needed
 from experiments.definition.schema import Condition, Practice, Study, Task
 
-DRIVER = 1.8  # how many times longer people drive than bots: the paper's drives took 4 min 34 s on average, a bot's on such a course 2.5
+# how many times longer people drive than bots: the paper's drives took 4 min 34 s on average, a
+# bot's on such a course 2.5
+DRIVER = 1.8
 WORDS_A_MINUTE = 200.0
 SECONDS_A_QUESTION = 7.0
-SLOWEST = 2.5  # the time limit must leave so many times what the slowest bot took, or people run out of it
+# the time limit must leave so many times what the slowest bot took, or people run out of it
+SLOWEST = 2.5
 ENOUGH = 1  # drives that must have been completed in each condition
 COMPLETED = "completed"
 
 
 @dataclass
 class ConditionReport:
-    """One condition: what was driven, which checkpoints nobody passed, how long it took (seconds), and what people will need (minutes)."""
+    """One condition: what was driven, which checkpoints nobody passed, how long it took (seconds),
+    and what people will need (minutes).
+    """
 
     key: str
     drives: int = 0
@@ -42,7 +48,9 @@ class ConditionReport:
 
 @dataclass
 class StepReport:
-    """One page of the study, by its heading: how many bots saw it, how much there was on it, how long people will take (minutes)."""
+    """One page of the study, by its heading: how many bots saw it, how much there was on it, how
+    long people will take (minutes).
+    """
 
     heading: str
     bots: int
@@ -73,7 +81,9 @@ class Report:
 
 @dataclass(frozen=True)
 class Record:
-    """What the database says of a bot's drive: its condition, outcome, and how what was in force differs from what was assigned."""
+    """What the database says of a bot's drive: its condition, outcome, and how what was in force
+    differs from what was assigned.
+    """
 
     condition: str
     outcome: str = ""
@@ -85,9 +95,11 @@ class Record:
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found besides the diaries: drives by session, columns without a value, what was drawn, and why something was not.
+    """What was found besides the diaries: drives by session, columns without a value, what was
+    drawn, and why something was not.
 
-    `discrepancies` are sentences on drives whose records give something else than is stored (experiments/tasks/replay_check.py).
+    `discrepancies` are sentences on drives whose records give something else than is stored
+    (experiments/tasks/replay_check.py).
     """
 
     records: Mapping[str, Record] = field(default_factory=dict)
@@ -100,22 +112,38 @@ class Findings:
 def judge(study: Study, diaries: Sequence[Diary], found: Findings) -> Report:
     """Return what the rehearsal says."""
     report = Report(len(diaries))
-    report.conditions = [_condition(study, condition, diaries, found) for condition in study.conditions]
+    report.conditions = [
+        _condition(study, condition, diaries, found) for condition in study.conditions
+    ]
     report.steps = _steps(diaries)
     report.expected_minutes = round(_whole(diaries, report.conditions, study), 1)
     report.empty_columns, report.drawn = sorted(found.empty_columns), sorted(found.drawn)
     report.power = _power(study)
-    report.problems = [*_problems_of(study, report), *_stuck(diaries), *(f"Not drawn: {name}." for name in found.not_drawn)]
+    report.problems = [
+        *_problems_of(study, report),
+        *_stuck(diaries),
+        *(f"Not drawn: {name}." for name in found.not_drawn),
+    ]
     report.problems += found.discrepancies
     report.notes = _notes(report)
     report.passed = not report.problems
     return report
 
 
-def _condition(study: Study, condition: Condition, diaries: Sequence[Diary], found: Findings) -> ConditionReport:
+def _condition(
+    study: Study, condition: Condition, diaries: Sequence[Diary], found: Findings
+) -> ConditionReport:
     task, course = study.task, study.course_of(condition)
-    report = ConditionReport(condition.key, limit_minutes=task.minutes if task is not None else 0.0, doors_closed=list(condition.doors_closed))
-    own = [(leg, record) for leg, record in _legs(diaries, found) if record.condition == condition.key and not record.practice]
+    report = ConditionReport(
+        condition.key,
+        limit_minutes=task.minutes if task is not None else 0.0,
+        doors_closed=list(condition.doors_closed),
+    )
+    own = [
+        (leg, record)
+        for leg, record in _legs(diaries, found)
+        if record.condition == condition.key and not record.practice
+    ]
     report.drives = len(own)
     seconds = []
     passed: set[int] = set()
@@ -128,9 +156,20 @@ def _condition(study: Study, condition: Condition, diaries: Sequence[Diary], fou
         report.mismatches = sorted({*report.mismatches, *record.mismatches})
         report.doors_found_closed = sorted({*report.doors_found_closed, *leg.closed})
     report.completed = report.outcomes.get(COMPLETED, 0)
-    report.missed = [stop.number for stop in course.checkpoints if stop.number > 0 and stop.number not in passed] if course is not None else []
+    report.missed = (
+        [
+            stop.number
+            for stop in course.checkpoints
+            if stop.number > 0 and stop.number not in passed
+        ]
+        if course is not None
+        else []
+    )
     if seconds:
-        report.median_seconds, report.longest_seconds = round(statistics.median(seconds), 1), round(max(seconds), 1)
+        report.median_seconds, report.longest_seconds = (
+            round(statistics.median(seconds), 1),
+            round(max(seconds), 1),
+        )
         report.expected_minutes = round(DRIVER * statistics.median(seconds) / 60.0, 1)
     return report
 
@@ -150,7 +189,10 @@ def _steps(diaries: Sequence[Diary]) -> list[StepReport]:
 
 
 def _step(heading: str, seen: Sequence[tuple[int, int]]) -> StepReport:
-    words, questions = round(statistics.median(one[0] for one in seen)), round(statistics.median(one[1] for one in seen))
+    words, questions = (
+        round(statistics.median(one[0] for one in seen)),
+        round(statistics.median(one[1] for one in seen)),
+    )
     return StepReport(heading, len(seen), words, questions, round(_minutes(words, questions), 1))
 
 
@@ -159,11 +201,15 @@ def _minutes(words: int, questions: int) -> float:
 
 
 def _whole(diaries: Sequence[Diary], conditions: Sequence[ConditionReport], study: Study) -> float:
-    """Return the minutes that a person needs from the link to the code: the median of the bots' pages, and the drives."""
+    """Return the minutes that a person needs from the link to the code: the median of the bots'
+    pages, and the drives.
+    """
     through = [diary for diary in diaries if diary.code and diary.ending == "completes"]
     if not through:
         return 0.0
-    reading = statistics.median(sum(_minutes(entry.words, entry.questions) for entry in diary.entries) for diary in through)
+    reading = statistics.median(
+        sum(_minutes(entry.words, entry.questions) for entry in diary.entries) for diary in through
+    )
     rounds = max(len(study.conditions), 1) if study.allocation.design == "within" else 1
     drives = [one.expected_minutes for one in conditions if one.expected_minutes is not None]
     practice = sum(step.minutes for step in study.steps if isinstance(step, Practice))
@@ -171,10 +217,24 @@ def _whole(diaries: Sequence[Diary], conditions: Sequence[ConditionReport], stud
 
 
 def _power(study: Study) -> list[dict[str, float]]:
-    by_access = [sum(1 for one in study.conditions if one.access == access) for access in ("open", "invitation")]
+    by_access = [
+        sum(1 for one in study.conditions if one.access == access)
+        for access in ("open", "invitation")
+    ]
     groups = max(by_access)
-    needs = [participants_needed(effect, study.allocation.design, groups=groups) for effect in (SMALL, MEDIUM, LARGE)] if groups > 1 else []
-    return [{"effect": need.effect, "per_group": need.per_group, "total": need.total} for need in needs if need is not None]
+    needs = (
+        [
+            participants_needed(effect, study.allocation.design, groups=groups)
+            for effect in (SMALL, MEDIUM, LARGE)
+        ]
+        if groups > 1
+        else []
+    )
+    return [
+        {"effect": need.effect, "per_group": need.per_group, "total": need.total}
+        for need in needs
+        if need is not None
+    ]
 
 
 def _problems_of(study: Study, report: Report) -> list[str]:
@@ -182,22 +242,42 @@ def _problems_of(study: Study, report: Report) -> list[str]:
     for one in report.conditions:
         if one.completed < ENOUGH:
             problems.append(f"Condition {one.key}: of {one.drives} drives none was completed.")
-        problems += [f"Condition {one.key}: no bot passed checkpoint {number}." for number in one.missed]
-        if one.longest_seconds is not None and one.longest_seconds * SLOWEST > one.limit_minutes * 60.0:
+        problems += [
+            f"Condition {one.key}: no bot passed checkpoint {number}." for number in one.missed
+        ]
+        if (
+            one.longest_seconds is not None
+            and one.longest_seconds * SLOWEST > one.limit_minutes * 60.0
+        ):
             problems.append(
-                f"Condition {one.key}: a bot took {one.longest_seconds / 60.0:.1f} minutes, so {one.limit_minutes:g} are too few for people:"
-                f" allow {math.ceil(one.longest_seconds * SLOWEST / 60.0)}."
+                f"Condition {one.key}: a bot took {one.longest_seconds / 60.0:.1f} minutes, so"
+                f" {one.limit_minutes:g} are too few for people: allow"
+                f" {math.ceil(one.longest_seconds * SLOWEST / 60.0)}."
             )
-        problems += [f"Condition {one.key}: in force was something else than assigned: {name}." for name in one.mismatches]
+        problems += [
+            f"Condition {one.key}: in force was something else than assigned: {name}."
+            for name in one.mismatches
+        ]
     if not any(isinstance(step, Task) for step in study.steps):
         problems.append("There is no task to drive.")
     return problems
 
 
 def _stuck(diaries: Sequence[Diary]) -> list[str]:
-    sentences = [f"Bot {diary.number} ({diary.ending.replace('_', ' ')}) got stuck: {diary.stuck}." for diary in diaries if diary.stuck]
-    unfinished = [diary for diary in diaries if diary.ending == "completes" and not diary.code and not diary.stuck]
-    return [*sentences, *(f"Bot {diary.number} did everything and got no code." for diary in unfinished)]
+    sentences = [
+        f"Bot {diary.number} ({diary.ending.replace('_', ' ')}) got stuck: {diary.stuck}."
+        for diary in diaries
+        if diary.stuck
+    ]
+    unfinished = [
+        diary
+        for diary in diaries
+        if diary.ending == "completes" and not diary.code and not diary.stuck
+    ]
+    return [
+        *sentences,
+        *(f"Bot {diary.number} did everything and got no code." for diary in unfinished),
+    ]
 
 
 def _notes(report: Report) -> list[str]:

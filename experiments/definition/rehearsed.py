@@ -1,4 +1,6 @@
-"""A rehearsal's findings from the database in which the bots played, and its report into the one to which the study belongs."""
+"""A rehearsal's findings from the database in which the bots played, and its report into the one to
+which the study belongs.
+"""
 
 import datetime
 from collections.abc import Iterator
@@ -18,7 +20,8 @@ from experiments.definition.schema import Study as Definition
 from experiments.models import Drive, Kind, Rehearsal, Study
 from experiments.tasks.replay_check import discrepancies
 
-NEVER_FOR_BOTS = frozenset({"loss", "fps", "bitrate", "freezes", "jitter"})  # a bot has no WebRTC that would measure them
+# a bot has no WebRTC that would measure them
+NEVER_FOR_BOTS = frozenset({"loss", "fps", "bitrate", "freezes", "jitter"})
 ALWAYS_RARE = frozenset({"by_map", "by_script", "on_datachannel"})
 
 
@@ -26,11 +29,18 @@ def findings(study: Study) -> Findings:
     """Return what the database says of the bots' drives, answers and analysis."""
     definition = study.as_definition()
     practice = {step.key for step in definition.steps if isinstance(step, Practice)}
-    drives = Drive.objects.filter(participant__study=study, participant__kind=Kind.BOT).select_related("session")
-    records = {str(drive.session_id): _record(drive, is_practice=drive.step in practice) for drive in drives}
+    drives = Drive.objects.filter(
+        participant__study=study, participant__kind=Kind.BOT
+    ).select_related("session")
+    records = {
+        str(drive.session_id): _record(drive, is_practice=drive.step in practice)
+        for drive in drives
+    }
     dataset = dataset_of(study).chosen(("bot",))
     drawn, not_drawn = _draw(dataset)
-    otherwise = discrepancies(drives.select_related("session", "participant__study"), np.random.default_rng(1))
+    otherwise = discrepancies(
+        drives.select_related("session", "participant__study"), np.random.default_rng(1)
+    )
     return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, otherwise)
 
 
@@ -39,7 +49,14 @@ def _record(drive: Drive, *, is_practice: bool) -> Record:
     started, ended = result.get("started"), result.get("ended")
     seconds = ended - started if started is not None and ended is not None else None
     outcome = drive.outcome or drive.session.outcome
-    return Record(drive.condition, outcome, len(result.get("checkpoints") or ()), seconds, tuple(drive.mismatches or ()), is_practice)
+    return Record(
+        drive.condition,
+        outcome,
+        len(result.get("checkpoints") or ()),
+        seconds,
+        tuple(drive.mismatches or ()),
+        is_practice,
+    )
 
 
 def _empty(dataset: Dataset, definition: Definition) -> Iterator[str]:
@@ -50,7 +67,11 @@ def _empty(dataset: Dataset, definition: Definition) -> Iterator[str]:
             continue
         own = [one for one in dataset.responses if one.questionnaire == questionnaire.slug]
         answered = {key for one in own for key, value in one.values.items() if value is not None}
-        yield from (f"{questionnaire.slug}.{question.key}" for question in questionnaire.questions() if question.key not in answered)
+        yield from (
+            f"{questionnaire.slug}.{question.key}"
+            for question in questionnaire.questions()
+            if question.key not in answered
+        )
     for name, read in (("states", dataset.states), ("network", dataset.network)):
         yield from (f"{name}.{column}" for column in _without_numbers(dataset, read))
 
@@ -62,11 +83,17 @@ def _without_numbers(dataset: Dataset, read: Any) -> list[str]:
         for column in columns.layout:
             has_number = bool(len(columns)) and bool(np.isfinite(columns[column.name]).any())
             seen[column.name] = seen.get(column.name, False) or has_number
-    return [name for name, has_number in seen.items() if not has_number and name not in NEVER_FOR_BOTS | ALWAYS_RARE]
+    return [
+        name
+        for name, has_number in seen.items()
+        if not has_number and name not in NEVER_FOR_BOTS | ALWAYS_RARE
+    ]
 
 
 def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
-    """Draw every table and figure; return the names of those that came about, and why others did not."""
+    """Draw every table and figure; return the names of those that came about, and why others did
+    not.
+    """
     if not dataset.sessions:
         return [], ["tables and figures, because nobody drove"]
     try:
@@ -75,7 +102,8 @@ def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
             as_csv(table)
         for figure in report.figures:
             as_svg(figure)
-    except (ValueError, KeyError, IndexError, ZeroDivisionError) as error:  # what numbers can be wrong with; a bug that is none of these is one
+    except (ValueError, KeyError, IndexError, ZeroDivisionError) as error:
+        # what numbers can be wrong with; a bug that is none of these is one
         return [], [f"tables and figures, because of {type(error).__name__}: {error}"]
     return [one.name for one in (*report.tables, *report.figures)], []
 
@@ -87,7 +115,9 @@ def begin(study: Study, now: datetime.datetime) -> Rehearsal:
 
 def keep(rehearsal: Rehearsal, report: Report | None, why_not: str = "") -> Rehearsal:
     """Keep what was found, or why nothing could be."""
-    rehearsal.report = report.as_data() if report is not None else {"problems": [why_not], "passed": False}
+    rehearsal.report = (
+        report.as_data() if report is not None else {"problems": [why_not], "passed": False}
+    )
     rehearsal.passed, rehearsal.finished_at = report is not None and report.passed, timezone.now()
     rehearsal.save()
     return rehearsal

@@ -1,11 +1,14 @@
 """A study as it is written: version 1 of the JSON format, one class a kind of thing.
 
-A study is the *steps* that a participant goes through, the *conditions* that are compared, and the *courses* that are driven. What
-happens in which order for whom follows from it alone (experiments/participation/assignment.py, experiments/tasks/engine.py); a published study is
-frozen by the SHA-256 of its definition. Metres, radians, m/s and seconds in the frame of the site's map, unless a name says minutes.
+A study is the *steps* that a participant goes through, the *conditions* that are compared, and the
+*courses* that are driven. What happens in which order for whom follows from it alone
+(experiments/participation/assignment.py, experiments/tasks/engine.py); a published study is frozen
+by the SHA-256 of its definition. Metres, radians, m/s and seconds in the frame of the site's map,
+unless a name says minutes.
 
-Texts are objects of languages, as in questionnaires. The classes refuse unknown fields and wrong types; experiments/definition/problems.py
-tells what types cannot, experiments/definition/feasibility.py what only the sites, robots and questionnaires at hand can.
+Texts are objects of languages, as in questionnaires. The classes refuse unknown fields and wrong
+types; experiments/definition/problems.py tells what types cannot,
+experiments/definition/feasibility.py what only the sites, robots and questionnaires at hand can.
 
 Longer than most files here, because a reader who writes a study wants all of its words on one page.
 """
@@ -23,7 +26,15 @@ from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
 from robots.api.prepared import prepare
 from surveys.definition import Key, Language, Part, Slug, Text
 
-Outcome = Literal["completed", "timed_out", "connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost"]
+Outcome = Literal[
+    "completed",
+    "timed_out",
+    "connection_refused",
+    "cancelled",
+    "stopped_by_operator",
+    "robot_fault",
+    "connection_lost",
+]
 Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
 OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
 ControlWay = Literal["any", "datachannel", "mqtt"]
@@ -32,11 +43,13 @@ Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]
 Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 
-# --- where it is driven ----------------------------------------------------------------------------------------------
+# --- where it is driven ---------------------------------------------------------------------------
 
 
 class Checkpoint(Part, frozen=True, kw_only=True):
-    """A point of the course, passed within `radius` and in the same room. Number 0 is the charging station: it is left, and returned to."""
+    """A point of the course, passed within `radius` and in the same room. Number 0 is the charging
+    station: it is left, and returned to.
+    """
 
     number: Annotated[int, Meta(ge=0, le=99)]
     x: Metres
@@ -48,7 +61,8 @@ class Checkpoint(Part, frozen=True, kw_only=True):
 class Photo(Part, frozen=True, kw_only=True):
     """The photo of one's own reflection, asked for within `radius` of a checkpoint that was passed.
 
-    `view` is how far the mirror may lie off the camera's axis for the visitor to see the robot in it.
+    `view` is how far the mirror may lie off the camera's axis for the visitor to see the robot in
+    it.
     """
 
     checkpoint: Annotated[int, Meta(ge=1, le=99)]
@@ -58,7 +72,9 @@ class Photo(Part, frozen=True, kw_only=True):
 
 
 class Zone(Part, frozen=True, kw_only=True):
-    """A part of the floor for which times and collisions are told apart; `polygon` in order, not closed."""
+    """A part of the floor for which times and collisions are told apart; `polygon` in order, not
+    closed.
+    """
 
     name: Key
     title: Text
@@ -66,7 +82,9 @@ class Zone(Part, frozen=True, kw_only=True):
 
 
 class Course(Part, frozen=True, kw_only=True):
-    """What one series of robots drives at one site. `doors` have to be crossed, each only where the condition leaves it open."""
+    """What one series of robots drives at one site. `doors` have to be crossed, each only where the
+    condition leaves it open.
+    """
 
     robot: PlanKey
     site: PlanKey
@@ -78,11 +96,13 @@ class Course(Part, frozen=True, kw_only=True):
     photo: Photo | None = None
 
 
-# --- what is compared ------------------------------------------------------------------------------------------------
+# --- what is compared -----------------------------------------------------------------------------
 
 
 class Impairment(Part, frozen=True, kw_only=True):
-    """What is put on one direction of the network: seconds, shares, and bit/s. The seed comes from the session."""
+    """What is put on one direction of the network: seconds, shares, and bit/s. The seed comes from
+    the session.
+    """
 
     delay: Delay = 0.0
     jitter: Delay = 0.0
@@ -108,8 +128,9 @@ class Speed(Part, frozen=True, kw_only=True):
 class Condition(Part, frozen=True, kw_only=True):
     """One way to do the task. What it says, the visitor cannot change.
 
-    `robot` is a series. `access` says who may be assigned to it: everybody who has the link, or those who were invited. `idle_seconds` is how
-    long a driver may do nothing before being asked whether anybody is there; absent or 0 for ever, for a drive of a study has its own time limit.
+    `robot` is a series. `access` says who may be assigned to it: everybody who has the link, or
+    those who were invited. `idle_seconds` is how long a driver may do nothing before being asked
+    whether anybody is there; absent or 0 for ever, for a drive of a study has its own time limit.
     """
 
     key: Key
@@ -128,11 +149,13 @@ class Condition(Part, frozen=True, kw_only=True):
     idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
 
 
-# --- what a participant goes through ---------------------------------------------------------------------------------
+# --- what a participant goes through --------------------------------------------------------------
 
 
 class Step(Part, frozen=True, kw_only=True):
-    """What every step says. With `repeat` it is gone through once for each condition of a participant, else once."""
+    """What every step says. With `repeat` it is gone through once for each condition of a
+    participant, else once.
+    """
 
     key: Key
     title: Text
@@ -140,7 +163,9 @@ class Step(Part, frozen=True, kw_only=True):
 
 
 class Consent(Step, frozen=True, kw_only=True, tag_field="kind", tag="consent"):
-    """The participant agrees to `text`, or leaves. Who is younger than `minimum_age` is turned away, or needs a guardian's word."""
+    """The participant agrees to `text`, or leaves. Who is younger than `minimum_age` is turned
+    away, or needs a guardian's word.
+    """
 
     version: Version = 1
     text: Text
@@ -164,7 +189,9 @@ class Leaf(Part, frozen=True, kw_only=True):
 
 
 class Instructions(Step, frozen=True, kw_only=True, tag_field="kind", tag="instructions"):
-    """What is read before driving. A leaf that names robots is shown to those who will drive one of them."""
+    """What is read before driving. A leaf that names robots is shown to those who will drive one of
+    them.
+    """
 
     leaves: tuple[Leaf, ...]
 
@@ -176,9 +203,11 @@ class Practice(Step, frozen=True, kw_only=True, tag_field="kind", tag="practice"
 
 
 class Task(Step, frozen=True, kw_only=True, tag_field="kind", tag="task"):
-    """The course of the condition's robot, within a time limit from the first picture shown; what is left is shown in the last minutes.
+    """The course of the condition's robot, within a time limit from the first picture shown; what
+    is left is shown in the last minutes.
 
-    `docked_seconds` is for how long the robot must rest on its charging contacts, released, for its docking to count: robots/api/docked.py.
+    `docked_seconds` is for how long the robot must rest on its charging contacts, released, for its
+    docking to count: robots/api/docked.py.
     """
 
     minutes: Minutes = 15.0
@@ -202,14 +231,15 @@ class Debrief(Step, frozen=True, kw_only=True, tag_field="kind", tag="debrief"):
 AnyStep = Consent | Form | Instructions | Practice | Task | Questionnaire | Debrief
 
 
-# --- the rules -------------------------------------------------------------------------------------------------------
+# --- the rules ------------------------------------------------------------------------------------
 
 
 class Allocation(Part, frozen=True, kw_only=True):
     """Who gets which condition.
 
-    Between participants each does one condition; within them each does all that are open to them, in an order: `fixed` as written,
-    `all` orders, or `balanced` ones. `quota` is how many participants fill a cell (a condition, or an order); None is no end.
+    Between participants each does one condition; within them each does all that are open to them,
+    in an order: `fixed` as written, `all` orders, or `balanced` ones. `quota` is how many
+    participants fill a cell (a condition, or an order); None is no end.
     """
 
     design: Literal["between", "within"] = "between"
@@ -218,7 +248,9 @@ class Allocation(Part, frozen=True, kw_only=True):
 
 
 class Refill(Part, frozen=True, kw_only=True):
-    """Exposed participants with one of these outcomes leave their place to another, at most `most` times a cell; they stay in its flow."""
+    """Exposed participants with one of these outcomes leave their place to another, at most `most`
+    times a cell; they stay in its flow.
+    """
 
     outcomes: tuple[Outcome, ...] = ()
     most: Annotated[int, Meta(ge=0, le=10_000)] = 0
@@ -237,8 +269,9 @@ class Quality(Part, frozen=True, kw_only=True):
 class Start(Part, frozen=True, kw_only=True):
     """What must hold before a participant gets the robot; else they wait, and researchers are told.
 
-    `docked`: it is docked, at most `distance` metres and `heading` radians off the pose of the course's station, and knows where it is.
-    `charge` is the least share of the battery's charge; a robot that does not know its charge is taken as it is.
+    `docked`: it is docked, at most `distance` metres and `heading` radians off the pose of the
+    course's station, and knows where it is. `charge` is the least share of the battery's charge; a
+    robot that does not know its charge is taken as it is.
     """
 
     docked: bool = True
@@ -248,7 +281,9 @@ class Start(Part, frozen=True, kw_only=True):
 
 
 class Analysis(Part, frozen=True, kw_only=True):
-    """Which of several responses of one visitor counts in tables, and of which kind the intervals of confidence are."""
+    """Which of several responses of one visitor counts in tables, and of which kind the intervals
+    of confidence are.
+    """
 
     counts: Literal["first", "last", "all"] = "first"
     interval: Literal["normal", "t"] = "t"
@@ -281,7 +316,14 @@ class Study(Part, frozen=True, kw_only=True):
 
     def course_of(self, condition: Condition) -> Course | None:
         """Return what is driven under a condition."""
-        return next((course for course in self.courses if (course.robot, course.site) == (condition.robot, condition.site)), None)
+        return next(
+            (
+                course
+                for course in self.courses
+                if (course.robot, course.site) == (condition.robot, condition.site)
+            ),
+            None,
+        )
 
     @property
     def task(self) -> Task | None:
@@ -298,19 +340,28 @@ def to_json(study: Study) -> bytes:
 
 
 def digest(study: Study) -> str:
-    """Return the SHA-256 of a study: equal exactly when two say the same, defaults written out or not. It freezes a published version."""
+    """Return the SHA-256 of a study: equal exactly when two say the same, defaults written out or
+    not. It freezes a published version.
+    """
     return sha256(msgspec.json.encode(_said(study), order="deterministic")).hexdigest()
 
 
 def _said(value: Any) -> Any:
-    """Return what is said, without what is so by default: a field that a later format adds leaves the digests of older studies alone."""
+    """Return what is said, without what is so by default: a field that a later format adds leaves
+    the digests of older studies alone.
+    """
     if isinstance(value, tuple):
         return [_said(one) for one in value]
     if not isinstance(value, msgspec.Struct):
         return value
     kind, name = value.__struct_config__.tag, value.__struct_config__.tag_field
-    told = {field.encode_name: (getattr(value, field.name), _default(field)) for field in msgspec.structs.fields(value)}
-    return ({name: kind} if name else {}) | {word: _said(own) for word, (own, default) in told.items() if own != default}
+    told = {
+        field.encode_name: (getattr(value, field.name), _default(field))
+        for field in msgspec.structs.fields(value)
+    }
+    return ({name: kind} if name else {}) | {
+        word: _said(own) for word, (own, default) in told.items() if own != default
+    }
 
 
 def _default(field: msgspec.structs.FieldInfo) -> Any:

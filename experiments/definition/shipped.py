@@ -1,4 +1,6 @@
-"""The studies that come with the site: the paper's, and the same task driven alone and with assistance by every participant."""
+"""The studies that come with the site: the paper's, and the same task driven alone and with
+assistance by every participant.
+"""
 
 from pathlib import Path
 

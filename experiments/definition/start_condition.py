@@ -1,6 +1,8 @@
-"""Whether a robot is as a study wants it before a participant gets it: docked in the course's station, sure of its place, charged.
+"""Whether a robot is as a study wants it before a participant gets it: docked in the course's
+station, sure of its place, charged.
 
-Pure: what the study asks for and what the robot last said come in, one word comes out, or none when the drive may begin.
+Pure: what the study asks for and what the robot last said come in, one word comes out, or none when
+the drive may begin.
 """
 
 from dataclasses import dataclass
@@ -14,7 +16,9 @@ Unmet = Literal["", "silent", "not_docked", "lost", "elsewhere", "charge"]
 
 @dataclass(frozen=True, kw_only=True)
 class RobotSnapshot:
-    """How a robot stands: `pose` in the frame of the map, None when it does not know; `charge` a share, None when it does not know."""
+    """How a robot stands: `pose` in the frame of the map, None when it does not know; `charge` a
+    share, None when it does not know.
+    """
 
     docked: bool = False
     pose: Pose2D | None = None
@@ -38,7 +42,8 @@ def snapshot(state: dict[str, Any]) -> RobotSnapshot:
 
 
 def unmet(start: Start, robot: RobotSnapshot | None, dock: Pose2D) -> Unmet:
-    """Return what is not as it should be; the first thing alone, in the order in which somebody would mend it.
+    """Return what is not as it should be; the first thing alone, in the order in which somebody
+    would mend it.
 
     Args:
         start: what the study asks for.
@@ -57,4 +62,7 @@ def unmet(start: Start, robot: RobotSnapshot | None, dock: Pose2D) -> Unmet:
 
 
 def _is_at(start: Start, pose: Pose2D, dock: Pose2D) -> bool:
-    return pose.distance(dock) <= start.distance and abs(wrap_angle(pose.theta - dock.theta)) <= start.heading
+    return (
+        pose.distance(dock) <= start.distance
+        and abs(wrap_angle(pose.theta - dock.theta)) <= start.heading
+    )

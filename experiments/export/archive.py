@@ -11,13 +11,18 @@ from typing import IO, Any
 
 from experiments.export.files import File
 
-SAME_DAY = (1980, 1, 1, 0, 0, 0)  # no file says when it was made: the same study gives the same archive
+# no file says when it was made: the same study gives the same archive
+SAME_DAY = (1980, 1, 1, 0, 0, 0)
 LEVEL = 4
-AHEAD = 3  # parts that are made while one is packed: of a session's record there are two, and more would only take memory
+# parts that are made while one is packed: of a session's record there are two, and more would only
+# take memory
+AHEAD = 3
 
 
 class _Sink:
-    """What an archive writes into, and another thread takes from: it has no position, so that the archive never goes back."""
+    """What an archive writes into, and another thread takes from: it has no position, so that the
+    archive never goes back.
+    """
 
     def __init__(self) -> None:
         self._parts: deque[bytes] = deque()
@@ -63,7 +68,9 @@ class _Writer:
 
 
 def zipped(files: Iterable[File]) -> Iterator[bytes]:
-    """Yield a ZIP archive of files, as they are made. They are made in this thread, and packed in another one meanwhile."""
+    """Yield a ZIP archive of files, as they are made. They are made in this thread, and packed in
+    another one meanwhile.
+    """
     sink, packing = _Sink(), deque[Future[None]]()
     with (
         zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as archive,  # type: ignore[call-overload]

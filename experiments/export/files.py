@@ -1,7 +1,8 @@
-"""A study as the files of an export, made one after the other: nothing is held but one session's record.
+"""A study as the files of an export, made one after the other: nothing is held but one session's
+record.
 
-To the dataset (experiments/analysis/dataset/folder.py) come the metrics of every session, what the reader has chosen, and at last the sums of
-all files: an export without sums was broken off.
+To the dataset (experiments/analysis/dataset/folder.py) come the metrics of every session, what the
+reader has chosen, and at last the sums of all files: an export without sums was broken off.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -52,7 +53,9 @@ The tables and figures are made from this folder alone by
 
 
 def export_files(study: Study, choice: Choice) -> Iterator[File]:
-    """Yield the files of an export in order, their sums last. Each must be read before the next one is asked for."""
+    """Yield the files of an export in order, their sums last. Each must be read before the next one
+    is asked for.
+    """
     sums: list[str] = []
     for name, parts in _files(study, choice):
         yield name, _summed(name, parts, sums)
@@ -72,11 +75,16 @@ def _files(study: Study, choice: Choice) -> Iterator[File]:
     dataset = dataset_of(study, choice=choice, drives=drives)
     names, definition = Pseudonyms(study.secret), dataset.study
     title = definition.title.get("en") or definition.slug
-    yield "README.md", [READ_ME.format(title=title, slug=definition.slug, version=definition.version).encode()]
+    yield (
+        "README.md",
+        [READ_ME.format(title=title, slug=definition.slug, version=definition.version).encode()],
+    )
     more = {"metrics": METRIC_TABLE} | ({"identities": IDENTITIES} if choice.identified else {})
     yield from _encoded(tables(dataset, events_of(drives, names, choice), more))
     if choice.identified:
-        yield from _encoded([table("identities", map(_identity, dataset.sessions, drives), IDENTITIES)])
+        yield from _encoded(
+            [table("identities", map(_identity, dataset.sessions, drives), IDENTITIES)]
+        )
     rows: list[list[Any]] = []
     for session, drive in zip(dataset.sessions, drives, strict=True):
         yield from _encoded(numbers("states", session.id, dataset.states(session.id)))
@@ -84,14 +92,21 @@ def _files(study: Study, choice: Choice) -> Iterator[File]:
         rows.append(metric_row(dataset, session, events_of([drive], names, ANALYSED)))
         if choice.mcap:
             begin = granted(drive) if choice.identified else 0.0
-            yield f"mcap/session-{session.id}.mcap", [recording(dataset, session, events_of([drive], names, choice), begin=begin)]
+            yield (
+                f"mcap/session-{session.id}.mcap",
+                [recording(dataset, session, events_of([drive], names, choice), begin=begin)],
+            )
         if choice.has_snapshots:
             yield from _snapshots(session, drive)
     yield from _encoded([table("metrics", rows, METRIC_TABLE)])
 
 
 def _snapshots(session: Session, drive: Drive) -> Iterator[File]:
-    shots = Snapshot.objects.filter(session=drive.session).order_by("stamp").values_list("jpeg", flat=True)
+    shots = (
+        Snapshot.objects.filter(session=drive.session)
+        .order_by("stamp")
+        .values_list("jpeg", flat=True)
+    )
     for number, jpeg in enumerate(shots.iterator(chunk_size=1), start=1):
         yield f"snapshots/session-{session.id}-{number}.jpg", [bytes(jpeg)]
 
@@ -103,9 +118,17 @@ def _encoded(files: Iterable[tuple[str, Iterable[str]]]) -> Iterator[File]:
 
 def _identity(session: Session, drive: Drive) -> Sequence[Any]:
     user, visit, device = drive.participant.user, drive.session, drive.session.device or {}
-    recruitment = "&".join(f"{name}={value}" for name, value in sorted(drive.participant.recruitment.items()))
+    recruitment = "&".join(
+        f"{name}={value}" for name, value in sorted(drive.participant.recruitment.items())
+    )
     who = ("", "", "") if user is None else (str(user.pk), user.username, user.email)
     return (
-        drive.participant.code, session.id, *who, str(visit.pk), drive.granted_at.isoformat(), device.get("network", ""),
-        device.get("user_agent", ""), recruitment,
-    )  # fmt: skip
+        drive.participant.code,
+        session.id,
+        *who,
+        str(visit.pk),
+        drive.granted_at.isoformat(),
+        device.get("network", ""),
+        device.get("user_agent", ""),
+        recruitment,
+    )

@@ -1,12 +1,13 @@
-"""A session as an MCAP file with the schemas of Foxglove, in JSON: it is played back there as a robot's own recording is.
+"""A session as an MCAP file with the schemas of Foxglove, in JSON: it is played back there as a
+robot's own recording is.
 
     /pose         foxglove.PoseInFrame       where the robot was
     /path         foxglove.PosesInFrame      the way that it drove, once
     /course       foxglove.PosesInFrame      the way that was suggested, once
     /velocity     telepresence.Velocity      how fast it was
-    /commands     telepresence.Commands      commands applied and refused since the state before, and their greatest age
-    /network      telepresence.Network       the visitor's connection
-    /events       foxglove.Log               what happened
+    /commands     telepresence.Commands      commands applied and refused since the state before,
+    and their greatest age /network      telepresence.Network       the visitor's connection /events
+    foxglove.Log               what happened
 
 Schemas are those of https://docs.foxglove.dev/docs/sdk/schemas, as far as they are filled in.
 """
@@ -26,14 +27,25 @@ from experiments.analysis.dataset.records import Columns, Dataset, Event, Sessio
 FRAME = "map"
 INFO = 2  # foxglove.Log's level
 NANO = 1_000_000_000
-_TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer", "minimum": 0}, "nsec": {"type": "integer", "minimum": 0}}}
+_TIME = {
+    "type": "object",
+    "title": "time",
+    "properties": {
+        "sec": {"type": "integer", "minimum": 0},
+        "nsec": {"type": "integer", "minimum": 0},
+    },
+}
 _XYZ = {name: {"type": "number"} for name in "xyz"}
 _POSE = {
     "type": "object",
     "title": "foxglove.Pose",
     "properties": {
         "position": {"type": "object", "title": "foxglove.Vector3", "properties": _XYZ},
-        "orientation": {"type": "object", "title": "foxglove.Quaternion", "properties": _XYZ | {"w": {"type": "number"}}},
+        "orientation": {
+            "type": "object",
+            "title": "foxglove.Quaternion",
+            "properties": _XYZ | {"w": {"type": "number"}},
+        },
     },
 }
 _FRAMED: dict[str, Any] = {"timestamp": _TIME, "frame_id": {"type": "string"}}
@@ -55,34 +67,62 @@ CHANNELS: dict[str, tuple[str, dict[str, Any]]] = {
     "/network": ("telepresence.Network", _numbers(NETWORK)),
     "/events": (
         "foxglove.Log",
-        {"timestamp": _TIME, "level": {"type": "integer"}, "line": {"type": "integer"}} | {name: {"type": "string"} for name in _WORDS},
+        {"timestamp": _TIME, "level": {"type": "integer"}, "line": {"type": "integer"}}
+        | {name: {"type": "string"} for name in _WORDS},
     ),
 }
 Message = tuple[float, str, dict[str, Any]]  # when, in seconds since the grant; topic; what
 
 
-def recording(dataset: Dataset, session: Session, events: Iterable[Event], *, begin: float = 0.0) -> bytes:
-    """Return a session as an MCAP file; `begin` is the time of the grant in Unix seconds, or 0 where that is nobody's business."""
+def recording(
+    dataset: Dataset, session: Session, events: Iterable[Event], *, begin: float = 0.0
+) -> bytes:
+    """Return a session as an MCAP file; `begin` is the time of the grant in Unix seconds, or 0
+    where that is nobody's business.
+    """
     states, network = dataset.states(session.id), dataset.network(session.id)
-    found = [*_once(dataset, session, states), *_of_states(states), *_of_network(network), *_of_events(events)]
+    found = [
+        *_once(dataset, session, states),
+        *_of_states(states),
+        *_of_network(network),
+        *_of_events(events),
+    ]
     out = io.BytesIO()
     writer = Writer(out, compression=CompressionType.ZSTD)
     writer.start(profile="", library="telepresence")
     channels = {topic: _register(writer, topic) for topic in CHANNELS}
-    about = {"session": session.id, "participant": session.participant, "robot": session.robot, "condition": session.condition}
-    writer.add_metadata("session", about | {"outcome": session.outcome, "study": dataset.study.slug})
+    about = {
+        "session": session.id,
+        "participant": session.participant,
+        "robot": session.robot,
+        "condition": session.condition,
+    }
+    writer.add_metadata(
+        "session", about | {"outcome": session.outcome, "study": dataset.study.slug}
+    )
     for number, (at, topic, body) in enumerate(sorted(found, key=lambda message: message[0])):
         nanoseconds = round(max(0.0, begin + at) * NANO)
         stamped = {"timestamp": {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}} | body
-        writer.add_message(channels[topic], nanoseconds, msgspec.json.encode(stamped), nanoseconds, number)
+        writer.add_message(
+            channels[topic], nanoseconds, msgspec.json.encode(stamped), nanoseconds, number
+        )
     writer.finish()
     return out.getvalue()
 
 
 def _register(writer: Writer, topic: str) -> int:
     name, properties = CHANNELS[topic]
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": name, "type": "object", "properties": properties}
-    return writer.register_channel(topic, MessageEncoding.JSON, writer.register_schema(name, SchemaEncoding.JSONSchema, json.dumps(schema).encode()))
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": name,
+        "type": "object",
+        "properties": properties,
+    }
+    return writer.register_channel(
+        topic,
+        MessageEncoding.JSON,
+        writer.register_schema(name, SchemaEncoding.JSONSchema, json.dumps(schema).encode()),
+    )
 
 
 def _once(dataset: Dataset, session: Session, states: Columns) -> Iterator[Message]:
@@ -91,12 +131,22 @@ def _once(dataset: Dataset, session: Session, states: Columns) -> Iterator[Messa
         points = course.path or tuple((stop.x, stop.y) for stop in course.checkpoints)
         yield 0.0, "/course", {"frame_id": FRAME, "poses": [_pose(x, y, 0.0) for x, y in points]}
     rows = _rows(states, ("x", "y", "theta"))
-    yield 0.0, "/path", {"frame_id": FRAME, "poses": [_pose(x, y, theta) for x, y, theta in rows if math.isfinite(x + y + theta)]}
+    yield (
+        0.0,
+        "/path",
+        {
+            "frame_id": FRAME,
+            "poses": [_pose(x, y, theta) for x, y, theta in rows if math.isfinite(x + y + theta)],
+        },
+    )
 
 
 def _pose(x: float, y: float, theta: float) -> dict[str, Any]:
     half = theta / 2.0
-    return {"position": {"x": x, "y": y, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)}}
+    return {
+        "position": {"x": x, "y": y, "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
+    }
 
 
 def _rows(found: Columns, names: Iterable[str]) -> list[list[float]]:
@@ -123,9 +173,20 @@ def _of_network(network: Columns) -> Iterator[Message]:
 
 def _of_events(events: Iterable[Event]) -> Iterator[Message]:
     for event in events:
-        text = f"{event.type} {json.dumps(event.data, ensure_ascii=False)}" if event.data else event.type
-        yield event.stamp, "/events", {"level": INFO, "message": text, "name": event.source, "file": "", "line": 0}
+        text = (
+            f"{event.type} {json.dumps(event.data, ensure_ascii=False)}"
+            if event.data
+            else event.type
+        )
+        yield (
+            event.stamp,
+            "/events",
+            {"level": INFO, "message": text, "name": event.source, "file": "", "line": 0},
+        )
 
 
 def _named(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
-    return {name: value if math.isfinite(value) else None for name, value in zip(names, values, strict=False)}
+    return {
+        name: value if math.isfinite(value) else None
+        for name, value in zip(names, values, strict=False)
+    }

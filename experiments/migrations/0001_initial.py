@@ -13,223 +13,557 @@ class Migration(migrations.Migration):
     initial = True
 
     dependencies = [
-        ('telepresence_sessions', '0005_terms'),
+        ("telepresence_sessions", "0005_terms"),
         migrations.swappable_dependency(settings.AUTH_USER_MODEL),
     ]
 
     operations = [
         migrations.CreateModel(
-            name='Participant',
+            name="Participant",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('slot', models.CharField(editable=False, max_length=80, unique=True)),
-                ('code', models.CharField(default=experiments.models.new_code, editable=False, max_length=12, unique=True, verbose_name='code')),
-                ('kind', models.CharField(choices=[('participant', 'participant'), ('pilot', 'pilot'), ('bot', 'bot')], db_index=True, default='participant', max_length=12, verbose_name='kind')),
-                ('access', models.CharField(default='open', max_length=12, verbose_name='came by')),
-                ('status', models.CharField(choices=[('active', 'taking part'), ('finished', 'finished'), ('screened_out', 'screened out'), ('withdrawn', 'withdrawn')], db_index=True, default='active', max_length=12, verbose_name='status')),
-                ('language', models.CharField(default='en', max_length=16, verbose_name='language')),
-                ('recruitment', models.JSONField(blank=True, default=dict, verbose_name='recruitment')),
-                ('age', models.PositiveIntegerField(blank=True, null=True, verbose_name='age')),
-                ('cell', models.CharField(blank=True, db_index=True, max_length=400, verbose_name='cell')),
-                ('conditions', models.JSONField(blank=True, default=list, verbose_name='conditions in order')),
-                ('candidates', models.JSONField(blank=True, default=list, verbose_name='drawn from')),
-                ('draw_seed', models.BigIntegerField(blank=True, null=True, verbose_name='seed of the draw')),
-                ('assigned_at', models.DateTimeField(blank=True, null=True, verbose_name='assigned')),
-                ('stage', models.CharField(blank=True, choices=[('', 'unassigned'), ('under_way', 'under way'), ('freed', 'freed'), ('filled', 'filled'), ('refilled', 'given to another')], db_index=True, default='', max_length=10, verbose_name='place')),
-                ('visit', models.PositiveIntegerField(default=1, verbose_name='visit')),
-                ('step', models.CharField(blank=True, max_length=40, verbose_name='step')),
-                ('round', models.PositiveIntegerField(default=0, verbose_name='round')),
-                ('created_at', models.DateTimeField(db_index=True, verbose_name='came')),
-                ('seen_at', models.DateTimeField(verbose_name='last seen')),
-                ('finished_at', models.DateTimeField(blank=True, null=True, verbose_name='finished')),
-                ('completion', models.CharField(blank=True, max_length=20, verbose_name='completion')),
-                ('completion_code', models.CharField(blank=True, max_length=20, verbose_name='completion code')),
-                ('withdrawn_at', models.DateField(blank=True, null=True, verbose_name='withdrawn on')),
-                ('withdrawn_step', models.CharField(blank=True, max_length=40, verbose_name='withdrawn at step')),
-                ('user', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='participations', to=settings.AUTH_USER_MODEL, verbose_name='user')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("slot", models.CharField(editable=False, max_length=80, unique=True)),
+                (
+                    "code",
+                    models.CharField(
+                        default=experiments.models.new_code,
+                        editable=False,
+                        max_length=12,
+                        unique=True,
+                        verbose_name="code",
+                    ),
+                ),
+                (
+                    "kind",
+                    models.CharField(
+                        choices=[
+                            ("participant", "participant"),
+                            ("pilot", "pilot"),
+                            ("bot", "bot"),
+                        ],
+                        db_index=True,
+                        default="participant",
+                        max_length=12,
+                        verbose_name="kind",
+                    ),
+                ),
+                ("access", models.CharField(default="open", max_length=12, verbose_name="came by")),
+                (
+                    "status",
+                    models.CharField(
+                        choices=[
+                            ("active", "taking part"),
+                            ("finished", "finished"),
+                            ("screened_out", "screened out"),
+                            ("withdrawn", "withdrawn"),
+                        ],
+                        db_index=True,
+                        default="active",
+                        max_length=12,
+                        verbose_name="status",
+                    ),
+                ),
+                (
+                    "language",
+                    models.CharField(default="en", max_length=16, verbose_name="language"),
+                ),
+                (
+                    "recruitment",
+                    models.JSONField(blank=True, default=dict, verbose_name="recruitment"),
+                ),
+                ("age", models.PositiveIntegerField(blank=True, null=True, verbose_name="age")),
+                (
+                    "cell",
+                    models.CharField(
+                        blank=True, db_index=True, max_length=400, verbose_name="cell"
+                    ),
+                ),
+                (
+                    "conditions",
+                    models.JSONField(blank=True, default=list, verbose_name="conditions in order"),
+                ),
+                (
+                    "candidates",
+                    models.JSONField(blank=True, default=list, verbose_name="drawn from"),
+                ),
+                (
+                    "draw_seed",
+                    models.BigIntegerField(blank=True, null=True, verbose_name="seed of the draw"),
+                ),
+                (
+                    "assigned_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="assigned"),
+                ),
+                (
+                    "stage",
+                    models.CharField(
+                        blank=True,
+                        choices=[
+                            ("", "unassigned"),
+                            ("under_way", "under way"),
+                            ("freed", "freed"),
+                            ("filled", "filled"),
+                            ("refilled", "given to another"),
+                        ],
+                        db_index=True,
+                        default="",
+                        max_length=10,
+                        verbose_name="place",
+                    ),
+                ),
+                ("visit", models.PositiveIntegerField(default=1, verbose_name="visit")),
+                ("step", models.CharField(blank=True, max_length=40, verbose_name="step")),
+                ("round", models.PositiveIntegerField(default=0, verbose_name="round")),
+                ("created_at", models.DateTimeField(db_index=True, verbose_name="came")),
+                ("seen_at", models.DateTimeField(verbose_name="last seen")),
+                (
+                    "finished_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="finished"),
+                ),
+                (
+                    "completion",
+                    models.CharField(blank=True, max_length=20, verbose_name="completion"),
+                ),
+                (
+                    "completion_code",
+                    models.CharField(blank=True, max_length=20, verbose_name="completion code"),
+                ),
+                (
+                    "withdrawn_at",
+                    models.DateField(blank=True, null=True, verbose_name="withdrawn on"),
+                ),
+                (
+                    "withdrawn_step",
+                    models.CharField(blank=True, max_length=40, verbose_name="withdrawn at step"),
+                ),
+                (
+                    "user",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.SET_NULL,
+                        related_name="participations",
+                        to=settings.AUTH_USER_MODEL,
+                        verbose_name="user",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'participant',
-                'verbose_name_plural': 'participants',
-                'ordering': ('-created_at',),
+                "verbose_name": "participant",
+                "verbose_name_plural": "participants",
+                "ordering": ("-created_at",),
             },
         ),
         migrations.CreateModel(
-            name='Drive',
+            name="Drive",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('step', models.CharField(max_length=40, verbose_name='step')),
-                ('visit', models.PositiveIntegerField(verbose_name='visit')),
-                ('round', models.PositiveIntegerField(verbose_name='round')),
-                ('number', models.PositiveIntegerField(verbose_name='session of the participant')),
-                ('condition', models.CharField(max_length=40, verbose_name='condition')),
-                ('seed', models.BigIntegerField(verbose_name='seed')),
-                ('assigned', models.JSONField(default=dict, verbose_name='assigned')),
-                ('applied', models.JSONField(blank=True, default=dict, verbose_name='applied')),
-                ('mismatches', models.JSONField(blank=True, default=list, verbose_name='differs')),
-                ('granted_at', models.DateTimeField(verbose_name='granted')),
-                ('exposed', models.BooleanField(default=False, verbose_name='exposed')),
-                ('outcome', models.CharField(blank=True, max_length=20, verbose_name='outcome of the task')),
-                ('result', models.JSONField(blank=True, default=dict, verbose_name='result')),
-                ('settled_at', models.DateTimeField(blank=True, db_index=True, null=True, verbose_name='settled')),
-                ('excluded_reason', models.CharField(blank=True, max_length=300, verbose_name='excluded because')),
-                ('excluded_at', models.DateTimeField(blank=True, null=True, verbose_name='excluded')),
-                ('excluded_by', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='+', to=settings.AUTH_USER_MODEL)),
-                ('session', models.OneToOneField(on_delete=django.db.models.deletion.CASCADE, related_name='drive', to='telepresence_sessions.session', verbose_name='session')),
-                ('participant', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='drives', to='experiments.participant', verbose_name='participant')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("step", models.CharField(max_length=40, verbose_name="step")),
+                ("visit", models.PositiveIntegerField(verbose_name="visit")),
+                ("round", models.PositiveIntegerField(verbose_name="round")),
+                ("number", models.PositiveIntegerField(verbose_name="session of the participant")),
+                ("condition", models.CharField(max_length=40, verbose_name="condition")),
+                ("seed", models.BigIntegerField(verbose_name="seed")),
+                ("assigned", models.JSONField(default=dict, verbose_name="assigned")),
+                ("applied", models.JSONField(blank=True, default=dict, verbose_name="applied")),
+                ("mismatches", models.JSONField(blank=True, default=list, verbose_name="differs")),
+                ("granted_at", models.DateTimeField(verbose_name="granted")),
+                ("exposed", models.BooleanField(default=False, verbose_name="exposed")),
+                (
+                    "outcome",
+                    models.CharField(blank=True, max_length=20, verbose_name="outcome of the task"),
+                ),
+                ("result", models.JSONField(blank=True, default=dict, verbose_name="result")),
+                (
+                    "settled_at",
+                    models.DateTimeField(
+                        blank=True, db_index=True, null=True, verbose_name="settled"
+                    ),
+                ),
+                (
+                    "excluded_reason",
+                    models.CharField(blank=True, max_length=300, verbose_name="excluded because"),
+                ),
+                (
+                    "excluded_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="excluded"),
+                ),
+                (
+                    "excluded_by",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.SET_NULL,
+                        related_name="+",
+                        to=settings.AUTH_USER_MODEL,
+                    ),
+                ),
+                (
+                    "session",
+                    models.OneToOneField(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="drive",
+                        to="telepresence_sessions.session",
+                        verbose_name="session",
+                    ),
+                ),
+                (
+                    "participant",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="drives",
+                        to="experiments.participant",
+                        verbose_name="participant",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'drive',
-                'verbose_name_plural': 'drives',
-                'ordering': ('-granted_at',),
+                "verbose_name": "drive",
+                "verbose_name_plural": "drives",
+                "ordering": ("-granted_at",),
             },
         ),
         migrations.CreateModel(
-            name='Study',
+            name="Study",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('slug', models.SlugField(max_length=40, verbose_name='name')),
-                ('version', models.PositiveIntegerField(verbose_name='version')),
-                ('title', models.CharField(max_length=200, verbose_name='title')),
-                ('definition', models.JSONField(verbose_name='definition')),
-                ('sha256', models.CharField(editable=False, max_length=64)),
-                ('status', models.CharField(choices=[('draft', 'draft'), ('published', 'published'), ('closed', 'closed')], db_index=True, default='draft', max_length=10, verbose_name='status')),
-                ('entry', models.CharField(choices=[('open', 'open link'), ('personal', 'personal links only')], default='open', max_length=10, verbose_name='entry')),
-                ('opening_hours', models.JSONField(blank=True, default=list, verbose_name='opening hours')),
-                ('time_zone', models.CharField(default='UTC', max_length=60, verbose_name='time zone')),
-                ('exclusive', models.BooleanField(default=False, help_text='While it is open, nobody but its participants drives them.', verbose_name='keeps its robots to itself')),
-                ('keeps_addresses', models.BooleanField(default=False, help_text='Only where the consent says so; otherwise addresses are truncated.', verbose_name='keeps whole addresses')),
-                ('created_at', models.DateTimeField(verbose_name='created')),
-                ('published_at', models.DateTimeField(blank=True, null=True, verbose_name='published')),
-                ('closed_at', models.DateTimeField(blank=True, null=True, verbose_name='closed')),
-                ('unrehearsed_reason', models.TextField(blank=True, verbose_name='published without rehearsal because')),
-                ('secret', models.CharField(default=secrets.token_hex, editable=False, max_length=64)),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("slug", models.SlugField(max_length=40, verbose_name="name")),
+                ("version", models.PositiveIntegerField(verbose_name="version")),
+                ("title", models.CharField(max_length=200, verbose_name="title")),
+                ("definition", models.JSONField(verbose_name="definition")),
+                ("sha256", models.CharField(editable=False, max_length=64)),
+                (
+                    "status",
+                    models.CharField(
+                        choices=[
+                            ("draft", "draft"),
+                            ("published", "published"),
+                            ("closed", "closed"),
+                        ],
+                        db_index=True,
+                        default="draft",
+                        max_length=10,
+                        verbose_name="status",
+                    ),
+                ),
+                (
+                    "entry",
+                    models.CharField(
+                        choices=[("open", "open link"), ("personal", "personal links only")],
+                        default="open",
+                        max_length=10,
+                        verbose_name="entry",
+                    ),
+                ),
+                (
+                    "opening_hours",
+                    models.JSONField(blank=True, default=list, verbose_name="opening hours"),
+                ),
+                (
+                    "time_zone",
+                    models.CharField(default="UTC", max_length=60, verbose_name="time zone"),
+                ),
+                (
+                    "exclusive",
+                    models.BooleanField(
+                        default=False,
+                        help_text="While it is open, nobody but its participants drives them.",
+                        verbose_name="keeps its robots to itself",
+                    ),
+                ),
+                (
+                    "keeps_addresses",
+                    models.BooleanField(
+                        default=False,
+                        help_text=(
+                            "Only where the consent says so; otherwise addresses are truncated."
+                        ),
+                        verbose_name="keeps whole addresses",
+                    ),
+                ),
+                ("created_at", models.DateTimeField(verbose_name="created")),
+                (
+                    "published_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="published"),
+                ),
+                ("closed_at", models.DateTimeField(blank=True, null=True, verbose_name="closed")),
+                (
+                    "unrehearsed_reason",
+                    models.TextField(
+                        blank=True, verbose_name="published without rehearsal because"
+                    ),
+                ),
+                (
+                    "secret",
+                    models.CharField(default=secrets.token_hex, editable=False, max_length=64),
+                ),
             ],
             options={
-                'verbose_name': 'study',
-                'verbose_name_plural': 'studies',
-                'ordering': ('slug', '-version'),
-                'constraints': [models.UniqueConstraint(fields=('slug', 'version'), name='study_version_once')],
+                "verbose_name": "study",
+                "verbose_name_plural": "studies",
+                "ordering": ("slug", "-version"),
+                "constraints": [
+                    models.UniqueConstraint(fields=("slug", "version"), name="study_version_once")
+                ],
             },
         ),
         migrations.CreateModel(
-            name='Rehearsal',
+            name="Rehearsal",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('sha256', models.CharField(max_length=64)),
-                ('began_at', models.DateTimeField(verbose_name='began')),
-                ('finished_at', models.DateTimeField(blank=True, null=True, verbose_name='finished')),
-                ('passed', models.BooleanField(default=False, verbose_name='passed')),
-                ('report', models.JSONField(default=dict, verbose_name='report')),
-                ('study', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='rehearsals', to='experiments.study', verbose_name='study')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("sha256", models.CharField(max_length=64)),
+                ("began_at", models.DateTimeField(verbose_name="began")),
+                (
+                    "finished_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="finished"),
+                ),
+                ("passed", models.BooleanField(default=False, verbose_name="passed")),
+                ("report", models.JSONField(default=dict, verbose_name="report")),
+                (
+                    "study",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="rehearsals",
+                        to="experiments.study",
+                        verbose_name="study",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'rehearsal',
-                'verbose_name_plural': 'rehearsals',
-                'ordering': ('-began_at',),
+                "verbose_name": "rehearsal",
+                "verbose_name_plural": "rehearsals",
+                "ordering": ("-began_at",),
             },
         ),
         migrations.CreateModel(
-            name='PersonalLink',
+            name="PersonalLink",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('token_sha256', models.CharField(editable=False, max_length=64, unique=True)),
-                ('label', models.CharField(blank=True, max_length=120, verbose_name='label')),
-                ('access', models.CharField(default='invitation', max_length=12, verbose_name='gives')),
-                ('created_at', models.DateTimeField(verbose_name='made')),
-                ('expires_at', models.DateTimeField(blank=True, null=True, verbose_name='expires')),
-                ('revoked_at', models.DateTimeField(blank=True, null=True, verbose_name='revoked')),
-                ('redeemed_at', models.DateTimeField(blank=True, null=True, verbose_name='redeemed')),
-                ('participant', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='links', to='experiments.participant', verbose_name='participant')),
-                ('study', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='links', to='experiments.study', verbose_name='study')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("token_sha256", models.CharField(editable=False, max_length=64, unique=True)),
+                ("label", models.CharField(blank=True, max_length=120, verbose_name="label")),
+                (
+                    "access",
+                    models.CharField(default="invitation", max_length=12, verbose_name="gives"),
+                ),
+                ("created_at", models.DateTimeField(verbose_name="made")),
+                ("expires_at", models.DateTimeField(blank=True, null=True, verbose_name="expires")),
+                ("revoked_at", models.DateTimeField(blank=True, null=True, verbose_name="revoked")),
+                (
+                    "redeemed_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="redeemed"),
+                ),
+                (
+                    "participant",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.SET_NULL,
+                        related_name="links",
+                        to="experiments.participant",
+                        verbose_name="participant",
+                    ),
+                ),
+                (
+                    "study",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="links",
+                        to="experiments.study",
+                        verbose_name="study",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'personal link',
-                'verbose_name_plural': 'personal links',
-                'ordering': ('-created_at',),
+                "verbose_name": "personal link",
+                "verbose_name_plural": "personal links",
+                "ordering": ("-created_at",),
             },
         ),
         migrations.AddField(
-            model_name='participant',
-            name='study',
-            field=models.ForeignKey(on_delete=django.db.models.deletion.PROTECT, related_name='participants', to='experiments.study', verbose_name='study'),
+            model_name="participant",
+            name="study",
+            field=models.ForeignKey(
+                on_delete=django.db.models.deletion.PROTECT,
+                related_name="participants",
+                to="experiments.study",
+                verbose_name="study",
+            ),
         ),
         migrations.CreateModel(
-            name='StudyMember',
+            name="StudyMember",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('slug', models.SlugField(max_length=40, verbose_name='study')),
-                ('role', models.CharField(choices=[('owner', 'owner: everything'), ('researcher', 'researcher: sees data, excludes, intervenes'), ('viewer', 'viewer: sees pseudonymous data')], max_length=12, verbose_name='role')),
-                ('user', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='studies', to=settings.AUTH_USER_MODEL, verbose_name='user')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("slug", models.SlugField(max_length=40, verbose_name="study")),
+                (
+                    "role",
+                    models.CharField(
+                        choices=[
+                            ("owner", "owner: everything"),
+                            ("researcher", "researcher: sees data, excludes, intervenes"),
+                            ("viewer", "viewer: sees pseudonymous data"),
+                        ],
+                        max_length=12,
+                        verbose_name="role",
+                    ),
+                ),
+                (
+                    "user",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="studies",
+                        to=settings.AUTH_USER_MODEL,
+                        verbose_name="user",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'researcher',
-                'verbose_name_plural': 'researchers',
+                "verbose_name": "researcher",
+                "verbose_name_plural": "researchers",
             },
         ),
         migrations.CreateModel(
-            name='TaskEvent',
+            name="TaskEvent",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('number', models.PositiveIntegerField(verbose_name='number')),
-                ('stamp', models.FloatField(verbose_name='stamp')),
-                ('type', models.CharField(db_index=True, max_length=40, verbose_name='type')),
-                ('data', models.JSONField(default=dict, verbose_name='data')),
-                ('drive', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='events', to='experiments.drive', verbose_name='drive')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("number", models.PositiveIntegerField(verbose_name="number")),
+                ("stamp", models.FloatField(verbose_name="stamp")),
+                ("type", models.CharField(db_index=True, max_length=40, verbose_name="type")),
+                ("data", models.JSONField(default=dict, verbose_name="data")),
+                (
+                    "drive",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="events",
+                        to="experiments.drive",
+                        verbose_name="drive",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'event of the task',
-                'verbose_name_plural': 'events of the task',
-                'ordering': ('number',),
+                "verbose_name": "event of the task",
+                "verbose_name_plural": "events of the task",
+                "ordering": ("number",),
             },
         ),
         migrations.CreateModel(
-            name='ConsentReceipt',
+            name="ConsentReceipt",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('step', models.CharField(max_length=40, verbose_name='step')),
-                ('version', models.PositiveIntegerField(verbose_name='version')),
-                ('language', models.CharField(max_length=16, verbose_name='language')),
-                ('text', models.TextField(verbose_name='text as shown')),
-                ('text_sha256', models.CharField(max_length=64)),
-                ('guardian', models.CharField(blank=True, max_length=120, verbose_name='guardian')),
-                ('agreed_at', models.DateTimeField(verbose_name='agreed')),
-                ('participant', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='consents', to='experiments.participant', verbose_name='participant')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("step", models.CharField(max_length=40, verbose_name="step")),
+                ("version", models.PositiveIntegerField(verbose_name="version")),
+                ("language", models.CharField(max_length=16, verbose_name="language")),
+                ("text", models.TextField(verbose_name="text as shown")),
+                ("text_sha256", models.CharField(max_length=64)),
+                ("guardian", models.CharField(blank=True, max_length=120, verbose_name="guardian")),
+                ("agreed_at", models.DateTimeField(verbose_name="agreed")),
+                (
+                    "participant",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="consents",
+                        to="experiments.participant",
+                        verbose_name="participant",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'consent',
-                'verbose_name_plural': 'consents',
-                'constraints': [models.UniqueConstraint(fields=('participant', 'step', 'version'), name='consent_once')],
+                "verbose_name": "consent",
+                "verbose_name_plural": "consents",
+                "constraints": [
+                    models.UniqueConstraint(
+                        fields=("participant", "step", "version"), name="consent_once"
+                    )
+                ],
             },
         ),
         migrations.CreateModel(
-            name='StepVisit',
+            name="StepVisit",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('visit', models.PositiveIntegerField(verbose_name='visit')),
-                ('round', models.PositiveIntegerField(verbose_name='round')),
-                ('step', models.CharField(max_length=40, verbose_name='step')),
-                ('began_at', models.DateTimeField(verbose_name='began')),
-                ('finished_at', models.DateTimeField(blank=True, null=True, verbose_name='finished')),
-                ('participant', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='step_visits', to='experiments.participant', verbose_name='participant')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("visit", models.PositiveIntegerField(verbose_name="visit")),
+                ("round", models.PositiveIntegerField(verbose_name="round")),
+                ("step", models.CharField(max_length=40, verbose_name="step")),
+                ("began_at", models.DateTimeField(verbose_name="began")),
+                (
+                    "finished_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="finished"),
+                ),
+                (
+                    "participant",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="step_visits",
+                        to="experiments.participant",
+                        verbose_name="participant",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'step visit',
-                'verbose_name_plural': 'step visits',
-                'ordering': ('began_at',),
-                'constraints': [models.UniqueConstraint(fields=('participant', 'visit', 'round', 'step'), name='step_visit_once')],
+                "verbose_name": "step visit",
+                "verbose_name_plural": "step visits",
+                "ordering": ("began_at",),
+                "constraints": [
+                    models.UniqueConstraint(
+                        fields=("participant", "visit", "round", "step"), name="step_visit_once"
+                    )
+                ],
             },
         ),
         migrations.AddIndex(
-            model_name='participant',
-            index=models.Index(fields=['study', 'kind', 'stage'], name='participant_places'),
+            model_name="participant",
+            index=models.Index(fields=["study", "kind", "stage"], name="participant_places"),
         ),
         migrations.AddConstraint(
-            model_name='studymember',
-            constraint=models.UniqueConstraint(fields=('slug', 'user'), name='one_role_in_a_study'),
+            model_name="studymember",
+            constraint=models.UniqueConstraint(fields=("slug", "user"), name="one_role_in_a_study"),
         ),
         migrations.AddConstraint(
-            model_name='taskevent',
-            constraint=models.UniqueConstraint(fields=('drive', 'number'), name='task_event_once'),
+            model_name="taskevent",
+            constraint=models.UniqueConstraint(fields=("drive", "number"), name="task_event_once"),
         ),
     ]

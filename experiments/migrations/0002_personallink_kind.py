@@ -6,13 +6,18 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('experiments', '0001_initial'),
+        ("experiments", "0001_initial"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='personallink',
-            name='kind',
-            field=models.CharField(choices=[('participant', 'participant'), ('pilot', 'pilot'), ('bot', 'bot')], default='participant', max_length=12, verbose_name='for'),
+            model_name="personallink",
+            name="kind",
+            field=models.CharField(
+                choices=[("participant", "participant"), ("pilot", "pilot"), ("bot", "bot")],
+                default="participant",
+                max_length=12,
+                verbose_name="for",
+            ),
         ),
     ]

@@ -1,4 +1,6 @@
-"""What a drive shows and by which clock; draws of which no two are the same. Who is there already gets a word each before it is unique."""
+"""What a drive shows and by which clock; draws of which no two are the same. Who is there already
+gets a word each before it is unique.
+"""
 
 import uuid
 from typing import Any
@@ -18,29 +20,33 @@ def give_words(apps: Any, _schema_editor: Any) -> None:
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('experiments', '0002_personallink_kind'),
+        ("experiments", "0002_personallink_kind"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='drive',
-            name='shown',
-            field=models.JSONField(blank=True, default=dict, editable=False, verbose_name='shown'),
+            model_name="drive",
+            name="shown",
+            field=models.JSONField(blank=True, default=dict, editable=False, verbose_name="shown"),
         ),
         migrations.AddField(
-            model_name='drive',
-            name='clock_offset',
-            field=models.FloatField(editable=False, null=True, verbose_name='clock offset (s)'),
+            model_name="drive",
+            name="clock_offset",
+            field=models.FloatField(editable=False, null=True, verbose_name="clock offset (s)"),
         ),
         migrations.AddField(
-            model_name='participant',
-            name='drawn_as',
-            field=models.CharField(default=experiments.models.not_drawn, editable=False, max_length=100),
+            model_name="participant",
+            name="drawn_as",
+            field=models.CharField(
+                default=experiments.models.not_drawn, editable=False, max_length=100
+            ),
         ),
         migrations.RunPython(give_words, migrations.RunPython.noop),
         migrations.AlterField(
-            model_name='participant',
-            name='drawn_as',
-            field=models.CharField(default=experiments.models.not_drawn, editable=False, max_length=100, unique=True),
+            model_name="participant",
+            name="drawn_as",
+            field=models.CharField(
+                default=experiments.models.not_drawn, editable=False, max_length=100, unique=True
+            ),
         ),
     ]

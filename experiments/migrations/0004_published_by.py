@@ -16,7 +16,11 @@ class Migration(migrations.Migration):
             model_name="study",
             name="published_by",
             field=models.ForeignKey(
-                blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name="published_studies", to=settings.AUTH_USER_MODEL
+                blank=True,
+                null=True,
+                on_delete=django.db.models.deletion.SET_NULL,
+                related_name="published_studies",
+                to=settings.AUTH_USER_MODEL,
             ),
         ),
     ]

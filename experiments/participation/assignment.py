@@ -1,18 +1,22 @@
 """Who gets which condition: at the first grant of the robot, to the cell that has the fewest.
 
-A *cell* is what a participant is assigned to: one condition (between participants), or one order of conditions (within them). A place in
-it is held from the grant on, and is
+A *cell* is what a participant is assigned to: one condition (between participants), or one order of
+conditions (within them). A place in it is held from the grant on, and is
 
 - freed only when its visitor left before the first velocity was applied: nothing was done to them;
 - filled by every other ending, whose outcome counts in the cell;
-- filled and yet given to another when the study's frozen rule says so of its outcome, as often as the rule allows.
+- filled and yet given to another when the study's frozen rule says so of its outcome, as often as
+  the rule allows.
 
-With all participants drawn to the smallest cell, the numbers of filled places never differ by more than the greatest number of
-participants that were under way at once: the last one who filled the largest cell was drawn when it was not larger than any other,
-and only those under way at that moment, less than all by that one, can have left since. (A refill rule frees places too, at the moment in which they
-would be filled, and changes nothing in this.) tests/unit/experiments/participation/test_assignment.py tries it.
+With all participants drawn to the smallest cell, the numbers of filled places never differ by more
+than the greatest number of participants that were under way at once: the last one who filled the
+largest cell was drawn when it was not larger than any other, and only those under way at that
+moment, less than all by that one, can have left since. (A refill rule frees places too, at the
+moment in which they would be filled, and changes nothing in this.)
+tests/unit/experiments/participation/test_assignment.py tries it.
 
-Pure: what is held comes in, a choice goes out. Ties are drawn with a seed that is kept with the choice.
+Pure: what is held comes in, a choice goes out. Ties are drawn with a seed that is kept with the
+choice.
 """
 
 import random
@@ -30,7 +34,9 @@ Stage = Literal["under_way", "freed", "filled", "refilled"]
 
 @dataclass(frozen=True)
 class Cell:
-    """What a participant is assigned to: the keys of conditions, in the order in which they are done."""
+    """What a participant is assigned to: the keys of conditions, in the order in which they are
+    done.
+    """
 
     key: str
     conditions: tuple[str, ...]
@@ -54,11 +60,15 @@ class Choice:
 
 
 def cells(study: Study, access: Access = "open") -> tuple[Cell, ...]:
-    """Return the cells that somebody who came by an open link, or by invitation, can be assigned to."""
+    """Return the cells that somebody who came by an open link, or by invitation, can be assigned
+    to.
+    """
     keys = [condition.key for condition in study.conditions if condition.access == access]
     if study.allocation.design == "between":
         return tuple(Cell(key, (key,)) for key in keys)
-    orders = {"fixed": _as_written, "all": _all_orders, "balanced": balanced}[study.allocation.order](keys)
+    orders = {"fixed": _as_written, "all": _all_orders, "balanced": balanced}[
+        study.allocation.order
+    ](keys)
     return tuple(Cell("-".join(order), order) for order in orders)
 
 
@@ -71,10 +81,11 @@ def _all_orders(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
 
 
 def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Return orders in which each condition stands as often in each place, and follows each other one as often.
+    """Return orders in which each condition stands as often in each place, and follows each other
+    one as often.
 
-    Williams, "Experimental designs balanced for the estimation of residual effects of treatments", 1949: n orders when n is even; when
-    it is odd, they and their reverses.
+    Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
+    1949: n orders when n is even; when it is odd, they and their reverses.
     """
     count = len(keys)
     if count == 0:
@@ -88,7 +99,9 @@ def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     return tuple(rows)
 
 
-def choose(offered: Sequence[Cell], held: Iterable[Held], quota: int | None, seed: int) -> Choice | None:
+def choose(
+    offered: Sequence[Cell], held: Iterable[Held], quota: int | None, seed: int
+) -> Choice | None:
     """Return the cell for a new participant; None when all are full.
 
     Args:
@@ -112,7 +125,9 @@ def load(held: Iterable[Held]) -> Counter[str]:
     return Counter(place.cell for place in held if place.stage in {"under_way", "filled"})
 
 
-def stage_at_end(cell: str, outcome: Outcome, *, exposed: bool, refill: Refill, held: Iterable[Held]) -> Stage:
+def stage_at_end(
+    cell: str, outcome: Outcome, *, exposed: bool, refill: Refill, held: Iterable[Held]
+) -> Stage:
     """Return what becomes of a place whose participant is done, or gone.
 
     Args:

@@ -1,7 +1,7 @@
 """How taking part ended, and the code that says so to whoever recruited the participant.
 
-A recruiting site is told one code a way of ending, the same for everybody, so the codes of a study follow from its secret and can be
-shown to its researchers beforehand.
+A recruiting site is told one code a way of ending, the same for everybody, so the codes of a study
+follow from its secret and can be shown to its researchers beforehand.
 """
 
 import datetime
@@ -16,7 +16,9 @@ from experiments.models import CODE_LENGTH, CODE_LETTERS, Drive, Participant, St
 DONE, TECHNICAL_FAILURE, SCREENED_OUT = "done", "technical_failure", "screened_out"
 WAYS = (DONE, TECHNICAL_FAILURE, SCREENED_OUT)
 # Endings that are the system's, not the visitor's.
-TECHNICAL = frozenset({"connection_refused", "connection_lost", "robot_fault", "stopped_by_operator"})
+TECHNICAL = frozenset(
+    {"connection_refused", "connection_lost", "robot_fault", "stopped_by_operator"}
+)
 
 
 def code(study: Study, way: str) -> str:
@@ -26,21 +28,39 @@ def code(study: Study, way: str) -> str:
 
 
 def way_of(participant: Participant) -> str:
-    """Return how a participant who came to the end took part: done once a drive moved the robot and did not end by a failure."""
-    practice = {step.key for step in participant.study.as_definition().steps if isinstance(step, Practice)}
+    """Return how a participant who came to the end took part: done once a drive moved the robot and
+    did not end by a failure.
+    """
+    practice = {
+        step.key for step in participant.study.as_definition().steps if isinstance(step, Practice)
+    }
     moved = Q(exposed=True) | Q(session__first_motion_at__isnull=False)
-    drives = Drive.objects.filter(moved, participant=participant).exclude(step__in=practice).select_related("session")
-    return DONE if any((drive.outcome or drive.session.outcome) not in TECHNICAL for drive in drives) else TECHNICAL_FAILURE
+    drives = (
+        Drive.objects.filter(moved, participant=participant)
+        .exclude(step__in=practice)
+        .select_related("session")
+    )
+    return (
+        DONE
+        if any((drive.outcome or drive.session.outcome) not in TECHNICAL for drive in drives)
+        else TECHNICAL_FAILURE
+    )
 
 
 def conclude(participant: Participant, now: datetime.datetime) -> None:
-    """Note that a participant is through; a later visit makes good what failed before, and takes nothing back."""
+    """Note that a participant is through; a later visit makes good what failed before, and takes
+    nothing back.
+    """
     way = DONE if participant.completion == DONE else way_of(participant)
     close(participant, Participant.Status.FINISHED, way, now)
 
 
 def close(participant: Participant, status: str, way: str, now: datetime.datetime) -> None:
     """End a participation that is under way."""
-    rows = Participant.objects.filter(pk=participant.pk, status__in=(Participant.Status.ACTIVE, status))
-    rows.update(status=status, finished_at=now, completion=way, completion_code=code(participant.study, way))
+    rows = Participant.objects.filter(
+        pk=participant.pk, status__in=(Participant.Status.ACTIVE, status)
+    )
+    rows.update(
+        status=status, finished_at=now, completion=way, completion_code=code(participant.study, way)
+    )
     participant.refresh_from_db()

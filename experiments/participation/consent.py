@@ -24,7 +24,9 @@ def sha256(text: str) -> str:
 
 
 def may_agree(step: Consent, age: int | None, guardian: str) -> Answer:
-    """Return whether somebody may agree by themself, is turned away, or needs a guardian's word that is not there."""
+    """Return whether somebody may agree by themself, is turned away, or needs a guardian's word
+    that is not there.
+    """
     if not step.minimum_age or (age is not None and age >= step.minimum_age):
         return "agreed"
     if step.minors == "refused":
@@ -33,16 +35,34 @@ def may_agree(step: Consent, age: int | None, guardian: str) -> Answer:
 
 
 def agree(
-    participant: Participant, step: Consent, *, language: str, age: int | None = None, guardian: str = "", now: datetime.datetime
+    participant: Participant,
+    step: Consent,
+    *,
+    language: str,
+    age: int | None = None,
+    guardian: str = "",
+    now: datetime.datetime,
 ) -> ConsentReceipt:
-    """Return the receipt of a participant's consent, made at the first call: the text stands in it as it was shown then."""
+    """Return the receipt of a participant's consent, made at the first call: the text stands in it
+    as it was shown then.
+    """
     text = text_of(step, language)
-    fields = {"language": language, "text": text, "text_sha256": sha256(text), "guardian": guardian[:120], "agreed_at": now}
+    fields = {
+        "language": language,
+        "text": text,
+        "text_sha256": sha256(text),
+        "guardian": guardian[:120],
+        "agreed_at": now,
+    }
     try:
         with transaction.atomic():
-            receipt = ConsentReceipt.objects.create(participant=participant, step=step.key, version=step.version, **fields)
+            receipt = ConsentReceipt.objects.create(
+                participant=participant, step=step.key, version=step.version, **fields
+            )
     except IntegrityError:
-        return ConsentReceipt.objects.get(participant=participant, step=step.key, version=step.version)
+        return ConsentReceipt.objects.get(
+            participant=participant, step=step.key, version=step.version
+        )
     Participant.objects.filter(pk=participant.pk).update(age=age, language=language)
     participant.age, participant.language = age, language
     return receipt

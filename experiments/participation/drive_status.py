@@ -34,7 +34,9 @@ NEVER = DriveStatus("never")
 
 
 def driven(participant: Participant, place: Place) -> DriveStatus:
-    """Return what became of a place at which the robot is driven: from its drives, and from visits that never got the robot."""
+    """Return what became of a place at which the robot is driven: from its drives, and from visits
+    that never got the robot.
+    """
     drives = _drives(participant).filter(visit=place.visit, round=place.round, step=place.step)
     done = [_of_drive(drive) for drive in drives]
     living = _living(participant, place)
@@ -45,13 +47,19 @@ def driven(participant: Participant, place: Place) -> DriveStatus:
 
 
 def last_drive(participant: Participant, place: Place) -> DriveStatus:
-    """Return what questions after driving are about: the last drive of the visit up to a place's round, or nothing."""
+    """Return what questions after driving are about: the last drive of the visit up to a place's
+    round, or nothing.
+    """
     drive = _drives(participant).filter(visit=place.visit, round=place.round).first()
     return _of_drive(drive) if drive is not None else NEVER
 
 
 def _drives(participant: Participant) -> Any:
-    return Drive.objects.filter(participant=participant).select_related("session", "session__robot").order_by("-granted_at")
+    return (
+        Drive.objects.filter(participant=participant)
+        .select_related("session", "session__robot")
+        .order_by("-granted_at")
+    )
 
 
 def _of_drive(drive: Drive) -> DriveStatus:
@@ -59,30 +67,45 @@ def _of_drive(drive: Drive) -> DriveStatus:
     if session.state != Session.State.ENDED:
         return DriveStatus("living", session)
     exposed = drive.exposed or session.first_motion_at is not None
-    return DriveStatus("exposed" if exposed else "unexposed", session, drive.outcome or session.outcome, session.outcome_reason)
+    return DriveStatus(
+        "exposed" if exposed else "unexposed",
+        session,
+        drive.outcome or session.outcome,
+        session.outcome_reason,
+    )
 
 
 def _own_sessions(participant: Participant, place: Place) -> Any:
     """Sessions of the participant with a robot of the study since they came to a place."""
-    began = StepVisit.objects.filter(participant=participant, visit=place.visit, round=place.round, step=place.step).values_list(
-        "began_at", flat=True
-    )
+    began = StepVisit.objects.filter(
+        participant=participant, visit=place.visit, round=place.round, step=place.step
+    ).values_list("began_at", flat=True)
     robots = [robot.pk for robot in robots_of(progress.open_conditions(participant))]
     since = began.first() or participant.created_at
-    return Session.objects.filter(visitor=participant.user, robot__in=robots, queued_at__gte=since).select_related("robot").order_by("-queued_at")
+    return (
+        Session.objects.filter(visitor=participant.user, robot__in=robots, queued_at__gte=since)
+        .select_related("robot")
+        .order_by("-queued_at")
+    )
 
 
 def _living(participant: Participant, place: Place) -> Session | None:
-    found: Session | None = _own_sessions(participant, place).exclude(state=Session.State.ENDED).first()
+    found: Session | None = (
+        _own_sessions(participant, place).exclude(state=Session.State.ENDED).first()
+    )
     return found
 
 
 def _without_drive(participant: Participant, place: Place) -> DriveStatus:
     session = _own_sessions(participant, place).filter(granted_at=None, drive=None).first()
-    return DriveStatus("unexposed", session, session.outcome, session.outcome_reason) if session is not None else NEVER
+    return (
+        DriveStatus("unexposed", session, session.outcome, session.outcome_reason)
+        if session is not None
+        else NEVER
+    )
 
 
-# --- which robot -----------------------------------------------------------------------------------------------------
+# --- which robot ----------------------------------------------------------------------------------
 
 
 def robots_of(conditions: tuple[Condition, ...]) -> list[Robot]:
@@ -99,21 +122,33 @@ def series_of(robot: Robot) -> str:
     return series if isinstance(series, str) else ""
 
 
-def robot_for(participant: Participant, now: datetime.datetime) -> tuple[Robot | None, tuple[Condition, ...]]:
+def robot_for(
+    participant: Participant, now: datetime.datetime
+) -> tuple[Robot | None, tuple[Condition, ...]]:
     """Return the robot that a participant is led to, and the conditions that they may get on it.
 
-    Before the assignment it is of the series that the smallest cell asks for, so that the robot does not decide the cell; of several
-    of its kind the one that is online and where fewest wait.
+    Before the assignment it is of the series that the smallest cell asks for, so that the robot
+    does not decide the cell; of several of its kind the one that is online and where fewest wait.
     """
     conditions = progress.open_conditions(participant)
     series = _series_wanted(participant, conditions)
-    fitting = tuple(condition for condition in conditions if (condition.robot, condition.site) == series)
+    fitting = tuple(
+        condition for condition in conditions if (condition.robot, condition.site) == series
+    )
     robots = robots_of(fitting)
     own = set(
-        Session.objects.filter(visitor=participant.user, robot__in=robots).exclude(state=Session.State.ENDED).values_list("robot_id", flat=True)
+        Session.objects.filter(visitor=participant.user, robot__in=robots)
+        .exclude(state=Session.State.ENDED)
+        .values_list("robot_id", flat=True)
     )
-    busy = [Session.objects.filter(robot=robot).exclude(state=Session.State.ENDED).count() for robot in robots]
-    ranked = sorted(zip(robots, busy, strict=True), key=lambda pair: (pair[0].pk not in own, not pair[0].is_online(now), pair[1]))
+    busy = [
+        Session.objects.filter(robot=robot).exclude(state=Session.State.ENDED).count()
+        for robot in robots
+    ]
+    ranked = sorted(
+        zip(robots, busy, strict=True),
+        key=lambda pair: (pair[0].pk not in own, not pair[0].is_online(now), pair[1]),
+    )
     return (ranked[0][0] if ranked else None), fitting
 
 
@@ -121,10 +156,18 @@ def _series_wanted(participant: Participant, conditions: tuple[Condition, ...]) 
     definition = participant.study.as_definition()
     kinds = {(condition.robot, condition.site) for condition in conditions}
     if len(kinds) > 1:
-        cells = assignment.cells(definition, "invitation" if participant.access == "invitation" else "open")
+        cells = assignment.cells(
+            definition, "invitation" if participant.access == "invitation" else "open"
+        )
         held = progress.held(participant.study, participant.kind)
-        chosen = assignment.choose(cells, held, definition.allocation.quota, participant.pk.int % 2**31)
-        first = definition.condition(chosen.cell.conditions[participant.round]) if chosen is not None else None
+        chosen = assignment.choose(
+            cells, held, definition.allocation.quota, participant.pk.int % 2**31
+        )
+        first = (
+            definition.condition(chosen.cell.conditions[participant.round])
+            if chosen is not None
+            else None
+        )
         if first is not None:
             return first.robot, first.site
     return next(iter(kinds), ("", ""))

@@ -13,9 +13,16 @@ OLDEST = 120
 
 
 class ConsentForm(forms.Form):
-    """The age, where the study asks for it, a guardian where that is needed, and the agreement itself."""
+    """The age, where the study asks for it, a guardian where that is needed, and the agreement
+    itself.
+    """
 
-    age = forms.IntegerField(label=_("Your age in years"), min_value=1, max_value=OLDEST, widget=forms.NumberInput(attrs={"inputmode": "numeric"}))
+    age = forms.IntegerField(
+        label=_("Your age in years"),
+        min_value=1,
+        max_value=OLDEST,
+        widget=forms.NumberInput(attrs={"inputmode": "numeric"}),
+    )
     guardian = forms.CharField(
         label=_("Name of your parent or guardian, who agrees too"),
         max_length=120,
@@ -35,10 +42,16 @@ class ConsentForm(forms.Form):
         if not step.minimum_age or step.minors == "refused":
             del self.fields["guardian"]
         else:
-            self.fields["guardian"].help_text = _("Only if you are younger than %(age)d.") % {"age": step.minimum_age}
+            self.fields["guardian"].help_text = _("Only if you are younger than %(age)d.") % {
+                "age": step.minimum_age
+            }
 
     def _age_hint(self) -> str:
-        return _("You must be at least %(age)d to take part.") % {"age": self.step.minimum_age} if self.step.minors == "refused" else ""
+        return (
+            _("You must be at least %(age)d to take part.") % {"age": self.step.minimum_age}
+            if self.step.minors == "refused"
+            else ""
+        )
 
     def clean_guardian(self) -> str:
         """Return the guardian's name as one visible line."""
@@ -52,5 +65,8 @@ class ConsentForm(forms.Form):
         verdict = may_agree(self.step, cleaned.get("age"), cleaned.get("guardian", ""))
         self.is_too_young = verdict == "too_young"
         if verdict == "guardian":
-            self.add_error("guardian", _("At your age a parent or guardian has to agree too: please give their name."))
+            self.add_error(
+                "guardian",
+                _("At your age a parent or guardian has to agree too: please give their name."),
+            )
         return cleaned

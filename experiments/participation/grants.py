@@ -1,11 +1,14 @@
-"""On what terms a participant gets a robot: the condition that they are assigned to, and all that it fixes.
+"""On what terms a participant gets a robot: the condition that they are assigned to, and all that
+it fixes.
 
-Asked by sessions (sessions/leases/terms.py), in whichever process grants the robot, perhaps by two of them at once and again after one was
-killed: every answer is the same as the first. A participant is assigned at the first grant, by experiments/participation/assignment.py over those
-of the same study and kind; who never moved the robot gave their place back, and is drawn anew.
+Asked by sessions (sessions/leases/terms.py), in whichever process grants the robot, perhaps by two
+of them at once and again after one was killed: every answer is the same as the first. A participant
+is assigned at the first grant, by experiments/participation/assignment.py over those of the same
+study and kind; who never moved the robot gave their place back, and is drawn anew.
 
-Nothing rests on transactions: a draw has a number that no other one of its study has, and the places that it was decided on are
-those that stood there before that number, so that of two who are drawn at the same moment one has to look again.
+Nothing rests on transactions: a draw has a number that no other one of its study has, and the
+places that it was decided on are those that stood there before that number, so that of two who are
+drawn at the same moment one has to look again.
 """
 
 import datetime
@@ -40,8 +43,10 @@ from surveys.definition import spoken
 log = logging.getLogger(__name__)
 
 GRACE_SECONDS = 120.0
-SLACK_SECONDS = 180.0  # to connect, and to see the end: a turn is never over before the time limit of the task
-SAID_SECONDS = 5.0  # after which a robot's last state does not say any more how it stands; states are written every two
+# to connect, and to see the end: a turn is never over before the time limit of the task
+SLACK_SECONDS = 180.0
+# after which a robot's last state does not say any more how it stands; states are written every two
+SAID_SECONDS = 5.0
 ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhile
 Stage = Participant.Stage
 
@@ -68,11 +73,17 @@ class Standing:
     @property
     def cells(self) -> list[Cell]:
         """The cells that they may be assigned to on this robot."""
-        access: assignment.Access = "invitation" if self.participant.access == "invitation" else "open"
+        access: assignment.Access = (
+            "invitation" if self.participant.access == "invitation" else "open"
+        )
         number = self.participant.round
         offered = []
         for cell in assignment.cells(self.definition, access):
-            condition = self.definition.condition(cell.conditions[number]) if number < len(cell.conditions) else None
+            condition = (
+                self.definition.condition(cell.conditions[number])
+                if number < len(cell.conditions)
+                else None
+            )
             if condition is not None and is_for(condition, self.robot):
                 offered.append(cell)
         return offered
@@ -82,19 +93,24 @@ class StudyTerms:
     """The provider of terms (sessions.leases.terms.Provider) for participants of studies."""
 
     def why_not(self, user: User, robot: Robot, now: datetime.datetime) -> str:
-        """Return `closed`, `full`, `not_allowed` for a participant who may not drive now, `reserved` for who is none; empty for all others."""
+        """Return `closed`, `full`, `not_allowed` for a participant who may not drive now,
+        `reserved` for who is none; empty for all others.
+        """
         standing = standing_of(user, robot)
         if standing is None:
             return "reserved" if _is_reserved(robot, now) and not may_operate(user, robot) else ""
         return _why_not(standing, now)
 
     def not_ready(self, user: User, robot: Robot, now: datetime.datetime) -> str:
-        """Return what of the study's start condition (definition/start_condition.py) does not hold; empty for a visitor without a study."""
+        """Return what of the study's start condition (definition/start_condition.py) does not hold;
+        empty for a visitor without a study.
+        """
         standing = standing_of(user, robot)
         return _unmet(standing, now) if standing is not None else ""
 
     def granted(self, session: Session, now: datetime.datetime) -> Terms | None:
-        """Assign the participant, make their drive, and return the terms of the condition; None for who drives for themselves.
+        """Assign the participant, make their drive, and return the terms of the condition; None for
+        who drives for themselves.
 
         Raises:
             NotGranted: there is no place for them, or no course.
@@ -122,17 +138,26 @@ class StudyTerms:
         return row or {}
 
 
-# --- who stands where ------------------------------------------------------------------------------------------------
+# --- who stands where -----------------------------------------------------------------------------
 
 
 def is_for(condition: Condition, robot: Robot) -> bool:
     """Tell whether a condition is driven with a robot, where it is."""
-    return not robot.practice and condition.robot == series_of(robot) and robot.floor_plan is not None and condition.site == robot.floor_plan.name
+    return (
+        not robot.practice
+        and condition.robot == series_of(robot)
+        and robot.floor_plan is not None
+        and condition.site == robot.floor_plan.name
+    )
 
 
 def standing_of(user: User, robot: Robot) -> Standing | None:
-    """Return in which study somebody is to drive a robot now: where they were seen last; None when in none."""
-    for participant in progress.of_user(user).filter(status=Participant.Status.ACTIVE).order_by("-seen_at"):
+    """Return in which study somebody is to drive a robot now: where they were seen last; None when
+    in none.
+    """
+    for participant in (
+        progress.of_user(user).filter(status=Participant.Status.ACTIVE).order_by("-seen_at")
+    ):
         if participant.study.status == Study.Status.DRAFT and participant.kind == Kind.PARTICIPANT:
             continue
         definition = participant.study.as_definition()
@@ -147,14 +172,24 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
 
 
 def invites(user: User, robot: Robot) -> bool:
-    """Tell whether a study has invited somebody to drive a robot now (robots.access.register_guest_list).
+    """Tell whether a study has invited somebody to drive a robot now
+    (robots.access.register_guest_list).
 
-    Asked of every visitor for every robot by invitation that is shown: whom nobody invited costs one look that reads no study.
+    Asked of every visitor for every robot by invitation that is shown: whom nobody invited costs
+    one look that reads no study.
     """
-    if not progress.of_user(user).filter(status=Participant.Status.ACTIVE, access="invitation").exists():
+    if (
+        not progress.of_user(user)
+        .filter(status=Participant.Status.ACTIVE, access="invitation")
+        .exists()
+    ):
         return False
     standing = standing_of(user, robot)
-    return standing is not None and standing.participant.access == "invitation" and is_lent(robot, standing.definition.slug)
+    return (
+        standing is not None
+        and standing.participant.access == "invitation"
+        and is_lent(robot, standing.definition.slug)
+    )
 
 
 def _why_not(standing: Standing, now: datetime.datetime) -> str:
@@ -163,15 +198,31 @@ def _why_not(standing: Standing, now: datetime.datetime) -> str:
         return "closed"
     if standing.assigned is None and _choose(standing, _held(participant), 0) is None:
         return "full"
-    return "not_allowed" if driven(participant, progress.place(participant)).standing == "exposed" else ""
+    return (
+        "not_allowed"
+        if driven(participant, progress.place(participant)).standing == "exposed"
+        else ""
+    )
 
 
 def _unmet(standing: Standing, now: datetime.datetime) -> str:
-    robot = Robot.objects.select_related("floor_plan").defer("floor_plan__image").get(pk=standing.robot.pk)
+    robot = (
+        Robot.objects.select_related("floor_plan")
+        .defer("floor_plan__image")
+        .get(pk=standing.robot.pk)
+    )
     plan = robot.floor_plan.plan if robot.floor_plan is not None else {}
-    courses = (one for one in standing.definition.courses if robot.floor_plan and (one.robot, one.site) == (series_of(robot), robot.floor_plan.name))
+    courses = (
+        one
+        for one in standing.definition.courses
+        if robot.floor_plan and (one.robot, one.site) == (series_of(robot), robot.floor_plan.name)
+    )
     course = next(courses, None)
-    docks = [dock for dock in plan.get("docks", ()) if course and dock["type"] == course.robot and course.dock in {"", dock["name"]}]
+    docks = [
+        dock
+        for dock in plan.get("docks", ())
+        if course and dock["type"] == course.robot and course.dock in {"", dock["name"]}
+    ]
     if len(docks) != 1:
         return ""  # no course is laid out there: the grant says so
     dock = Pose2D(docks[0]["x"], docks[0]["y"], docks[0].get("theta", 0.0))
@@ -179,10 +230,19 @@ def _unmet(standing: Standing, now: datetime.datetime) -> str:
 
 
 def said_lately(robot: Robot, now: datetime.datetime) -> start_condition.RobotSnapshot | None:
-    """Return how a robot stands as it last said; None when that is some seconds old, or from a run of its agent that is over."""
-    fresh = robot.last_seen_at is not None and (now - robot.last_seen_at).total_seconds() <= SAID_SECONDS
+    """Return how a robot stands as it last said; None when that is some seconds old, or from a run
+    of its agent that is over.
+    """
+    fresh = (
+        robot.last_seen_at is not None
+        and (now - robot.last_seen_at).total_seconds() <= SAID_SECONDS
+    )
     report = robot.report or {}
-    return start_condition.snapshot(report) if fresh and report and report.get("boot", "") == robot.boot else None
+    return (
+        start_condition.snapshot(report)
+        if fresh and report and report.get("boot", "") == robot.boot
+        else None
+    )
 
 
 def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
@@ -194,11 +254,12 @@ def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
     return False
 
 
-# --- assignment ------------------------------------------------------------------------------------------------------
+# --- assignment -----------------------------------------------------------------------------------
 
 
 def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
-    """Draw the cell of a participant, unless they have one, and return the condition of their round; None when every cell is full.
+    """Draw the cell of a participant, unless they have one, and return the condition of their
+    round; None when every cell is full.
 
     Raises:
         AssignmentContention: somebody else was assigned under every attempt.
@@ -212,15 +273,27 @@ def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
         if chosen is None:
             return None
         if _store(participant, chosen, 1 + max((number for number, _ in held), default=0), now):
-            log.info("participant_assigned participant=%s study=%s cell=%s", participant.code, participant.study_id, chosen.cell.key)
+            log.info(
+                "participant_assigned participant=%s study=%s cell=%s",
+                participant.code,
+                participant.study_id,
+                chosen.cell.key,
+            )
         participant.refresh_from_db()
     raise AssignmentContention(participant.code)
 
 
 def _held(participant: Participant) -> list[tuple[int, Held]]:
-    """Return (number of the draw, place) of everybody of the study and kind who was ever assigned, in one reading."""
-    rows = Participant.objects.filter(study=participant.study_id, kind=participant.kind).exclude(cell="")
-    return [(_number_of(word), Held(cell, stage)) for word, cell, stage in rows.values_list("drawn_as", "cell", "stage")]
+    """Return (number of the draw, place) of everybody of the study and kind who was ever assigned,
+    in one reading.
+    """
+    rows = Participant.objects.filter(study=participant.study_id, kind=participant.kind).exclude(
+        cell=""
+    )
+    return [
+        (_number_of(word), Held(cell, stage))
+        for word, cell, stage in rows.values_list("drawn_as", "cell", "stage")
+    ]
 
 
 def _number_of(word: str) -> int:
@@ -230,32 +303,50 @@ def _number_of(word: str) -> int:
 
 
 def _choose(standing: Standing, held: list[tuple[int, Held]], seed: int) -> Choice | None:
-    return assignment.choose(standing.cells, [place for _, place in held], standing.definition.allocation.quota, seed)
+    return assignment.choose(
+        standing.cells, [place for _, place in held], standing.definition.allocation.quota, seed
+    )
 
 
 def _store(participant: Participant, chosen: Choice, number: int, now: datetime.datetime) -> bool:
-    """Write a draw down if its number is still free and nobody else, in another process, has drawn for the same participant."""
-    before = Participant.objects.filter(pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as)
+    """Write a draw down if its number is still free and nobody else, in another process, has drawn
+    for the same participant.
+    """
+    before = Participant.objects.filter(
+        pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as
+    )
     try:
-        with transaction.atomic():  # only so that PostgreSQL survives the refusal within a caller's transaction
-            return bool(before.update(
-                cell=chosen.cell.key, conditions=list(chosen.cell.conditions), candidates=list(chosen.candidates), draw_seed=chosen.seed,
-                drawn_as=f"{participant.study_id}:{participant.kind}:{number}", assigned_at=now, stage=Stage.UNDER_WAY,
-            ))  # fmt: skip
+        # only so that PostgreSQL survives the refusal within a caller's transaction
+        with transaction.atomic():
+            return bool(
+                before.update(
+                    cell=chosen.cell.key,
+                    conditions=list(chosen.cell.conditions),
+                    candidates=list(chosen.candidates),
+                    draw_seed=chosen.seed,
+                    drawn_as=f"{participant.study_id}:{participant.kind}:{number}",
+                    assigned_at=now,
+                    stage=Stage.UNDER_WAY,
+                )
+            )
     except IntegrityError:
         return False
 
 
-# --- the drive -------------------------------------------------------------------------------------------------------
+# --- the drive ------------------------------------------------------------------------------------
 
 
-def _begin(standing: Standing, condition: Condition, session: Session, now: datetime.datetime) -> Terms:
+def _begin(
+    standing: Standing, condition: Condition, session: Session, now: datetime.datetime
+) -> Terms:
     participant, definition, seed = standing.participant, standing.definition, secrets.randbits(31)
     terms = terms_of(standing, condition, session.robot, seed)
     assigned = {
-        "condition": msgspec.to_builtins(condition), "terms": msgspec.to_builtins(terms), "track": None,
+        "condition": msgspec.to_builtins(condition),
+        "terms": msgspec.to_builtins(terms),
+        "track": None,
         "start": msgspec.to_builtins(definition.start),
-    }  # fmt: skip
+    }
     if isinstance(standing.step, Task):
         try:
             assigned["track"] = laid_out(definition, condition, session.robot)
@@ -264,34 +355,72 @@ def _begin(standing: Standing, condition: Condition, session: Session, now: date
             raise NotGranted("not_allowed") from error
     here = {"step": participant.step, "visit": participant.visit, "round": participant.round}
     number = 1 + Drive.objects.filter(participant=participant, step=participant.step).count()
-    fields = {**here, "participant": participant, "number": number, "condition": condition.key, "seed": seed, "assigned": assigned}
+    fields = {
+        **here,
+        "participant": participant,
+        "number": number,
+        "condition": condition.key,
+        "seed": seed,
+        "assigned": assigned,
+    }
     try:
         with transaction.atomic():  # as above
             Drive.objects.create(session=session, granted_at=now, **fields)
     except IntegrityError:  # another process has made it at the same moment
         stored: Terms = msgspec.convert(Drive.objects.get(session=session).assigned["terms"], Terms)
         return stored
-    audit.note("robot_granted", person=participant.user_id, robot=session.robot, study=definition.slug, thing=session, detail=condition.key, at=now)
+    audit.note(
+        "robot_granted",
+        person=participant.user_id,
+        robot=session.robot,
+        study=definition.slug,
+        thing=session,
+        detail=condition.key,
+        at=now,
+    )
     return terms
 
 
 def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) -> Terms:
     """Return what a condition fixes for a drive; `seed` is that of its network's chance."""
     participant, step = standing.participant, standing.step
-    limits, config = conditions.lease_limits(condition), conditions.config(condition, _doors(robot), stamp=0.0, seed=seed)
+    limits, config = (
+        conditions.lease_limits(condition),
+        conditions.config(condition, _doors(robot), stamp=0.0, seed=seed),
+    )
     doors: dict[str, DoorState] = dict(config.doors)
     return Terms(
-        label=spoken(step.title, participant.language), linear=limits.linear, angular=limits.angular, assist=condition.assist,
-        actions=tuple(sorted(conditions.allowed_actions(condition))), controllers=tuple(condition.controllers),
-        control_way=condition.control_way, interface=condition.interface, turn_seconds=step.minutes * 60.0 + SLACK_SECONDS,
-        grace_seconds=GRACE_SECONDS, idle_seconds=condition.idle_seconds or 0.0, doors=doors,
-        control_network=config.control_network, video_network=config.video_network,
+        label=spoken(step.title, participant.language),
+        linear=limits.linear,
+        angular=limits.angular,
+        assist=condition.assist,
+        actions=tuple(sorted(conditions.allowed_actions(condition))),
+        controllers=tuple(condition.controllers),
+        control_way=condition.control_way,
+        interface=condition.interface,
+        turn_seconds=step.minutes * 60.0 + SLACK_SECONDS,
+        grace_seconds=GRACE_SECONDS,
+        idle_seconds=condition.idle_seconds or 0.0,
+        doors=doors,
+        control_network=config.control_network,
+        video_network=config.video_network,
         leaving_completes=isinstance(step, Practice),
-        study={"slug": standing.definition.slug, "version": standing.definition.version, "condition": condition.key, "step": step.key},
-    )  # fmt: skip
+        study={
+            "slug": standing.definition.slug,
+            "version": standing.definition.version,
+            "condition": condition.key,
+            "step": step.key,
+        },
+    )
 
 
 def _doors(robot: Robot) -> list[str]:
-    """Return the doors that the server can move: those of a simulated site. A real door is somebody's to close."""
+    """Return the doors that the server can move: those of a simulated site. A real door is
+    somebody's to close.
+    """
     movable = "doors" in (robot.factsheet or {}).get("capabilities", ())
-    return [door["name"] for door in robot.floor_plan.plan.get("doors", ())] if movable and robot.floor_plan else []
+    return (
+        [door["name"] for door in robot.floor_plan.plan.get("doors", ())]
+        if movable and robot.floor_plan
+        else []
+    )

@@ -1,10 +1,12 @@
 """The way through a study: which step follows which, round by round, and where a visit begins.
 
-A *visit* is one time of taking part. Steps that are repeated stand together and are gone through once for each condition: a *round*
-each, counted from 0. The steps before them belong to the first round, those behind them to the last.
+A *visit* is one time of taking part. Steps that are repeated stand together and are gone through
+once for each condition: a *round* each, counted from 0. The steps before them belong to the first
+round, those behind them to the last.
 
-Pure: the study and a place come in, a place goes out. What is stored is the place alone, and it is changed only by comparing it with
-what was seen (experiments/participation/progress.py), so that a reload, the back button or a second tab can do nothing twice.
+Pure: the study and a place come in, a place goes out. What is stored is the place alone, and it is
+changed only by comparing it with what was seen (experiments/participation/progress.py), so that a
+reload, the back button or a second tab can do nothing twice.
 """
 
 import re
@@ -48,7 +50,9 @@ def step_at(study: Study, place: Place) -> AnyStep:
 
 
 def rounds(study: Study, access: Access) -> int:
-    """Return how many conditions somebody who came that way goes through; at least 1, so that every step is passed."""
+    """Return how many conditions somebody who came that way goes through; at least 1, so that every
+    step is passed.
+    """
     return max((len(cell.conditions) for cell in cells(study, access)), default=1)
 
 
@@ -59,7 +63,9 @@ def route(study: Study, number_of_rounds: int, visit: int) -> tuple[Place, ...]:
 
 def _stations(study: Study, number_of_rounds: int) -> Iterator[tuple[int, str]]:
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
-    first, behind = (repeated[0], repeated[-1] + 1) if repeated else (len(study.steps), len(study.steps))
+    first, behind = (
+        (repeated[0], repeated[-1] + 1) if repeated else (len(study.steps), len(study.steps))
+    )
     last = number_of_rounds - 1 if repeated else 0
     yield from ((0, step.key) for step in study.steps[:first])
     for number in range(number_of_rounds):

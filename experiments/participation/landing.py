@@ -1,4 +1,6 @@
-"""What the front page of a study says: what it is, what is needed, and what somebody can do about it now."""
+"""What the front page of a study says: what it is, what is needed, and what somebody can do about
+it now.
+"""
 
 import datetime
 from collections.abc import Mapping, Sequence
@@ -16,13 +18,25 @@ from experiments.participation import journey, progress
 from surveys.definition import spoken
 
 # In the order in which they are asked: the first that holds decides.
-Stand = Literal["finished", "under_way", "screened_out", "closed", "shut", "personal", "full", "stranger", "welcome"]
+Stand = Literal[
+    "finished",
+    "under_way",
+    "screened_out",
+    "closed",
+    "shut",
+    "personal",
+    "full",
+    "stranger",
+    "welcome",
+]
 _WEEK = 7
 
 
 @dataclass(frozen=True)
 class Landing:
-    """The front page of a study for one visitor. `minutes` is how long driving takes at most, `opens_at` the study's own time of day."""
+    """The front page of a study for one visitor. `minutes` is how long driving takes at most,
+    `opens_at` the study's own time of day.
+    """
 
     title: str
     intro: str
@@ -39,7 +53,9 @@ class Landing:
     time_zone: str
 
 
-def landing(study: Study, user: Any, own: Participant | None, *, language: str, now: datetime.datetime) -> Landing:
+def landing(
+    study: Study, user: Any, own: Participant | None, *, language: str, now: datetime.datetime
+) -> Landing:
     """Return the front page of a study as somebody sees it, who takes part as `own`."""
     definition = study.as_definition()
     spoken_in = progress.language_of(definition, language)
@@ -63,7 +79,9 @@ def landing(study: Study, user: Any, own: Participant | None, *, language: str, 
 
 @dataclass(frozen=True)
 class Invitation:
-    """A study on the home page; `opens_at` is when one that is closed opens, by the clock in its own `time_zone`."""
+    """A study on the home page; `opens_at` is when one that is closed opens, by the clock in its
+    own `time_zone`.
+    """
 
     slug: str
     title: str
@@ -74,7 +92,9 @@ class Invitation:
 
 
 def invitations(language: str, now: datetime.datetime) -> list[Invitation]:
-    """Return the studies that everybody may take part in, now or when they open, in a language as near as they have it."""
+    """Return the studies that everybody may take part in, now or when they open, in a language as
+    near as they have it.
+    """
     return [_invitation(study, language, now) for study in progress.visible_studies(now)]
 
 
@@ -82,7 +102,14 @@ def _invitation(study: Study, language: str, now: datetime.datetime) -> Invitati
     definition = study.as_definition()
     spoken_in = progress.language_of(definition, language)
     opens_at = opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now)
-    return Invitation(study.slug, spoken(definition.title, spoken_in), spoken(definition.intro, spoken_in), spoken_in, opens_at, study.time_zone)
+    return Invitation(
+        study.slug,
+        spoken(definition.title, spoken_in),
+        spoken(definition.intro, spoken_in),
+        spoken_in,
+        opens_at,
+        study.time_zone,
+    )
 
 
 def stand(study: Study, user: Any, own: Participant | None, now: datetime.datetime) -> Stand:
@@ -120,7 +147,9 @@ def driving_minutes(definition: Definition) -> int:
 def controllers(definition: Definition) -> tuple[Controller, ...]:
     """Return with what somebody can drive in every condition, in the order of the first."""
     allowed = [condition.controllers for condition in definition.conditions]
-    return tuple(name for name in (allowed[0] if allowed else ()) if all(name in names for names in allowed))
+    return tuple(
+        name for name in (allowed[0] if allowed else ()) if all(name in names for names in allowed)
+    )
 
 
 def in_words(hours: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -138,4 +167,9 @@ def _days(days: Sequence[int]) -> str:
             runs[-1].append(day)
         else:
             runs.append([day])
-    return ", ".join(str(WEEKDAYS_ABBR[run[0]]) if len(run) == 1 else f"{WEEKDAYS_ABBR[run[0]]}–{WEEKDAYS_ABBR[run[-1]]}" for run in runs)
+    return ", ".join(
+        str(WEEKDAYS_ABBR[run[0]])
+        if len(run) == 1
+        else f"{WEEKDAYS_ABBR[run[0]]}–{WEEKDAYS_ABBR[run[-1]]}"
+        for run in runs
+    )

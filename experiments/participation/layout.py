@@ -1,4 +1,6 @@
-"""The course of a drive, as it was laid out when the robot was granted: the plan may be drawn anew, what was driven may not."""
+"""The course of a drive, as it was laid out when the robot was granted: the plan may be drawn anew,
+what was driven may not.
+"""
 
 from typing import Any
 

@@ -1,6 +1,7 @@
 """Personal links: made once, shown once, redeemed once.
 
-Only a hash of the token is stored. A link is redeemed by POST alone, because programs that preview mail open every address in it.
+Only a hash of the token is stored. A link is redeemed by POST alone, because programs that preview
+mail open every address in it.
 """
 
 import datetime
@@ -32,15 +33,27 @@ def make(
     expires_at: datetime.datetime | None = None,
     now: datetime.datetime,
 ) -> tuple[PersonalLink, str]:
-    """Make a link and return it with its token, which nobody can read again. What comes by a bot's link never counts."""
+    """Make a link and return it with its token, which nobody can read again. What comes by a bot's
+    link never counts.
+    """
     token = secrets.token_urlsafe(TOKEN_BYTES)
-    fields = {"label": label[:120], "access": access, "kind": kind, "created_at": now, "expires_at": expires_at}
+    fields = {
+        "label": label[:120],
+        "access": access,
+        "kind": kind,
+        "created_at": now,
+        "expires_at": expires_at,
+    }
     return PersonalLink.objects.create(study=study, token_sha256=_hash(token), **fields), token
 
 
 def revoke(link: PersonalLink, now: datetime.datetime) -> bool:
     """Take back a link that nobody has used; False when somebody has."""
-    return bool(PersonalLink.objects.filter(pk=link.pk, redeemed_at=None, revoked_at=None).update(revoked_at=now))
+    return bool(
+        PersonalLink.objects.filter(pk=link.pk, redeemed_at=None, revoked_at=None).update(
+            revoked_at=now
+        )
+    )
 
 
 def _hash(token: str) -> str:
@@ -53,7 +66,11 @@ def find(token: str, user: Any, now: datetime.datetime) -> PersonalLink:
     Raises:
         LinkError: there is none, somebody else used it, or it does not hold any more.
     """
-    link = PersonalLink.objects.filter(token_sha256=_hash(token)).select_related("study", "participant").first()
+    link = (
+        PersonalLink.objects.filter(token_sha256=_hash(token))
+        .select_related("study", "participant")
+        .first()
+    )
     if link is None:
         raise LinkError("unknown")
     if _is_own(link, user):
@@ -71,7 +88,9 @@ def find(token: str, user: Any, now: datetime.datetime) -> PersonalLink:
 
 
 def _why_not(link: PersonalLink, user: Any) -> Reason | None:
-    """Drafts are for bots and their researchers; whoever is not signed in yet is asked again afterwards."""
+    """Drafts are for bots and their researchers; whoever is not signed in yet is asked again
+    afterwards.
+    """
     if link.study.status == Study.Status.CLOSED:
         return "closed"
     is_draft = link.study.status == Study.Status.DRAFT and link.kind != Kind.BOT
@@ -79,11 +98,16 @@ def _why_not(link: PersonalLink, user: Any) -> Reason | None:
 
 
 def _is_own(link: PersonalLink, user: Any) -> bool:
-    return bool(user.is_authenticated and link.participant is not None and link.participant.user_id == user.pk)
+    return bool(
+        user.is_authenticated
+        and link.participant is not None
+        and link.participant.user_id == user.pk
+    )
 
 
 def redeem(token: str, user: Any, *, language: str, now: datetime.datetime) -> Participant:
-    """Let whoever is signed in take part by a link; the same person may do it again with the same result.
+    """Let whoever is signed in take part by a link; the same person may do it again with the same
+    result.
 
     Raises:
         LinkError: as `find`; of two who come at once the second finds it used.
@@ -95,7 +119,9 @@ def redeem(token: str, user: Any, *, language: str, now: datetime.datetime) -> P
     was_there = progress.found(study, user) is not None
     access: Any = link.access
     kind = progress.kind_of(user, study) if link.kind == Kind.PARTICIPANT else link.kind
-    participant = progress.enter(study, user, access=access, recruitment={}, kind=kind, language=language, now=now)
+    participant = progress.enter(
+        study, user, access=access, recruitment={}, kind=kind, language=language, now=now
+    )
     unused = PersonalLink.objects.filter(pk=link.pk, redeemed_at=None, revoked_at=None)
     if not unused.update(redeemed_at=now, participant=participant):
         if not was_there:

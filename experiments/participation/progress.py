@@ -1,7 +1,9 @@
-"""Taking part: coming in, standing on a step, going on, coming again. Where steps lead is experiments/participation/journey.py's to say.
+"""Taking part: coming in, standing on a step, going on, coming again. Where steps lead is
+experiments/participation/journey.py's to say.
 
-A place is changed only where it is still the one that was seen, and a user has one row a study (`Participant.slot`), so that nothing
-here happens twice under a reload, the back button, a second tab or another device. Nothing rests on transactions.
+A place is changed only where it is still the one that was seen, and a user has one row a study
+(`Participant.slot`), so that nothing here happens twice under a reload, the back button, a second
+tab or another device. Nothing rests on transactions.
 """
 
 import datetime
@@ -25,12 +27,16 @@ Status = Participant.Status
 MOST_PARAMETERS, LONGEST_PARAMETER = 10, 100
 
 
-# --- which study -----------------------------------------------------------------------------------------------------
+# --- which study ----------------------------------------------------------------------------------
 
 
 def visible_studies(now: datetime.datetime) -> list[Study]:
-    """Return the studies to which everybody is invited, published and with an open link: those that are open now first, then the newest."""
-    found = Study.objects.filter(status=Study.Status.PUBLISHED, entry=Study.Entry.OPEN).order_by("-published_at")
+    """Return the studies to which everybody is invited, published and with an open link: those that
+    are open now first, then the newest.
+    """
+    found = Study.objects.filter(status=Study.Status.PUBLISHED, entry=Study.Entry.OPEN).order_by(
+        "-published_at"
+    )
     return sorted(found, key=lambda study: not is_open(study, now))
 
 
@@ -40,14 +46,21 @@ def is_open(study: Study, now: datetime.datetime) -> bool:
 
 
 def is_member(user: Any, slug: str) -> bool:
-    """Tell whether somebody does research in a study: they see its drafts, and what they do in it never counts."""
-    return bool(user.is_authenticated and user.is_active and (user.is_superuser or StudyMember.objects.filter(slug=slug, user=user).exists()))
+    """Tell whether somebody does research in a study: they see its drafts, and what they do in it
+    never counts.
+    """
+    return bool(
+        user.is_authenticated
+        and user.is_active
+        and (user.is_superuser or StudyMember.objects.filter(slug=slug, user=user).exists())
+    )
 
 
 def study_for(user: Any, slug: str) -> Study | None:
     """Return the version of a study that somebody gets to see; None when there is none for them.
 
-    Who takes part goes on with the version that they began; researchers see the newest, all others the one that is published, or was.
+    Who takes part goes on with the version that they began; researchers see the newest, all others
+    the one that is published, or was.
     """
     versions = Study.objects.filter(slug=slug).order_by("-version")
     own = _under_way_in(user, slug)
@@ -55,13 +68,17 @@ def study_for(user: Any, slug: str) -> Study | None:
         return own.study
     if is_member(user, slug):
         return versions.first()
-    return versions.filter(status=Study.Status.PUBLISHED).first() or versions.filter(status=Study.Status.CLOSED).first()
+    return (
+        versions.filter(status=Study.Status.PUBLISHED).first()
+        or versions.filter(status=Study.Status.CLOSED).first()
+    )
 
 
 def _under_way_in(user: Any, slug: str) -> Participant | None:
     if not user.is_authenticated:
         return None
-    under_way = Q(status=Status.ACTIVE) | Q(kind=Kind.BOT)  # a bot comes again to the version that it was made for, be it a draft
+    # a bot comes again to the version that it was made for, be it a draft
+    under_way = Q(status=Status.ACTIVE) | Q(kind=Kind.BOT)
     own = Participant.objects.filter(under_way, user=user, study__slug=slug).select_related("study")
     return own.order_by("-created_at").first()
 
@@ -70,14 +87,16 @@ def found(study: Study, user: Any) -> Participant | None:
     """Return somebody's row in a study, or None."""
     if not user.is_authenticated:
         return None
-    return Participant.objects.filter(slot=_slot(study, user)).select_related("study", "user").first()
+    return (
+        Participant.objects.filter(slot=_slot(study, user)).select_related("study", "user").first()
+    )
 
 
 def _slot(study: Study, user: Any) -> str:
     return f"{study.pk}:{user.pk}"
 
 
-# --- coming in -------------------------------------------------------------------------------------------------------
+# --- coming in ------------------------------------------------------------------------------------
 
 
 def enter(
@@ -90,20 +109,32 @@ def enter(
     language: str = "",
     now: datetime.datetime,
 ) -> Participant:
-    """Return somebody's row in a study, made when they have none; a second call changes nothing but a better access before assignment."""
+    """Return somebody's row in a study, made when they have none; a second call changes nothing but
+    a better access before assignment.
+    """
     definition = study.as_definition()
     way = journey.route(definition, journey.rounds(definition, access), 1)
     start = journey.begin(way)
     fields = {
-        "access": access, "recruitment": kept_parameters(recruitment), "kind": kind, "language": language_of(definition, language),
-        "visit": start.visit, "round": start.round, "step": start.step, "created_at": now, "seen_at": now, "user": user,
-    }  # fmt: skip
+        "access": access,
+        "recruitment": kept_parameters(recruitment),
+        "kind": kind,
+        "language": language_of(definition, language),
+        "visit": start.visit,
+        "round": start.round,
+        "step": start.step,
+        "created_at": now,
+        "seen_at": now,
+        "user": user,
+    }
     try:
         with transaction.atomic():
             Participant.objects.create(study=study, slot=_slot(study, user), **fields)
     except IntegrityError:
         if access == "invitation":
-            Participant.objects.filter(slot=_slot(study, user), cell="", access="open").update(access=access)
+            Participant.objects.filter(slot=_slot(study, user), cell="", access="open").update(
+                access=access
+            )
     participant = Participant.objects.select_related("study", "user").get(slot=_slot(study, user))
     see(participant, now)
     return participant
@@ -115,8 +146,14 @@ def kind_of(user: Any, study: Study) -> str:
 
 
 def kept_parameters(given: Mapping[str, str]) -> dict[str, str]:
-    """Return the recruitment parameters of a link that are kept: the first ones, cut, without what cannot be seen."""
-    clean = {name[:LONGEST_PARAMETER]: value[:LONGEST_PARAMETER] for name, value in given.items() if (name + value).isprintable() and name}
+    """Return the recruitment parameters of a link that are kept: the first ones, cut, without what
+    cannot be seen.
+    """
+    clean = {
+        name[:LONGEST_PARAMETER]: value[:LONGEST_PARAMETER]
+        for name, value in given.items()
+        if (name + value).isprintable() and name
+    }
     return dict(list(clean.items())[:MOST_PARAMETERS])
 
 
@@ -133,18 +170,29 @@ def title_of(study: Study, wanted: str) -> str:
 
 
 def is_full(study: Study, access: Access, kind: str = Kind.PARTICIPANT) -> bool:
-    """Tell whether nobody new can get a place: every cell has its quota, or there is none for those who came that way."""
+    """Tell whether nobody new can get a place: every cell has its quota, or there is none for those
+    who came that way.
+    """
     definition = study.as_definition()
-    return assignment.choose(assignment.cells(definition, access), held(study, kind), definition.allocation.quota, 0) is None
+    return (
+        assignment.choose(
+            assignment.cells(definition, access), held(study, kind), definition.allocation.quota, 0
+        )
+        is None
+    )
 
 
 def held(study: Study, kind: str) -> list[assignment.Held]:
     """Return the places of a study that people of one kind hold, or held."""
-    rows = Participant.objects.filter(study=study, kind=kind).exclude(cell="").values_list("cell", "stage")
+    rows = (
+        Participant.objects.filter(study=study, kind=kind)
+        .exclude(cell="")
+        .values_list("cell", "stage")
+    )
     return [assignment.Held(cell, stage) for cell, stage in rows]
 
 
-# --- where they are --------------------------------------------------------------------------------------------------
+# --- where they are -------------------------------------------------------------------------------
 
 
 def place(participant: Participant) -> Place:
@@ -176,17 +224,23 @@ def wanted_condition(participant: Participant, study: Definition) -> Condition |
 
 
 def has_place(participant: Participant) -> bool:
-    """Tell whether somebody holds a place in a cell; who never moved the robot gave it back, and is drawn anew."""
+    """Tell whether somebody holds a place in a cell; who never moved the robot gave it back, and is
+    drawn anew.
+    """
     return participant.stage not in {Participant.Stage.UNASSIGNED, Participant.Stage.FREED}
 
 
 def open_conditions(participant: Participant) -> tuple[Condition, ...]:
-    """Return the conditions that a participant may get in this round: the one that was assigned, else all that are open to them."""
+    """Return the conditions that a participant may get in this round: the one that was assigned,
+    else all that are open to them.
+    """
     definition = participant.study.as_definition()
     assigned = wanted_condition(participant, definition) if has_place(participant) else None
     if assigned is not None:
         return (assigned,)
-    return tuple(condition for condition in definition.conditions if condition.access == _access(participant))
+    return tuple(
+        condition for condition in definition.conditions if condition.access == _access(participant)
+    )
 
 
 def see(participant: Participant, now: datetime.datetime) -> None:
@@ -205,10 +259,19 @@ def go_on(participant: Participant, here: Place, now: datetime.datetime) -> bool
         there = journey.following(way_of(participant), here, _skipped(participant))
     except journey.NoPlaceError:
         return False
-    standing = Participant.objects.filter(pk=participant.pk, status=Status.ACTIVE, visit=here.visit, round=here.round, step=here.step)
+    standing = Participant.objects.filter(
+        pk=participant.pk, status=Status.ACTIVE, visit=here.visit, round=here.round, step=here.step
+    )
     if standing.exists():
-        _finish(participant, here, now)  # before they are led on: what is cut off between the two is done again
-    moved = standing.update(**({"round": there.round, "step": there.step} if there is not None else {"status": Status.FINISHED}))
+        # before they are led on: what is cut off between the two is done again
+        _finish(participant, here, now)
+    moved = standing.update(
+        **(
+            {"round": there.round, "step": there.step}
+            if there is not None
+            else {"status": Status.FINISHED}
+        )
+    )
     participant.refresh_from_db()
     if not moved:
         return False
@@ -217,7 +280,9 @@ def go_on(participant: Participant, here: Place, now: datetime.datetime) -> bool
 
 
 def _finish(participant: Participant, here: Place, now: datetime.datetime) -> None:
-    seen = StepVisit.objects.filter(participant=participant, visit=here.visit, round=here.round, step=here.step)
+    seen = StepVisit.objects.filter(
+        participant=participant, visit=here.visit, round=here.round, step=here.step
+    )
     seen.filter(finished_at=None).update(finished_at=now)
 
 
@@ -229,20 +294,38 @@ def _arrive(participant: Participant, *, is_end: bool, now: datetime.datetime) -
 
 
 def _skipped(participant: Participant) -> set[str]:
-    """Return the steps that were done for good: what was agreed to, and questions about the person that were answered."""
+    """Return the steps that were done for good: what was agreed to, and questions about the person
+    that were answered.
+    """
     agreed = set(participant.consents.values_list("step", "version"))
     definition = participant.study.as_definition()
-    consents = {step.key for step in definition.steps if isinstance(step, Consent) and (step.key, step.version) in agreed}
-    forms = {step.key for step in definition.steps if isinstance(step, Form) and is_answered(participant, Place(1, 0, step.key), step)}
+    consents = {
+        step.key
+        for step in definition.steps
+        if isinstance(step, Consent) and (step.key, step.version) in agreed
+    }
+    forms = {
+        step.key
+        for step in definition.steps
+        if isinstance(step, Form) and is_answered(participant, Place(1, 0, step.key), step)
+    }
     return consents | forms
 
 
 def come_again(participant: Participant, now: datetime.datetime) -> bool:
-    """Begin another visit of somebody who has finished one; False when they have not. The cell stays."""
+    """Begin another visit of somebody who has finished one; False when they have not. The cell
+    stays.
+    """
     definition = participant.study.as_definition()
-    way = journey.route(definition, len(participant.conditions) or journey.rounds(definition, _access(participant)), participant.visit + 1)
+    way = journey.route(
+        definition,
+        len(participant.conditions) or journey.rounds(definition, _access(participant)),
+        participant.visit + 1,
+    )
     start = journey.begin(way, _skipped(participant))
-    rows = Participant.objects.filter(pk=participant.pk, status=Status.FINISHED, visit=participant.visit)
+    rows = Participant.objects.filter(
+        pk=participant.pk, status=Status.FINISHED, visit=participant.visit
+    )
     moved = rows.update(status=Status.ACTIVE, visit=start.visit, round=start.round, step=start.step)
     participant.refresh_from_db()
     if moved:

@@ -1,7 +1,8 @@
-"""The questionnaires of a study: which one a step asks, and a participant's response to it at a place.
+"""The questionnaires of a study: which one a step asks, and a participant's response to it at a
+place.
 
-The context of a response names participant and place, so that each is answered once: questions about the person once for good, all
-others once a visit and round.
+The context of a response names participant and place, so that each is answered once: questions
+about the person once for good, all others once a visit and round.
 """
 
 import datetime
@@ -31,12 +32,15 @@ def context_key(participant: Participant, place: Place, step: Form | Questionnai
 
 def is_answered(participant: Participant, place: Place, step: Form | Questionnaire) -> bool:
     """Tell whether the questions of a step are answered to the end."""
-    given = Response.objects.filter(context=context_key(participant, place, step), questionnaire__slug=step.questionnaire)
+    given = Response.objects.filter(
+        context=context_key(participant, place, step), questionnaire__slug=step.questionnaire
+    )
     return given.filter(finished_at__isnull=False).exists()
 
 
 def questionnaire_of(step: Form | Questionnaire, now: datetime.datetime) -> Row:
-    """Return the version that a step asks; one that comes with the site is put into the database if it is not there yet.
+    """Return the version that a step asks; one that comes with the site is put into the database if
+    it is not there yet.
 
     Raises:
         Row.DoesNotExist: nobody knows it.
@@ -60,7 +64,8 @@ def ask(
     return_to: str,
     now: datetime.datetime,
 ) -> Response:
-    """Return a participant's response at a place, begun at the first call. `robot` are the words by which the one that was driven goes.
+    """Return a participant's response at a place, begun at the first call. `robot` are the words by
+    which the one that was driven goes.
 
     Raises:
         Row.DoesNotExist: nobody knows the questionnaire.
@@ -75,4 +80,11 @@ def ask(
     )
     seed = secrets.randbelow(SEED_LIMIT)
     respondent = Respondent(user=participant.user)
-    return responses.begin(questionnaire_of(step, now), respondent, context, language=participant.language, seed=seed, now=now)
+    return responses.begin(
+        questionnaire_of(step, now),
+        respondent,
+        context,
+        language=participant.language,
+        seed=seed,
+        now=now,
+    )

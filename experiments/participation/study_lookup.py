@@ -1,4 +1,6 @@
-"""Which version of a study a command means: `exploration`, the newest that was published, or `exploration:2`."""
+"""Which version of a study a command means: `exploration`, the newest that was published, or
+`exploration:2`.
+"""
 
 from django.core.management import CommandError
 
@@ -17,6 +19,8 @@ def study_named(text: str) -> Study:
         rows = rows.filter(version=int(version)) if version.isdigit() else rows.none()
     found = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
     if found is None:
-        known = ", ".join(sorted({f"{one.slug}:{one.version}" for one in Study.objects.only("slug", "version")}))
+        known = ", ".join(
+            sorted({f"{one.slug}:{one.version}" for one in Study.objects.only("slug", "version")})
+        )
         raise CommandError(f"There is no study {text!r}; there are: {known or 'none'}.")
     return found

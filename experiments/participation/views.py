@@ -23,7 +23,8 @@ from accounts.rate_limits import limited
 from experiments.models import ConsentReceipt, Participant, Study
 from experiments.participation import consent, landing, links, own_data, progress
 
-CAME_WITH = "studies_came_with"  # in the browser's session: the parameters of recruitment links, by study
+# in the browser's session: the parameters of recruitment links, by study
+CAME_WITH = "studies_came_with"
 GONE, FORBIDDEN, BAD = 410, 403, 400
 LINKS, OWN_DATA = Attempts("study-link", limit=30), Attempts("own-data", limit=10)
 
@@ -40,7 +41,7 @@ def study_or_404(request: HttpRequest, slug: str) -> Study:
     return study
 
 
-# --- the front page --------------------------------------------------------------------------------------------------
+# --- the front page -------------------------------------------------------------------------------
 
 
 @never_cache
@@ -52,11 +53,17 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     own = progress.found(study, request.user)
     page = landing.landing(study, request.user, own, language=get_language() or "", now=now)
     if request.method != "POST":
-        return render(request, "experiments/landing.html", {"study": study, "page": page, "own": own, "sign_up": _sign_up(request)})
+        return render(
+            request,
+            "experiments/landing.html",
+            {"study": study, "page": page, "own": own, "sign_up": _sign_up(request)},
+        )
     return _come_in(request, study, own, page.stand)
 
 
-def _come_in(request: HttpRequest, study: Study, own: Participant | None, stand: landing.Stand) -> HttpResponseBase:
+def _come_in(
+    request: HttpRequest, study: Study, own: Participant | None, stand: landing.Stand
+) -> HttpResponseBase:
     now = timezone.now()
     if stand == "stranger":
         return redirect(_sign_up(request))
@@ -65,7 +72,15 @@ def _come_in(request: HttpRequest, study: Study, own: Participant | None, stand:
     elif stand == "welcome":
         kind = progress.kind_of(request.user, study)
         came_with = request.session.get(CAME_WITH, {}).get(study.slug, {})
-        progress.enter(study, request.user, access="open", recruitment=came_with, kind=kind, language=get_language() or "", now=now)
+        progress.enter(
+            study,
+            request.user,
+            access="open",
+            recruitment=came_with,
+            kind=kind,
+            language=get_language() or "",
+            now=now,
+        )
     elif own is None:
         return redirect("study", study.slug)
     return redirect("study_step", study.slug)
@@ -83,7 +98,7 @@ def _sign_up(request: HttpRequest) -> str:
     return f"{reverse(page)}?{urlencode({'next': request.path})}"
 
 
-# --- personal links --------------------------------------------------------------------------------------------------
+# --- personal links -------------------------------------------------------------------------------
 
 
 @never_cache
@@ -98,14 +113,16 @@ def link(request: HttpRequest, token: str) -> HttpResponseBase:
             participant = links.redeem(token, request.user, language=get_language() or "", now=now)
             return redirect("study_step", participant.study.slug)
     except links.LinkError as error:
-        return render(request, "experiments/link_refused.html", {"reason": error.reason}, status=GONE)
+        return render(
+            request, "experiments/link_refused.html", {"reason": error.reason}, status=GONE
+        )
     if request.method == "POST":
         return redirect(_sign_up(request))
     page = landing.landing(found.study, request.user, None, language=get_language() or "", now=now)
     return render(request, "experiments/link.html", {"page": page, "sign_up": _sign_up(request)})
 
 
-# --- one's own data --------------------------------------------------------------------------------------------------
+# --- one's own data -------------------------------------------------------------------------------
 
 
 @never_cache
@@ -114,8 +131,15 @@ def link(request: HttpRequest, token: str) -> HttpResponseBase:
 def data(request: HttpRequest) -> HttpResponse:
     """Show in what somebody takes part, and what they may do with what is kept of them."""
     language = get_language() or ""
-    rows = [(one, progress.title_of(one.study, language), one.consents.order_by("agreed_at")) for one in progress.of_user(request.user)]
-    return render(request, "experiments/own_data.html", {"rows": rows, "is_driving": own_data.is_driving(request.user)})
+    rows = [
+        (one, progress.title_of(one.study, language), one.consents.order_by("agreed_at"))
+        for one in progress.of_user(request.user)
+    ]
+    return render(
+        request,
+        "experiments/own_data.html",
+        {"rows": rows, "is_driving": own_data.is_driving(request.user)},
+    )
 
 
 @never_cache
@@ -126,7 +150,11 @@ def data_download(request: HttpRequest) -> JsonResponse:
     """Answer with everything that is kept of whoever asks."""
     audit.note("own_data_downloaded", actor=request.user, person=request.user)
     headers = {"Content-Disposition": 'attachment; filename="my-data.json"'}
-    return JsonResponse(own_data.gather(request.user), headers=headers, json_dumps_params={"indent": 1, "ensure_ascii": False})
+    return JsonResponse(
+        own_data.gather(request.user),
+        headers=headers,
+        json_dumps_params={"indent": 1, "ensure_ascii": False},
+    )
 
 
 @never_cache
@@ -134,14 +162,24 @@ def data_download(request: HttpRequest) -> JsonResponse:
 @require_POST
 @limited(OWN_DATA)
 def data_delete(request: HttpRequest) -> HttpResponseBase:
-    """Delete the account and all that belongs to it, when the user's name was typed as a confirmation."""
+    """Delete the account and all that belongs to it, when the user's name was typed as a
+    confirmation.
+    """
     user: Any = request.user
     if request.POST.get("username", "") != user.username:
-        messages.error(request, _("Type your user name exactly, to show that you mean it. Nothing was deleted."))
+        messages.error(
+            request,
+            _("Type your user name exactly, to show that you mean it. Nothing was deleted."),
+        )
     elif own_data.is_driving(user):
-        messages.error(request, _("You are on a robot, or in line for one: leave it first. Nothing was deleted."))
+        messages.error(
+            request,
+            _("You are on a robot, or in line for one: leave it first. Nothing was deleted."),
+        )
     elif not own_data.delete_everything(user, timezone.now()):
-        messages.error(request, _("This account runs the site: another administrator has to delete it."))
+        messages.error(
+            request, _("This account runs the site: another administrator has to delete it.")
+        )
     else:
         logout(request)
         messages.success(request, _("Your account and all your data are deleted."))
@@ -163,7 +201,9 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
     participant = _own(request, code)
     title = progress.title_of(participant.study, get_language() or "")
     if request.method != "POST":
-        return render(request, "experiments/withdraw.html", {"participant": participant, "title": title})
+        return render(
+            request, "experiments/withdraw.html", {"participant": participant, "title": title}
+        )
     own_data.withdraw(participant, timezone.now())
     return render(request, "experiments/withdrawn.html", {"title": title})
 
@@ -173,9 +213,13 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
 @require_safe
 def receipt(request: HttpRequest, code: str, step: str) -> HttpResponse:
     """Answer with what somebody agreed to, as a text to keep."""
-    row = ConsentReceipt.objects.filter(participant=_own(request, code), step=step).select_related("participant", "participant__study")
+    row = ConsentReceipt.objects.filter(participant=_own(request, code), step=step).select_related(
+        "participant", "participant__study"
+    )
     found = row.order_by("-version").first()
     if found is None:
         raise Http404
     headers = {"Content-Disposition": f'attachment; filename="consent-{code}.txt"'}
-    return HttpResponse(consent.as_text(found), content_type="text/plain; charset=utf-8", headers=headers)
+    return HttpResponse(
+        consent.as_text(found), content_type="text/plain; charset=utf-8", headers=headers
+    )

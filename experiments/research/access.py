@@ -1,4 +1,5 @@
-"""Who sees what of a study: its researchers by their role, superusers everything, all others nothing.
+"""Who sees what of a study: its researchers by their role, superusers everything, all others
+nothing.
 
 Studies of others are not forbidden but absent: whoever has no part in one finds no page.
 """
@@ -26,7 +27,9 @@ def role_of(user: Any, slug: str) -> Role | None:
         return None
     if user.is_superuser:
         return "owner"
-    role: Role | None = StudyMember.objects.filter(slug=slug, user=user).values_list("role", flat=True).first()  # type: ignore[assignment]
+    role: Role | None = (
+        StudyMember.objects.filter(slug=slug, user=user).values_list("role", flat=True).first()
+    )  # type: ignore[assignment]
     return role
 
 
@@ -36,7 +39,8 @@ def may(user: Any, slug: str, least: Role) -> bool:
 
 
 def forget_members(instance: Study, **_more: Any) -> None:
-    """Take everybody's part in a study away with its last version: the name is free, and belongs to whoever takes it next.
+    """Take everybody's part in a study away with its last version: the name is free, and belongs to
+    whoever takes it next.
 
     A receiver of Django's signal after a study was deleted, by whomever.
     """
@@ -45,11 +49,15 @@ def forget_members(instance: Study, **_more: Any) -> None:
 
 
 def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:
-    """Keep a view, whose first argument is a study's name, to those who are at least `least` in it; others find nothing."""
+    """Keep a view, whose first argument is a study's name, to those who are at least `least` in it;
+    others find nothing.
+    """
 
     def keep(view: View[Given]) -> View[Given]:
         @functools.wraps(view)
-        def kept(request: HttpRequest, slug: str, *args: Given.args, **kwargs: Given.kwargs) -> HttpResponseBase:
+        def kept(
+            request: HttpRequest, slug: str, *args: Given.args, **kwargs: Given.kwargs
+        ) -> HttpResponseBase:
             if not may(request.user, slug, least):
                 raise Http404
             return view(request, slug, *args, **kwargs)
@@ -62,18 +70,27 @@ def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:
 def session_for(user: Any, session: uuid.UUID) -> tuple[Session, Drive | None, bool]:
     """Return a session for its replay, its drive in a study, and whether the photos may be seen.
 
-    Staff who may see sessions see each; of a study's, its researchers see all but those of who has withdrawn, and its viewers, who
-    see pseudonymous data alone, no photos.
+    Staff who may see sessions see each; of a study's, its researchers see all but those of who has
+    withdrawn, and its viewers, who see pseudonymous data alone, no photos.
 
     Raises:
         Http404: there is none, or it is not for this user.
     """
-    row = Session.objects.filter(pk=session).select_related("robot", "visitor", "robot__floor_plan").defer("robot__floor_plan__image").first()
+    row = (
+        Session.objects.filter(pk=session)
+        .select_related("robot", "visitor", "robot__floor_plan")
+        .defer("robot__floor_plan__image")
+        .first()
+    )
     if row is None:
         raise Http404
     drive = Drive.objects.filter(session=row).select_related("participant__study").first()
     if user.is_active and user.is_staff and user.has_perm(SEES_SESSIONS):
         return row, drive, True
-    if drive is None or drive.participant.status == Participant.Status.WITHDRAWN or not may(user, drive.participant.study.slug, "viewer"):
+    if (
+        drive is None
+        or drive.participant.status == Participant.Status.WITHDRAWN
+        or not may(user, drive.participant.study.slug, "viewer")
+    ):
         raise Http404
     return row, drive, may(user, drive.participant.study.slug, "researcher")

@@ -1,7 +1,8 @@
 """Reports that the analysis page shows, kept as long as they say what the database says.
 
-A report is known by a hash of everything in the database that it could depend on. It is made by a process of its own, because half a
-minute of computing in the web process would delay the commands of whoever drives; whoever asks for one that is being made waits for it.
+A report is known by a hash of everything in the database that it could depend on. It is made by a
+process of its own, because half a minute of computing in the web process would delay the commands
+of whoever drives; whoever asks for one that is being made waits for it.
 """
 
 import datetime
@@ -48,7 +49,9 @@ class Stored:
     @property
     def computed_at(self) -> datetime.datetime:
         """When it was made."""
-        return datetime.datetime.fromtimestamp((self.folder / "SHA256SUMS").stat().st_mtime, datetime.UTC)
+        return datetime.datetime.fromtimestamp(
+            (self.folder / "SHA256SUMS").stat().st_mtime, datetime.UTC
+        )
 
     @property
     def selections(self) -> tuple[str, ...]:
@@ -57,20 +60,42 @@ class Stored:
 
     def read(self, selection: str, name: str) -> Any:
         """Return a file of the page (experiments/analysis/page.py)."""
-        return json.loads((self.folder / selection / PAGE / f"{name}.json").read_text(encoding="utf-8"))
+        return json.loads(
+            (self.folder / selection / PAGE / f"{name}.json").read_text(encoding="utf-8")
+        )
 
 
 def key_of(study: Study, kinds: Sequence[Kind]) -> str:
-    """Return the hash of all that a report depends on: nothing that it shows can change without one of these changing."""
+    """Return the hash of all that a report depends on: nothing that it shows can change without one
+    of these changing.
+    """
     people = Participant.objects.filter(study=study).order_by("pk")
     drives = Drive.objects.filter(participant__study=study).order_by("pk")
     answers = Response.objects.filter(user__participations__study=study).order_by("pk").distinct()
     about = (
-        list(people.values_list("pk", "kind", "status", "stage", "cell", "step", "age", "completion")),
-        list(drives.values_list("pk", "outcome", "settled_at", "excluded_reason", "session__ended_at", "session__closed_at", "session__outcome")),
+        list(
+            people.values_list("pk", "kind", "status", "stage", "cell", "step", "age", "completion")
+        ),
+        list(
+            drives.values_list(
+                "pk",
+                "outcome",
+                "settled_at",
+                "excluded_reason",
+                "session__ended_at",
+                "session__closed_at",
+                "session__outcome",
+            )
+        ),
         list(answers.values_list("pk", "seen_at", "finished_at")),
-        StateChunk.objects.filter(session__drive__participant__study=study, session__closed_at=None).count(),
-        list(StepVisit.objects.filter(participant__study=study).aggregate(n=Count("pk"), began=Max("began_at"), ended=Max("finished_at")).items()),
+        StateChunk.objects.filter(
+            session__drive__participant__study=study, session__closed_at=None
+        ).count(),
+        list(
+            StepVisit.objects.filter(participant__study=study)
+            .aggregate(n=Count("pk"), began=Max("began_at"), ended=Max("finished_at"))
+            .items()
+        ),
         list(Questionnaire.objects.order_by("pk").values_list("pk", "sha256")),
         (study.sha256, VERSION, sorted(kinds)),
     )
@@ -132,7 +157,9 @@ def _made(study: Study, key: str, kinds: Sequence[Kind]) -> Stored:
     partial = home(study) / f"{key}.partial"
     shutil.rmtree(partial, ignore_errors=True)
     options = [word for kind in kinds for word in ("--kind", kind)]
-    run_command("analyse_study", f"{study.slug}:{study.version}", "--out", str(partial), "--page", *options)
+    run_command(
+        "analyse_study", f"{study.slug}:{study.version}", "--out", str(partial), "--page", *options
+    )
     final = home(study) / key
     shutil.rmtree(final, ignore_errors=True)
     partial.rename(final)
@@ -147,7 +174,14 @@ def run_command(*words: str) -> None:
         NotComputedError: it failed, or took too long.
     """
     try:
-        subprocess.run(command(*words), env=environment(), check=True, capture_output=True, timeout=SECONDS, text=True)  # noqa: S603 -- our own command
+        subprocess.run(
+            command(*words),
+            env=environment(),
+            check=True,
+            capture_output=True,
+            timeout=SECONDS,
+            text=True,
+        )  # noqa: S603 -- our own command
     except subprocess.TimeoutExpired as error:
         raise NotComputedError(f"It took longer than {SECONDS:.0f} s.") from error
     except subprocess.CalledProcessError as error:
@@ -155,7 +189,9 @@ def run_command(*words: str) -> None:
 
 
 def command(*words: str) -> list[str]:
-    """Return the words by which a command of the site is run, at low priority where the system knows that."""
+    """Return the words by which a command of the site is run, at low priority where the system
+    knows that.
+    """
     polite = [nice, "-n", "10"] if (nice := shutil.which("nice")) else []
     return [*polite, sys.executable, str(Path(settings.BASE_DIR) / "manage.py"), *words]
 

@@ -17,29 +17,60 @@ from sessions.system_log import log as keep
 logger = logging.getLogger(__name__)
 PART = 64 * 1024
 # What may be chosen, and who may.
-LEAST: dict[str, Role] = {"mcap": "viewer", "free_text": "researcher", "snapshots": "researcher", "identified": "owner"}
+LEAST: dict[str, Role] = {
+    "mcap": "viewer",
+    "free_text": "researcher",
+    "snapshots": "researcher",
+    "identified": "owner",
+}
 
 
 @require_safe
 @for_role("viewer")
 def dataset(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Send the dataset of a version of a study as a ZIP archive, and write down who took what; whoever may not have it finds nothing."""
+    """Send the dataset of a version of a study as a ZIP archive, and write down who took what;
+    whoever may not have it finds nothing.
+    """
     chosen = [name for name in LEAST if request.GET.get(name)]
     if not all(may(request.user, slug, LEAST[name]) for name in chosen):
         raise Http404
     asked = asked_of(request, slug)
     user: Any = request.user
-    keep("study_exported", study=slug, version=asked.study.version, chosen=chosen, user=str(user.pk))
-    audit.note("study_exported", actor=user, study=slug, thing=f"version {asked.study.version}", detail=" ".join(chosen))
-    words = ("export_study", f"{slug}:{asked.study.version}", "--zip", "--out", "-", *(f"--{name.replace('_', '-')}" for name in chosen))
+    keep(
+        "study_exported", study=slug, version=asked.study.version, chosen=chosen, user=str(user.pk)
+    )
+    audit.note(
+        "study_exported",
+        actor=user,
+        study=slug,
+        thing=f"version {asked.study.version}",
+        detail=" ".join(chosen),
+    )
+    words = (
+        "export_study",
+        f"{slug}:{asked.study.version}",
+        "--zip",
+        "--out",
+        "-",
+        *(f"--{name.replace('_', '-')}" for name in chosen),
+    )
     name = "-".join((slug, str(asked.study.version), *chosen))
-    headers = {"Content-Disposition": f'attachment; filename="{name}.zip"', "Cache-Control": "private, no-store"}
-    return StreamingHttpResponse(_output(command(*words), environment()), content_type="application/zip", headers=headers)
+    headers = {
+        "Content-Disposition": f'attachment; filename="{name}.zip"',
+        "Cache-Control": "private, no-store",
+    }
+    return StreamingHttpResponse(
+        _output(command(*words), environment()), content_type="application/zip", headers=headers
+    )
 
 
 async def _output(words: list[str], obstacle_map: dict[str, str]) -> AsyncIterator[bytes]:
-    """Yield what a command writes; it ends with whoever reads. One that fails breaks the download off, so that nobody takes it for whole."""
-    process = await asyncio.create_subprocess_exec(*words, stdout=asyncio.subprocess.PIPE, env=obstacle_map)
+    """Yield what a command writes; it ends with whoever reads. One that fails breaks the download
+    off, so that nobody takes it for whole.
+    """
+    process = await asyncio.create_subprocess_exec(
+        *words, stdout=asyncio.subprocess.PIPE, env=obstacle_map
+    )
     assert process.stdout is not None
     try:
         while part := await process.stdout.read(PART):

@@ -1,4 +1,6 @@
-"""What somebody asks the analysis page for: a version of a study, whose sessions, and whether with the excluded ones."""
+"""What somebody asks the analysis page for: a version of a study, whose sessions, and whether with
+the excluded ones.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +25,9 @@ class Asked:
     def address(self, name: str, *args: object, **more: object) -> str:
         """Return the address of a page that is asked for the same, or for `more`."""
         same = {"version": self.study.version, "kind": self.kinds, "selection": self.selection}
-        return reverse(name, args=[self.study.slug, *args]) + "?" + urlencode(same | more, doseq=True)
+        return (
+            reverse(name, args=[self.study.slug, *args]) + "?" + urlencode(same | more, doseq=True)
+        )
 
     @property
     def counts(self) -> bool:
@@ -40,7 +44,11 @@ def asked_of(request: HttpRequest, slug: str) -> Asked:
     rows = Study.objects.filter(slug=slug).order_by("-version")
     version = request.GET.get("version", "")
     if version:
-        rows = rows.filter(version=int(version)) if version.isdecimal() and len(version) < 6 else rows.none()  # noqa: PLR2004 -- digits
+        rows = (
+            rows.filter(version=int(version))
+            if version.isdecimal() and len(version) < 6
+            else rows.none()
+        )  # noqa: PLR2004 -- digits
     study = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
     if study is None:
         raise Http404

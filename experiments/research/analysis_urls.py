@@ -7,8 +7,24 @@ from experiments.research import analysis_downloads, analysis_views
 urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/<uuid:pk>/analysis/", analysis_views.of_version, name="study_analysis"),
     path("studies/<slug:slug>/analysis/", analysis_views.page, name="analysis"),
-    path("studies/<slug:slug>/analysis/tables/<slug:name>/", analysis_views.table, name="analysis_table"),
-    path("studies/<slug:slug>/analysis/sessions/<int:number>/", analysis_views.sessions, name="analysis_sessions"),
-    path("studies/<slug:slug>/analysis/files/<slug:kind>/<str:name>", analysis_views.file, name="analysis_file"),
-    path("studies/<slug:slug>/analysis/dataset.zip", analysis_downloads.dataset, name="analysis_dataset"),
+    path(
+        "studies/<slug:slug>/analysis/tables/<slug:name>/",
+        analysis_views.table,
+        name="analysis_table",
+    ),
+    path(
+        "studies/<slug:slug>/analysis/sessions/<int:number>/",
+        analysis_views.sessions,
+        name="analysis_sessions",
+    ),
+    path(
+        "studies/<slug:slug>/analysis/files/<slug:kind>/<str:name>",
+        analysis_views.file,
+        name="analysis_file",
+    ),
+    path(
+        "studies/<slug:slug>/analysis/dataset.zip",
+        analysis_downloads.dataset,
+        name="analysis_dataset",
+    ),
 ]

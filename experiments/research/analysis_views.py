@@ -1,11 +1,20 @@
-"""The analysis page of a study, for its researchers: tables and figures of which every number and part leads to its sessions."""
+"""The analysis page of a study, for its researchers: tables and figures of which every number and
+part leads to its sessions.
+"""
 
 from collections.abc import Iterable
 from typing import Any
 from uuid import UUID
 
 from django.core.paginator import Paginator
-from django.http import FileResponse, Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
+from django.http import (
+    FileResponse,
+    Http404,
+    HttpRequest,
+    HttpResponse,
+    HttpResponseBase,
+    HttpResponseRedirect,
+)
 from django.shortcuts import get_object_or_404, render
 from django.urls import NoReverseMatch, reverse
 from django.utils.safestring import SafeString, mark_safe
@@ -22,7 +31,12 @@ from experiments.research.figure_links import linked
 
 SHORT = 60  # rows of a table that stands on the page as it is
 ROWS_A_PAGE = 100
-TYPES = {"svg": "image/svg+xml", "pdf": "application/pdf", "csv": "text/csv; charset=utf-8", "tex": "application/x-tex; charset=utf-8"}
+TYPES = {
+    "svg": "image/svg+xml",
+    "pdf": "application/pdf",
+    "csv": "text/csv; charset=utf-8",
+    "tex": "application/x-tex; charset=utf-8",
+}
 
 
 @never_cache
@@ -45,38 +59,66 @@ def page(request: HttpRequest, slug: str) -> HttpResponse:
         stored = analysis_cache.fresh(asked.study, asked.kinds)
     except NotComputedError as error:
         return render(
-            request, "experiments/analysis/failed.html", {"asked": asked, "reason": str(error), "again": asked.address("analysis")}, status=503
+            request,
+            "experiments/analysis/failed.html",
+            {"asked": asked, "reason": str(error), "again": asked.address("analysis")},
+            status=503,
         )
     if asked.selection not in stored.selections:
         asked = Asked(asked.study, asked.kinds, stored.selections[0])
     summary = stored.read(asked.selection, "summary")
     tables = [_table(asked, stored, head) for head in summary["tables"]]
     figures = [_figure(asked, stored, about) for about in summary["figures"]]
-    context = _about(request, asked, stored) | {"tables": tables, "figures": figures, "sessions": len(summary["sessions"])}
+    context = _about(request, asked, stored) | {
+        "tables": tables,
+        "figures": figures,
+        "sessions": len(summary["sessions"]),
+    }
     return render(request, "experiments/analysis/page.html", context)
 
 
 def _about(request: HttpRequest, asked: Asked, stored: Stored) -> dict[str, Any]:
     study = asked.study
     return {
-        "asked": asked, "study": study, "stored": stored, "back": asked.address("analysis"),
-        "versions": Study.objects.filter(slug=study.slug).order_by("-version").values_list("version", flat=True),
+        "asked": asked,
+        "study": study,
+        "stored": stored,
+        "back": asked.address("analysis"),
+        "versions": Study.objects.filter(slug=study.slug)
+        .order_by("-version")
+        .values_list("version", flat=True),
         "kinds": [(kind.value, kind.label, kind.value in asked.kinds) for kind in Kind],
-        "selections": [(name, name == asked.selection, asked.address("analysis", selection=name)) for name in stored.selections],
-        "dataset": asked.address("analysis_dataset"), "may_see_text": may(request.user, study.slug, "researcher"),
+        "selections": [
+            (name, name == asked.selection, asked.address("analysis", selection=name))
+            for name in stored.selections
+        ],
+        "dataset": asked.address("analysis_dataset"),
+        "may_see_text": may(request.user, study.slug, "researcher"),
         "may_identify": may(request.user, study.slug, "owner"),
-    }  # fmt: skip
+    }
 
 
 def _table(asked: Asked, stored: Stored, head: dict[str, Any]) -> dict[str, Any]:
     is_short = head["rows"] <= SHORT
     name = head["name"]
     rows = _rows(asked, stored, stored.read(asked.selection, f"table-{name}")) if is_short else None
-    return head | {"shown": rows, "whole": asked.address("analysis_table", name), "files": _files(asked, stored, "tables", name, ("csv", "tex"))}
+    return head | {
+        "shown": rows,
+        "whole": asked.address("analysis_table", name),
+        "files": _files(asked, stored, "tables", name, ("csv", "tex")),
+    }
 
 
-def _files(asked: Asked, stored: Stored, kind: str, name: str, endings: Iterable[str]) -> list[tuple[str, str]]:
-    return [(ending.upper(), asked.address("analysis_file", kind, f"{name}.{ending}", report=stored.key)) for ending in endings]
+def _files(
+    asked: Asked, stored: Stored, kind: str, name: str, endings: Iterable[str]
+) -> list[tuple[str, str]]:
+    return [
+        (
+            ending.upper(),
+            asked.address("analysis_file", kind, f"{name}.{ending}", report=stored.key),
+        )
+        for ending in endings
+    ]
 
 
 def _rows(asked: Asked, stored: Stored, rows: list[Any]) -> list[list[tuple[str, str]]]:
@@ -91,8 +133,13 @@ def _address(asked: Asked, stored: Stored, number: int | None) -> str:
 def _figure(asked: Asked, stored: Stored, about: dict[str, Any]) -> dict[str, Any]:
     name, behind = about["name"], about["behind"]
     svg = (stored.folder / asked.selection / "figures" / f"{name}.svg").read_bytes()
-    drawn = linked(svg, name, about["title"], lambda part: _address(asked, stored, behind.get(part)))
-    return about | {"svg": _safe(drawn), "files": _files(asked, stored, "figures", name, ("svg", "pdf", "csv"))}
+    drawn = linked(
+        svg, name, about["title"], lambda part: _address(asked, stored, behind.get(part))
+    )
+    return about | {
+        "svg": _safe(drawn),
+        "files": _files(asked, stored, "figures", name, ("svg", "pdf", "csv")),
+    }
 
 
 def _safe(svg: str) -> SafeString:
@@ -107,13 +154,23 @@ def table(request: HttpRequest, slug: str, name: str) -> HttpResponse:
     """Show a long table, some rows at a time."""
     asked = asked_of(request, slug)
     stored = _stored(request, asked)
-    head = next((one for one in stored.read(asked.selection, "summary")["tables"] if one["name"] == name), None)
+    head = next(
+        (one for one in stored.read(asked.selection, "summary")["tables"] if one["name"] == name),
+        None,
+    )
     if head is None:
         raise Http404
     pages = Paginator(stored.read(asked.selection, f"table-{name}"), ROWS_A_PAGE)
     here = pages.get_page(request.GET.get("page"))
-    steps = {word: asked.address("analysis_table", name, page=number) for word, number in _neighbours(here)}
-    context = _about(request, asked, stored) | {"table": head | {"shown": _rows(asked, stored, list(here))}, "here": here, "steps": steps}
+    steps = {
+        word: asked.address("analysis_table", name, page=number)
+        for word, number in _neighbours(here)
+    }
+    context = _about(request, asked, stored) | {
+        "table": head | {"shown": _rows(asked, stored, list(here))},
+        "here": here,
+        "steps": steps,
+    }
     return render(request, "experiments/analysis/table.html", context)
 
 
@@ -125,9 +182,15 @@ def _neighbours(here: Any) -> Iterable[tuple[str, int]]:
 
 
 def _stored(request: HttpRequest, asked: Asked) -> Stored:
-    """Return the report that a page was made of, as long as it is there; else there is nothing to be found by its numbers."""
+    """Return the report that a page was made of, as long as it is there; else there is nothing to
+    be found by its numbers.
+    """
     key = request.GET.get("report", "")
-    stored = analysis_cache.found(asked.study, key) if key else analysis_cache.found(asked.study, analysis_cache.key_of(asked.study, asked.kinds))
+    stored = (
+        analysis_cache.found(asked.study, key)
+        if key
+        else analysis_cache.found(asked.study, analysis_cache.key_of(asked.study, asked.kinds))
+    )
     if stored is None or asked.selection not in stored.selections:
         raise Http404
     return stored
@@ -140,12 +203,22 @@ def sessions(request: HttpRequest, slug: str, number: int) -> HttpResponse:
     """Show the sessions behind a number, each with its replay."""
     asked = asked_of(request, slug)
     stored = _stored(request, asked)
-    sets, known = stored.read(asked.selection, "sets"), stored.read(asked.selection, "summary")["sessions"]
+    sets, known = (
+        stored.read(asked.selection, "sets"),
+        stored.read(asked.selection, "summary")["sessions"],
+    )
     if number >= len(sets):
         raise Http404
     keys = _keys(asked.study)
-    rows = [known[code] | {"code": code, "replays": _replays(keys.get(code), known[code])} for code in sets[number] if code in known]
-    context = _about(request, asked, stored) | {"rows": rows, "people": len({row["participant"] for row in rows})}
+    rows = [
+        known[code] | {"code": code, "replays": _replays(keys.get(code), known[code])}
+        for code in sets[number]
+        if code in known
+    ]
+    context = _about(request, asked, stored) | {
+        "rows": rows,
+        "people": len({row["participant"] for row in rows}),
+    }
     return render(request, "experiments/analysis/sessions.html", context)
 
 
@@ -157,14 +230,19 @@ def _keys(study: Study) -> dict[str, UUID]:
 
 
 def _replays(session: UUID | None, about: dict[str, Any]) -> list[tuple[str, str]]:
-    """The replay from the task's beginning, and from that of each segment; none where this site has no replay."""
+    """The replay from the task's beginning, and from that of each segment; none where this site has
+    no replay.
+    """
     if session is None:
         return []
     try:
         address = reverse("replay", args=[session])
     except NoReverseMatch:
         return []
-    moments = [("", about["start"]), *((str(number), at) for number, at in enumerate(about["segments"], start=1))]
+    moments = [
+        ("", about["start"]),
+        *((str(number), at) for number, at in enumerate(about["segments"], start=1)),
+    ]
     return [(label, f"{address}?t={max(0.0, at):.1f}") for label, at in moments]
 
 
@@ -176,6 +254,15 @@ def file(request: HttpRequest, slug: str, kind: str, name: str) -> HttpResponseB
     asked = asked_of(request, slug)
     stored = _stored(request, asked)
     path = stored.folder / asked.selection / kind / name
-    if path.parent.name not in {"tables", "figures"} or path.suffix[1:] not in TYPES or not path.is_file():
+    if (
+        path.parent.name not in {"tables", "figures"}
+        or path.suffix[1:] not in TYPES
+        or not path.is_file()
+    ):
         raise Http404
-    return FileResponse(path.open("rb"), as_attachment=True, filename=f"{slug}-{name}", content_type=TYPES[path.suffix[1:]])
+    return FileResponse(
+        path.open("rb"),
+        as_attachment=True,
+        filename=f"{slug}-{name}",
+        content_type=TYPES[path.suffix[1:]],
+    )

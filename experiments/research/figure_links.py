@@ -1,7 +1,9 @@
-"""A figure as a part of a page: each of its parts leads somewhere, and nothing in it needs a style that the page's policy forbids.
+"""A figure as a part of a page: each of its parts leads somewhere, and nothing in it needs a style
+that the page's policy forbids.
 
-matplotlib writes `style` attributes, which a Content-Security-Policy without `unsafe-inline` ignores; all that it says there can be said
-by presentation attributes. Ids get the figure's name before them, because a page holds several figures.
+matplotlib writes `style` attributes, which a Content-Security-Policy without `unsafe-inline`
+ignores; all that it says there can be said by presentation attributes. Ids get the figure's name
+before them, because a page holds several figures.
 """
 
 import re

@@ -1,7 +1,9 @@
-"""What a researcher does to a drive or a robot while it goes on: say something, end it, hold the robot's queue.
+"""What a researcher does to a drive or a robot while it goes on: say something, end it, hold the
+robot's queue.
 
-Each act is written down with its time and who did it: an event of the session whose type begins with `operator`, by which the
-verdict on its quality knows that it did not go undisturbed, and a line of the system log.
+Each act is written down with its time and who did it: an event of the session whose type begins
+with `operator`, by which the verdict on its quality knows that it did not go undisturbed, and a
+line of the system log.
 """
 
 import datetime
@@ -27,14 +29,25 @@ def end_session(session: Session, reason: str, user: Any, now: datetime.datetime
     ended = store.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, reason[:LONGEST], now)
     if ended:
         _note(str(session.pk), "operator_end", user, now, reason=reason[:LONGEST])
-        audit.note("session_stopped", actor=user, person=session.visitor_id, robot=session.robot, thing=session, at=now)
+        audit.note(
+            "session_stopped",
+            actor=user,
+            person=session.visitor_id,
+            robot=session.robot,
+            thing=session,
+            at=now,
+        )
     return ended
 
 
 def hold(robot: Robot, reason: str, user: Any, now: datetime.datetime) -> None:
-    """Let nobody have the robot from the next visit on; whoever drives it goes on, and whoever waits keeps the place."""
+    """Let nobody have the robot from the next visit on; whoever drives it goes on, and whoever
+    waits keeps the place.
+    """
     Robot.objects.filter(pk=robot.pk).update(held=reason[:LONGEST])
-    system_log.log("queue_held", "warning", robot=robot, at=now, reason=reason[:LONGEST], user=str(user.pk))
+    system_log.log(
+        "queue_held", "warning", robot=robot, at=now, reason=reason[:LONGEST], user=str(user.pk)
+    )
     audit.note("queue_held", actor=user, robot=robot, at=now)
 
 
@@ -50,6 +63,11 @@ def release(robot: Robot, user: Any, now: datetime.datetime) -> bool:
 def _note(session: str, kind: str, user: Any, now: datetime.datetime, **data: str) -> None:
     data["user"] = str(user.pk)
     SessionEvent.objects.create(
-        session_id=session, source=SessionEvent.Source.SERVER, type=kind, stamp=now.timestamp(), received_at=now.timestamp(), data=data
+        session_id=session,
+        source=SessionEvent.Source.SERVER,
+        type=kind,
+        stamp=now.timestamp(),
+        received_at=now.timestamp(),
+        data=data,
     )
     system_log.log(kind, "warning", session=session, at=now, **data)

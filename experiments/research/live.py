@@ -1,6 +1,8 @@
-"""Who is where in a study now: what the live view shows, read anew every two seconds with a fixed number of queries.
+"""Who is where in a study now: what the live view shows, read anew every two seconds with a fixed
+number of queries.
 
-Everybody is called by their code. What a robot says is as old as `heard` tells; nothing is made up for what is not known.
+Everybody is called by their code. What a robot says is as old as `heard` tells; nothing is made up
+for what is not known.
 """
 
 import datetime
@@ -23,7 +25,9 @@ DOORS_BACK = datetime.timedelta(days=1)
 
 
 def now_in(slug: str, language: str, now: datetime.datetime) -> dict[str, Any]:
-    """Return what happens in all versions of a study: participants, robots, and drives; times in Unix seconds, ages in seconds."""
+    """Return what happens in all versions of a study: participants, robots, and drives; times in
+    Unix seconds, ages in seconds.
+    """
     studies = {study.pk: study for study in Study.objects.filter(slug=slug)}
     definitions = {key: study.as_definition() for key, study in studies.items()}
     drives = list(_living(slug))
@@ -34,12 +38,17 @@ def now_in(slug: str, language: str, now: datetime.datetime) -> dict[str, Any]:
         "participants": _people(slug, definitions, language, now),
         "robots": [_robot(robot, now) | {"unready": unready[robot.pk]} for robot in robots],
         "queues": _queues(robots, slug),
-        "drives": [_drive(drive, definitions[drive.participant.study_id], language, now) for drive in drives],
+        "drives": [
+            _drive(drive, definitions[drive.participant.study_id], language, now)
+            for drive in drives
+        ],
     }
 
 
 def _living(slug: str) -> Iterable[Drive]:
-    rows = Drive.objects.filter(participant__study__slug=slug).exclude(session__state=Session.State.ENDED)
+    rows = Drive.objects.filter(participant__study__slug=slug).exclude(
+        session__state=Session.State.ENDED
+    )
     return rows.select_related("session", "session__robot", "participant").order_by("granted_at")
 
 
@@ -49,15 +58,32 @@ def robots_of(slug: str) -> list[Robot]:
 
 
 def _robots(slug: str, definitions: Iterable[Definition], drives: Iterable[Drive]) -> list[Robot]:
-    """Those of the conditions' series at their sites, and those that are being driven; few, because a site has few robots."""
-    wanted = {(condition.robot, condition.site) for definition in definitions for condition in definition.conditions}
+    """Those of the conditions' series at their sites, and those that are being driven; few, because
+    a site has few robots.
+    """
+    wanted = {
+        (condition.robot, condition.site)
+        for definition in definitions
+        for condition in definition.conditions
+    }
     driven = {drive.session.robot_id for drive in drives}
-    rows = Robot.objects.filter(practice=False).select_related("floor_plan").defer("floor_plan__image").order_by("title")
-    return [robot for robot in rows if robot.pk in driven or (_place(robot) in wanted and is_shown(robot, slug))]
+    rows = (
+        Robot.objects.filter(practice=False)
+        .select_related("floor_plan")
+        .defer("floor_plan__image")
+        .order_by("title")
+    )
+    return [
+        robot
+        for robot in rows
+        if robot.pk in driven or (_place(robot) in wanted and is_shown(robot, slug))
+    ]
 
 
 def _place(robot: Robot) -> tuple[str, str]:
-    return (robot.factsheet or {}).get("series", ""), robot.floor_plan.name if robot.floor_plan else ""
+    return (robot.factsheet or {}).get(
+        "series", ""
+    ), robot.floor_plan.name if robot.floor_plan else ""
 
 
 def condition_title(definition: Definition, key: str, language: str) -> str:
@@ -66,21 +92,35 @@ def condition_title(definition: Definition, key: str, language: str) -> str:
     return spoken(condition.title, language) if condition is not None else key
 
 
-# --- people ----------------------------------------------------------------------------------------------------------
+# --- people ---------------------------------------------------------------------------------------
 
 
-def _people(slug: str, definitions: dict[Any, Definition], language: str, now: datetime.datetime) -> list[dict[str, Any]]:
-    rows = list(Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT).order_by("-seen_at")[:MOST_PEOPLE])
+def _people(
+    slug: str, definitions: dict[Any, Definition], language: str, now: datetime.datetime
+) -> list[dict[str, Any]]:
+    rows = list(
+        Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT).order_by(
+            "-seen_at"
+        )[:MOST_PEOPLE]
+    )
     began = _began(rows)
     return [_person(row, definitions[row.study_id], began, language, now) for row in rows]
 
 
 def _began(people: list[Participant]) -> dict[tuple[Any, int, int, str], datetime.datetime]:
-    rows = StepVisit.objects.filter(participant__in=people).values_list("participant_id", "visit", "round", "step", "began_at")
+    rows = StepVisit.objects.filter(participant__in=people).values_list(
+        "participant_id", "visit", "round", "step", "began_at"
+    )
     return {(person, visit, turn, step): at for person, visit, turn, step, at in rows}
 
 
-def _person(row: Participant, definition: Definition, began: dict[Any, datetime.datetime], language: str, now: datetime.datetime) -> dict[str, Any]:
+def _person(
+    row: Participant,
+    definition: Definition,
+    began: dict[Any, datetime.datetime],
+    language: str,
+    now: datetime.datetime,
+) -> dict[str, Any]:
     step = next((step for step in definition.steps if step.key == row.step), None)
     since = began.get((row.pk, row.visit, row.round, row.step))
     return {
@@ -89,16 +129,24 @@ def _person(row: Participant, definition: Definition, began: dict[Any, datetime.
         "status": row.status,
         "step": spoken(step.title, language) if step is not None else row.step,
         "visit": row.visit,
-        "condition": condition_title(definition, row.conditions[row.round], language) if row.round < len(row.conditions) else "",
+        "condition": condition_title(definition, row.conditions[row.round], language)
+        if row.round < len(row.conditions)
+        else "",
         "since": (now - since).total_seconds() if since is not None else None,
         "seen": (now - row.seen_at).total_seconds(),
     }
 
 
 def _queues(robots: list[Robot], slug: str) -> dict[str, list[str]]:
-    """Return who waits for which robot, first come first; who is none of this study's is an empty code."""
-    waiting = list(Session.objects.filter(robot__in=robots, state=Session.State.WAITING).order_by("queued_at"))
-    people = Participant.objects.filter(study__slug=slug, user__in=[session.visitor_id for session in waiting])
+    """Return who waits for which robot, first come first; who is none of this study's is an empty
+    code.
+    """
+    waiting = list(
+        Session.objects.filter(robot__in=robots, state=Session.State.WAITING).order_by("queued_at")
+    )
+    people = Participant.objects.filter(
+        study__slug=slug, user__in=[session.visitor_id for session in waiting]
+    )
     codes = dict(people.values_list("user_id", "code"))
     names = {robot.pk: robot.name for robot in robots}
     queues: dict[str, list[str]] = {name: [] for name in names.values()}
@@ -107,13 +155,21 @@ def _queues(robots: list[Robot], slug: str) -> dict[str, list[str]]:
     return queues
 
 
-# --- robots ----------------------------------------------------------------------------------------------------------
+# --- robots ---------------------------------------------------------------------------------------
 
 
 def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
-    """Return in words what each robot lacks for whoever would be next; empty where it lacks nothing, or nobody waits."""
-    found = {key: next((visit.not_ready for visit in scene.queue if visit.not_ready), "") for key, scene in store.load_scenes(robots, now).items()}
-    return {key: in_words(reason.removeprefix(f"{terms.START}: ")) if reason else "" for key, reason in found.items()}
+    """Return in words what each robot lacks for whoever would be next; empty where it lacks
+    nothing, or nobody waits.
+    """
+    found = {
+        key: next((visit.not_ready for visit in scene.queue if visit.not_ready), "")
+        for key, scene in store.load_scenes(robots, now).items()
+    }
+    return {
+        key: in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
+        for key, reason in found.items()
+    }
 
 
 def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:
@@ -140,9 +196,19 @@ def _doors(robot: Robot, now: datetime.datetime) -> list[dict[str, Any]]:
     plan = robot.floor_plan.plan if robot.floor_plan else {}
     if not plan.get("doors"):
         return []
-    changed = SessionEvent.objects.filter(session__robot=robot, source=SessionEvent.Source.ROBOT, type="door_changed")
-    told = changed.filter(received_at__gte=(now - DOORS_BACK).timestamp()).order_by("received_at").values_list("data", "received_at")
-    confirmed = {name: (state, at) for data, at in told for name, _, state in [str(data.get("detail", "")).rpartition(" ")]}
+    changed = SessionEvent.objects.filter(
+        session__robot=robot, source=SessionEvent.Source.ROBOT, type="door_changed"
+    )
+    told = (
+        changed.filter(received_at__gte=(now - DOORS_BACK).timestamp())
+        .order_by("received_at")
+        .values_list("data", "received_at")
+    )
+    confirmed = {
+        name: (state, at)
+        for data, at in told
+        for name, _, state in [str(data.get("detail", "")).rpartition(" ")]
+    }
     return [
         {
             "name": door["name"],
@@ -155,10 +221,12 @@ def _doors(robot: Robot, now: datetime.datetime) -> list[dict[str, Any]]:
     ]
 
 
-# --- drives ----------------------------------------------------------------------------------------------------------
+# --- drives ---------------------------------------------------------------------------------------
 
 
-def _drive(drive: Drive, definition: Definition, language: str, now: datetime.datetime) -> dict[str, Any]:
+def _drive(
+    drive: Drive, definition: Definition, language: str, now: datetime.datetime
+) -> dict[str, Any]:
     session = drive.session
     chunk = StateChunk.objects.filter(session=session).order_by("-received_at").first()
     state = chunk.states[-1] if chunk is not None and chunk.states else None
@@ -195,7 +263,11 @@ def _task(drive: Drive, definition: Definition, now: datetime.datetime) -> dict[
     task = definition.task
     if task is None or drive.step != task.key:
         return None
-    events = list(TaskEvent.objects.filter(drive=drive).order_by("number").values_list("type", "stamp", "data"))
+    events = list(
+        TaskEvent.objects.filter(drive=drive)
+        .order_by("number")
+        .values_list("type", "stamp", "data")
+    )
     started = next((stamp for kind, stamp, _ in events if kind == "task_started"), None)
     cue = next((data for kind, _, data in reversed(events) if kind == "cue"), {})
     return {
@@ -203,7 +275,9 @@ def _task(drive: Drive, definition: Definition, now: datetime.datetime) -> dict[
         "number": cue.get("number"),
         "passed": [data.get("number") for kind, _, data in events if kind == "checkpoint"],
         "checkpoints": _count(definition, drive),
-        "remaining": None if started is None else max(0.0, _limit(task) - (now.timestamp() - started)),
+        "remaining": None
+        if started is None
+        else max(0.0, _limit(task) - (now.timestamp() - started)),
     }
 
 

@@ -1,6 +1,8 @@
-"""Mail to researchers when a robot of their study cannot go on: once a pause, and once for each participant who waits for its start condition.
+"""Mail to researchers when a robot of their study cannot go on: once a pause, and once for each
+participant who waits for its start condition.
 
-Also in the system log, as the events `queue_paused` (sessions/manager/return_to_dock.py) and `robot_not_ready` (sessions/manager/scheduler.py).
+Also in the system log, as the events `queue_paused` (sessions/manager/return_to_dock.py) and
+`robot_not_ready` (sessions/manager/scheduler.py).
 """
 
 import datetime
@@ -28,8 +30,9 @@ def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: 
     """Tell the researchers of every open study that uses a robot that its queue is paused."""
     subject = _("%(study)s: the queue of %(robot)s is paused")
     text = _(
-        "Since %(at)s nobody is admitted to %(robot)s, because it could not be made ready for the next visit: %(reason)s.\n\n"
-        "It goes on trying every two minutes. You get this mail once for each pause."
+        "Since %(at)s nobody is admitted to %(robot)s, because it could not be made ready for the"
+        " next visit: %(reason)s.\n\nIt goes on trying every two minutes. You get this mail once"
+        " for each pause."
     )
     for study in studies_with(robot):
         addresses = addresses_of(study)
@@ -37,16 +40,18 @@ def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: 
             _send(study, robot, reason, at, addresses, words=(subject, text))
 
 
-def publish_not_ready(*, robot: Robot, session: Session, reason: str, at: datetime.datetime, **_more: Any) -> None:
+def publish_not_ready(
+    *, robot: Robot, session: Session, reason: str, at: datetime.datetime, **_more: Any
+) -> None:
     """Tell the researchers of a participant's study that they wait, and what the robot lacks."""
     standing = standing_of(session.visitor, robot)
     if standing is None:
         return
     subject = _("%(study)s: %(robot)s is not ready for the next participant")
     text = _(
-        "Since %(at)s a participant waits for %(robot)s, which nobody drives: %(reason)s.\n\n"
-        "Put the robot into its charging station, or drive it there. The drive then begins by itself. "
-        "You get this mail once for each participant who waits."
+        "Since %(at)s a participant waits for %(robot)s, which nobody drives: %(reason)s.\n\nPut"
+        " the robot into its charging station, or drive it there. The drive then begins by itself."
+        " You get this mail once for each participant who waits."
     )
     addresses = addresses_of(standing.participant.study)
     if addresses:
@@ -56,21 +61,47 @@ def publish_not_ready(*, robot: Robot, session: Session, reason: str, at: dateti
 def studies_with(robot: Robot) -> list[Study]:
     """Return the published studies that drive a robot."""
     published = Study.objects.filter(status=Study.Status.PUBLISHED)
-    return [study for study in published if any(is_for(condition, robot) for condition in study.as_definition().conditions)]
+    return [
+        study
+        for study in published
+        if any(is_for(condition, robot) for condition in study.as_definition().conditions)
+    ]
 
 
 def addresses_of(study: Study) -> list[str]:
     """Return the addresses of a study's owners and researchers; who only looks at it cannot help."""
-    members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(role=StudyMember.Role.VIEWER)
+    members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(
+        role=StudyMember.Role.VIEWER
+    )
     return sorted({address for address in members.values_list("user__email", flat=True) if address})
 
 
-def _send(study: Study, robot: Robot, reason: str, at: datetime.datetime, addresses: list[str], *, words: tuple[str, str]) -> None:
+def _send(
+    study: Study,
+    robot: Robot,
+    reason: str,
+    at: datetime.datetime,
+    addresses: list[str],
+    *,
+    words: tuple[str, str],
+) -> None:
     """Send subject and text, as far as the mail server takes them."""
-    names = {"study": study.title, "robot": str(robot), "reason": in_words(reason), "at": timezone.localtime(at).strftime("%Y-%m-%d %H:%M %Z")}
+    names = {
+        "study": study.title,
+        "robot": str(robot),
+        "reason": in_words(reason),
+        "at": timezone.localtime(at).strftime("%Y-%m-%d %H:%M %Z"),
+    }
     subject, text = words
     try:
         connection = get_connection(timeout=MAIL_SECONDS)
-        EmailMessage(subject % names, text % names, settings.DEFAULT_FROM_EMAIL, to=[], bcc=addresses, connection=connection).send()
+        EmailMessage(
+            subject % names,
+            text % names,
+            settings.DEFAULT_FROM_EMAIL,
+            to=[],
+            bcc=addresses,
+            connection=connection,
+        ).send()
     except (OSError, smtplib.SMTPException) as error:
         log.error("staff_not_told study=%s robot=%s reason=%s", study.slug, robot.name, error)  # noqa: TRY400 -- the reason says it

@@ -1,8 +1,9 @@
-"""A session as its replay needs it: everything that was recorded, on one time line, as columns of numbers.
+"""A session as its replay needs it: everything that was recorded, on one time line, as columns of
+numbers.
 
-Times are seconds since the robot was granted, by the server's clock, with the same offsets as in datasets; what came before the grant
-(waiting in the queue) stands at 0. Metres, radians, m/s and rad/s in the frame of the map. Poses between two states are not stored:
-the page interpolates them.
+Times are seconds since the robot was granted, by the server's clock, with the same offsets as in
+datasets; what came before the grant (waiting in the queue) stands at 0. Metres, radians, m/s and
+rad/s in the frame of the map. Poses between two states are not stored: the page interpolates them.
 """
 
 import math
@@ -19,7 +20,19 @@ from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, Stat
 
 # The columns, and how many decimals each has; 0 is a whole number.
 NETWORK = {"t": 3, "roundTrip": 4, "loss": 4, "fps": 4, "bitrate": 4, "frameAge": 4}
-STATES = {"t": 3, "x": 3, "y": 3, "theta": 4, "localized": 0, "v": 3, "w": 3, "charge": 3, "docked": 0, "clearance": 4, "contacts": 0}
+STATES = {
+    "t": 3,
+    "x": 3,
+    "y": 3,
+    "theta": 4,
+    "localized": 0,
+    "v": 3,
+    "w": 3,
+    "charge": 3,
+    "docked": 0,
+    "clearance": 4,
+    "contacts": 0,
+}
 COMMANDS = {"t": 3, "v": 3, "w": 3, "method": 0, "way": 0, "age": 4}
 # Not shown beside an event: it is drawn on the map, or long and of no use to a reader.
 UNTOLD = frozenset({"pose", "sha256", "actionId"})
@@ -53,39 +66,74 @@ def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
     states, commands, words = _motion(recorded(session, begin + offsets["robot"]))
     network = _network(session, begin + offsets["page"])
     events = _events(session, drive, begin, offsets)
-    last = [column[-1] for column in (states["t"], network["t"]) if column] + [event[0] for event in events[-1:]]
+    last = [column[-1] for column in (states["t"], network["t"]) if column] + [
+        event[0] for event in events[-1:]
+    ]
     ended = [session.ended_at.timestamp() - begin] if session.ended_at else []
     return {
-        "begin": begin, "duration": round(max([*last, *ended, 0.0]), 3), "ended": session.ended_at is not None,
-        "states": states, "commands": commands, "words": words, "network": network, "events": events,
-    }  # fmt: skip
+        "begin": begin,
+        "duration": round(max([*last, *ended, 0.0]), 3),
+        "ended": session.ended_at is not None,
+        "states": states,
+        "commands": commands,
+        "words": words,
+        "network": network,
+        "events": events,
+    }
 
 
 def recorded(session: Session, begin: float) -> list[tuple[float, Recorded]]:
-    """Return the states of a session in order of time, with seconds since `begin` (Unix seconds by the robot's clock)."""
+    """Return the states of a session in order of time, with seconds since `begin` (Unix seconds by
+    the robot's clock).
+    """
     stored = ExpressionWrapper(F("states"), output_field=STATES_WITH_COMMANDS)
-    chunks = StateChunk.objects.filter(session=session).annotate(stored=stored).values_list("stored", flat=True)
+    chunks = (
+        StateChunk.objects.filter(session=session)
+        .annotate(stored=stored)
+        .values_list("stored", flat=True)
+    )
     found = [(max(0.0, state.stamp - begin), state) for states in chunks for state in states]
     return sorted(found, key=lambda pair: (pair[0], pair[1].seq))
 
 
-def _motion(states: list[tuple[float, Recorded]]) -> tuple[dict[str, list[Any]], dict[str, list[Any]], list[str]]:
-    """Return the columns of states and of commands, and the words (input methods, ways) that numbers in the latter stand for."""
+def _motion(
+    states: list[tuple[float, Recorded]],
+) -> tuple[dict[str, list[Any]], dict[str, list[Any]], list[str]]:
+    """Return the columns of states and of commands, and the words (input methods, ways) that
+    numbers in the latter stand for.
+    """
     words: dict[str, int] = {}
     commands = [row for at, state in states for row in _command_rows(at, state.applied, words)]
-    return _columns(STATES, [_state_row(at, state) for at, state in states]), _columns(COMMANDS, commands), list(words)
+    return (
+        _columns(STATES, [_state_row(at, state) for at, state in states]),
+        _columns(COMMANDS, commands),
+        list(words),
+    )
 
 
 def _state_row(at: float, state: Recorded) -> tuple[Any, ...]:
     pose, velocity = state.pose, state.velocity
     return (
-        at, pose.x, pose.y, pose.theta, pose.localized, velocity.linear, velocity.angular, state.battery.charge, state.docked, state.clearance,
+        at,
+        pose.x,
+        pose.y,
+        pose.theta,
+        pose.localized,
+        velocity.linear,
+        velocity.angular,
+        state.battery.charge,
+        state.docked,
+        state.clearance,
         state.contacts,
-    )  # fmt: skip
+    )
 
 
-def _command_rows(at: float, applied: list[Applied], words: dict[str, int]) -> Iterable[tuple[Any, ...]]:
-    """Yield the commands of a state; the newest stands at the state's time, the others as long before as they were given."""
+def _command_rows(
+    at: float, applied: list[Applied], words: dict[str, int]
+) -> Iterable[tuple[Any, ...]]:
+    """Yield the commands of a state; the newest stands at the state's time, the others as long
+    before as they were given.
+    """
     for command in applied:
         before = min(1.0, max(0.0, applied[-1].stamp - command.stamp))
         method = words.setdefault(command.method, len(words))
@@ -96,30 +144,56 @@ def _command_rows(at: float, applied: list[Applied], words: dict[str, int]) -> I
 def _columns(decimals: dict[str, int], rows: list[tuple[Any, ...]]) -> dict[str, list[Any]]:
     """Return rows as lists by name, rounded all at once; what is no number is None."""
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(decimals))
-    return {name: _listed(table[:, index], places) for index, (name, places) in enumerate(decimals.items())}
+    return {
+        name: _listed(table[:, index], places)
+        for index, (name, places) in enumerate(decimals.items())
+    }
 
 
 def _listed(column: np.ndarray[Any, np.dtype[np.float64]], places: int) -> list[Any]:
     if not places:
         return list(column.astype(int).tolist())
     numbers = (np.round(column, places) + 0.0).tolist()
-    return list(numbers) if np.isfinite(column).all() else [number if math.isfinite(number) else None for number in numbers]
+    return (
+        list(numbers)
+        if np.isfinite(column).all()
+        else [number if math.isfinite(number) else None for number in numbers]
+    )
 
 
 def _network(session: Session, begin: float) -> dict[str, list[Any]]:
-    found = NetworkSample.objects.filter(session=session).order_by("received_at").values_list("stamp", "data")
+    found = (
+        NetworkSample.objects.filter(session=session)
+        .order_by("received_at")
+        .values_list("stamp", "data")
+    )
     names = list(NETWORK)[1:]
-    return _columns(NETWORK, [(max(0.0, stamp - begin), *(_number(data.get(name)) for name in names)) for stamp, data in found])
+    return _columns(
+        NETWORK,
+        [
+            (max(0.0, stamp - begin), *(_number(data.get(name)) for name in names))
+            for stamp, data in found
+        ],
+    )
 
 
 def _number(value: Any) -> float | None:
     return value if isinstance(value, int | float) else None
 
 
-def _events(session: Session, drive: Drive | None, begin: float, offsets: dict[str, float]) -> list[list[Any]]:
-    """Return the events of a session in order of time: seconds, who says so (task, server, robot, page), type, what more is known."""
-    told = SessionEvent.objects.filter(session=session).values_list("source", "type", "stamp", "data")
-    events = [[stamp - offsets.get(source, 0.0) - begin, source, kind, in_words(data)] for source, kind, stamp, data in told]
+def _events(
+    session: Session, drive: Drive | None, begin: float, offsets: dict[str, float]
+) -> list[list[Any]]:
+    """Return the events of a session in order of time: seconds, who says so (task, server, robot,
+    page), type, what more is known.
+    """
+    told = SessionEvent.objects.filter(session=session).values_list(
+        "source", "type", "stamp", "data"
+    )
+    events = [
+        [stamp - offsets.get(source, 0.0) - begin, source, kind, in_words(data)]
+        for source, kind, stamp, data in told
+    ]
     if drive is not None:
         rows = TaskEvent.objects.filter(drive=drive).values_list("stamp", "type", "data")
         events += [[stamp - begin, "task", kind, in_words(data)] for stamp, kind, data in rows]
@@ -128,7 +202,11 @@ def _events(session: Session, drive: Drive | None, begin: float, offsets: dict[s
 
 def in_words(data: dict[str, Any]) -> str:
     """Return the data of an event in one line."""
-    told = [f"{_told(value)}" if name in {"name", "detail"} else f"{name} {_told(value)}" for name, value in data.items() if name not in UNTOLD]
+    told = [
+        f"{_told(value)}" if name in {"name", "detail"} else f"{name} {_told(value)}"
+        for name, value in data.items()
+        if name not in UNTOLD
+    ]
     return " · ".join(told)[:LONGEST]
 
 

@@ -1,6 +1,8 @@
-"""Who may do what with a study in the administration: its researchers by their role, superusers everything, all others nothing.
+"""Who may do what with a study in the administration: its researchers by their role, superusers
+everything, all others nothing.
 
-Studies of others are not forbidden but absent. What a model's own permissions say counts only for bringing in new studies.
+Studies of others are not forbidden but absent. What a model's own permissions say counts only for
+bringing in new studies.
 """
 
 from typing import Any
@@ -31,7 +33,9 @@ def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
 
 
 class OfStudies(ShownFilters):
-    """Rows that belong to a study; `study` is the way to it, in Django's notation, empty for the study itself."""
+    """Rows that belong to a study; `study` is the way to it, in Django's notation, empty for the
+    study itself.
+    """
 
     study = ""
 
@@ -47,16 +51,29 @@ class OfStudies(ShownFilters):
         user: Any = request.user
         if user.is_superuser:
             return rows
-        return rows.filter(**{f"{self.study}__slug__in" if self.study else "slug__in": list(slugs_of(user))})
+        return rows.filter(
+            **{f"{self.study}__slug__in" if self.study else "slug__in": list(slugs_of(user))}
+        )
 
     def has_module_permission(self, request: HttpRequest) -> bool:
         """Studies are listed for whoever has a part in one, or may bring one in."""
         user: Any = request.user
-        return bool(user.is_staff and (user.is_superuser or user.has_perm("experiments.add_study") or slugs_of(user).exists()))
+        return bool(
+            user.is_staff
+            and (
+                user.is_superuser
+                or user.has_perm("experiments.add_study")
+                or slugs_of(user).exists()
+            )
+        )
 
     def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
         """Anybody with a part in it may look."""
-        return self.has_module_permission(request) if obj is None else may(request.user, self.slug_of(obj), "viewer")
+        return (
+            self.has_module_permission(request)
+            if obj is None
+            else may(request.user, self.slug_of(obj), "viewer")
+        )
 
     def has_add_permission(self, _request: HttpRequest) -> bool:
         """Most rows come of themselves."""

@@ -1,4 +1,6 @@
-"""Pages for researchers while a study runs and afterwards: the live view, and the replay of a session."""
+"""Pages for researchers while a study runs and afterwards: the live view, and the replay of a
+session.
+"""
 
 import uuid
 from typing import Any
@@ -32,13 +34,23 @@ from sessions.models import Session
 
 BROKER_PATIENCE_SECONDS = 1.0
 LIVE, ACTS = Attempts("live", limit=240), Attempts("live-act", limit=60)
-# Everything that replay.js needs, so that the browser fetches it at once and not one after the other.
+# Everything that replay.js needs, so that the browser fetches it at once and not one after the
+# other.
 REPLAY_MODULES = (
-    "replay/event_list", "replay/map", "replay/player", "replay/readings", "replay/record", "replay/strips", "replay/timeline",
-    "map/floor_plan", "map/overlay", "map/transform", "lib/words",
-)  # fmt: skip
+    "replay/event_list",
+    "replay/map",
+    "replay/player",
+    "replay/readings",
+    "replay/record",
+    "replay/strips",
+    "replay/timeline",
+    "map/floor_plan",
+    "map/overlay",
+    "map/transform",
+    "lib/words",
+)
 
-# --- live ------------------------------------------------------------------------------------------------------------
+# --- live -----------------------------------------------------------------------------------------
 
 
 @never_cache
@@ -53,11 +65,19 @@ def live_page(request: HttpRequest, slug: str) -> HttpResponse:
     config = {
         "data": reverse("study_live_data", args=[slug]),
         "act": reverse("study_live_act", args=[slug]) if acts else None,
-        "watch": {robot.name: reverse("drive", args=[robot.name]) for robot in robots if acts and may_observe(request.user, robot)},
+        "watch": {
+            robot.name: reverse("drive", args=[robot.name])
+            for robot in robots
+            if acts and may_observe(request.user, robot)
+        },
         "replay": reverse("replay", args=[uuid.UUID(int=0)]),
-        "sites": {robot.name: plan_content(robot.floor_plan) for robot in robots if robot.floor_plan},
+        "sites": {
+            robot.name: plan_content(robot.floor_plan) for robot in robots if robot.floor_plan
+        },
     }
-    return render(request, "experiments/research/live.html", {"study": study, "config": config, "acts": acts})
+    return render(
+        request, "experiments/research/live.html", {"study": study, "config": config, "acts": acts}
+    )
 
 
 @never_cache
@@ -72,7 +92,9 @@ def live_data(_request: HttpRequest, slug: str) -> JsonResponse:
 @require_POST
 @limited(ACTS, json=True)
 def live_act(request: HttpRequest, slug: str) -> JsonResponse:
-    """Do what a researcher asks: `act` is message, end, hold or release, on a `session` or `robot`, with a `text`."""
+    """Do what a researcher asks: `act` is message, end, hold or release, on a `session` or `robot`,
+    with a `text`.
+    """
     verdict = _act(request, slug)
     if isinstance(verdict, ServerNews):
         verdict = _say(request, verdict)
@@ -111,13 +133,19 @@ def _act(request: HttpRequest, slug: str) -> str | ServerNews:
 
 
 def _hold(request: HttpRequest, slug: str, act: str, text: str) -> str:
-    robot: Robot | None = next((robot for robot in live.robots_of(slug) if robot.name == request.POST.get("robot")), None)
+    robot: Robot | None = next(
+        (robot for robot in live.robots_of(slug) if robot.name == request.POST.get("robot")), None
+    )
     if robot is None or not (may_operate(request.user, robot) or is_lent(robot, slug)):
         raise Http404
     if act == "hold":
         interventions.hold(robot, text, request.user, timezone.now())
         return ""
-    return "" if interventions.release(robot, request.user, timezone.now()) else _("Its visits go on already.")
+    return (
+        ""
+        if interventions.release(robot, request.user, timezone.now())
+        else _("Its visits go on already.")
+    )
 
 
 def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str | ServerNews:
@@ -125,16 +153,27 @@ def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str | S
         key = uuid.UUID(request.POST.get("session", ""))
     except ValueError as error:
         raise Http404 from error
-    drive = get_object_or_404(Drive.objects.select_related("session"), session=key, participant__study__slug=slug)
+    drive = get_object_or_404(
+        Drive.objects.select_related("session"), session=key, participant__study__slug=slug
+    )
     session, now = drive.session, timezone.now()
     if session.state == Session.State.ENDED:
         return _("The session is over already.")
     if act == "end":
-        return "" if interventions.end_session(session, text, request.user, now) else _("The session is over already.")
-    return ServerNews(type="message", stamp=now.timestamp(), session=str(session.pk), text=text[: interventions.LONGEST])
+        return (
+            ""
+            if interventions.end_session(session, text, request.user, now)
+            else _("The session is over already.")
+        )
+    return ServerNews(
+        type="message",
+        stamp=now.timestamp(),
+        session=str(session.pk),
+        text=text[: interventions.LONGEST],
+    )
 
 
-# --- replay ----------------------------------------------------------------------------------------------------------
+# --- replay ---------------------------------------------------------------------------------------
 
 
 @never_cache
@@ -142,14 +181,28 @@ def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str | S
 def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
     """Show a session again."""
     row, drive, photos = session_for(request.user, session)
-    audit.note("session_opened", actor=request.user, person=row.visitor_id, study=drive.participant.study.slug if drive else "", thing=row)
+    audit.note(
+        "session_opened",
+        actor=request.user,
+        person=row.visitor_id,
+        study=drive.participant.study.slug if drive else "",
+        thing=row,
+    )
     begin = (row.granted_at or row.queued_at).timestamp()
-    shown = [{"t": at, "url": reverse("replay_photo", args=[row.pk, photo.pk])} for at, photo in photos_of(row, begin)] if photos else []
+    shown = (
+        [
+            {"t": at, "url": reverse("replay_photo", args=[row.pk, photo.pk])}
+            for at, photo in photos_of(row, begin)
+        ]
+        if photos
+        else []
+    )
     context = {
         "session": row,
         "drive": drive,
         "who": drive.participant.code if drive else row.visitor.shown_name,
-        "admin": request.user.is_staff and request.user.has_perm("telepresence_sessions.view_session"),
+        "admin": request.user.is_staff
+        and request.user.has_perm("telepresence_sessions.view_session"),
         "outcome": _outcome(row, drive),
         "condition": _condition(drive) if drive is not None else "",
         "config": _config(row, shown),
@@ -161,11 +214,17 @@ def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 def _outcome(session: Session, drive: Drive | None) -> str:
     """Return how the task ended, or the session, or where it stands."""
     outcome = (drive.outcome if drive is not None else "") or session.outcome
-    return str(Session.Outcome(outcome).label if outcome in Session.Outcome.values else session.get_state_display())
+    return str(
+        Session.Outcome(outcome).label
+        if outcome in Session.Outcome.values
+        else session.get_state_display()
+    )
 
 
 def _condition(drive: Drive) -> str:
-    return live.condition_title(drive.participant.study.as_definition(), drive.condition, get_language() or "en")
+    return live.condition_title(
+        drive.participant.study.as_definition(), drive.condition, get_language() or "en"
+    )
 
 
 def _config(session: Session, photos: list[dict[str, Any]]) -> dict[str, Any]:

@@ -1,4 +1,6 @@
-"""Participants and drives in the administration: to look at, and to exclude drives with a reason. Nothing is edited or deleted."""
+"""Participants and drives in the administration: to look at, and to exclude drives with a reason.
+Nothing is edited or deleted.
+"""
 
 import json
 from typing import Any
@@ -43,7 +45,11 @@ class StudyFilter(admin.SimpleListFilter):
         known = {choice for choice, _title in self.lookup_choices}
         if self.value() is None:
             return queryset
-        return queryset.filter(**{self.way: self.value()}) if self.value() in known else queryset.none()
+        return (
+            queryset.filter(**{self.way: self.value()})
+            if self.value() in known
+            else queryset.none()
+        )
 
 
 class StudyOfDriveFilter(StudyFilter):
@@ -64,7 +70,10 @@ class ExcludedFilter(admin.SimpleListFilter):
 
     def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
         """Return those."""
-        rows: dict[str | None, Any] = {"yes": queryset.exclude(excluded_reason=""), "no": queryset.filter(excluded_reason="")}
+        rows: dict[str | None, Any] = {
+            "yes": queryset.exclude(excluded_reason=""),
+            "no": queryset.filter(excluded_reason=""),
+        }
         return rows.get(self.value(), queryset)
 
 
@@ -80,7 +89,10 @@ class MismatchFilter(admin.SimpleListFilter):
 
     def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
         """Return those."""
-        rows: dict[str | None, Any] = {"yes": queryset.filter(mismatches=[]), "no": queryset.exclude(mismatches=[])}
+        rows: dict[str | None, Any] = {
+            "yes": queryset.filter(mismatches=[]),
+            "no": queryset.exclude(mismatches=[]),
+        }
         return rows.get(self.value(), queryset)
 
 
@@ -90,7 +102,17 @@ class ParticipantAdmin(OfStudies):
 
     study = "study"
     show_full_result_count = False
-    list_display = ("code", "study", "kind", "status", "where", "condition", "drive_count", "created_at", "seen_at")
+    list_display = (
+        "code",
+        "study",
+        "kind",
+        "status",
+        "where",
+        "condition",
+        "drive_count",
+        "created_at",
+        "seen_at",
+    )
     list_filter = (StudyFilter, "kind", "status", "stage", "completion", "access", "language")
     list_select_related = ("study", "user")
     list_per_page = 50
@@ -98,14 +120,49 @@ class ParticipantAdmin(OfStudies):
     date_hierarchy = "created_at"
     readonly_fields = ("person", "drives_told")
 
-    def get_fieldsets(self, request: HttpRequest, obj: Participant | None = None) -> list[tuple[Any, dict[str, Any]]]:
+    def get_fieldsets(
+        self, request: HttpRequest, obj: Participant | None = None
+    ) -> list[tuple[Any, dict[str, Any]]]:
         """The person is shown to researchers alone."""
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
-        who = ("code", "study", "kind", "access", "language", *(("person", "recruitment", "age") if is_known else ()))
+        who = (
+            "code",
+            "study",
+            "kind",
+            "access",
+            "language",
+            *(("person", "recruitment", "age") if is_known else ()),
+        )
         return [
             (None, {"fields": who}),
-            (_("Assignment"), {"fields": ("cell", "conditions", "candidates", "draw_seed", "assigned_at", "stage")}),
-            (_("Where they are"), {"fields": ("status", "visit", "step", "round", "created_at", "seen_at", "finished_at", "completion")}),
+            (
+                _("Assignment"),
+                {
+                    "fields": (
+                        "cell",
+                        "conditions",
+                        "candidates",
+                        "draw_seed",
+                        "assigned_at",
+                        "stage",
+                    )
+                },
+            ),
+            (
+                _("Where they are"),
+                {
+                    "fields": (
+                        "status",
+                        "visit",
+                        "step",
+                        "round",
+                        "created_at",
+                        "seen_at",
+                        "finished_at",
+                        "completion",
+                    )
+                },
+            ),
             (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step")}),
             (_("Drives"), {"fields": ("drives_told",)}),
         ]
@@ -115,11 +172,19 @@ class ParticipantAdmin(OfStudies):
         rows: QuerySet[Participant] = super().get_queryset(request)
         return rows.annotate(has_driven=Exists(Drive.objects.filter(participant=OuterRef("pk"))))
 
-    def change_view(self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None) -> HttpResponse:
+    def change_view(
+        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
+    ) -> HttpResponse:
         """Note who was shown which person."""
         row: Any = self.get_object(request, object_id)
         if row is not None and may(request.user, row.study.slug, "researcher"):
-            audit.note("person_opened", actor=request.user, person=row.user_id, study=row.study.slug, thing=row)
+            audit.note(
+                "person_opened",
+                actor=request.user,
+                person=row.user_id,
+                study=row.study.slug,
+                thing=row,
+            )
         return super().change_view(request, object_id, form_url, extra_context)
 
     @admin.display(description=_("person"))
@@ -146,18 +211,48 @@ class ParticipantAdmin(OfStudies):
     def drives_told(self, row: Participant) -> str | SafeString:
         """Return their drives with links."""
         drives = row.drives.order_by("number")
-        lines = ((link_to("admin:experiments_drive_change", f"{one.number} · {one.condition} · {one.outcome or NOTHING}", one.pk),) for one in drives)
+        lines = (
+            (
+                link_to(
+                    "admin:experiments_drive_change",
+                    f"{one.number} · {one.condition} · {one.outcome or NOTHING}",
+                    one.pk,
+                ),
+            )
+            for one in drives
+        )
         return format_html_join(format_html("<br>"), "{}", lines) or NOTHING
 
 
 @admin.register(Drive)
 class DriveAdmin(OfStudies):
-    """Drives: what was assigned, what was applied, how the task went; excluded and taken back with a reason."""
+    """Drives: what was assigned, what was applied, how the task went; excluded and taken back with
+    a reason.
+    """
 
     study = "participant__study"
     show_full_result_count = False
-    list_display = ("granted_at", "code", "study_name", "number", "condition", "exposed", "outcome", "as_assigned", "is_counted")
-    list_filter = (StudyOfDriveFilter, "participant__kind", "participant__status", "condition", "outcome", "exposed", MismatchFilter, ExcludedFilter)
+    list_display = (
+        "granted_at",
+        "code",
+        "study_name",
+        "number",
+        "condition",
+        "exposed",
+        "outcome",
+        "as_assigned",
+        "is_counted",
+    )
+    list_filter = (
+        StudyOfDriveFilter,
+        "participant__kind",
+        "participant__status",
+        "condition",
+        "outcome",
+        "exposed",
+        MismatchFilter,
+        ExcludedFilter,
+    )
     list_select_related = ("participant__study", "session")
     list_per_page = 50
     search_fields = ("participant__code",)
@@ -175,8 +270,36 @@ class DriveAdmin(OfStudies):
         "excluded",
     )
     fieldsets = (
-        (None, {"fields": ("code", "study_name", "session_link", "replay", "step", "visit", "round", "number", "condition", "seed")}),
-        (_("How it went"), {"fields": ("granted_at", "exposed", "outcome", "settled_at", "result_told", "ends_told")}),
+        (
+            None,
+            {
+                "fields": (
+                    "code",
+                    "study_name",
+                    "session_link",
+                    "replay",
+                    "step",
+                    "visit",
+                    "round",
+                    "number",
+                    "condition",
+                    "seed",
+                )
+            },
+        ),
+        (
+            _("How it went"),
+            {
+                "fields": (
+                    "granted_at",
+                    "exposed",
+                    "outcome",
+                    "settled_at",
+                    "result_told",
+                    "ends_told",
+                )
+            },
+        ),
         (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
         (_("Excluded"), {"fields": ("excluded",)}),
     )
@@ -185,7 +308,9 @@ class DriveAdmin(OfStudies):
     @admin.display(description=_("participant"), ordering="participant__code")
     def code(self, row: Drive) -> str | SafeString:
         """Return the participant's code, with a link."""
-        return link_to("admin:experiments_participant_change", row.participant.code, row.participant_id)
+        return link_to(
+            "admin:experiments_participant_change", row.participant.code, row.participant_id
+        )
 
     @admin.display(description=_("study"), ordering="participant__study")
     def study_name(self, row: Drive) -> str:
@@ -230,7 +355,11 @@ class DriveAdmin(OfStudies):
     @admin.display(description=_("robot at the beginning and at the end"))
     def ends_told(self, row: Drive) -> str | SafeString:
         """Return how the robot stood in the first and in the last state."""
-        return _shown({"began": row.began_with, "ended": row.ended_with} if row.began_with or row.ended_with else {})
+        return _shown(
+            {"began": row.began_with, "ended": row.ended_with}
+            if row.began_with or row.ended_with
+            else {}
+        )
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:
@@ -243,17 +372,28 @@ class DriveAdmin(OfStudies):
         if not row.excluded_reason:
             return _now("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
-        return f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})" if row.excluded_at else row.excluded_reason
+        return (
+            f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})"
+            if row.excluded_at
+            else row.excluded_reason
+        )
 
     def get_urls(self) -> list[URLPattern]:
         """Add the page that excludes."""
         page = self.admin_site.admin_view(never_cache(self.exclude_view))
-        return [path("<uuid:pk>/exclude/", page, name="experiments_drive_exclude"), *super().get_urls()]
+        return [
+            path("<uuid:pk>/exclude/", page, name="experiments_drive_exclude"),
+            *super().get_urls(),
+        ]
 
-    def render_change_form(self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any) -> Any:
+    def render_change_form(
+        self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
+    ) -> Any:
         """Offer exclusion to researchers."""
         row = context.get("original")
-        context["may_exclude"] = row is not None and may(request.user, row.participant.study.slug, "researcher")
+        context["may_exclude"] = row is not None and may(
+            request.user, row.participant.study.slug, "researcher"
+        )
         return super().render_change_form(request, context, *args, **options)
 
     def exclude_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
@@ -263,27 +403,55 @@ class DriveAdmin(OfStudies):
             raise Http404
         reason, error = request.POST.get("reason", "").strip(), ""
         if request.method == "POST":
-            error = "" if LEAST_REASON <= len(reason) <= MOST_REASON else _now("Write a reason, in at most %(n)d characters.") % {"n": MOST_REASON}
+            error = (
+                ""
+                if LEAST_REASON <= len(reason) <= MOST_REASON
+                else _now("Write a reason, in at most %(n)d characters.") % {"n": MOST_REASON}
+            )
             if not error:
                 self._set(request, row, reason, exclude="exclude" in request.POST)
-                return HttpResponseRedirect(reverse("admin:experiments_drive_change", args=[row.pk]))
-        title = _now("Take back the exclusion") if row.excluded_reason else _now("Exclude this drive")
-        context = self.admin_site.each_context(request) | {"title": title, "opts": self.opts, "drive": row, "error": error, "reason": reason}
+                return HttpResponseRedirect(
+                    reverse("admin:experiments_drive_change", args=[row.pk])
+                )
+        title = (
+            _now("Take back the exclusion") if row.excluded_reason else _now("Exclude this drive")
+        )
+        context = self.admin_site.each_context(request) | {
+            "title": title,
+            "opts": self.opts,
+            "drive": row,
+            "error": error,
+            "reason": reason,
+        }
         return render(request, "admin/experiments/drive/exclude.html", context)
 
     @staticmethod
     def _set(request: HttpRequest, row: Drive, reason: str, *, exclude: bool) -> None:
         act = "drive_excluded" if exclude else "drive_included"
-        audit.note(act, actor=request.user, person=row.participant.user_id, study=row.participant.study.slug, thing=row)
-        told = {"excluded_reason": reason, "excluded_by": request.user, "excluded_at": timezone.now()}
+        audit.note(
+            act,
+            actor=request.user,
+            person=row.participant.user_id,
+            study=row.participant.study.slug,
+            thing=row,
+        )
+        told = {
+            "excluded_reason": reason,
+            "excluded_by": request.user,
+            "excluded_at": timezone.now(),
+        }
         rows = Drive.objects.filter(pk=row.pk)
         if exclude:
             rows.update(**told)
             publishing.log(row, request.user, f"Excluded: {reason}")
-            messages.success(request, _now("The drive is excluded; tables are made with and without."))
+            messages.success(
+                request, _now("The drive is excluded; tables are made with and without.")
+            )
         else:
             rows.update(excluded_reason="", excluded_by=None, excluded_at=None)
-            publishing.log(row, request.user, f"Not excluded any more: {reason} (was: {row.excluded_reason})")
+            publishing.log(
+                row, request.user, f"Not excluded any more: {reason} (was: {row.excluded_reason})"
+            )
             messages.success(request, _now("The drive counts again."))
 
 
@@ -310,4 +478,8 @@ class RehearsalAdmin(OfStudies):
 
 
 def _shown(content: Any) -> str | SafeString:
-    return format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False)) if content else NOTHING
+    return (
+        format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False))
+        if content
+        else NOTHING
+    )

@@ -1,4 +1,6 @@
-"""Pages of a study about people: its researchers, its personal links, its opening hours. Mixed into the studies' administration."""
+"""Pages of a study about people: its researchers, its personal links, its opening hours. Mixed into
+the studies' administration.
+"""
 
 import csv
 import io
@@ -34,22 +36,42 @@ class PeoplePages:
         """Return their addresses."""
         guard = self.admin_site.admin_view  # type: ignore[attr-defined]
         return [
-            path("<uuid:pk>/researchers/", guard(never_cache(self.members_view)), name="experiments_study_members"),
-            path("<uuid:pk>/links/", guard(never_cache(self.links_view)), name="experiments_study_links"),
-            path("<uuid:pk>/hours/", guard(never_cache(self.hours_view)), name="experiments_study_hours"),
+            path(
+                "<uuid:pk>/researchers/",
+                guard(never_cache(self.members_view)),
+                name="experiments_study_members",
+            ),
+            path(
+                "<uuid:pk>/links/",
+                guard(never_cache(self.links_view)),
+                name="experiments_study_links",
+            ),
+            path(
+                "<uuid:pk>/hours/",
+                guard(never_cache(self.hours_view)),
+                name="experiments_study_hours",
+            ),
         ]
 
-    def _page(self, request: HttpRequest, row: Study, name: str, title: str, **context: Any) -> HttpResponse:
-        around = self.admin_site.each_context(request) | {"title": title, "opts": self.opts, "study": row}  # type: ignore[attr-defined]
+    def _page(
+        self, request: HttpRequest, row: Study, name: str, title: str, **context: Any
+    ) -> HttpResponse:
+        around = self.admin_site.each_context(request) | {
+            "title": title,
+            "opts": self.opts,
+            "study": row,
+        }  # type: ignore[attr-defined]
         return render(request, f"admin/experiments/study/{name}.html", {**around, **context})
 
-    # --- researchers -------------------------------------------------------------------------------------------------
+    # --- researchers ------------------------------------------------------------------------------
 
     def members_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Show who belongs to a study; owners add, change and remove."""
         row = study_for(request, pk, "viewer")
         is_owner = may(request.user, row.slug, "owner")
-        form = MemberForm(request.POST if request.method == "POST" and "add" in request.POST else None)
+        form = MemberForm(
+            request.POST if request.method == "POST" and "add" in request.POST else None
+        )
         if request.method == "POST":
             if not is_owner:
                 raise Http404
@@ -59,8 +81,14 @@ class PeoplePages:
                 self._add(request, row, form.cleaned_data["person"], form.cleaned_data["role"])
             if "remove" in request.POST or form.is_valid():
                 return HttpResponseRedirect(request.path)
-        members = StudyMember.objects.filter(slug=row.slug).select_related("user").order_by("user__username")
-        return self._page(request, row, "members", _("Researchers"), members=members, form=form, is_owner=is_owner)
+        members = (
+            StudyMember.objects.filter(slug=row.slug)
+            .select_related("user")
+            .order_by("user__username")
+        )
+        return self._page(
+            request, row, "members", _("Researchers"), members=members, form=form, is_owner=is_owner
+        )
 
     def _add(self, request: HttpRequest, row: Study, user: Any, role: str) -> None:
         member = StudyMember.objects.filter(slug=row.slug, user=user).first()
@@ -73,10 +101,19 @@ class PeoplePages:
             StudyMember.objects.filter(slug=row.slug, user=user).update(role=role)
         publishing.log(row, request.user, f"Researcher {user.username}: {role}.")
         audit.note("member_added", actor=request.user, person=user, study=row.slug, detail=role)
-        messages.success(request, _("%(person)s belongs to the study.") % {"person": user.shown_name})
+        messages.success(
+            request, _("%(person)s belongs to the study.") % {"person": user.shown_name}
+        )
 
     def _remove(self, request: HttpRequest, row: Study, pk: str) -> None:
-        member = next((one for one in StudyMember.objects.filter(slug=row.slug).select_related("user") if str(one.pk) == pk), None)
+        member = next(
+            (
+                one
+                for one in StudyMember.objects.filter(slug=row.slug).select_related("user")
+                if str(one.pk) == pk
+            ),
+            None,
+        )
         if member is None:
             raise Http404
         if self._is_last_owner(member):
@@ -85,19 +122,27 @@ class PeoplePages:
         member.delete()
         publishing.log(row, request.user, f"Researcher {member.user.username} removed.")
         audit.note("member_removed", actor=request.user, person=member.user, study=row.slug)
-        messages.success(request, _("%(person)s does not belong to the study any more.") % {"person": member.user.shown_name})
+        messages.success(
+            request,
+            _("%(person)s does not belong to the study any more.")
+            % {"person": member.user.shown_name},
+        )
 
     @staticmethod
     def _is_last_owner(member: StudyMember) -> bool:
         owners = StudyMember.objects.filter(slug=member.slug, role=StudyMember.Role.OWNER)
         return member.role == StudyMember.Role.OWNER and not owners.exclude(pk=member.pk).exists()
 
-    # --- personal links ----------------------------------------------------------------------------------------------
+    # --- personal links ---------------------------------------------------------------------------
 
     def links_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the links of a study without their tokens; a POST makes some, as a file that is sent once, or revokes one."""
+        """Show the links of a study without their tokens; a POST makes some, as a file that is sent
+        once, or revokes one.
+        """
         row = study_for(request, pk, "researcher")
-        form = LinksForm(request.POST if request.method == "POST" and "make" in request.POST else None)
+        form = LinksForm(
+            request.POST if request.method == "POST" and "make" in request.POST else None
+        )
         if request.method == "POST":
             if row.status == Study.Status.CLOSED:
                 raise Http404
@@ -106,7 +151,9 @@ class PeoplePages:
             if form.is_valid():
                 return self._made(request, row, form)
         rows = PersonalLink.objects.filter(study=row).select_related("participant")[:MOST_LISTED]
-        return self._page(request, row, "links", _("Personal links"), links=rows, form=form, now=timezone.now())
+        return self._page(
+            request, row, "links", _("Personal links"), links=rows, form=form, now=timezone.now()
+        )
 
     def _made(self, request: HttpRequest, row: Study, form: LinksForm) -> HttpResponse:
         now, told = timezone.now(), form.cleaned_data
@@ -116,18 +163,34 @@ class PeoplePages:
         lines.writerow(["label", "link", "expires"])
         for n in range(1, count + 1):
             label = f"{told['label']} {n}".strip()
-            _link, token = links.make(row, label=label, access=told["access"], expires_at=until, now=now)
+            _link, token = links.make(
+                row, label=label, access=told["access"], expires_at=until, now=now
+            )
             address = request.build_absolute_uri(reverse("study_link", args=[token]))
-            lines.writerow([f"'{label}" if label.startswith(RISKY) else label, address, until.isoformat(timespec="seconds") if until else ""])
+            lines.writerow(
+                [
+                    f"'{label}" if label.startswith(RISKY) else label,
+                    address,
+                    until.isoformat(timespec="seconds") if until else "",
+                ]
+            )
         publishing.log(row, request.user, f"{count} personal links made.")
         audit.note("links_made", actor=request.user, study=row.slug, detail=str(count))
         name = f"{row.slug}-{row.version}-links.csv"
-        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
-        return HttpResponse(file.getvalue(), content_type="text/csv; charset=utf-8", headers=headers)
+        headers = {
+            "Content-Disposition": f'attachment; filename="{name}"',
+            "Cache-Control": "no-store",
+        }
+        return HttpResponse(
+            file.getvalue(), content_type="text/csv; charset=utf-8", headers=headers
+        )
 
     @staticmethod
     def _revoke(request: HttpRequest, row: Study, pk: str) -> HttpResponse:
-        known = {str(found): found for found in PersonalLink.objects.filter(study=row).values_list("pk", flat=True)}
+        known = {
+            str(found): found
+            for found in PersonalLink.objects.filter(study=row).values_list("pk", flat=True)
+        }
         link = get_object_or_404(PersonalLink, pk=known.get(pk))
         if links.revoke(link, timezone.now()):
             publishing.log(row, request.user, f"Personal link revoked: {link}.")
@@ -137,26 +200,37 @@ class PeoplePages:
             messages.error(request, _("This link was used or revoked already."))
         return HttpResponseRedirect(request.path)
 
-    # --- hours -------------------------------------------------------------------------------------------------------
+    # --- hours ------------------------------------------------------------------------------------
 
     def hours_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Show and change when a study is open."""
         row = study_for(request, pk, "viewer")
         is_owner = may(request.user, row.slug, "owner")
-        told = dict(zip(opening_hours.DAYS, opening_hours.told_by_day(row.opening_hours), strict=True))
-        form = opening_hours.HoursForm(request.POST if request.method == "POST" else None, initial={"time_zone": row.time_zone, **told})
+        told = dict(
+            zip(opening_hours.DAYS, opening_hours.told_by_day(row.opening_hours), strict=True)
+        )
+        form = opening_hours.HoursForm(
+            request.POST if request.method == "POST" else None,
+            initial={"time_zone": row.time_zone, **told},
+        )
         if request.method == "POST":
             if not is_owner:
                 raise Http404
             if form.is_valid():
-                Study.objects.filter(pk=row.pk).update(opening_hours=form.hours, time_zone=form.cleaned_data["time_zone"])
+                Study.objects.filter(pk=row.pk).update(
+                    opening_hours=form.hours, time_zone=form.cleaned_data["time_zone"]
+                )
                 text = opening_hours.summary(form.hours, form.cleaned_data["time_zone"])
                 publishing.log(row, request.user, f"Opening hours: {text}.")
-                audit.note("study_changed", actor=request.user, study=row.slug, detail="opening hours")
+                audit.note(
+                    "study_changed", actor=request.user, study=row.slug, detail="opening hours"
+                )
                 messages.success(request, _("Opening hours: %(hours)s.") % {"hours": text})
                 return HttpResponseRedirect(request.path)
         summary = opening_hours.summary(row.opening_hours, row.time_zone)
-        return self._page(request, row, "hours", _("Opening hours"), form=form, is_owner=is_owner, summary=summary)
+        return self._page(
+            request, row, "hours", _("Opening hours"), form=form, is_owner=is_owner, summary=summary
+        )
 
 
 def made(count: int) -> str:

@@ -1,8 +1,10 @@
-"""The task engine: records in, in whatever order and however often they come; the task's events and outcome out.
+"""The task engine: records in, in whatever order and however often they come; the task's events and
+outcome out.
 
-What has happened is a fold (experiments/tasks/progress.py) over all different records in order of time. A record that comes late is put in
-its place and the fold is done again from there, so that a live session, with its losses, repetitions and delays, and the stored record
-give the same. The robot's own events are not asked: whatever they say, its states say too.
+What has happened is a fold (experiments/tasks/progress.py) over all different records in order of
+time. A record that comes late is put in its place and the fold is done again from there, so that a
+live session, with its losses, repetitions and delays, and the stored record give the same. The
+robot's own events are not asked: whatever they say, its states say too.
 
 States before the first picture place the robot and no more. Nothing after the end counts.
 """
@@ -21,10 +23,12 @@ PhotoFate = Settled | None
 
 @dataclass(frozen=True)
 class Result:
-    """The task in a few facts. `checkpoints` has the time of each that was passed; `photo` is None where none was asked for, "" unanswered.
+    """The task in a few facts. `checkpoints` has the time of each that was passed; `photo` is None
+    where none was asked for, "" unanswered.
 
-    `doors` were gone through, in order; `doors_missed` were asked for, open, and not gone through. `dock_contacts` counts how often the
-    charging contacts met after the last checkpoint: 1 is a docking that held at once.
+    `doors` were gone through, in order; `doors_missed` were asked for, open, and not gone through.
+    `dock_contacts` counts how often the charging contacts met after the last checkpoint: 1 is a
+    docking that held at once.
     """
 
     outcome: Outcome | None
@@ -50,7 +54,9 @@ class TaskEngine:
         self._told: set[TaskEvent] = set()
 
     def feed(self, record: Record) -> None:
-        """Take a record. Of two copies that say different times the earlier counts, whichever came first."""
+        """Take a record. Of two copies that say different times the earlier counts, whichever came
+        first.
+        """
         name, place = identity(record), order(record)
         known = self._known.get(name)
         if known is not None:
@@ -93,12 +99,16 @@ class TaskEngine:
         """All that has happened until now, in order."""
         self._fold()
         folded = [event for _, events in self._folded for event in events]
-        return (*folded, *until(self.track, self._folded[-1][0] if self._folded else Progress(), self._now)[1])
+        return (
+            *folded,
+            *until(self.track, self._folded[-1][0] if self._folded else Progress(), self._now)[1],
+        )
 
     def news(self) -> tuple[TaskEvent, ...]:
         """Return the events that were not handed out before.
 
-        One that a late record changed is handed out again as it is now; what is stored for good is `events` when the session is over.
+        One that a late record changed is handed out again as it is now; what is stored for good is
+        `events` when the session is over.
         """
         fresh = tuple(event for event in self.events if event not in self._told)
         self._told.update(fresh)
@@ -118,9 +128,18 @@ class TaskEngine:
     def result(self) -> Result:
         """The task in a few facts."""
         progress = self.progress
-        missed = tuple(door.name for door in self.track.doorways if door.required and door.name not in progress.doors)
+        missed = tuple(
+            door.name
+            for door in self.track.doorways
+            if door.required and door.name not in progress.doors
+        )
         return Result(
-            outcome=progress.outcome, started=progress.started, ended=progress.ended, checkpoints=progress.passed,
-            photo=None if self.track.photo is None else progress.photo.settled, doors=progress.doors, doors_missed=missed,
+            outcome=progress.outcome,
+            started=progress.started,
+            ended=progress.ended,
+            checkpoints=progress.passed,
+            photo=None if self.track.photo is None else progress.photo.settled,
+            doors=progress.doors,
+            doors_missed=missed,
             dock_contacts=progress.dock_contacts,
-        )  # fmt: skip
+        )

@@ -1,10 +1,13 @@
-"""What came of a drive, for good: computed from its complete record alone, as often as anybody likes with the same result.
+"""What came of a drive, for good: computed from its complete record alone, as often as anybody
+likes with the same result.
 
-When the record of a session is closed, everything that the task engine takes is folded again: events, result and outcome are written anew,
-what was in force is compared with what was assigned, and the participant's place in the cell is filled, freed or given to another. Something that
-comes late opens the record again; then it is all done again.
+When the record of a session is closed, everything that the task engine takes is folded again:
+events, result and outcome are written anew, what was in force is compared with what was assigned,
+and the participant's place in the cell is filled, freed or given to another. Something that comes
+late opens the record again; then it is all done again.
 
-The session manager does it beside its own work, a little at each look (`Settler`), so that no lease waits for a long record.
+The session manager does it beside its own work, a little at each look (`Settler`), so that no lease
+waits for a long record.
 """
 
 import datetime
@@ -37,7 +40,9 @@ Stage = Participant.Stage
 
 
 def due() -> Any:
-    """Return the drives whose record is complete, and was not when they were settled last; the oldest first."""
+    """Return the drives whose record is complete, and was not when they were settled last; the
+    oldest first.
+    """
     later = Q(settled_at=None) | Q(settled_at__lt=F("session__closed_at"))
     return Drive.objects.filter(later, session__closed_at__isnull=False).order_by("granted_at")
 
@@ -60,7 +65,12 @@ class Settler:
         until = time.monotonic() + share
         while True:
             if self._work is None:
-                drive = due().exclude(pk__in=self._refused).select_related("participant__study", "session__robot__floor_plan").first()
+                drive = (
+                    due()
+                    .exclude(pk__in=self._refused)
+                    .select_related("participant__study", "session__robot__floor_plan")
+                    .first()
+                )
                 if drive is None:
                     return
                 self._work = self._insisting(drive, now)
@@ -82,15 +92,19 @@ class Settler:
 
 
 def note_end(drive: Drive) -> None:
-    """Note how a session has ended, for the participant's next step; what is computed from the whole record comes later."""
+    """Note how a session has ended, for the participant's next step; what is computed from the
+    whole record comes later.
+    """
     session, told = drive.session, str(drive.shown.get("outcome") or "")
     at_end = ended(session)
-    outcome = told or (at_end.outcome if at_end is not None and track_of(drive) is not None else session.outcome)
+    outcome = told or (
+        at_end.outcome if at_end is not None and track_of(drive) is not None else session.outcome
+    )
     exposed = session.first_motion_at is not None
     Drive.objects.filter(pk=drive.pk, settled_at=None).update(outcome=outcome, exposed=exposed)
 
 
-# --- the work --------------------------------------------------------------------------------------------------------
+# --- the work -------------------------------------------------------------------------------------
 
 
 def _work(drive: Drive, now: datetime.datetime) -> Iterator[None]:
@@ -128,12 +142,19 @@ def end(engine: TaskEngine, session: Session) -> None:
     if at_end is None:
         return
     engine.advance(at_end.at)
-    # What the task itself has ended it ends again; by the clock of its states that may be a moment later than by ours.
+    # What the task itself has ended it ends again; by the clock of its states that may be a moment
+    # later than by ours.
     if session.outcome_reason != TASK or engine.progress.outcome is None:
         engine.feed(at_end)
 
 
-def _write(drive: Drive, engine: TaskEngine | None, gathering: Gathering, offset: float, now: datetime.datetime) -> None:
+def _write(
+    drive: Drive,
+    engine: TaskEngine | None,
+    gathering: Gathering,
+    offset: float,
+    now: datetime.datetime,
+) -> None:
     condition = _condition_of(drive)
     applied = gathering.done()
     outcome = engine.progress.outcome if engine is not None else drive.session.outcome
@@ -143,17 +164,29 @@ def _write(drive: Drive, engine: TaskEngine | None, gathering: Gathering, offset
     _write_events(drive, engine.events if engine is not None else ())
     began_with, ended_with = gathering.ends()
     Drive.objects.filter(pk=drive.pk).update(
-        outcome=outcome or drive.session.outcome, exposed=exposed, applied=as_stored(applied), clock_offset=offset,
-        began_with=began_with, ended_with=ended_with,
-        mismatches=list(conditions.mismatches(condition, applied)) if exposed and condition is not None else [],
+        outcome=outcome or drive.session.outcome,
+        exposed=exposed,
+        applied=as_stored(applied),
+        clock_offset=offset,
+        began_with=began_with,
+        ended_with=ended_with,
+        mismatches=list(conditions.mismatches(condition, applied))
+        if exposed and condition is not None
+        else [],
         result=msgspec.to_builtins(engine.result) if engine is not None else {},
-    )  # fmt: skip
+    )
     closed_at = drive.session.closed_at or now
     drive.refresh_from_db()
     settle_place(drive)
     # Last of all: what is cut off before this is done again.
     Drive.objects.filter(pk=drive.pk).update(settled_at=max(now, closed_at))
-    log.info("drive_settled drive=%s outcome=%s exposed=%s mismatches=%s", drive.pk, drive.outcome, drive.exposed, drive.mismatches)
+    log.info(
+        "drive_settled drive=%s outcome=%s exposed=%s mismatches=%s",
+        drive.pk,
+        drive.outcome,
+        drive.exposed,
+        drive.mismatches,
+    )
 
 
 def _condition_of(drive: Drive) -> Condition | None:
@@ -164,17 +197,23 @@ def _condition_of(drive: Drive) -> Condition | None:
 
 
 def _write_events(drive: Drive, events: tuple[ToldEvent, ...]) -> None:
-    rows = [TaskEvent(drive=drive, number=number, stamp=event.at, type=event.type, data=event.data()) for number, event in enumerate(events)]
-    with transaction.atomic():  # where there are no transactions, a drive that is not settled yet is done again
+    rows = [
+        TaskEvent(drive=drive, number=number, stamp=event.at, type=event.type, data=event.data())
+        for number, event in enumerate(events)
+    ]
+    # where there are no transactions, a drive that is not settled yet is done again
+    with transaction.atomic():
         TaskEvent.objects.filter(drive=drive).delete()
         TaskEvent.objects.bulk_create(rows)
 
 
-# --- the place in the cell -------------------------------------------------------------------------------------------
+# --- the place in the cell ------------------------------------------------------------------------
 
 
 def settle_place(drive: Drive) -> None:
-    """Fill, free or pass on the place of a participant whose drive is over; a place that was driven in is never freed."""
+    """Fill, free or pass on the place of a participant whose drive is over; a place that was driven
+    in is never freed.
+    """
     participant = Participant.objects.select_related("study").get(pk=drive.participant_id)
     exposed = Drive.objects.filter(participant=participant, exposed=True)
     if exposed.exists():
@@ -182,21 +221,32 @@ def settle_place(drive: Drive) -> None:
         under_way = participant.stage in {Stage.UNDER_WAY, Stage.FREED}
         if under_way or (participant.stage == Stage.FILLED and drive.visit == first):
             _move(participant, _stage_after(drive, participant))
-    elif participant.stage == Stage.UNDER_WAY and not Drive.objects.filter(participant=participant, settled_at=None).exclude(pk=drive.pk).exists():
+    elif (
+        participant.stage == Stage.UNDER_WAY
+        and not Drive.objects.filter(participant=participant, settled_at=None)
+        .exclude(pk=drive.pk)
+        .exists()
+    ):
         _move(participant, Stage.FREED)
 
 
 def _stage_after(drive: Drive, participant: Participant) -> str:
-    """Return what becomes of the place of somebody who was exposed; only a task that ended badly can be given to another."""
+    """Return what becomes of the place of somebody who was exposed; only a task that ended badly
+    can be given to another.
+    """
     definition = participant.study.as_definition()
     step = next((step for step in definition.steps if step.key == drive.step), None)
     if not isinstance(step, Task):
         return participant.stage if participant.stage == Stage.FILLED else Stage.UNDER_WAY
     held = progress.held(participant.study, participant.kind)
     outcome: Any = drive.outcome
-    return assignment.stage_at_end(participant.cell, outcome, exposed=True, refill=definition.refill, held=held)
+    return assignment.stage_at_end(
+        participant.cell, outcome, exposed=True, refill=definition.refill, held=held
+    )
 
 
 def _move(participant: Participant, stage: str) -> None:
     if stage != participant.stage:
-        Participant.objects.filter(pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as).update(stage=stage)
+        Participant.objects.filter(
+            pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as
+        ).update(stage=stage)

@@ -1,7 +1,9 @@
-"""What the drive page is told of a study, so that it can guide: the course, and what the participant may use.
+"""What the drive page is told of a study, so that it can guide: the course, and what the
+participant may use.
 
-It stands in the page's configuration (sessions.views.page_config) under `study`. What happens in the task the page hears from the
-session manager; and where the terms of the session (sessions/leases/terms.py) say less than this, they win.
+It stands in the page's configuration (sessions.views.page_config) under `study`. What happens in
+the task the page hears from the session manager; and where the terms of the session
+(sessions/leases/terms.py) say less than this, they win.
 """
 
 from collections.abc import Sequence
@@ -16,18 +18,25 @@ from robots.api.floorplan import FloorPlan
 from surveys.definition import spoken
 
 
-def config(participant: Participant, choice: Drive | Condition | Sequence[Condition], plan: FloorPlan, *, step_url: str) -> dict[str, Any]:
+def config(
+    participant: Participant,
+    choice: Drive | Condition | Sequence[Condition],
+    plan: FloorPlan,
+    *,
+    step_url: str,
+) -> dict[str, Any]:
     """Return what the page is told, for `json_script`.
 
     Args:
         participant: who stands on a practice or a task step.
-        choice: the condition, the drive in it, or, before anything is assigned, all conditions that it may become: one course, and
-            what any of them allows.
+        choice: the condition, the drive in it, or, before anything is assigned, all conditions that
+            it may become: one course, and what any of them allows.
         plan: of the conditions' site.
         step_url: where the study goes on after the drive.
 
     Raises:
-        CourseError: the step is none to drive in, or the conditions have no course, or not the same one, on this plan.
+        CourseError: the step is none to drive in, or the conditions have no course, or not the same
+            one, on this plan.
     """
     study = participant.study.as_definition()
     conditions = _conditions(study, choice)
@@ -37,8 +46,17 @@ def config(participant: Participant, choice: Drive | Condition | Sequence[Condit
     return guide(study, step, conditions, plan, language=participant.language, step_url=step_url)
 
 
-def guide(study: Study, step: Practice | Task, conditions: Sequence[Condition], plan: FloorPlan, *, language: str, step_url: str) -> dict[str, Any]:
-    """Return what a page is told for conditions that share a course; a practice drive has no checkpoints. Metres, radians, minutes.
+def guide(
+    study: Study,
+    step: Practice | Task,
+    conditions: Sequence[Condition],
+    plan: FloorPlan,
+    *,
+    language: str,
+    step_url: str,
+) -> dict[str, Any]:
+    """Return what a page is told for conditions that share a course; a practice drive has no
+    checkpoints. Metres, radians, minutes.
 
     Raises:
         CourseError: as `config`.
@@ -55,7 +73,9 @@ def guide(study: Study, step: Practice | Task, conditions: Sequence[Condition], 
     }
 
 
-def _conditions(study: Study, choice: Drive | Condition | Sequence[Condition]) -> tuple[Condition, ...]:
+def _conditions(
+    study: Study, choice: Drive | Condition | Sequence[Condition]
+) -> tuple[Condition, ...]:
     if isinstance(choice, Drive):
         condition = study.condition(choice.condition)
         return (condition,) if condition is not None else ()
@@ -72,29 +92,51 @@ def _course(study: Study, conditions: Sequence[Condition]) -> Course:
 
 def _ground(course: Course | None, plan: FloorPlan, language: str) -> dict[str, Any]:
     if course is None:
-        return {"checkpoints": [], "dock": None, "path": [], "doors": [], "zones": [], "photo": None}
+        return {
+            "checkpoints": [],
+            "dock": None,
+            "path": [],
+            "doors": [],
+            "zones": [],
+            "photo": None,
+        }
     dock = dock_of(course, plan)
     if dock is None:
         raise CourseError(f"no station for {course.robot} on the plan {plan.map_id}")
     return {
         "checkpoints": [
-            {"number": stop.number, "x": stop.x, "y": stop.y, "radius": stop.radius, "title": spoken(stop.title, language)}
+            {
+                "number": stop.number,
+                "x": stop.x,
+                "y": stop.y,
+                "radius": stop.radius,
+                "title": spoken(stop.title, language),
+            }
             for stop in course.checkpoints
         ],
         "dock": {"x": dock.x, "y": dock.y, "theta": dock.theta},
         "path": course.path,
         "doors": course.doors,
-        "zones": [{"name": zone.name, "title": spoken(zone.title, language), "polygon": zone.polygon} for zone in course.zones],
+        "zones": [
+            {"name": zone.name, "title": spoken(zone.title, language), "polygon": zone.polygon}
+            for zone in course.zones
+        ],
         "photo": {"checkpoint": course.photo.checkpoint} if course.photo is not None else None,
-    }  # fmt: skip
+    }
 
 
 def _allowed(conditions: Sequence[Condition]) -> dict[str, Any]:
-    """What is open under any of the conditions; what they fix alike is fixed, else null, and the session's terms will tell."""
+    """What is open under any of the conditions; what they fix alike is fixed, else null, and the
+    session's terms will tell.
+    """
     return {
-        "controllers": sorted({controller for condition in conditions for controller in condition.controllers}),
+        "controllers": sorted(
+            {controller for condition in conditions for controller in condition.controllers}
+        ),
         "ownActions": sorted({action for condition in conditions for action in condition.actions}),
-        "actions": sorted({action for condition in conditions for action in allowed_actions(condition)}),
+        "actions": sorted(
+            {action for condition in conditions for action in allowed_actions(condition)}
+        ),
         "assist": _same([condition.assist for condition in conditions]),
         "interface": _same([condition.interface for condition in conditions]),
     }

@@ -1,15 +1,20 @@
 """How far a task is: one step of the fold that turns records into events.
 
-`step` is a function of where things stood and of the next record in order of time; nothing else is asked, so the same records give
-the same events. The rules:
+`step` is a function of where things stood and of the next record in order of time; nothing else is
+asked, so the same records give the same events. The rules:
 
-- the time counts from the first picture shown; at its limit the task ends, whatever came at that moment;
-- checkpoints count in order, each within its radius and its room; standing on a later one is told and recorded once a visit;
-- near the photo's checkpoint, once that is passed, the photo's window opens by itself until the visitor keeps a photo or skips it;
-- docking ends the task once all checkpoints are passed, with or without the photo; before that it is recorded, and changes nothing.
-  Docked is what the robot says it is and what the course's rule (robots/api/docked.py) makes of its states: contact, standstill and
-  released controls without a break. Contacts that part sooner are a fact, and the visitor is told to drive on into the station;
-- a door is passed where the robot's middle goes through its frame; which were asked for and missed is a fact of the result.
+- the time counts from the first picture shown; at its limit the task ends, whatever came at that
+  moment;
+- checkpoints count in order, each within its radius and its room; standing on a later one is told
+  and recorded once a visit;
+- near the photo's checkpoint, once that is passed, the photo's window opens by itself until the
+  visitor keeps a photo or skips it;
+- docking ends the task once all checkpoints are passed, with or without the photo; before that it
+  is recorded, and changes nothing. Docked is what the robot says it is and what the course's rule
+  (robots/api/docked.py) makes of its states: contact, standstill and released controls without a
+  break. Contacts that part sooner are a fact, and the visitor is told to drive on into the station;
+- a door is passed where the robot's middle goes through its frame; which were asked for and missed
+  is a fact of the result.
 """
 
 import math
@@ -20,19 +25,44 @@ from typing import Any, Literal
 from experiments.definition.course import Motion, Sight, Track
 from experiments.definition.cues import FIRST, LEAVING, Cue, Situation, Window, choose
 from experiments.definition.schema import Outcome
-from experiments.tasks.records import Ended, FirstFrame, Input, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
+from experiments.tasks.records import (
+    Ended,
+    FirstFrame,
+    Input,
+    PhotoAnswer,
+    PhotoFailed,
+    PhotoTaken,
+    Record,
+    Seen,
+)
 from robots.api.docked import APART, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 
 EventType = Literal[
-    "task_started", "time_warning", "checkpoint", "out_of_order", "door_passed", "left_station", "docked_early", "dock_contact", "dock_contact_lost",
-    "docked", "cue",
-    "photo_prompt", "photo_taken", "photo_failed", "photo_kept", "photo_again", "photo_skipped", "task_ended",
-]  # fmt: skip
+    "task_started",
+    "time_warning",
+    "checkpoint",
+    "out_of_order",
+    "door_passed",
+    "left_station",
+    "docked_early",
+    "dock_contact",
+    "dock_contact_lost",
+    "docked",
+    "cue",
+    "photo_prompt",
+    "photo_taken",
+    "photo_failed",
+    "photo_kept",
+    "photo_again",
+    "photo_skipped",
+    "task_ended",
+]
 Settled = Literal["", "kept", "skipped"]
 
 OUT = 0.3  # who is so far from a docked pose or a doorway has left it: metres
-GAP, JUMP, SPEED = 2.5, 0.3, 2.5  # seconds, metres, m/s: states that are farther apart than these allow show no motion
+# seconds, metres, m/s: states that are farther apart than these allow show no motion
+GAP, JUMP, SPEED = 2.5, 0.3, 2.5
 LOST_FOR = 1.0  # seconds without a place before the visitor is told
 
 
@@ -40,7 +70,8 @@ LOST_FOR = 1.0  # seconds without a place before the visitor is told
 class TaskEvent:
     """Something that happened once.
 
-    `number` is a checkpoint's, or that of a contact with the charger, `name` that of a door, cue, photo or outcome; `pose` the last one known.
+    `number` is a checkpoint's, or that of a contact with the charger, `name` that of a door, cue,
+    photo or outcome; `pose` the last one known.
     """
 
     at: float
@@ -56,7 +87,10 @@ class TaskEvent:
         if self.pose is not None:
             fields["pose"] = {"x": self.pose.x, "y": self.pose.y, "theta": self.pose.theta}
         if self.sight is not None:
-            fields["facing"] = {name: getattr(self.sight, name) for name in ("bearing", "distance", "before", "sees")}
+            fields["facing"] = {
+                name: getattr(self.sight, name)
+                for name in ("bearing", "distance", "before", "sees")
+            }
         return {name: value for name, value in fields.items() if value is not None}
 
 
@@ -77,10 +111,12 @@ class PhotoState:
 
 @dataclass(frozen=True)
 class Progress:
-    """How things stand. `passed` has the time of each checkpoint, `doors` the names of doors in the order they were gone through.
+    """How things stand. `passed` has the time of each checkpoint, `doors` the names of doors in the
+    order they were gone through.
 
-    `dock` is how the robot stands to its station by the course's rule, `dock_contacts` how often the contacts met after the last checkpoint.
-    `in_doorway` names those whose line was crossed without having gone on yet, `on_later` the later checkpoints on which the robot stands.
+    `dock` is how the robot stands to its station by the course's rule, `dock_contacts` how often
+    the contacts met after the last checkpoint. `in_doorway` names those whose line was crossed
+    without having gone on yet, `on_later` the later checkpoints on which the robot stands.
     """
 
     started: float | None = None
@@ -103,16 +139,26 @@ class Progress:
     @property
     def pose(self) -> Pose2D | None:
         """The last pose in which the robot knew where it was."""
-        return Pose2D(self.placed.x, self.placed.y, self.placed.theta) if self.placed is not None else None
+        return (
+            Pose2D(self.placed.x, self.placed.y, self.placed.theta)
+            if self.placed is not None
+            else None
+        )
 
     @property
     def docked(self) -> bool:
-        """Whether it is docked: as it says, and once it has been out also as the course's rule says."""
+        """Whether it is docked: as it says, and once it has been out also as the course's rule
+        says.
+        """
         return self.last is not None and self.last.docked and (self.dock.docked or not self.is_out)
 
     def remaining(self, track: Track, now: float) -> float | None:
         """Return the seconds left, None while nothing counts."""
-        return None if self.started is None or self.outcome is not None else max(0.0, self.started + track.limit - now)
+        return (
+            None
+            if self.started is None or self.outcome is not None
+            else max(0.0, self.started + track.limit - now)
+        )
 
 
 Stepped = tuple[Progress, tuple[TaskEvent, ...]]
@@ -123,7 +169,11 @@ def step(track: Track, progress: Progress, record: Record) -> Stepped:
     progress, events = until(track, progress, record.at)
     if progress.outcome is not None:
         return progress, events
-    progress, more = _seen(track, progress, record) if isinstance(record, Seen) else _input(track, progress, record)
+    progress, more = (
+        _seen(track, progress, record)
+        if isinstance(record, Seen)
+        else _input(track, progress, record)
+    )
     return _cued(track, progress, record.at, (*events, *more))
 
 
@@ -143,7 +193,9 @@ def until(track: Track, progress: Progress, now: float) -> Stepped:
 
 
 def _end(progress: Progress, at: float, outcome: Outcome) -> tuple[Progress, TaskEvent]:
-    return replace(progress, ended=at, outcome=outcome), TaskEvent(at, "task_ended", progress.pose, name=outcome)
+    return replace(progress, ended=at, outcome=outcome), TaskEvent(
+        at, "task_ended", progress.pose, name=outcome
+    )
 
 
 def _cued(track: Track, progress: Progress, at: float, events: tuple[TaskEvent, ...]) -> Stepped:
@@ -151,27 +203,47 @@ def _cued(track: Track, progress: Progress, at: float, events: tuple[TaskEvent, 
     cue = choose(_situation(track, progress, at), track, progress.cue)
     if cue == progress.cue:
         return progress, events
-    return replace(progress, cue=cue), (*events, TaskEvent(at, "cue", progress.pose, number=cue.number, name=cue.key))
+    return replace(progress, cue=cue), (
+        *events,
+        TaskEvent(at, "cue", progress.pose, number=cue.number, name=cue.key),
+    )
 
 
 def _situation(track: Track, progress: Progress, at: float) -> Situation:
     pose, placed = progress.pose, progress.placed
-    lost = progress.last is not None and not progress.last.localized and (placed is None or at - placed.at > LOST_FOR)
+    lost = (
+        progress.last is not None
+        and not progress.last.localized
+        and (placed is None or at - placed.at > LOST_FOR)
+    )
     spot = track.photo
     return Situation(
-        started=progress.started is not None, outcome=progress.outcome, lost=lost, docked=progress.docked, early=progress.came_early,
-        touching=progress.dock.touching and progress.dock_contacts > 0, dock_contacts=progress.dock_contacts,
-        passed=len(progress.passed), wrong=min(progress.on_later, default=None), window=progress.photo.window,
-        sight=spot.sight(pose) if spot is not None and pose is not None else None, home=pose.distance(track.dock) if pose is not None else math.inf,
-    )  # fmt: skip
+        started=progress.started is not None,
+        outcome=progress.outcome,
+        lost=lost,
+        docked=progress.docked,
+        early=progress.came_early,
+        touching=progress.dock.touching and progress.dock_contacts > 0,
+        dock_contacts=progress.dock_contacts,
+        passed=len(progress.passed),
+        wrong=min(progress.on_later, default=None),
+        window=progress.photo.window,
+        sight=spot.sight(pose) if spot is not None and pose is not None else None,
+        home=pose.distance(track.dock) if pose is not None else math.inf,
+    )
 
 
-# --- states ----------------------------------------------------------------------------------------------------------
+# --- states ---------------------------------------------------------------------------------------
 
 
 def _seen(track: Track, progress: Progress, seen: Seen) -> Stepped:
     before, dock = progress.placed, progress.dock
-    progress = replace(progress, last=seen, placed=seen if seen.localized else progress.placed, dock=_dock(track, dock, seen))
+    progress = replace(
+        progress,
+        last=seen,
+        placed=seen if seen.localized else progress.placed,
+        dock=_dock(track, dock, seen),
+    )
     if progress.started is None:
         return progress, ()
     events: tuple[TaskEvent, ...] = ()
@@ -187,7 +259,9 @@ def _seen(track: Track, progress: Progress, seen: Seen) -> Stepped:
 
 
 def _motion(before: Seen | None, seen: Seen) -> Motion:
-    """Return what the robot has gone since its last known place; nothing when that was too long ago, or it was somewhere else."""
+    """Return what the robot has gone since its last known place; nothing when that was too long
+    ago, or it was somewhere else.
+    """
     here = (seen.x, seen.y)
     if before is None:
         return Motion(here, here)
@@ -197,29 +271,55 @@ def _motion(before: Seen | None, seen: Seen) -> Motion:
 
 
 def _doors(track: Track, progress: Progress, motion: Motion) -> Stepped:
-    """A door is passed when the robot has gone on; who turns round in the doorway has not passed it."""
-    crossed = {doorway.name for doorway in track.doorways if motion.crosses(doorway.start, doorway.end)}
+    """A door is passed when the robot has gone on; who turns round in the doorway has not passed
+    it.
+    """
+    crossed = {
+        doorway.name for doorway in track.doorways if motion.crosses(doorway.start, doorway.end)
+    }
     begun = progress.in_doorway ^ crossed
-    names = tuple(doorway.name for doorway in track.doorways if doorway.name in begun and doorway.distance(*motion.end) > OUT)
-    events = tuple(TaskEvent(_now(progress), "door_passed", progress.pose, name=name) for name in names)
+    names = tuple(
+        doorway.name
+        for doorway in track.doorways
+        if doorway.name in begun and doorway.distance(*motion.end) > OUT
+    )
+    events = tuple(
+        TaskEvent(_now(progress), "door_passed", progress.pose, name=name) for name in names
+    )
     return replace(progress, in_doorway=begun - set(names), doors=progress.doors + names), events
 
 
 def _stops(track: Track, progress: Progress, motion: Motion) -> Stepped:
     events: list[TaskEvent] = []
-    while len(progress.passed) < len(track.stops) and track.stops[len(progress.passed)].is_passed(motion):
-        events.append(TaskEvent(_now(progress), "checkpoint", progress.pose, number=track.stops[len(progress.passed)].number))
+    while len(progress.passed) < len(track.stops) and track.stops[len(progress.passed)].is_passed(
+        motion
+    ):
+        events.append(
+            TaskEvent(
+                _now(progress),
+                "checkpoint",
+                progress.pose,
+                number=track.stops[len(progress.passed)].number,
+            )
+        )
         progress = replace(progress, passed=(*progress.passed, _now(progress)))
     on_later = frozenset(_on_later(track, progress, motion))
     numbers = sorted(on_later - progress.on_later)
-    events += [TaskEvent(_now(progress), "out_of_order", progress.pose, number=number) for number in numbers]
+    events += [
+        TaskEvent(_now(progress), "out_of_order", progress.pose, number=number)
+        for number in numbers
+    ]
     return replace(progress, on_later=on_later), tuple(events)
 
 
 def _on_later(track: Track, progress: Progress, motion: Motion) -> Iterator[int]:
-    """Yield the numbers of later checkpoints on which the robot stands; it has left one only when it is well outside."""
+    """Yield the numbers of later checkpoints on which the robot stands; it has left one only when
+    it is well outside.
+    """
     for stop in track.stops[len(progress.passed) + 1 :]:
-        stays = stop.number in progress.on_later and stop.distance(*motion.end) <= stop.radius * LEAVING
+        stays = (
+            stop.number in progress.on_later and stop.distance(*motion.end) <= stop.radius * LEAVING
+        )
         if stays or stop.is_passed(motion):
             yield stop.number
 
@@ -232,35 +332,60 @@ def _window(track: Track, progress: Progress, motion: Motion) -> Stepped:
     opens = is_open and not photo.is_open
     pose = progress.pose
     facing = spot.sight(pose) if pose is not None else None
-    events = (TaskEvent(_now(progress), "photo_prompt", pose, number=spot.stop.number, sight=facing),) if opens else ()
-    return replace(progress, photo=replace(photo, is_open=is_open, prompted=photo.prompted or opens)), events
+    events = (
+        (TaskEvent(_now(progress), "photo_prompt", pose, number=spot.stop.number, sight=facing),)
+        if opens
+        else ()
+    )
+    return replace(
+        progress, photo=replace(photo, is_open=is_open, prompted=photo.prompted or opens)
+    ), events
 
 
 def _dock(track: Track, before: DockState, seen: Seen) -> DockState:
     if track.docked is None:
         return DockState(docked=seen.docked)
     return follow(
-        track.docked, before, DockReading(at=seen.at, contact=seen.contact, linear=seen.linear, angular=seen.angular, released=seen.released)
-    )  # fmt: skip
+        track.docked,
+        before,
+        DockReading(
+            at=seen.at,
+            contact=seen.contact,
+            linear=seen.linear,
+            angular=seen.angular,
+            released=seen.released,
+        ),
+    )
 
 
 def _contact(track: Track, progress: Progress, seen: Seen, *, was_touching: bool) -> Stepped:
-    """Once all checkpoints are passed each contact is an attempt to dock, and so is its loss a fact."""
+    """Once all checkpoints are passed each contact is an attempt to dock, and so is its loss a
+    fact.
+    """
     if len(progress.passed) < len(track.stops) or progress.dock.touching == was_touching:
         return progress, ()
     if progress.dock.touching:
         progress = replace(progress, dock_contacts=progress.dock_contacts + 1)
-        return progress, (TaskEvent(seen.at, "dock_contact", progress.pose, number=progress.dock_contacts),)
+        return progress, (
+            TaskEvent(seen.at, "dock_contact", progress.pose, number=progress.dock_contacts),
+        )
     if progress.dock_contacts == 0:
         return progress, ()
-    return progress, (TaskEvent(seen.at, "dock_contact_lost", progress.pose, number=progress.dock_contacts),)
+    return progress, (
+        TaskEvent(seen.at, "dock_contact_lost", progress.pose, number=progress.dock_contacts),
+    )
 
 
 def _station(track: Track, progress: Progress, seen: Seen, **_more: bool) -> Stepped:
     """Leaving the charging station and coming back to it."""
     if not progress.docked:
         pose = progress.pose
-        away = not seen.docked and seen.localized and pose is not None and pose.distance(track.dock) > OUT
+        away = (
+            not seen.docked
+            and seen.localized
+            and pose is not None
+            and pose.distance(track.dock) > OUT
+        )
         leaves = away and not progress.is_out
         events = (TaskEvent(seen.at, "left_station", pose, number=0),) if leaves else ()
         return replace(progress, is_out=progress.is_out or leaves), events
@@ -269,7 +394,14 @@ def _station(track: Track, progress: Progress, seen: Seen, **_more: bool) -> Ste
         return ended, (TaskEvent(seen.at, "docked", progress.pose, number=0), event)
     if progress.is_out:
         early = replace(progress, is_out=False, came_early=True)
-        return early, (TaskEvent(seen.at, "docked_early", progress.pose, number=track.stops[len(progress.passed)].number),)
+        return early, (
+            TaskEvent(
+                seen.at,
+                "docked_early",
+                progress.pose,
+                number=track.stops[len(progress.passed)].number,
+            ),
+        )
     return progress, ()
 
 
@@ -277,7 +409,7 @@ def _now(progress: Progress) -> float:
     return progress.last.at if progress.last is not None else math.nan
 
 
-# --- inputs ----------------------------------------------------------------------------------------------------------
+# --- inputs ---------------------------------------------------------------------------------------
 
 
 def _input(track: Track, progress: Progress, record: Input) -> Stepped:
@@ -287,7 +419,9 @@ def _input(track: Track, progress: Progress, record: Input) -> Stepped:
     if isinstance(record, FirstFrame):
         if progress.started is not None:
             return progress, ()
-        return replace(progress, started=record.at), (TaskEvent(record.at, "task_started", progress.pose),)
+        return replace(progress, started=record.at), (
+            TaskEvent(record.at, "task_started", progress.pose),
+        )
     if progress.started is None:
         return progress, ()
     if isinstance(record, PhotoAnswer):
@@ -299,18 +433,32 @@ def _picture(track: Track, progress: Progress, record: PhotoTaken | PhotoFailed)
     """A picture, wanted or not, is a fact; so is how the robot stood when it was taken."""
     if isinstance(record, PhotoFailed):
         return progress, (TaskEvent(record.at, "photo_failed", progress.pose, name=record.id),)
-    sight = track.photo.sight(progress.pose) if track.photo is not None and progress.pose is not None else None
+    sight = (
+        track.photo.sight(progress.pose)
+        if track.photo is not None and progress.pose is not None
+        else None
+    )
     waits = progress.photo.prompted and not progress.photo.settled
     photo = replace(progress.photo, pending=record.id) if waits else progress.photo
-    return replace(progress, photo=photo), (TaskEvent(record.at, "photo_taken", progress.pose, name=record.id, sight=sight),)
+    return replace(progress, photo=photo), (
+        TaskEvent(record.at, "photo_taken", progress.pose, name=record.id, sight=sight),
+    )
 
 
 def _answer(progress: Progress, record: PhotoAnswer) -> Stepped:
-    """An answer counts while the window waits for one, wherever the robot stands by then; keeping needs something to keep."""
+    """An answer counts while the window waits for one, wherever the robot stands by then; keeping
+    needs something to keep.
+    """
     photo = progress.photo
     if photo.settled or not photo.prompted or (record.choice != "skip" and not photo.pending):
         return progress, ()
-    types: dict[str, EventType] = {"keep": "photo_kept", "again": "photo_again", "skip": "photo_skipped"}
+    types: dict[str, EventType] = {
+        "keep": "photo_kept",
+        "again": "photo_again",
+        "skip": "photo_skipped",
+    }
     settled: dict[str, Settled] = {"keep": "kept", "again": "", "skip": "skipped"}
     event = TaskEvent(record.at, types[record.choice], progress.pose, name=photo.pending)
-    return replace(progress, photo=replace(photo, pending="", settled=settled[record.choice])), (event,)
+    return replace(progress, photo=replace(photo, pending="", settled=settled[record.choice])), (
+        event,
+    )

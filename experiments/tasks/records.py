@@ -1,8 +1,9 @@
 """What the task engine is fed with: the robot's states, and inputs from the page and the server.
 
-`at` is Unix time by the server's clock. A state's is its stamp less the robot's clock offset, with one offset a session, so that
-the stored record gives the same times again; an input's is when the server received it (a photo's: when it was taken). `id` tells an
-input from every other one, so that one which comes twice counts once.
+`at` is Unix time by the server's clock. A state's is its stamp less the robot's clock offset, with
+one offset a session, so that the stored record gives the same times again; an input's is when the
+server received it (a photo's: when it was taken). `id` tells an input from every other one, so that
+one which comes twice counts once.
 """
 
 from dataclasses import dataclass
@@ -14,10 +15,11 @@ from robots.api.messages import State
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A state, as far as the task minds: metres and radians in the frame of the map, m/s and rad/s as measured.
+    """A state, as far as the task minds: metres and radians in the frame of the map, m/s and rad/s
+    as measured.
 
-    `docked` is the robot's word, `contact` whether the charging contacts meet; `released` tells that no command since the state before
-    asked for any motion.
+    `docked` is the robot's word, `contact` whether the charging contacts meet; `released` tells
+    that no command since the state before asked for any motion.
     """
 
     at: float
@@ -36,7 +38,9 @@ class Seen:
 
 @dataclass(frozen=True, slots=True)
 class FirstFrame:
-    """The visitor sees the robot's picture: from here on the time counts. Later ones (a page that was loaded again) change nothing."""
+    """The visitor sees the robot's picture: from here on the time counts. Later ones (a page that
+    was loaded again) change nothing.
+    """
 
     at: float
     id: str
@@ -80,19 +84,37 @@ Input = FirstFrame | PhotoTaken | PhotoFailed | PhotoAnswer | Ended
 Record = Seen | Input
 Order = tuple[float, int, str, int]
 
-_RANK: dict[type[Record], int] = {FirstFrame: 0, Seen: 1, PhotoTaken: 2, PhotoFailed: 3, PhotoAnswer: 4, Ended: 5}
+_RANK: dict[type[Record], int] = {
+    FirstFrame: 0,
+    Seen: 1,
+    PhotoTaken: 2,
+    PhotoFailed: 3,
+    PhotoAnswer: 4,
+    Ended: 5,
+}
 
 
 def seen(state: State, clock_offset: float) -> Seen:
-    """Return a state as the engine takes it; `clock_offset` is the robot's clock minus the server's, in seconds."""
+    """Return a state as the engine takes it; `clock_offset` is the robot's clock minus the
+    server's, in seconds.
+    """
     pose = state.pose
     at = state.stamp - clock_offset
     contact = state.docked if state.charger_contact is None else state.charger_contact
     return Seen(
-        at, state.boot, state.seq, pose.x, pose.y, pose.theta, localized=pose.localized, docked=state.docked, contact=contact,
-        linear=state.velocity.linear, angular=state.velocity.angular,
+        at,
+        state.boot,
+        state.seq,
+        pose.x,
+        pose.y,
+        pose.theta,
+        localized=pose.localized,
+        docked=state.docked,
+        contact=contact,
+        linear=state.velocity.linear,
+        angular=state.velocity.angular,
         released=not any(command.linear or command.angular for command in state.applied),
-    )  # fmt: skip
+    )
 
 
 def identity(record: Record) -> tuple[int, str, int]:
@@ -102,6 +124,8 @@ def identity(record: Record) -> tuple[int, str, int]:
 
 
 def order(record: Record) -> Order:
-    """Return by what records are put in order: time, then kind, so that none depends on when it came."""
+    """Return by what records are put in order: time, then kind, so that none depends on when it
+    came.
+    """
     rank, name, number = identity(record)
     return record.at, rank, name, number

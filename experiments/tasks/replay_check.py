@@ -1,6 +1,8 @@
-"""Whether the tasks of stored drives come out as they are stored when a new engine is told their records again.
+"""Whether the tasks of stored drives come out as they are stored when a new engine is told their
+records again.
 
-It is told states and inputs alone, in a random order and some of them twice; the stored events are not asked.
+It is told states and inputs alone, in a random order and some of them twice; the stored events are
+not asked.
 """
 
 from collections.abc import Iterable
@@ -17,7 +19,9 @@ TWICE = 0.3  # the share of records that come again
 
 
 def discrepancies(drives: Iterable[Drive], rng: np.random.Generator) -> list[str]:
-    """Return a sentence for each settled drive of a task that comes out otherwise than it is stored."""
+    """Return a sentence for each settled drive of a task that comes out otherwise than it is
+    stored.
+    """
     return [sentence for drive in drives if (sentence := _difference(drive, rng))]
 
 
@@ -32,7 +36,18 @@ def _difference(drive: Drive, rng: np.random.Generator) -> str:
         engine.feed(records[index])
     end(engine, drive.session)
     if engine.progress.outcome not in {drive.outcome, None}:
-        return f"Session {drive.session_id}: told again it is {engine.progress.outcome}, stored is {drive.outcome}."
+        return (
+            f"Session {drive.session_id}: told again it is {engine.progress.outcome}, stored is"
+            f" {drive.outcome}."
+        )
     found = [(event.type, event.at, event.data()) for event in engine.events]
-    rows = TaskEvent.objects.filter(drive=drive).order_by("number").values_list("type", "stamp", "data")
-    return "" if found == list(rows) else f"Session {drive.session_id}: told again its task has other events than are stored."
+    rows = (
+        TaskEvent.objects.filter(drive=drive)
+        .order_by("number")
+        .values_list("type", "stamp", "data")
+    )
+    return (
+        ""
+        if found == list(rows)
+        else f"Session {drive.session_id}: told again its task has other events than are stored."
+    )

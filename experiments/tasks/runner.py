@@ -1,11 +1,15 @@
-"""Runs the tasks of living drives: one engine a drive, fed with what the session manager hears, telling the page and ending the session.
+"""Runs the tasks of living drives: one engine a drive, fed with what the session manager hears,
+telling the page and ending the session.
 
-In the session manager's clockwork alone, so that nothing here is done by two threads. An engine is made when its drive is first heard of,
-from what is stored by then: a session manager that was started in mid-task goes on where the one before was killed. What is written here while
-the task runs is for whoever watches; experiments/tasks/finalization.py writes it for good from the complete record.
+In the session manager's clockwork alone, so that nothing here is done by two threads. An engine is
+made when its drive is first heard of, from what is stored by then: a session manager that was
+started in mid-task goes on where the one before was killed. What is written here while the task
+runs is for whoever watches; experiments/tasks/finalization.py writes it for good from the complete
+record.
 
-A time limit counts when states that were on their way have had PATIENCE to arrive. A practice drive has no engine: it ends after its minutes.
-Whoever never sees a picture is not kept for ever: their drive ends as timed out when its turn would be over.
+A time limit counts when states that were on their way have had PATIENCE to arrive. A practice drive
+has no engine: it ends after its minutes. Whoever never sees a picture is not kept for ever: their
+drive ends as timed out when its turn would be over.
 """
 
 import datetime
@@ -39,7 +43,9 @@ NEVER_SEEN = "no_picture"
 
 @dataclass
 class Running:
-    """A living drive. `started` is when its first picture was shown; `told` what the page shows, and `told_at` since when."""
+    """A living drive. `started` is when its first picture was shown; `told` what the page shows,
+    and `told_at` since when.
+    """
 
     drive: Drive
     robot: str
@@ -72,8 +78,14 @@ class Running:
                 return outcome, TASK
         elif self.started is not None and now >= self.started + self.seconds:
             return Session.Outcome.COMPLETED, TIME_OVER
-        last = self.drive.granted_at.timestamp() + float(self.drive.assigned["terms"].get("turn_seconds") or self.seconds)
-        return (Session.Outcome.TIMED_OUT, NEVER_SEEN) if self.started is None and now >= last else None
+        last = self.drive.granted_at.timestamp() + float(
+            self.drive.assigned["terms"].get("turn_seconds") or self.seconds
+        )
+        return (
+            (Session.Outcome.TIMED_OUT, NEVER_SEEN)
+            if self.started is None and now >= last
+            else None
+        )
 
     def shown(self, now: float) -> dict[str, Any]:
         """Return what the page shows: the fields of sessions.protocol.Task."""
@@ -81,7 +93,14 @@ class Running:
 
     def _practice(self, now: float) -> dict[str, Any]:
         left = None if self.started is None else max(0.0, self.started + self.seconds - now)
-        return {"cue": "practice", **({"remaining": round(left, 1)} if left is not None and left <= LAST_OF_PRACTICE else {})}
+        return {
+            "cue": "practice",
+            **(
+                {"remaining": round(left, 1)}
+                if left is not None and left <= LAST_OF_PRACTICE
+                else {}
+            ),
+        }
 
 
 def shown_of(engine: TaskEngine) -> dict[str, Any]:
@@ -90,10 +109,17 @@ def shown_of(engine: TaskEngine) -> dict[str, Any]:
     cue, stops = progress.cue, engine.track.stops
     x, y = cue.target if cue.target is not None else (None, None)
     fields = {
-        "cue": cue.key, "number": cue.number, "x": x, "y": y, "passed": [stop.number for stop in stops[: len(progress.passed)]],
-        "remaining": None if remaining is None else round(remaining, 1), "window": progress.photo.window, "photo": progress.photo.pending,
-        "outcome": progress.outcome or "", "doors": list(progress.doors),
-    }  # fmt: skip
+        "cue": cue.key,
+        "number": cue.number,
+        "x": x,
+        "y": y,
+        "passed": [stop.number for stop in stops[: len(progress.passed)]],
+        "remaining": None if remaining is None else round(remaining, 1),
+        "window": progress.photo.window,
+        "photo": progress.photo.pending,
+        "outcome": progress.outcome or "",
+        "doors": list(progress.doors),
+    }
     return {name: value for name, value in fields.items() if value is not None}
 
 
@@ -105,9 +131,18 @@ class Runner:
         self._foreign: set[str] = set()
         self._settler = Settler()
 
-    # --- what is heard -----------------------------------------------------------------------------------------------
+    # --- what is heard ----------------------------------------------------------------------------
 
-    def on_state(self, *, robot: str, session: str, state: State, received_at: float, clock_offset: float | None, **_more: object) -> None:
+    def on_state(
+        self,
+        *,
+        robot: str,
+        session: str,
+        state: State,
+        received_at: float,
+        clock_offset: float | None,
+        **_more: object,
+    ) -> None:
         """Take a state of a session."""
         running = self._of(session)
         if running is None or running.robot != robot:
@@ -117,7 +152,16 @@ class Runner:
             running.feed(seen(state, offset))
             self._go_on(running, received_at)
 
-    def on_message(self, *, robot: str, session: str, message: object, received_at: float, clock_offset: float | None, **_more: object) -> None:
+    def on_message(
+        self,
+        *,
+        robot: str,
+        session: str,
+        message: object,
+        received_at: float,
+        clock_offset: float | None,
+        **_more: object,
+    ) -> None:
         """Take an event, the end of an action, or what the page says; `robot` is empty for a page."""
         running = self._of(session)
         if running is None or robot not in {"", running.robot}:
@@ -129,7 +173,12 @@ class Runner:
 
     def look(self, *, now: datetime.datetime, **_more: object) -> None:
         """Do what time asks for in every living drive, and settle one that is over."""
-        living = {str(key) for key in Drive.objects.filter(session__state__in=LIVE, settled_at=None).values_list("session_id", flat=True)}
+        living = {
+            str(key)
+            for key in Drive.objects.filter(session__state__in=LIVE, settled_at=None).values_list(
+                "session_id", flat=True
+            )
+        }
         for session in self._running.keys() - living:
             del self._running[session]
         self._foreign -= living
@@ -143,11 +192,15 @@ class Runner:
         """A session is over, whoever ended it."""
         self._running.pop(str(session.pk), None)
         self._foreign.discard(str(session.pk))
-        drive = Drive.objects.filter(session=session).select_related("session", "participant__study").first()
+        drive = (
+            Drive.objects.filter(session=session)
+            .select_related("session", "participant__study")
+            .first()
+        )
         if drive is not None:
             note_end(drive)
 
-    # --- what is done ------------------------------------------------------------------------------------------------
+    # --- what is done -----------------------------------------------------------------------------
 
     def _of(self, session: str) -> Running | None:
         if session in self._running:
@@ -162,7 +215,9 @@ class Runner:
         return running
 
     def _remember_foreign(self, session: str) -> None:
-        """A session that is being granted has no drive yet: it is asked for again at the next look, which knows of it."""
+        """A session that is being granted has no drive yet: it is asked for again at the next look,
+        which knows of it.
+        """
         if len(self._foreign) > 1000:  # noqa: PLR2004 -- more than ever live at once
             self._foreign.clear()
         self._foreign.add(session)
@@ -185,14 +240,23 @@ class Runner:
             self._end(running, *over, now)
 
     def _tell(self, running: Running, now: float) -> None:
-        """Tell the page when anything has changed but the seconds, which it counts down by itself and is told again now and then."""
+        """Tell the page when anything has changed but the seconds, which it counts down by itself
+        and is told again now and then.
+        """
         shown = running.shown(now)
-        changed = _without_seconds(shown) != _without_seconds(running.told) or ("remaining" in shown) != ("remaining" in running.told)
-        again = "remaining" in shown and not shown.get("outcome") and now - running.told_at >= TELL_AGAIN
+        changed = _without_seconds(shown) != _without_seconds(running.told) or (
+            "remaining" in shown
+        ) != ("remaining" in running.told)
+        again = (
+            "remaining" in shown
+            and not shown.get("outcome")
+            and now - running.told_at >= TELL_AGAIN
+        )
         if changed or again:
             Drive.objects.filter(pk=running.drive.pk).update(shown=shown)
             notices.tell(str(running.drive.session_id), shown, now)
-            running.told, running.told_at = shown, now  # last: what the database did not take is told at the next look
+            # last: what the database did not take is told at the next look
+            running.told, running.told_at = shown, now
 
     @staticmethod
     def _end(running: Running, outcome: str, reason: str, now: float) -> None:
@@ -206,7 +270,9 @@ def _without_seconds(shown: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _living_drive(session: str) -> Drive | None:
-    """Return the drive of a living session; None when there is none, or when that is no session at all."""
+    """Return the drive of a living session; None when there is none, or when that is no session at
+    all.
+    """
     try:
         key = uuid.UUID(session)
     except ValueError:
@@ -220,8 +286,16 @@ def begin(drive: Drive) -> Running:
     track, step = track_of(drive), _step_of(drive)
     offset = drive.clock_offset
     engine = TaskEngine(track) if track is not None else None
-    seconds = step.minutes * 60.0 if isinstance(step, Practice) else track.limit if track is not None else 0.0
-    running = Running(drive, drive.session.robot.name, offset, engine, seconds, told=dict(drive.shown))
+    seconds = (
+        step.minutes * 60.0
+        if isinstance(step, Practice)
+        else track.limit
+        if track is not None
+        else 0.0
+    )
+    running = Running(
+        drive, drive.session.robot.name, offset, engine, seconds, told=dict(drive.shown)
+    )
     for record in stored(drive, offset_of(drive)):
         running.feed(record)
     running.written = TaskEvent.objects.filter(drive=drive).count()
@@ -234,7 +308,10 @@ def begin(drive: Drive) -> Running:
 
 
 def _step_of(drive: Drive) -> object:
-    return next((step for step in drive.participant.study.as_definition().steps if step.key == drive.step), None)
+    return next(
+        (step for step in drive.participant.study.as_definition().steps if step.key == drive.step),
+        None,
+    )
 
 
 def write_news(running: Running) -> None:
@@ -246,7 +323,9 @@ def write_news(running: Running) -> None:
 def _write(running: Running, events: Any) -> None:
     """Write events and whatever an earlier attempt could not."""
     running.unwritten += [
-        TaskEvent(drive=running.drive, number=number, stamp=event.at, type=event.type, data=event.data())
+        TaskEvent(
+            drive=running.drive, number=number, stamp=event.at, type=event.type, data=event.data()
+        )
         for number, event in enumerate(events, running.written + len(running.unwritten))
     ]
     if running.unwritten:

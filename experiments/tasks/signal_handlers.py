@@ -1,4 +1,6 @@
-"""What studies want to hear from the app below: who asks for a robot, and everything that the session manager tells."""
+"""What studies want to hear from the app below: who asks for a robot, and everything that the
+session manager tells.
+"""
 
 from django.db.models.signals import post_delete, pre_delete
 
@@ -23,8 +25,12 @@ def connect() -> None:
     terms.register(STUDY_TERMS)
     register_guest_list(invites)
     interfaces.suggest_by(interface_suggestion.suggested_to)
-    pre_delete.connect(withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere")
-    post_delete.connect(forget_members, sender=Study, weak=False, dispatch_uid="experiments.forget_members")
+    pre_delete.connect(
+        withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere"
+    )
+    post_delete.connect(
+        forget_members, sender=Study, weak=False, dispatch_uid="experiments.forget_members"
+    )
     for signal, receiver in (
         (signals.state_received, RUNNER.on_state),
         (signals.state_recovered, RUNNER.on_state),

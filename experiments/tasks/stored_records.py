@@ -1,7 +1,8 @@
-"""What the task engine is fed with, from what is heard of a session while it lives, and from its stored record: the same from both.
+"""What the task engine is fed with, from what is heard of a session while it lives, and from its
+stored record: the same from both.
 
-A state's time is its stamp less the robot's clock offset, one for the whole drive; so is a photo's. Everything else has the time at which the
-server received it, which the record keeps.
+A state's time is its stamp less the robot's clock offset, one for the whole drive; so is a photo's.
+Everything else has the time at which the server received it, which the record keeps.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,7 +12,16 @@ import msgspec
 
 from experiments.definition.schema import Outcome
 from experiments.models import Drive
-from experiments.tasks.records import Ended, FirstFrame, Input, PhotoAnswer, PhotoFailed, PhotoTaken, Record, seen
+from experiments.tasks.records import (
+    Ended,
+    FirstFrame,
+    Input,
+    PhotoAnswer,
+    PhotoFailed,
+    PhotoTaken,
+    Record,
+    seen,
+)
 from robots.api.messages import ActionStatus, Event, State
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.protocol import PageEvent
@@ -22,7 +32,9 @@ TASK = "task"  # the reason of a session that the task has ended: its outcome is
 
 
 def of_message(message: object, received_at: float, offset: float) -> Input | None:
-    """Return what a message means for the task; None when nothing. Unix seconds, `offset` the robot's clock minus ours."""
+    """Return what a message means for the task; None when nothing. Unix seconds, `offset` the
+    robot's clock minus ours.
+    """
     match message:
         case PageEvent(stamp=stamp, type=kind, data=data):
             return _of_page(kind, stamp, received_at, data)
@@ -51,12 +63,16 @@ def _of_page(kind: str, stamp: float, received_at: float, data: Mapping[str, Any
         return FirstFrame(received_at, repr(stamp))
     if kind == "photo_answer" and data.get("choice") in CHOICES:
         said = data.get("id")  # the page says it again, as the same one, until it is understood
-        return PhotoAnswer(received_at, said if isinstance(said, str) and said else repr(stamp), data["choice"])
+        return PhotoAnswer(
+            received_at, said if isinstance(said, str) and said else repr(stamp), data["choice"]
+        )
     return None
 
 
 def ended(session: Session) -> Ended | None:
-    """Return the end of a session as the task takes it: leaving it is no way to complete it. None while it lives."""
+    """Return the end of a session as the task takes it: leaving it is no way to complete it. None
+    while it lives.
+    """
     if session.ended_at is None or session.outcome not in get_args(Outcome):
         return None
     left = session.outcome == Session.Outcome.COMPLETED and session.outcome_reason != TASK
@@ -65,16 +81,22 @@ def ended(session: Session) -> Ended | None:
 
 
 def offset_of(drive: Drive) -> float:
-    """Return the robot's clock minus ours for a drive: what was decided while it lived, else the first that was measured in its record."""
+    """Return the robot's clock minus ours for a drive: what was decided while it lived, else the
+    first that was measured in its record.
+    """
     if drive.clock_offset is not None:
         return drive.clock_offset
-    measured = StateChunk.objects.filter(session=drive.session_id, clock_offset__isnull=False).order_by("received_at", "first_seq")
+    measured = StateChunk.objects.filter(
+        session=drive.session_id, clock_offset__isnull=False
+    ).order_by("received_at", "first_seq")
     return measured.values_list("clock_offset", flat=True).first() or 0.0
 
 
 def states_of(drive: Drive) -> Iterator[State]:
     """Yield the stored states of a drive as they came from the robot."""
-    chunks = StateChunk.objects.filter(session=drive.session_id).order_by("received_at", "first_seq")
+    chunks = StateChunk.objects.filter(session=drive.session_id).order_by(
+        "received_at", "first_seq"
+    )
     for chunk in in_parts(chunks.only("states"), 200):
         yield from msgspec.convert(chunk.states, list[State])
 

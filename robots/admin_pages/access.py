@@ -1,4 +1,5 @@
-"""Which robots somebody manages in the administration: owners their own, whoever has Django's rights to a kind of rows all of them.
+"""Which robots somebody manages in the administration: owners their own, whoever has Django's
+rights to a kind of rows all of them.
 
 Robots of others are not forbidden but absent.
 """
@@ -23,7 +24,9 @@ def _user(request: HttpRequest) -> Any:
 
 
 class OfRobots(ShownFilters):
-    """Rows that belong to a robot; `robot` is the way to it in Django's notation, empty for the robot itself."""
+    """Rows that belong to a robot; `robot` is the way to it in Django's notation, empty for the
+    robot itself.
+    """
 
     robot = ""
 
@@ -32,16 +35,25 @@ class OfRobots(ShownFilters):
         return bool(super().has_view_permission(request))
 
     def is_of(self, request: HttpRequest, row: Model | None) -> bool:
-        """Tell whether a row belongs to a robot of whoever asks; without a row, whether they have a robot at all."""
+        """Tell whether a row belongs to a robot of whoever asks; without a row, whether they have a
+        robot at all.
+        """
         if row is None:
-            return bool(_user(request).is_staff) and Robot.objects.filter(owner=_user(request)).exists()
+            return (
+                bool(_user(request).is_staff)
+                and Robot.objects.filter(owner=_user(request)).exists()
+            )
         robot = getattr(row, self.robot) if self.robot else row
         return robot is not None and robot.owner_id == _user(request).pk
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Any]":
         """Leave out what belongs to robots of others."""
         rows: QuerySet[Any] = super().get_queryset(request)
-        return rows if self.sees_all(request) else rows.filter(**{f"{self.robot}__owner" if self.robot else "owner": _user(request)})
+        return (
+            rows
+            if self.sees_all(request)
+            else rows.filter(**{f"{self.robot}__owner" if self.robot else "owner": _user(request)})
+        )
 
     def has_module_permission(self, request: HttpRequest) -> bool:
         """Show the part of the site to owners too."""
@@ -53,30 +65,49 @@ class OfRobots(ShownFilters):
 
 
 class WithDriver(OfRobots):
-    """Rows that show who drives: by name to whoever sees all of them, and to the robot's owner that somebody does."""
+    """Rows that show who drives: by name to whoever sees all of them, and to the robot's owner that
+    somebody does.
+    """
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Any]":
-        """Say with each row whether it may name the driver: a column knows its row and not who asks."""
+        """Say with each row whether it may name the driver: a column knows its row and not who
+        asks.
+        """
         return super().get_queryset(request).annotate(names_driver=Value(self.sees_all(request)))
 
     @staticmethod
     def driver_of(row: Any, session: Any) -> str:
         """Return what the page calls the visitor of a session."""
-        return str(session.visitor.shown_name) if getattr(row, "names_driver", False) else _now("somebody")
+        return (
+            str(session.visitor.shown_name)
+            if getattr(row, "names_driver", False)
+            else _now("somebody")
+        )
 
 
 def theirs_to_change(request: HttpRequest, robots: "QuerySet[Robot]") -> "QuerySet[Robot]":
-    """Leave out robots that whoever asks may only look at: Django asks whether they may do such a thing at all, and not to which."""
-    return robots if _user(request).has_perm("robots.change_robot") else robots.filter(owner=_user(request))
+    """Leave out robots that whoever asks may only look at: Django asks whether they may do such a
+    thing at all, and not to which.
+    """
+    return (
+        robots
+        if _user(request).has_perm("robots.change_robot")
+        else robots.filter(owner=_user(request))
+    )
 
 
-# --- who may drive, for owners, who look nobody up ----------------------------------------------------------------------
+# --- who may drive, for owners, who look nobody up ------------------------------------------------
 
 
 class PermitForm(ModelForm):
     """A permit for somebody whose user name the owner knows: owners see no list of people."""
 
-    person = CharField(label=_("User name"), max_length=150, required=False, widget=TextInput(attrs={"autocomplete": "off"}))
+    person = CharField(
+        label=_("User name"),
+        max_length=150,
+        required=False,
+        widget=TextInput(attrs={"autocomplete": "off"}),
+    )
 
     class Meta:
         model = RobotPermit
@@ -89,7 +120,9 @@ class PermitForm(ModelForm):
             found = User.objects.filter(username=cleaned.get("person", ""), is_active=True).first()
             if found is None:
                 raise ValidationError({"person": _("There is no such user.")})
-            if RobotPermit.objects.filter(robot=self.instance.robot_id, user=found, kind=cleaned.get("kind", "")).exists():
+            if RobotPermit.objects.filter(
+                robot=self.instance.robot_id, user=found, kind=cleaned.get("kind", "")
+            ).exists():
                 raise ValidationError({"person": _("This person has that permit already.")})
             self.instance.user = found
         return cleaned

@@ -14,16 +14,24 @@ STATES = ("open", "closed")
 
 
 def doors_of(robot: Robot) -> list[dict[str, Any]]:
-    """Return the doors of a robot's site: name, title, and the state that the server has set or the plan has."""
+    """Return the doors of a robot's site: name, title, and the state that the server has set or the
+    plan has.
+    """
     plan = robot.floor_plan.plan if robot.floor_plan else {}
     return [
-        {"name": door["name"], "title": door.get("title") or door["name"], "state": robot.doors.get(door["name"], door.get("state", "open"))}
+        {
+            "name": door["name"],
+            "title": door.get("title") or door["name"],
+            "state": robot.doors.get(door["name"], door.get("state", "open")),
+        }
         for door in plan.get("doors", ())
     ]
 
 
 def has_doors(robot: Robot) -> bool:
-    """Tell whether there is a door that the server can move: the robot says so, and its site has one."""
+    """Tell whether there is a door that the server can move: the robot says so, and its site has
+    one.
+    """
     return "doors" in (robot.factsheet or {}).get("capabilities", ()) and bool(doors_of(robot))
 
 
@@ -37,9 +45,12 @@ class DoorPage:
             self._move(request, robot, request.POST.get("door", ""), request.POST.get("state", ""))
             return HttpResponseRedirect(request.path)
         context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
-            "title": _("Doors of %(robot)s") % {"robot": robot}, "robot": robot, "opts": self.opts, "doors": doors_of(robot),  # type: ignore[attr-defined]
+            "title": _("Doors of %(robot)s") % {"robot": robot},
+            "robot": robot,
+            "opts": self.opts,
+            "doors": doors_of(robot),  # type: ignore[attr-defined]
             "movable": has_doors(robot),
-        }  # fmt: skip
+        }
         return render(request, "admin/robots/robot/doors.html", context)
 
     def _move(self, request: HttpRequest, robot: Robot, name: str, state: str) -> None:
@@ -48,7 +59,9 @@ class DoorPage:
             messages.error(request, _("There is no such door."))
             return
         Robot.objects.filter(pk=robot.pk).update(doors=robot.doors | {name: state})
-        text = (_("%(door)s is opened.") if state == "open" else _("%(door)s is closed.")) % {"door": titles[name]}
+        text = (_("%(door)s is opened.") if state == "open" else _("%(door)s is closed.")) % {
+            "door": titles[name]
+        }
         self.log_change(request, robot, text)  # type: ignore[attr-defined]
         audit.note("door_moved", actor=request.user, robot=robot, thing=name, detail=state)
         messages.success(request, text)

@@ -1,4 +1,6 @@
-"""Enrolment and rotation of credentials in the administration, for owners and who oversees the robots."""
+"""Enrolment and rotation of credentials in the administration, for owners and who oversees the
+robots.
+"""
 
 from typing import Any
 
@@ -24,8 +26,10 @@ class EnrolmentPage:
         """Ask whether to make a one-time token, and show it once."""
         robot: Robot = self.managed(request, pk)  # type: ignore[attr-defined]
         context: dict[str, Any] = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
-            "title": _("Enrolment of %(robot)s") % {"robot": robot}, "robot": robot, "opts": self.opts,  # type: ignore[attr-defined]
-        }  # fmt: skip
+            "title": _("Enrolment of %(robot)s") % {"robot": robot},
+            "robot": robot,
+            "opts": self.opts,  # type: ignore[attr-defined]
+        }
         if request.method == "POST":
             context["token"] = make_token(robot, timezone.now())
             context["server"] = request.build_absolute_uri("/").rstrip("/")
@@ -41,5 +45,9 @@ class EnrolmentPage:
             ask_for_renewal(robot, timezone.now())
             self.log_change(request, robot, _("New credentials asked for."))  # type: ignore[attr-defined]
             audit.note("rotation_asked", actor=request.user, robot=robot)
-        text = ngettext("%(n)d robot takes new credentials by itself.", "%(n)d robots take new credentials by themselves.", len(chosen))
+        text = ngettext(
+            "%(n)d robot takes new credentials by itself.",
+            "%(n)d robots take new credentials by themselves.",
+            len(chosen),
+        )
         self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)  # type: ignore[attr-defined]

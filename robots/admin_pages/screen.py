@@ -17,11 +17,15 @@ class ScreenPage:
     """Mixed into the robots' administration, for its permissions and its log."""
 
     def screen_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask whether to make a new key, and show the address once; a POST with `revoke` takes the present one away."""
+        """Ask whether to make a new key, and show the address once; a POST with `revoke` takes the
+        present one away.
+        """
         robot: Robot = self.managed(request, pk)  # type: ignore[attr-defined]
         context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
-            "title": _("Screen of %(robot)s") % {"robot": robot}, "robot": robot, "opts": self.opts,  # type: ignore[attr-defined]
-        }  # fmt: skip
+            "title": _("Screen of %(robot)s") % {"robot": robot},
+            "robot": robot,
+            "opts": self.opts,  # type: ignore[attr-defined]
+        }
         if request.method == "POST" and "revoke" in request.POST:
             revoke_screen_key(robot)
             self.log_change(request, robot, _("Screen key taken away."))  # type: ignore[attr-defined]
@@ -32,5 +36,7 @@ class ScreenPage:
             key = make_screen_key(robot, timezone.now())
             self.log_change(request, robot, _("New screen key."))  # type: ignore[attr-defined]
             audit.note("screen_key_made", actor=request.user, robot=robot)
-            context["address"] = screen_address(robot, key, request.build_absolute_uri("/").rstrip("/"))
+            context["address"] = screen_address(
+                robot, key, request.build_absolute_uri("/").rstrip("/")
+            )
         return render(request, "admin/robots/robot/screen.html", context)

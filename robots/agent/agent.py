@@ -1,7 +1,9 @@
-"""The agent: puts adapter, control loop, broker and media side together, and begins again when one of them breaks.
+"""The agent: puts adapter, control loop, broker and media side together, and begins again when one
+of them breaks.
 
-One of the two supervisors of the project: what must outlive every fault lives here, and nothing else does. Whatever breaks, the base
-is stopped first: by the control loop while it lives, by the adapter's watchdog when it does not.
+One of the two supervisors of the project: what must outlive every fault lives here, and nothing
+else does. Whatever breaks, the base is stopped first: by the control loop while it lives, by the
+adapter's watchdog when it does not.
 """
 
 import logging
@@ -46,7 +48,9 @@ MakeMedia = Callable[[Equipment, AgentConfig, ControlLoop], Media]
 
 def _adapter(config: AgentConfig) -> Adapter:
     memory = config.var / "agent" / config.robot / "pose.json"
-    return registry.autonomous(registry.create(config.adapter, config.profile, config.options), config.plan, memory)
+    return registry.autonomous(
+        registry.create(config.adapter, config.profile, config.options), config.plan, memory
+    )
 
 
 def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> Media:
@@ -67,7 +71,8 @@ def _nothing() -> None:
 
 
 class Agent:
-    """One robot's agent. `run` blocks; `stop` may be called from any thread, and from a signal handler.
+    """One robot's agent. `run` blocks; `stop` may be called from any thread, and from a signal
+    handler.
 
     Args:
         config: who we are and where to go.
@@ -77,7 +82,12 @@ class Agent:
     """
 
     def __init__(
-        self, config: AgentConfig, *, make_adapter: MakeAdapter = _adapter, make_media: MakeMedia = _media, rng: random.Random | None = None
+        self,
+        config: AgentConfig,
+        *,
+        make_adapter: MakeAdapter = _adapter,
+        make_media: MakeMedia = _media,
+        rng: random.Random | None = None,
     ) -> None:
         self._config, self._make_adapter, self._make_media = config, make_adapter, make_media
         self._rng = rng or random.Random()  # noqa: S311 -- spreads attempts in time, keeps no secret
@@ -90,13 +100,16 @@ class Agent:
         self._stopping.set()
 
     def run(self, built: Callable[[], None] = _nothing) -> None:
-        """Serve the robot until `stop`; `built` is called each time when all is loaded that a run needs, before the robot can be driven.
+        """Serve the robot until `stop`; `built` is called each time when all is loaded that a run
+        needs, before the robot can be driven.
 
         Raises:
             ConfigError: it cannot start like this; one sentence.
         """
         self._prepare_store()
-        urls = broker_urls(self._config, Backoff(self._rng, first=1.0, longest=30.0), self._stopping.wait)
+        urls = broker_urls(
+            self._config, Backoff(self._rng, first=1.0, longest=30.0), self._stopping.wait
+        )
         if urls is None:
             return
         self._endpoints(urls)  # a wrong one is told at once
@@ -110,7 +123,8 @@ class Agent:
                 raise
             except AdapterError as error:
                 raise ConfigError(str(error)) from error
-            # Broad, because this is the supervisor: a robot nobody can reach has to come back by itself, whatever went wrong.
+            # Broad, because this is the supervisor: a robot nobody can reach has to come back by
+            # itself, whatever went wrong.
             except Exception:
                 log.exception("agent_crashed robot=%s", self._config.robot)
             if not self._stopping.is_set():
@@ -119,7 +133,9 @@ class Agent:
                 self._stopping.wait(wait)
 
     def _serve(self, endpoints: tuple[Endpoint, ...], built: Callable[[], None]) -> None:
-        """One run of the agent: one boot. Returns when it is to end, or when its control thread has died."""
+        """One run of the agent: one boot. Returns when it is to end, or when its control thread has
+        died.
+        """
         adapter = self._make_adapter(self._config)
         equipment = equipment_of(adapter, self._config)
         boot = new_boot(time.time())
@@ -139,13 +155,20 @@ class Agent:
         built()
         try:
             control.start(media)
-            log.info("agent_started robot=%s adapter=%s boot=%s", self._config.robot, self._config.adapter, boot)
+            log.info(
+                "agent_started robot=%s adapter=%s boot=%s",
+                self._config.robot,
+                self._config.adapter,
+                boot,
+            )
             while not self._stopping.is_set() and not control.wait(GLANCE):
                 pass
         finally:
             control.close()
             media.close()
-            log.info("agent_ended robot=%s boot=%s failed=%s", self._config.robot, boot, control.failed)
+            log.info(
+                "agent_ended robot=%s boot=%s failed=%s", self._config.robot, boot, control.failed
+            )
 
     def _prepare_store(self) -> None:
         try:
@@ -153,14 +176,20 @@ class Agent:
             if self._config.clear_estop:
                 self._store.keep_latch(None)
         except OSError as error:
-            raise ConfigError(f"the agent cannot keep an e-stop in {self._config.var}: {error.strerror or error}") from error
+            raise ConfigError(
+                f"the agent cannot keep an e-stop in {self._config.var}: {error.strerror or error}"
+            ) from error
 
     def _keep_renewing(self) -> None:
         keep_renewing(self._config, self._renewed, self._stopping.wait)
 
     def _renewed(self, lines: dict[str, str]) -> None:
-        """Go on with new credentials from the next connection on; the present one holds as long as the server lets the old ones."""
-        self._config = replace(self._config, token=lines["token"], user=lines.get("user", self._config.robot))
+        """Go on with new credentials from the next connection on; the present one holds as long as
+        the server lets the old ones.
+        """
+        self._config = replace(
+            self._config, token=lines["token"], user=lines.get("user", self._config.robot)
+        )
         if self._link is not None:
             self._link.credentials_changed(self._config.user, lines["token"])
 
@@ -176,15 +205,18 @@ class Agent:
 
 
 def new_boot(unix: float) -> str:
-    """Return the id of a run of the agent. Ids sort by time, so that of two agents of one robot the newer is known."""
+    """Return the id of a run of the agent. Ids sort by time, so that of two agents of one robot the
+    newer is known.
+    """
     return f"{int(unix * 1000):012x}-{secrets.token_hex(4)}"
 
 
 def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability, ...]:
     """Return what the robot can do: the adapter's, and what the agent does by itself.
 
-    Assistance where a sensor tells of obstacles; picture and sound by what there is, photos with a picture; words, calls and dots on what is
-    shared, which every robot's screen can show; a worse network for the driver.
+    Assistance where a sensor tells of obstacles; picture and sound by what there is, photos with a
+    picture; words, calls and dots on what is shared, which every robot's screen can show; a worse
+    network for the driver.
     """
     sees: tuple[Capability, ...] = ("video", "photo") if equipment.video is not None else ()
     hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
@@ -194,7 +226,9 @@ def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability,
     return (*own, *(name for name in ours if name not in own))
 
 
-def factsheet_of(adapter: Adapter, equipment: Equipment, config: AgentConfig, boot: str) -> Factsheet:
+def factsheet_of(
+    adapter: Adapter, equipment: Equipment, config: AgentConfig, boot: str
+) -> Factsheet:
     """Return what everybody may know of the robot; where its camera looks only while it has one."""
     profile = adapter.profile
     return Factsheet(
@@ -216,7 +250,8 @@ def factsheet_of(adapter: Adapter, equipment: Equipment, config: AgentConfig, bo
 
 
 def agent_of(arguments: Mapping[str, Any]) -> Agent:
-    """Return the agent that command line, environment and credentials file make; its credentials are fetched first when that is asked.
+    """Return the agent that command line, environment and credentials file make; its credentials
+    are fetched first when that is asked.
 
     Raises:
         ConfigError: it cannot start like this; one sentence.
@@ -238,7 +273,8 @@ def _check(config: AgentConfig) -> None:
 
 
 def run_until_signalled(agent: Agent) -> None:
-    """Run an agent in the main thread until Ctrl-C or the system's wish to end it; a second Ctrl-C does not wait.
+    """Run an agent in the main thread until Ctrl-C or the system's wish to end it; a second Ctrl-C
+    does not wait.
 
     Raises:
         ConfigError: as `Agent.run`.
@@ -263,9 +299,16 @@ def _log_thread(arguments: threading.ExceptHookArgs) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `python -m robots.agent` and return the exit code."""
-    parser = ArgumentParser(prog="python -m robots.agent", description="The agent of a robot: connects it to a telepresence server.")
+    parser = ArgumentParser(
+        prog="python -m robots.agent",
+        description="The agent of a robot: connects it to a telepresence server.",
+    )
     add_arguments(parser)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s", stream=sys.stderr)
+    logging.basicConfig(
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s %(message)s",
+        stream=sys.stderr,
+    )
     try:
         given = vars(parser.parse_args(arguments))
         if given["check"]:

@@ -14,5 +14,7 @@ class Cadence:
         """Return True when another one is due, and count it as done."""
         if now < self._next:
             return False
-        self._next = self._next + self.period if now - self._next < self.period else now + self.period
+        self._next = (
+            self._next + self.period if now - self._next < self.period else now + self.period
+        )
         return True

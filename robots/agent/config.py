@@ -1,7 +1,9 @@
-"""What an agent is told: by its command line, its environment, or a credentials file, in this order.
+"""What an agent is told: by its command line, its environment, or a credentials file, in this
+order.
 
-A credentials file is TOML, as the site hands it out when credentials are made: `robot`, `token`, and where to reach the server
-(`server`, or the broker itself as `mqtt_url`); it may also name `ca`, `adapter`, `profile`, `plan` and a table of `options`.
+A credentials file is TOML, as the site hands it out when credentials are made: `robot`, `token`,
+and where to reach the server (`server`, or the broker itself as `mqtt_url`); it may also name `ca`,
+`adapter`, `profile`, `plan` and a table of `options`.
 """
 
 import argparse
@@ -18,7 +20,20 @@ from robots.api.messages import NetworkLab
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
 ENVIRONMENT = "TELEPRESENCE_"
-SETTINGS = ("server", "mqtt_url", "token", "ca", "adapter", "profile", "plan", "viewers", "user", "camera", "microphone", "loudspeaker")
+SETTINGS = (
+    "server",
+    "mqtt_url",
+    "token",
+    "ca",
+    "adapter",
+    "profile",
+    "plan",
+    "viewers",
+    "user",
+    "camera",
+    "microphone",
+    "loudspeaker",
+)
 DEFAULT_ADAPTER = "simulator"
 DEFAULT_VIEWERS = 8
 MOST_VIEWERS = 64
@@ -31,7 +46,9 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True)
 class AgentConfig:
-    """Everything that differs between two agents. One of `server` and `mqtt_url` is set; `var` keeps what survives a restart."""
+    """Everything that differs between two agents. One of `server` and `mqtt_url` is set; `var`
+    keeps what survives a restart.
+    """
 
     robot: str
     server: str | None
@@ -46,7 +63,8 @@ class AgentConfig:
     clear_estop: bool = False
     plan: str = ""
     networks: Networks = CLEAN
-    user: str = ""  # at the broker; the robot's name unless the server gave another one with the credentials
+    # at the broker; the robot's name unless the server gave another one with the credentials
+    user: str = ""
     credentials: Path | None = None  # the file that they came from
     camera: str = ""  # devices as devices.words has them; empty is what the adapter has
     microphone: str = ""
@@ -57,37 +75,123 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Name the command line's arguments; `run_robot` and `python -m robots.agent` have the same."""
     parser.add_argument("robot", help="the robot's name, as the site has it")
     parser.add_argument("--server", metavar="URL", help="the site; it says where the broker is")
-    parser.add_argument("--mqtt", metavar="URL", dest="mqtt_url", help="the broker itself: mqtt://, mqtts://, ws:// or wss://host:port")
-    parser.add_argument("--credentials", metavar="FILE", type=Path, help="TOML with robot and token (default: credentials/ROBOT.toml in --var)")
-    parser.add_argument("--enrol", metavar="TOKEN", help="a one-time token: fetch the credentials from --server, keep them in that file, and go on")
-    parser.add_argument("--ca", metavar="FILE", help="certificates to trust besides the system's, for a self-made one")
-    parser.add_argument("--adapter", help=f"which kind of robot control architecture (default without a --server: {DEFAULT_ADAPTER})")
+    parser.add_argument(
+        "--mqtt",
+        metavar="URL",
+        dest="mqtt_url",
+        help="the broker itself: mqtt://, mqtts://, ws:// or wss://host:port",
+    )
+    parser.add_argument(
+        "--credentials",
+        metavar="FILE",
+        type=Path,
+        help="TOML with robot and token (default: credentials/ROBOT.toml in --var)",
+    )
+    parser.add_argument(
+        "--enrol",
+        metavar="TOKEN",
+        help=(
+            "a one-time token: fetch the credentials from --server, keep them in that file, and"
+            " go on"
+        ),
+    )
+    parser.add_argument(
+        "--ca",
+        metavar="FILE",
+        help="certificates to trust besides the system's, for a self-made one",
+    )
+    parser.add_argument(
+        "--adapter",
+        help=(
+            "which kind of robot control architecture (default without a --server:"
+            f" {DEFAULT_ADAPTER})"
+        ),
+    )
     parser.add_argument("--profile", help="which robot of that kind (default: the robot's name)")
-    parser.add_argument("--plan", help="the site where the robot finds its way: a shipped one or a folder (default: what the server says)")
-    parser.add_argument("--option", metavar="NAME=VALUE", action="append", default=[], help="an option of the adapter; may be repeated")
-    parser.add_argument("--viewers", type=int, help=f"how many pages may watch at once (default: {DEFAULT_VIEWERS})")
-    parser.add_argument("--camera", metavar="DEVICE", help="such as /dev/video0, rtsp://host/stream, a file, or none (default: the architecture's)")
-    parser.add_argument("--microphone", metavar="DEVICE", help="such as alsa:default, or none (default: the architecture's)")
-    parser.add_argument("--loudspeaker", metavar="DEVICE", help="such as alsa:default, or none (default: the architecture's)")
-    parser.add_argument("--var", metavar="DIR", type=Path, help="where the agent keeps an e-stop across restarts (default: var)")
-    lab = f"make the driver's network worse, such as {network_words.EXAMPLE},rate=400: ms, %%, kbit/s"
-    parser.add_argument("--control-network", metavar="WORDS", help=f"{lab}; for commands on their way to the robot")
-    parser.add_argument("--video-network", metavar="WORDS", help="the same for picture and sound on their way to the driver")
-    parser.add_argument("--network-seed", metavar="N", default="0", help="the seed of their chance (default: 0)")
-    parser.add_argument("--check", action="store_true", help="try the robot with its wheels off the ground, measure its watchdog, and end")
-    parser.add_argument("--yes", action="store_true", help="with --check: its wheels are off the ground, do not ask")
-    parser.add_argument("--clear-estop", action="store_true", help="let go of an e-stop that was latched: for whoever stands beside the robot")
+    parser.add_argument(
+        "--plan",
+        help=(
+            "the site where the robot finds its way: a shipped one or a folder (default: what the"
+            " server says)"
+        ),
+    )
+    parser.add_argument(
+        "--option",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="an option of the adapter; may be repeated",
+    )
+    parser.add_argument(
+        "--viewers", type=int, help=f"how many pages may watch at once (default: {DEFAULT_VIEWERS})"
+    )
+    parser.add_argument(
+        "--camera",
+        metavar="DEVICE",
+        help=(
+            "such as /dev/video0, rtsp://host/stream, a file, or none (default: the architecture's)"
+        ),
+    )
+    parser.add_argument(
+        "--microphone",
+        metavar="DEVICE",
+        help="such as alsa:default, or none (default: the architecture's)",
+    )
+    parser.add_argument(
+        "--loudspeaker",
+        metavar="DEVICE",
+        help="such as alsa:default, or none (default: the architecture's)",
+    )
+    parser.add_argument(
+        "--var",
+        metavar="DIR",
+        type=Path,
+        help="where the agent keeps an e-stop across restarts (default: var)",
+    )
+    lab = (
+        f"make the driver's network worse, such as {network_words.EXAMPLE},rate=400: ms, %%, kbit/s"
+    )
+    parser.add_argument(
+        "--control-network", metavar="WORDS", help=f"{lab}; for commands on their way to the robot"
+    )
+    parser.add_argument(
+        "--video-network",
+        metavar="WORDS",
+        help="the same for picture and sound on their way to the driver",
+    )
+    parser.add_argument(
+        "--network-seed", metavar="N", default="0", help="the seed of their chance (default: 0)"
+    )
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="try the robot with its wheels off the ground, measure its watchdog, and end",
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="with --check: its wheels are off the ground, do not ask"
+    )
+    parser.add_argument(
+        "--clear-estop",
+        action="store_true",
+        help="let go of an e-stop that was latched: for whoever stands beside the robot",
+    )
 
 
 def load(
-    arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None, *, enrolling: bool = False, checking: bool = False
+    arguments: Mapping[str, Any],
+    environment: Mapping[str, str] | None = None,
+    *,
+    enrolling: bool = False,
+    checking: bool = False,
 ) -> AgentConfig:
     """Return the configuration that command line, environment and credentials file make together.
 
     Args:
         arguments: what `add_arguments` parsed.
-        environment: `TELEPRESENCE_SERVER`, `TELEPRESENCE_TOKEN` and so on; the process's own by default.
-        enrolling: the credentials are still to come: none is asked for, and the file that they will replace is not read.
+        environment: `TELEPRESENCE_SERVER`, `TELEPRESENCE_TOKEN` and so on; the process's own by
+            default.
+        enrolling: the credentials are still to come: none is asked for, and the file that they will
+            replace is not read.
         checking: the robot is tried without a site: none is asked for, and the robot's kind is.
 
     Raises:
@@ -97,14 +201,23 @@ def load(
     robot = _checked_name(str(arguments["robot"]))
     var = Path(arguments.get("var") or environment.get(f"{ENVIRONMENT}VAR") or "var")
     path = credentials_path(arguments, environment)
-    kept = {} if enrolling else _credentials(path, named=path != _usual_path(var, robot), robot=robot)
-    found = {name: _first(arguments.get(name), environment.get(ENVIRONMENT + name.upper()), kept.get(name)) for name in SETTINGS}
+    kept = (
+        {} if enrolling else _credentials(path, named=path != _usual_path(var, robot), robot=robot)
+    )
+    found = {
+        name: _first(
+            arguments.get(name), environment.get(ENVIRONMENT + name.upper()), kept.get(name)
+        )
+        for name in SETTINGS
+    }
     if not checking:
         _check_addresses(arguments, found, enrolling=enrolling)
     _check_adapter(found, enrolling=enrolling or checking)
     return AgentConfig(
         robot=robot,
-        server=None if found["mqtt_url"] or not found["server"] else str(found["server"]).rstrip("/"),
+        server=(
+            None if found["mqtt_url"] or not found["server"] else str(found["server"]).rstrip("/")
+        ),
         mqtt_url=found["mqtt_url"],
         token=found["token"],
         ca=found["ca"],
@@ -130,12 +243,18 @@ def _first(*values: Any) -> Any:
 
 def _checked_name(robot: str) -> str:
     if not ROBOT_NAME.match(robot) or robot in RESERVED_NAMES:
-        raise ConfigError(f"{robot!r} cannot be a robot's name: lower-case letters, digits and hyphens")
+        raise ConfigError(
+            f"{robot!r} cannot be a robot's name: lower-case letters, digits and hyphens"
+        )
     return robot
 
 
-def credentials_path(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None) -> Path:
-    """Return where the credentials are, or are to be: the file that was named, or where the site keeps those on its own machine."""
+def credentials_path(
+    arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None
+) -> Path:
+    """Return where the credentials are, or are to be: the file that was named, or where the site
+    keeps those on its own machine.
+    """
     environment = os.environ if environment is None else environment
     var = Path(arguments.get("var") or environment.get(f"{ENVIRONMENT}VAR") or "var")
     named = arguments.get("credentials") or environment.get(f"{ENVIRONMENT}CREDENTIALS")
@@ -153,35 +272,59 @@ def _credentials(path: Path, *, named: bool, robot: str) -> dict[str, Any]:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ConfigError(f"the credentials file {path} cannot be read: {error.strerror or error}") from error
+        raise ConfigError(
+            f"the credentials file {path} cannot be read: {error.strerror or error}"
+        ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"the credentials file {path} is not TOML: {error}") from error
     if content.get("robot", robot) != robot:
-        raise ConfigError(f"the credentials file {path} is of the robot {content['robot']!r}, not of {robot!r}")
+        raise ConfigError(
+            f"the credentials file {path} is of the robot {content['robot']!r}, not of {robot!r}"
+        )
     odd = [name for name in SETTINGS if not isinstance(content.get(name, ""), str | int)]
     if odd or not isinstance(content.get("options", {}), dict):
-        raise ConfigError(f"in the credentials file {path}, {odd[0] if odd else 'options'} is not what it should be")
+        raise ConfigError(
+            f"in the credentials file {path}, {odd[0] if odd else 'options'} is not what it"
+            " should be"
+        )
     return content
 
 
-def _check_addresses(arguments: Mapping[str, Any], found: dict[str, Any], *, enrolling: bool) -> None:
+def _check_addresses(
+    arguments: Mapping[str, Any], found: dict[str, Any], *, enrolling: bool
+) -> None:
     if arguments.get("server") and arguments.get("mqtt_url"):
-        raise ConfigError("--server and --mqtt exclude each other: the server says where its broker is")
+        raise ConfigError(
+            "--server and --mqtt exclude each other: the server says where its broker is"
+        )
     if arguments.get("server"):
         found["mqtt_url"] = None  # what the command line says overrules the file
     if not found["server"] and not found["mqtt_url"]:
-        raise ConfigError("where is the server? Give --server URL, or --mqtt URL for the broker itself, or --credentials FILE with one of them")
+        raise ConfigError(
+            "where is the server? Give --server URL, or --mqtt URL for the broker itself, or"
+            " --credentials FILE with one of them"
+        )
     if not found["mqtt_url"]:
         if not str(found["server"]).startswith(("https://", "http://")):
-            raise ConfigError(f"the server's address begins with https:// or http://, not {found['server']!r}")
+            raise ConfigError(
+                f"the server's address begins with https:// or http://, not {found['server']!r}"
+            )
         if not found["token"] and not enrolling:
-            raise ConfigError("the server asks for credentials: give --credentials FILE, which it hands out when they are made")
+            raise ConfigError(
+                "the server asks for credentials: give --credentials FILE, which it hands out when"
+                " they are made"
+            )
 
 
 def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
-    """Let nobody meet a simulated robot in the place of a real one: an agent that reaches its site from elsewhere says what it drives."""
+    """Let nobody meet a simulated robot in the place of a real one: an agent that reaches its site
+    from elsewhere says what it drives.
+    """
     if not found["adapter"] and (enrolling or not found["mqtt_url"]):
-        raise ConfigError("which robot is this? Give --adapter (ros1, ros2, rosbridge, moos, openmora_mqtt, simulator, or a .py file)")
+        raise ConfigError(
+            "which robot is this? Give --adapter (ros1, ros2, rosbridge, moos, openmora_mqtt,"
+            " simulator, or a .py file)"
+        )
 
 
 def _options(given: list[str]) -> dict[str, str]:
@@ -193,10 +336,14 @@ def _options(given: list[str]) -> dict[str, str]:
 
 
 def _networks(arguments: Mapping[str, Any]) -> Networks:
-    """Return what the command line puts on drivers' networks; as in a study, the picture's seed is the next one."""
+    """Return what the command line puts on drivers' networks; as in a study, the picture's seed is
+    the next one.
+    """
     text = str(arguments.get("network_seed") or "0")
     if not (text.isdecimal() and int(text) <= LARGEST_SEED):
-        raise ConfigError(f"--network-seed is a whole number from 0 to {LARGEST_SEED}, not {text!r}")
+        raise ConfigError(
+            f"--network-seed is a whole number from 0 to {LARGEST_SEED}, not {text!r}"
+        )
     seed = int(text)
     control = _network("--control-network", arguments.get("control_network"), seed)
     return Networks(control, _network("--video-network", arguments.get("video_network"), seed + 1))

@@ -47,7 +47,8 @@ def unpack(decoder: msgspec.msgpack.Decoder[Message], body: bytes) -> Message:
     """
     try:
         return decoder.decode(body)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:  # a text that is none is told so by Python, not by msgspec
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        # a text that is none is told so by Python, not by msgspec
         raise WireError(str(error)) from error
 
 
@@ -78,7 +79,8 @@ async def read(reader: asyncio.StreamReader, limit: int = LIMIT) -> bytes:
 
 
 async def bodies(reader: asyncio.StreamReader, limit: int = LIMIT) -> AsyncIterator[bytes]:
-    """Yield the bytes of every message; those that arrive together wake the loop once, where `read` waits twice for each.
+    """Yield the bytes of every message; those that arrive together wake the loop once, where `read`
+    waits twice for each.
 
     Raises:
         WireError: one is no message.

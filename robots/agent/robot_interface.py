@@ -1,9 +1,11 @@
 """What an adapter is: the one place where this project meets a robot control architecture (RCA).
 
-An adapter translates and nothing more. It never decides what is safe (the safety kernel has done so before `apply`), and never
-sees MQTT or WebRTC. To connect a new robot, write one class with these members and name it in registry.py.
+An adapter translates and nothing more. It never decides what is safe (the safety kernel has done so
+before `apply`), and never sees MQTT or WebRTC. To connect a new robot, write one class with these
+members and name it in registry.py.
 
-Times: `stamp` is Unix time in seconds of the robot's computer. Lengths in metres, angles in radians, x forward, y left.
+Times: `stamp` is Unix time in seconds of the robot's computer. Lengths in metres, angles in
+radians, x forward, y left.
 """
 
 from collections.abc import AsyncIterator
@@ -33,18 +35,22 @@ from robots.api.messages import (
 )
 
 UNKNOWN_BATTERY = Battery(charging=None)  # that of a robot that has not said, or cannot say
-NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)  # the pose of a robot that has no localization
+# the pose of a robot that has no localization
+NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)
 
 
 class AdapterError(Exception):
-    """The robot control architecture cannot be reached, or said no; the message is one sentence for the robot's owner."""
+    """The robot control architecture cannot be reached, or said no; the message is one sentence for
+    the robot's owner.
+    """
 
 
 class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
     """A sensor that measures the distance of the nearest thing in a cone: ultrasound, or infrared.
 
-    It sits at `x`, `y` in the robot's frame and looks along `theta`; `width` is the whole angle of its cone, in radians. It measures
-    nothing beyond `farthest` metres, and what is nearer than `nearest` as that.
+    It sits at `x`, `y` in the robot's frame and looks along `theta`; `width` is the whole angle of
+    its cone, in radians. It measures nothing beyond `farthest` metres, and what is nearer than
+    `nearest` as that.
     """
 
     x: float
@@ -56,7 +62,9 @@ class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the points of `RcaState.points` are seen from, as `Sonar`: the middle of the view, its whole angle, and how far it reaches."""
+    """Where the points of `RcaState.points` are seen from, as `Sonar`: the middle of the view, its
+    whole angle, and how far it reaches.
+    """
 
     x: float = 0.0
     y: float = 0.0
@@ -69,14 +77,16 @@ class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
 class Profile:
     """What is fixed about a robot, known before `connect()`: the adapter's share of the factsheet.
 
-    `footprint` is a convex polygon of (x, y) in the robot's frame; `watchdog` the seconds after which the base stops by itself
-    when the agent is dead or stuck. An adapter without a watchdog is refused.
+    `footprint` is a convex polygon of (x, y) in the robot's frame; `watchdog` the seconds after
+    which the base stops by itself when the agent is dead or stuck. An adapter without a watchdog is
+    refused.
 
-    What else a robot gets follows from what is named here, one by one: who names sensors for obstacles gets a collision monitor and
-    assistance (obstacle_sources.py), and who names a `laser` gets the localization and the navigation that it lacks (autonomy.py).
-    Sensors for obstacles are `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and `depth` (`points`).
-    `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it stands there when it is connected
-    first; both are empty when the RCA cannot know.
+    What else a robot gets follows from what is named here, one by one: who names sensors for
+    obstacles gets a collision monitor and assistance (obstacle_sources.py), and who names a `laser`
+    gets the localization and the navigation that it lacks (autonomy.py). Sensors for obstacles are
+    `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and `depth` (`points`).
+    `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it
+    stands there when it is connected first; both are empty when the RCA cannot know.
     """
 
     series: str
@@ -98,7 +108,9 @@ class Profile:
 
 @dataclass(frozen=True)
 class SonarEcho:
-    """One measurement of one of `Profile.sonars`, by its index: metres from the sensor, None where nothing came back."""
+    """One measurement of one of `Profile.sonars`, by its index: metres from the sensor, None where
+    nothing came back.
+    """
 
     sonar: int
     stamp: float
@@ -107,7 +119,9 @@ class SonarEcho:
 
 @dataclass(frozen=True, eq=False)
 class ObstaclePoints:
-    """What a depth camera sees of obstacles at `stamp`: (n, 2) in the robot's frame, metres, the floor and what is overhead left out."""
+    """What a depth camera sees of obstacles at `stamp`: (n, 2) in the robot's frame, metres, the
+    floor and what is overhead left out.
+    """
 
     stamp: float
     points: npt.NDArray[np.float64]
@@ -117,14 +131,18 @@ class ObstaclePoints:
 class RcaState:
     """One reading of everything the RCA reports.
 
-    `charger_contact` tells whether the charging contacts meet now, or the robot charges: whether it is docked, robots/api/docked.py says.
-    `pose` is `NOWHERE` when the RCA does not localize itself; `odometry` is dead reckoning, in a frame of its own that begins anywhere.
-    `clearance` is the distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts the
-    collisions that began since connect(), `distance` the metres driven since then. `estop` is true while the robot's own
-    emergency button is pressed. `path` is what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
-    `scan`, `sonar` and `points` are what is new since the reading before. `bumper` has the directions, in radians in the robot's frame, in
-    which something touches the robot now: () nothing, None when that is not known. `assist_why` and `assist_point` say what the assistance
-    of an RCA that has one minds, as in `messages.State`. `battery` and `tilt` have None for what the robot does not know: never a guess.
+    `charger_contact` tells whether the charging contacts meet now, or the robot charges: whether it
+    is docked, robots/api/docked.py says. `pose` is `NOWHERE` when the RCA does not localize itself;
+    `odometry` is dead reckoning, in a frame of its own that begins anywhere. `clearance` is the
+    distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts
+    the collisions that began since connect(), `distance` the metres driven since then. `estop` is
+    true while the robot's own emergency button is pressed. `path` is what the robot follows by
+    itself, in map metres, () when that is nothing, None when unknown. `scan`, `sonar` and `points`
+    are what is new since the reading before. `bumper` has the directions, in radians in the robot's
+    frame, in which something touches the robot now: () nothing, None when that is not known.
+    `assist_why` and `assist_point` say what the assistance of an RCA that has one minds, as in
+    `messages.State`. `battery` and `tilt` have None for what the robot does not know: never a
+    guess.
     """
 
     stamp: float
@@ -162,8 +180,9 @@ class ActionProgress:
 class Frame:
     """A picture; `stamp` is when the camera sampled the world.
 
-    `image` is uint8: (height, width, 3) RGB, or for `yuv420p` (height * 3 / 2, width), the rows of Y, then U and V at half the size in
-    both directions: BT.601, 16 to 235, what the encoder takes without another conversion. pixels.py turns both into a video frame.
+    `image` is uint8: (height, width, 3) RGB, or for `yuv420p` (height * 3 / 2, width), the rows of
+    Y, then U and V at half the size in both directions: BT.601, 16 to 235, what the encoder takes
+    without another conversion. pixels.py turns both into a video frame.
     """
 
     image: npt.NDArray[np.uint8]
@@ -213,7 +232,9 @@ class AudioSource(Protocol):
 
 
 class Speaker(Protocol):
-    """The robot's loudspeaker. All methods are called from one thread of the media side, which may wait for them."""
+    """The robot's loudspeaker. All methods are called from one thread of the media side, which may
+    wait for them.
+    """
 
     def start(self) -> None:
         """Get ready to play; idempotent.
@@ -234,7 +255,9 @@ class Speaker(Protocol):
 
 
 class Display(Protocol):
-    """A display of the robot that is not a browser (one that is opens the page of the robot's screen). Called like a Speaker."""
+    """A display of the robot that is not a browser (one that is opens the page of the robot's
+    screen). Called like a Speaker.
+    """
 
     def start(self) -> None:
         """Get ready to show; idempotent.
@@ -255,7 +278,9 @@ class Display(Protocol):
 
 
 class Adapter(Protocol):
-    """A robot control architecture, as the agent sees it. All methods run on the control loop and none may block it."""
+    """A robot control architecture, as the agent sees it. All methods run on the control loop and
+    none may block it.
+    """
 
     profile: Profile
 
@@ -269,8 +294,8 @@ class Adapter(Protocol):
     def apply(self, velocity: Velocity) -> Velocity:
         """Send a velocity to the base, now, and return what was really sent.
 
-        Called on every accepted command and on every tick (50 Hz) while the robot moves; zeros are sent to brake and then
-        silence, so that idle never fights a planner. Must return at once.
+        Called on every accepted command and on every tick (50 Hz) while the robot moves; zeros are
+        sent to brake and then silence, so that idle never fights a planner. Must return at once.
 
         Raises:
             AdapterError: the RCA is gone; the agent reports the robot unavailable and reconnects.
@@ -287,7 +312,9 @@ class Adapter(Protocol):
         """Cancel a running action; unknown ids are ignored."""
 
     def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's state as it comes, at least at 10 Hz; ends or raises AdapterError when the RCA is gone."""
+        """Yield the RCA's state as it comes, at least at 10 Hz; ends or raises AdapterError when
+        the RCA is gone.
+        """
 
     def progress(self) -> AsyncIterator[ActionProgress]:
         """Yield news of started actions."""
@@ -299,7 +326,9 @@ class Adapter(Protocol):
         """Return the microphone, or None."""
 
     def configure(self, config: Any) -> None:
-        """Take a `Config` message (assist level, doors of the simulator); what does not concern the RCA is ignored."""
+        """Take a `Config` message (assist level, doors of the simulator); what does not concern the
+        RCA is ignored.
+        """
 
     async def close(self) -> None:
         """Leave the robot standing and let go of it."""
@@ -307,7 +336,8 @@ class Adapter(Protocol):
 
 @runtime_checkable
 class Navigating(Protocol):
-    """What an adapter offers besides when localization or navigation run in the agent, so that the safety kernel rules them too.
+    """What an adapter offers besides when localization or navigation run in the agent, so that the
+    safety kernel rules them too.
 
     `dock` is this robot's own on the map, None when there is not exactly one.
     """
@@ -317,10 +347,13 @@ class Navigating(Protocol):
         """Where the robot stands when it is docked."""
 
     def wanted(self) -> Velocity | None:
-        """Return the velocity that a running action wants now, None when none does; an old wish is a wish to stand."""
+        """Return the velocity that a running action wants now, None when none does; an old wish is
+        a wish to stand.
+        """
 
     def located(self, reading: RcaState, points: npt.NDArray[np.float64]) -> RcaState:
-        """Take a reading of `states()`, and (n, 2) points of obstacles in the robot's frame; return it with pose, path and complaints.
+        """Take a reading of `states()`, and (n, 2) points of obstacles in the robot's frame; return
+        it with pose, path and complaints.
 
         Raises:
             AdapterError: what looks after navigation has ended.
@@ -332,7 +365,9 @@ class Navigating(Protocol):
 
 @runtime_checkable
 class WithOutputs(Protocol):
-    """What an adapter offers besides when the robot has a loudspeaker or a display that the agent may use."""
+    """What an adapter offers besides when the robot has a loudspeaker or a display that the agent
+    may use.
+    """
 
     def speaker(self) -> Speaker | None:
         """Return the loudspeaker, always the same one, or None."""
@@ -342,11 +377,14 @@ class WithOutputs(Protocol):
 
 
 FromPage = Literal["page"]
-FROM_PAGE: FromPage = "page"  # in the place of a source: the page of the robot's own screen gives it
+# in the place of a source: the page of the robot's own screen gives it
+FROM_PAGE: FromPage = "page"
 
 Outputs = tuple[Speaker | None, Display | None]
 
 
 def outputs_of(adapter: Adapter) -> Outputs:
     """Return the robot's loudspeaker and display, None for each that it does not have."""
-    return (adapter.speaker(), adapter.display()) if isinstance(adapter, WithOutputs) else (None, None)
+    return (
+        (adapter.speaker(), adapter.display()) if isinstance(adapter, WithOutputs) else (None, None)
+    )

@@ -1,6 +1,8 @@
-"""What an agent must not forget when it is restarted: a latched e-stop, and the newest lease it has seen.
+"""What an agent must not forget when it is restarted: a latched e-stop, and the newest lease it has
+seen.
 
-Small JSON files, replaced whole. A latch that cannot be read counts as latched: the robot stays where it is until somebody looks.
+Small JSON files, replaced whole. A latch that cannot be read counts as latched: the robot stays
+where it is until somebody looks.
 """
 
 import contextlib
@@ -38,18 +40,29 @@ class Store:
         probe.unlink()
 
     def shortage(self) -> tuple[str, ...]:
-        """Return what the robot's `errors` say of a disk that fills up: `disk_low` or `disk_full`, a colon, and what is left. Quick."""
+        """Return what the robot's `errors` say of a disk that fills up: `disk_low` or `disk_full`,
+        a colon, and what is left. Quick.
+        """
         try:
             state = self._space.state() if self._latch.parent.is_dir() else "ok"
         except OSError:  # a disk that is dying
             state = "full"
-        return () if state == "ok" else (f"disk_{state}: {self._space.free() // MIB} MB are free on the robot's computer",)
+        return (
+            ()
+            if state == "ok"
+            else (f"disk_{state}: {self._space.free() // MIB} MB are free on the robot's computer",)
+        )
 
     def latch(self) -> EStopLatch | None:
         """Return the e-stop that was held when the agent ended."""
         try:
             content = json.loads(self._latch.read_text(encoding="utf-8"))
-            return EStopLatch(str(content["source"]), float(content["stamp"]), str(content["user"]), str(content["detail"]))
+            return EStopLatch(
+                str(content["source"]),
+                float(content["stamp"]),
+                str(content["user"]),
+                str(content["detail"]),
+            )
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -71,7 +84,12 @@ class Store:
         """Return the newest grant seen before the agent ended; one that cannot be read is none."""
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             content = json.loads(self._lease.read_text(encoding="utf-8"))
-            return Remembered(str(content["session"]), int(content["epoch"]), int(content["renewal"]), float(content["stamp"]))
+            return Remembered(
+                str(content["session"]),
+                int(content["epoch"]),
+                int(content["renewal"]),
+                float(content["stamp"]),
+            )
         return None
 
     def keep_lease(self, newest: Remembered) -> None:

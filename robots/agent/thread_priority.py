@@ -1,10 +1,12 @@
-"""Going before others when the computer is busy: the agent before other programs, its control loop before the rest of it.
+"""Going before others when the computer is busy: the agent before other programs, its control loop
+before the rest of it.
 
-Measured with four busy processes on two cores: a thread that wakes 50 times a second is late by 89 ms (p99) without, by 12 ms with
-it. The rest of the agent is raised as well, because whichever of its threads holds the interpreter's lock must not be kept waiting
-by another program while the control loop waits for the lock. Linux gives every thread a nice value of its own and passes it on to
-whatever the thread starts; other systems have none, and an ordinary user may be refused (`LimitNICE=` of a systemd unit allows it):
-then everything goes on as before.
+Measured with four busy processes on two cores: a thread that wakes 50 times a second is late by 89
+ms (p99) without, by 12 ms with it. The rest of the agent is raised as well, because whichever of
+its threads holds the interpreter's lock must not be kept waiting by another program while the
+control loop waits for the lock. Linux gives every thread a nice value of its own and passes it on
+to whatever the thread starts; other systems have none, and an ordinary user may be refused
+(`LimitNICE=` of a systemd unit allows it): then everything goes on as before.
 """
 
 import logging

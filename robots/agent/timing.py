@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class TimeSource:
-    """`now` never jumps and judges durations (s, monotonic); `unix` is what stamps say (s, Unix time)."""
+    """`now` never jumps and judges durations (s, monotonic); `unix` is what stamps say (s, Unix
+    time).
+    """
 
     now: Callable[[], float] = time.monotonic
     unix: Callable[[], float] = time.time

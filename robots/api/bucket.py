@@ -1,4 +1,6 @@
-"""How much anybody may say: a token bucket, the same at both ends. Pure; `now` in monotonic seconds."""
+"""How much anybody may say: a token bucket, the same at both ends. Pure; `now` in monotonic
+seconds.
+"""
 
 from dataclasses import dataclass
 
@@ -14,7 +16,11 @@ class Bucket:
 
     def spend(self, now: float) -> bool:
         """Take one thing through; False when there have been too many."""
-        self.level = self.burst if self.level < 0.0 else min(self.burst, self.level + (now - self.at) * self.rate)
+        self.level = (
+            self.burst
+            if self.level < 0.0
+            else min(self.burst, self.level + (now - self.at) * self.rate)
+        )
         self.at = now
         if self.level < 1.0:
             return False

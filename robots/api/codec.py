@@ -1,7 +1,7 @@
 """Bytes to messages and back, with limits on size and range.
 
-`decode` is the only door: what passes it has the right type and ranges. What does not raises `Rejection`, which every caller
-counts and drops; nothing on the wire may raise into a loop.
+`decode` is the only door: what passes it has the right type and ranges. What does not raises
+`Rejection`, which every caller counts and drops; nothing on the wire may raise into a loop.
 """
 
 from typing import Any
@@ -14,7 +14,10 @@ from robots.api.messages import Message
 
 _encoder = msgspec.json.Encoder()
 # Made now, by one thread: see robots/api/prepared.py.
-_decoders: dict[str, Any] = {topic.suffix: msgspec.json.Decoder(topic.content) for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)}
+_decoders: dict[str, Any] = {
+    topic.suffix: msgspec.json.Decoder(topic.content)
+    for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)
+}
 MAX_FRAME = max(topic.limit for topic in topics.TABLE)
 
 
@@ -29,7 +32,8 @@ def encode_frame(suffix: str, message: Message) -> str:
 
 
 def decode(suffix: str, payload: bytes | str, direction: topics.Direction | None = None) -> Any:
-    """Return the message that `payload` holds, of the class that the topic table names for `suffix`.
+    """Return the message that `payload` holds, of the class that the topic table names for
+    `suffix`.
 
     Args:
         suffix: a concrete suffix such as `command/velocity` or `signal/p1`.

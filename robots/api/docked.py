@@ -1,8 +1,10 @@
-"""When a robot is docked: one rule for the agent, for docking by itself, and for the task of a study.
+"""When a robot is docked: one rule for the agent, for docking by itself, and for the task of a
+study.
 
-The charging contacts meet, or the robot charges, while it stands still and nobody drives it, for `seconds` without a break. A robot
-that slides along its station makes contact and loses it again; only one that stays there after its visitor has let go is docked. It is
-docked until the contacts have been apart for `release` seconds: contacts sit on springs and bounce.
+The charging contacts meet, or the robot charges, while it stands still and nobody drives it, for
+`seconds` without a break. A robot that slides along its station makes contact and loses it again;
+only one that stays there after its visitor has let go is docked. It is docked until the contacts
+have been apart for `release` seconds: contacts sit on springs and bounce.
 
 Pure: readings come in, one at a time and in order, and a frozen state goes out.
 """
@@ -14,8 +16,9 @@ from dataclasses import dataclass
 class DockedRule:
     """What counts as docked.
 
-    `seconds` is for how long everything must hold; `linear` (m/s) and `angular` (rad/s) are the most that counts as standing still;
-    `release` is for how long (s) the contacts must be apart; across more than `gap` seconds without a reading nothing is continuous.
+    `seconds` is for how long everything must hold; `linear` (m/s) and `angular` (rad/s) are the
+    most that counts as standing still; `release` is for how long (s) the contacts must be apart;
+    across more than `gap` seconds without a reading nothing is continuous.
     """
 
     seconds: float = 2.0
@@ -31,7 +34,9 @@ ROUNDING = 1e-6  # seconds that a sum of periods may miss
 
 @dataclass(frozen=True, kw_only=True)
 class DockReading:
-    """One moment: seconds, m/s, rad/s. `released` tells that no velocity but zero is asked of the wheels."""
+    """One moment: seconds, m/s, rad/s. `released` tells that no velocity but zero is asked of the
+    wheels.
+    """
 
     at: float
     contact: bool
@@ -44,8 +49,9 @@ class DockReading:
 class DockState:
     """How a robot stands to its station.
 
-    `touching`: the contacts meet, or met within the last `release` seconds. `resting_since` is the time from which contact, standstill
-    and released controls hold together, `apart_since` that from which the contacts do not meet; None where that is not so.
+    `touching`: the contacts meet, or met within the last `release` seconds. `resting_since` is the
+    time from which contact, standstill and released controls hold together, `apart_since` that from
+    which the contacts do not meet; None where that is not so.
     """
 
     docked: bool = False
@@ -65,7 +71,13 @@ def follow(rule: DockedRule, before: DockState, reading: DockReading) -> DockSta
     continuous = before.at is not None and reading.at - before.at <= rule.gap
     since = before.resting_since if continuous and before.resting_since is not None else reading.at
     has_rested = rests and reading.at - since >= rule.seconds - ROUNDING
-    apart_since = None if reading.contact else reading.at if before.apart_since is None else before.apart_since
+    apart_since = (
+        None
+        if reading.contact
+        else reading.at
+        if before.apart_since is None
+        else before.apart_since
+    )
     is_apart = apart_since is not None and reading.at - apart_since >= rule.release - ROUNDING
     return DockState(
         docked=has_rested or (before.docked and not is_apart),

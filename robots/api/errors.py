@@ -2,15 +2,19 @@
 
 from typing import Literal
 
-RejectionReason = Literal["oversized", "malformed", "unknown_topic", "wrong_direction", "not_from_server"]
+RejectionReason = Literal[
+    "oversized", "malformed", "unknown_topic", "wrong_direction", "not_from_server"
+]
 
 
 class Rejection(ValueError):  # noqa: N818 -- the wire's own word: a message is rejected, nothing has failed
     """A message that was refused before anybody acted on it.
 
     Args:
-        reason: one of `oversized`, `malformed`, `unknown_topic`, `wrong_direction`, `not_from_server`; the key under which it is counted.
-        detail: what exactly was wrong, for the log; never shown to a visitor and never the payload itself.
+        reason: one of `oversized`, `malformed`, `unknown_topic`, `wrong_direction`,
+            `not_from_server`; the key under which it is counted.
+        detail: what exactly was wrong, for the log; never shown to a visitor and never the payload
+            itself.
     """
 
     def __init__(self, reason: RejectionReason, detail: str = "") -> None:

@@ -1,9 +1,11 @@
 """A site as data: plan.json, which stands beside the map_server image of the same place.
 
-The simulator builds its walls, rooms and pictures from it; the server and the page's map take names, doors, docks, checkpoints
-and places. Metres and radians in the frame of the map. On the wire it is camelCase JSON, like every other message.
+The simulator builds its walls, rooms and pictures from it; the server and the page's map take
+names, doors, docks, checkpoints and places. Metres and radians in the frame of the map. On the wire
+it is camelCase JSON, like every other message.
 
-Two layers of checks: msgspec refuses what is malformed, `problems()` what is well-formed and cannot be a place.
+Two layers of checks: msgspec refuses what is malformed, `problems()` what is well-formed and cannot
+be a place.
 """
 
 import math
@@ -24,8 +26,20 @@ DoorState = Literal["open", "closed"]
 WallMaterial = Literal["plaster", "brick", "wallpaper", "panelling", "two_tone", "concrete", "trim"]
 FloorMaterial = Literal["oak", "tiles", "carpet", "concrete"]
 FurnitureKind = Literal[
-    "desk", "chair", "sofa", "armchair", "table", "bookcase", "cabinet", "plant", "lamp", "bench", "television", "box", "cylinder",
-]  # fmt: skip
+    "desk",
+    "chair",
+    "sofa",
+    "armchair",
+    "table",
+    "bookcase",
+    "cabinet",
+    "plant",
+    "lamp",
+    "bench",
+    "television",
+    "box",
+    "cylinder",
+]
 DecorationKind = Literal["picture", "window", "whiteboard", "poster", "clock", "sign", "screen"]
 
 MINIMUM_DOOR = 0.5
@@ -42,8 +56,17 @@ class FloorPlanError(ValueError):
         self.problems = problems
 
 
-class Part(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True, forbid_unknown_fields=True):
-    """Base of everything in a plan. Unknown fields are refused: in a file made by hand they are slips of the pen."""
+class Part(
+    Struct,
+    frozen=True,
+    kw_only=True,
+    rename="camel",
+    omit_defaults=True,
+    forbid_unknown_fields=True,
+):
+    """Base of everything in a plan. Unknown fields are refused: in a file made by hand they are
+    slips of the pen.
+    """
 
 
 class Placed(Part, frozen=True, kw_only=True):
@@ -72,7 +95,9 @@ class Surface(Part, frozen=True, kw_only=True):
 
 
 class Wall(Part, frozen=True, kw_only=True):
-    """A straight wall from floor to ceiling: centre line, thickness, and its two sides as seen when walking from start to end."""
+    """A straight wall from floor to ceiling: centre line, thickness, and its two sides as seen when
+    walking from start to end.
+    """
 
     start: Point
     end: Point
@@ -94,7 +119,9 @@ class Passage(Part, frozen=True, kw_only=True):
 
 
 class Door(Part, frozen=True, kw_only=True):
-    """A door: the closed leaf runs from the hinge at `start` to `end`; open, it is turned by `swing` about the hinge."""
+    """A door: the closed leaf runs from the hinge at `start` to `end`; open, it is turned by
+    `swing` about the hinge.
+    """
 
     name: Key
     title: Name
@@ -110,7 +137,9 @@ class Door(Part, frozen=True, kw_only=True):
 
 
 class Decoration(Part, frozen=True, kw_only=True):
-    """Something flat on a wall's face: `x`, `y` its centre on that face, `z` the height of its centre, in metres."""
+    """Something flat on a wall's face: `x`, `y` its centre on that face, `z` the height of its
+    centre, in metres.
+    """
 
     kind: DecorationKind
     x: Metres
@@ -136,7 +165,8 @@ class Mirror(Part, frozen=True, kw_only=True):
 class Furniture(Part, frozen=True, kw_only=True):
     """A thing that stands on the floor.
 
-    A box is `width` along its own x and `depth` along its y, its front looks to -y; a cylinder is `width` across.
+    A box is `width` along its own x and `depth` along its y, its front looks to -y; a cylinder is
+    `width` across.
     """
 
     name: Key
@@ -152,7 +182,9 @@ class Furniture(Part, frozen=True, kw_only=True):
 
 
 class Rug(Part, frozen=True, kw_only=True):
-    """Something flat on the floor that nobody bumps into: `width` along its own x, `depth` along its y."""
+    """Something flat on the floor that nobody bumps into: `width` along its own x, `depth` along
+    its y.
+    """
 
     x: Metres
     y: Metres
@@ -172,7 +204,9 @@ class Station(Part, frozen=True, kw_only=True):
 
 
 class Dock(Part, frozen=True, kw_only=True):
-    """A charging station for one series of robots; `x`, `y`, `theta` is the pose of the docked robot, nose to the station."""
+    """A charging station for one series of robots; `x`, `y`, `theta` is the pose of the docked
+    robot, nose to the station.
+    """
 
     name: Key
     title: Name
@@ -201,7 +235,9 @@ class Checkpoint(Part, frozen=True, kw_only=True):
 
 
 class Route(Part, frozen=True, kw_only=True):
-    """The checkpoints for one series of robots, 0 (its dock) first, and the path that is suggested between them."""
+    """The checkpoints for one series of robots, 0 (its dock) first, and the path that is suggested
+    between them.
+    """
 
     type: Key
     checkpoints: Annotated[tuple[Checkpoint, ...], Meta(min_length=2, max_length=100)]
@@ -253,7 +289,8 @@ def decode(data: bytes | str) -> FloorPlan:
     """Return a checked plan.
 
     Raises:
-        FloorPlanError: malformed JSON, a wrong type or range (with its path in the file), or a plan that cannot be a place.
+        FloorPlanError: malformed JSON, a wrong type or range (with its path in the file), or a plan
+            that cannot be a place.
     """
     try:
         plan = _decoder.decode(data)
@@ -281,15 +318,27 @@ def contains(polygon: tuple[Point, ...], x: float, y: float) -> bool:
 
 def problems(plan: FloorPlan) -> tuple[str, ...]:
     """Return what is wrong with a well-formed plan, one sentence each; empty when nothing is."""
-    return (*_double_names(plan), *_flat(plan), *_too_high_or_narrow(plan), *_unknown_rooms(plan), *_outside(plan), *_bad_routes(plan))
+    return (
+        *_double_names(plan),
+        *_flat(plan),
+        *_too_high_or_narrow(plan),
+        *_unknown_rooms(plan),
+        *_outside(plan),
+        *_bad_routes(plan),
+    )
 
 
 def _double_names(plan: FloorPlan) -> Iterator[str]:
     groups = {
-        "room": [r.name for r in plan.rooms], "door or passage": [o.name for o in plan.openings],
-        "dock": [d.name for d in plan.docks], "place": [p.name for p in plan.places], "start": [s.name for s in plan.starts],
-        "furniture": [f.name for f in plan.furniture], "mirror": [m.name for m in plan.mirrors], "route": [r.type for r in plan.routes],
-    }  # fmt: skip
+        "room": [r.name for r in plan.rooms],
+        "door or passage": [o.name for o in plan.openings],
+        "dock": [d.name for d in plan.docks],
+        "place": [p.name for p in plan.places],
+        "start": [s.name for s in plan.starts],
+        "furniture": [f.name for f in plan.furniture],
+        "mirror": [m.name for m in plan.mirrors],
+        "route": [r.type for r in plan.routes],
+    }
     for kind, names in groups.items():
         for name in sorted({n for n in names if names.count(n) > 1}):
             yield f"two things of kind {kind} are called {name!r}"
@@ -311,11 +360,17 @@ def _too_high_or_narrow(plan: FloorPlan) -> Iterator[str]:
         if not 0.0 < opening.height <= plan.ceiling:
             yield f"{opening.name!r} is {opening.height} m high, the ceiling is at {plan.ceiling} m"
     for mirror in plan.mirrors:
-        if _length(mirror.start, mirror.end) < MINIMUM_LENGTH or not mirror.bottom < mirror.top <= plan.ceiling:
+        if (
+            _length(mirror.start, mirror.end) < MINIMUM_LENGTH
+            or not mirror.bottom < mirror.top <= plan.ceiling
+        ):
             yield f"mirror {mirror.name!r} has no surface below the ceiling"
     for piece in plan.furniture:
         if not 0.0 < piece.height <= plan.ceiling:
-            yield f"furniture {piece.name!r} is {piece.height} m high, the ceiling is at {plan.ceiling} m"
+            yield (
+                f"furniture {piece.name!r} is {piece.height} m high, the ceiling is at"
+                f" {plan.ceiling} m"
+            )
 
 
 def _unknown_rooms(plan: FloorPlan) -> Iterator[str]:
@@ -329,9 +384,17 @@ def _unknown_rooms(plan: FloorPlan) -> Iterator[str]:
 
 
 def _outside(plan: FloorPlan) -> Iterator[str]:
-    stand = [(f"dock {d.name!r}", d.x, d.y) for d in plan.docks] + [(f"furniture {f.name!r}", f.x, f.y) for f in plan.furniture]
-    stand += [(f"place {p.name!r}", p.x, p.y) for p in plan.places] + [(f"start {s.name!r}", s.x, s.y) for s in plan.starts]
-    stand += [(f"checkpoint {c.number} of {r.type!r}", c.x, c.y) for r in plan.routes for c in r.checkpoints]
+    stand = [(f"dock {d.name!r}", d.x, d.y) for d in plan.docks] + [
+        (f"furniture {f.name!r}", f.x, f.y) for f in plan.furniture
+    ]
+    stand += [(f"place {p.name!r}", p.x, p.y) for p in plan.places] + [
+        (f"start {s.name!r}", s.x, s.y) for s in plan.starts
+    ]
+    stand += [
+        (f"checkpoint {c.number} of {r.type!r}", c.x, c.y)
+        for r in plan.routes
+        for c in r.checkpoints
+    ]
     for what, x, y in stand:
         if plan.room_at(x, y) is None:
             yield f"{what} at ({x:g}, {y:g}) lies in no room"
@@ -356,7 +419,9 @@ def _on_face(wall: Wall, x: float, y: float) -> bool:
     along = ((wall.end[0] - wall.start[0]) / length, (wall.end[1] - wall.start[1]) / length)
     dx, dy = x - wall.start[0], y - wall.start[1]
     position, offset = dx * along[0] + dy * along[1], abs(dx * along[1] - dy * along[0])
-    return -ON_WALL <= position <= length + ON_WALL and abs(offset - wall.thickness / 2.0) <= ON_WALL
+    return (
+        -ON_WALL <= position <= length + ON_WALL and abs(offset - wall.thickness / 2.0) <= ON_WALL
+    )
 
 
 def _length(start: Point, end: Point) -> float:

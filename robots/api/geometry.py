@@ -1,7 +1,8 @@
 """Planar poses, and the way between metres of the world and pixels of a map image.
 
-Frames: the world has x to the right and y up (REP 103 on a map hung on a wall); an image has u to the right and v down, with
-(0, 0) at the outer corner of its first pixel, so that the centre of the first pixel is (0.5, 0.5).
+Frames: the world has x to the right and y up (REP 103 on a map hung on a wall); an image has u to
+the right and v down, with (0, 0) at the outer corner of its first pixel, so that the centre of the
+first pixel is (0.5, 0.5).
 """
 
 import math
@@ -18,7 +19,9 @@ def wrap_angle(angle: float) -> float:
 
 
 class Pose2D(NamedTuple):
-    """A rigid motion of the plane: turn by `theta`, then shift by (x, y). `world_from_robot` is the pose of a robot."""
+    """A rigid motion of the plane: turn by `theta`, then shift by (x, y). `world_from_robot` is the
+    pose of a robot.
+    """
 
     x: float
     y: float
@@ -32,7 +35,11 @@ class Pose2D(NamedTuple):
     def inverse(self) -> "Pose2D":
         """Return b_from_a of a_from_b."""
         cosine, sine = math.cos(self.theta), math.sin(self.theta)
-        return Pose2D(-cosine * self.x - sine * self.y, sine * self.x - cosine * self.y, wrap_angle(-self.theta))
+        return Pose2D(
+            -cosine * self.x - sine * self.y,
+            sine * self.x - cosine * self.y,
+            wrap_angle(-self.theta),
+        )
 
     def apply(self, x: float, y: float) -> tuple[float, float]:
         """Return the point (x, y), given in the inner frame, in the outer one."""
@@ -48,8 +55,8 @@ class Pose2D(NamedTuple):
 class MapTransform:
     """World metres to pixels of a ROS map_server image and back.
 
-    `resolution` in metres a pixel, `origin` the world pose of the image's lower left corner (turned maps included), `height` of
-    the image in pixels.
+    `resolution` in metres a pixel, `origin` the world pose of the image's lower left corner (turned
+    maps included), `height` of the image in pixels.
     """
 
     resolution: float
@@ -58,7 +65,10 @@ class MapTransform:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resolution) and self.resolution > 0.0 and self.height > 0):
-            message = f"a map needs a positive resolution and height, not {self.resolution} and {self.height}"
+            message = (
+                f"a map needs a positive resolution and height, not {self.resolution} and"
+                f" {self.height}"
+            )
             raise ValueError(message)
 
     def to_pixel(self, x: float, y: float) -> tuple[float, float]:

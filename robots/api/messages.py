@@ -1,11 +1,13 @@
 """Every message of Robot API v1: one frozen class a message.
 
-SI units and radians throughout; x forward, y left, theta counter-clockwise; names follow VDA 5050 where it has one. On the
-wire a message is a JSON object in camelCase. `stamp` is Unix time in seconds by the sender's clock, `boot` the id of one run
-of the agent, and `seq` counts within a boot (states) or within an epoch (commands). Unknown fields are ignored, so that a
-newer peer can say more; a field out of its range makes the whole message `malformed`.
+SI units and radians throughout; x forward, y left, theta counter-clockwise; names follow VDA 5050
+where it has one. On the wire a message is a JSON object in camelCase. `stamp` is Unix time in
+seconds by the sender's clock, `boot` the id of one run of the agent, and `seq` counts within a boot
+(states) or within an epoch (commands). Unknown fields are ignored, so that a newer peer can say
+more; a field out of its range makes the whole message `malformed`.
 
-Longer than most files here, because a reader who writes an agent wants all of the words on one page.
+Longer than most files here, because a reader who writes an agent wants all of the words on one
+page.
 """
 
 from typing import Annotated, Any, ClassVar, Literal
@@ -14,23 +16,30 @@ from msgspec import Meta, Struct
 
 VERSION = 1
 
-# Ranges are wide enough for any robot and narrow enough that arithmetic on them cannot overflow or lose a millisecond.
+# Ranges are wide enough for any robot and narrow enough that arithmetic on them cannot overflow or
+# lose a millisecond.
 Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
 Radians = Annotated[float, Meta(ge=-7.0, le=7.0)]
 Seconds = Annotated[float, Meta(ge=0.0, le=1e6)]
 Stamp = Annotated[float, Meta(ge=0.0, le=1e11, description="Unix time in seconds, sender's clock")]
 LinearSpeed = Annotated[float, Meta(ge=-10.0, le=10.0, description="m/s, forward positive")]
-AngularSpeed = Annotated[float, Meta(ge=-20.0, le=20.0, description="rad/s, counter-clockwise positive")]
+AngularSpeed = Annotated[
+    float, Meta(ge=-20.0, le=20.0, description="rad/s, counter-clockwise positive")
+]
 Positive = Annotated[float, Meta(gt=0.0, le=1e3)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 BitRate = Annotated[float, Meta(ge=1e3, le=1e11, description="bit/s")]
-Count = Annotated[int, Meta(ge=0, le=2**53 - 1, description="at most 2^53 - 1, so that JavaScript counts it exactly")]
+Count = Annotated[
+    int,
+    Meta(ge=0, le=2**53 - 1, description="at most 2^53 - 1, so that JavaScript counts it exactly"),
+]
 Id = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
 Name = Annotated[str, Meta(max_length=120)]
 Reason = Annotated[str, Meta(max_length=300)]
 Point = tuple[Metres, Metres]
-Spot = tuple[Share, Share]  # of a picture: of its width from the left, and of its height from the top
+# of a picture: of its width from the left, and of its height from the top
+Spot = tuple[Share, Share]
 Variance = Annotated[float, Meta(ge=-1e10, le=1e10)]
 
 Role = Literal["driver", "observer", "screen"]
@@ -39,9 +48,25 @@ Way = Literal["datachannel", "mqtt"]
 Mode = Literal["manual", "assisted", "goto", "docking", "stopped"]
 AssistLevel = Literal["off", "slow", "steer"]
 Capability = Literal[
-    "velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "localization", "scan", "assist", "photo", "say", "call", "point",
-    "audio", "video", "doors", "network_lab",
-]  # fmt: skip
+    "velocity",
+    "goto",
+    "follow",
+    "dock",
+    "undock",
+    "tilt",
+    "relocalize",
+    "localization",
+    "scan",
+    "assist",
+    "photo",
+    "say",
+    "call",
+    "point",
+    "audio",
+    "video",
+    "doors",
+    "network_lab",
+]
 ActionState = Literal["WAITING", "RUNNING", "FINISHED", "FAILED", "CANCELLED"]
 
 
@@ -49,14 +74,15 @@ class Message(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=T
     """Base of everything on the wire."""
 
 
-# --- parts -----------------------------------------------------------------------------------------------------------
+# --- parts ----------------------------------------------------------------------------------------
 
 
 class Pose(Message, frozen=True, kw_only=True):
     """Where the robot is, in the frame of its map.
 
-    `covariance` is the upper triangle of the 3 x 3 matrix over (x, y, theta), row by row: xx, xy, xθ, yy, yθ, θθ.
-    `score` says how far to trust the pose: 1 is certain, below 0.5 the robot counts as lost (`localized` false).
+    `covariance` is the upper triangle of the 3 x 3 matrix over (x, y, theta), row by row: xx, xy,
+    xθ, yy, yθ, θθ. `score` says how far to trust the pose: 1 is certain, below 0.5 the robot counts
+    as lost (`localized` false).
     """
 
     x: Metres
@@ -75,7 +101,8 @@ class Velocity(Message, frozen=True, kw_only=True):
 
 
 class Battery(Message, frozen=True, kw_only=True):
-    """`charge` runs from 0 to 1, `voltage` is in volts; each is absent when the robot does not know it.
+    """`charge` runs from 0 to 1, `voltage` is in volts; each is absent when the robot does not know
+    it.
 
     `charging` is absent when it does not charge, and `null` when the robot does not know.
     """
@@ -88,9 +115,11 @@ class Battery(Message, frozen=True, kw_only=True):
 class Safety(Message, frozen=True, kw_only=True):
     """What keeps the robot from moving.
 
-    `inhibited` names the reason in one word when commands are refused for a state of the robot: `estop`, `stopped`, `no_lease`,
-    `collision` (it can only be driven away from what it has touched), `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its
-    sender can stop repeating it. `touched` are the sides on which the robot has touched something that it has not backed away from yet.
+    `inhibited` names the reason in one word when commands are refused for a state of the robot:
+    `estop`, `stopped`, `no_lease`, `collision` (it can only be driven away from what it has
+    touched), `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its sender can stop
+    repeating it. `touched` are the sides on which the robot has touched something that it has not
+    backed away from yet.
     """
 
     estop: bool = False
@@ -99,21 +128,32 @@ class Safety(Message, frozen=True, kw_only=True):
     inhibited: Name | None = None
     stop_seq: Count | None = None
     stop_id: Id | None = None
-    touched: Annotated[tuple[Literal["ahead", "left", "behind", "right"], ...], Meta(max_length=4)] = ()
+    touched: Annotated[
+        tuple[Literal["ahead", "left", "behind", "right"], ...], Meta(max_length=4)
+    ] = ()
 
 
 class AppliedCommand(Message, frozen=True, kw_only=True):
-    """One velocity command that reached the wheels: which, how, on which way, how old, and what was made of it.
+    """One velocity command that reached the wheels: which, how, on which way, how old, and what was
+    made of it.
 
-    `frame_age` is how old the picture that the visitor saw was by then, in seconds by the robot's own clock: the whole way round, from the
-    camera over the visitor's eyes and hand to the wheels. Absent when the command named no picture.
+    `frame_age` is how old the picture that the visitor saw was by then, in seconds by the robot's
+    own clock: the whole way round, from the camera over the visitor's eyes and hand to the wheels.
+    Absent when the command named no picture.
     """
 
     seq: Count
     stamp: Stamp
     method: InputMethod
     way: Way
-    age: Annotated[float, Meta(ge=-10.0, le=1e4, description="s, from the visitor's hand to the adapter, by the estimated clock offset")]
+    age: Annotated[
+        float,
+        Meta(
+            ge=-10.0,
+            le=1e4,
+            description="s, from the visitor's hand to the adapter, by the estimated clock offset",
+        ),
+    ]
     linear: LinearSpeed
     angular: AngularSpeed
     frame_age: Annotated[float, Meta(ge=-10.0, le=10.0)] | None = None
@@ -122,8 +162,9 @@ class AppliedCommand(Message, frozen=True, kw_only=True):
 class Limits(Message, frozen=True, kw_only=True):
     """What the robot's own kernel enforces; disclosed, not negotiated.
 
-    Speeds in m/s and rad/s, accelerations and braking in m/s² and rad/s², times in s. `command_age` and `frame_age` are the
-    defaults, the `_ceiling`s what no lease can exceed. `deadman` is the silence after which the robot brakes.
+    Speeds in m/s and rad/s, accelerations and braking in m/s² and rad/s², times in s. `command_age`
+    and `frame_age` are the defaults, the `_ceiling`s what no lease can exceed. `deadman` is the
+    silence after which the robot brakes.
     """
 
     linear: Positive
@@ -143,8 +184,9 @@ class Limits(Message, frozen=True, kw_only=True):
 class Camera(Message, frozen=True, kw_only=True):
     """The driving camera: pinhole, square pixels, centred principal point.
 
-    `hfov` is the horizontal field of view, `x` how far the camera sits before the robot's centre, `z` its height above the
-    floor, `pitch` its angle below the horizon when the tilt is 0 (positive looks down, as a rotation about +y does).
+    `hfov` is the horizontal field of view, `x` how far the camera sits before the robot's centre,
+    `z` its height above the floor, `pitch` its angle below the horizon when the tilt is 0 (positive
+    looks down, as a rotation about +y does).
     """
 
     width: Annotated[int, Meta(ge=16, le=7680)]
@@ -157,7 +199,9 @@ class Camera(Message, frozen=True, kw_only=True):
 
 
 class Laser(Message, frozen=True, kw_only=True):
-    """Where the planar laser sits in the robot's frame: the ranges of `scan` are seen from there, `theta` is where its angle 0 looks."""
+    """Where the planar laser sits in the robot's frame: the ranges of `scan` are seen from there,
+    `theta` is where its angle 0 looks.
+    """
 
     x: Metres
     y: Metres = 0.0
@@ -174,7 +218,8 @@ class TiltRange(Message, frozen=True, kw_only=True):
 
 
 class CallState(Message, frozen=True, kw_only=True):
-    """How far a visitor is let through to the people at the robot: `audio` and `video` are what the visitor sends, `volume` their wish.
+    """How far a visitor is let through to the people at the robot: `audio` and `video` are what the
+    visitor sends, `volume` their wish.
 
     `shares`: the picture is of the visitor's screen, a window or a tab, and not of their face.
     """
@@ -187,16 +232,20 @@ class CallState(Message, frozen=True, kw_only=True):
 
 
 class CameraStatus(Message, frozen=True, kw_only=True):
-    """A camera that gives no video: it is `starting`, which takes seconds, or has `failed`. `reason` is why it failed, now or the last time."""
+    """A camera that gives no video: it is `starting`, which takes seconds, or has `failed`.
+    `reason` is why it failed, now or the last time.
+    """
 
     status: Literal["starting", "failed"]
     reason: Reason = ""
 
 
 class NetworkLab(Message, frozen=True, kw_only=True):
-    """Impairments that a study puts on one direction; times in s, loss and reordering as shares, rate in bit/s.
+    """Impairments that a study puts on one direction; times in s, loss and reordering as shares,
+    rate in bit/s.
 
-    `jitter` changes the delay by up to so much either way. The same seed and the same packets at the same moments end in the same losses.
+    `jitter` changes the delay by up to so much either way. The same seed and the same packets at
+    the same moments end in the same losses.
     """
 
     delay: NotNegative = 0.0
@@ -208,10 +257,12 @@ class NetworkLab(Message, frozen=True, kw_only=True):
 
 
 class LabReport(Message, frozen=True, kw_only=True):
-    """What was really put on one direction of the driver's network, and what became of its packets since then.
+    """What was really put on one direction of the driver's network, and what became of its packets
+    since then.
 
-    `lost` by chance, `overflowed` because the queue before the bit rate was full, `reordered` overtaken by the next one; `waiting` are on
-    their way now. `held` is for how many seconds one was held, in the mean.
+    `lost` by chance, `overflowed` because the queue before the bit rate was full, `reordered`
+    overtaken by the next one; `waiting` are on their way now. `held` is for how many seconds one
+    was held, in the mean.
     """
 
     lab: NetworkLab
@@ -223,11 +274,13 @@ class LabReport(Message, frozen=True, kw_only=True):
     held: Seconds = 0.0
 
 
-# --- robot → server and page -----------------------------------------------------------------------------------------
+# --- robot → server and page --------------------------------------------------------------------
 
 
 class Connection(Message, frozen=True, kw_only=True):
-    """`connection`: retained, and the agent's last will (CONNECTIONBROKEN). One whose boot is not the last ONLINE's is ignored."""
+    """`connection`: retained, and the agent's last will (CONNECTIONBROKEN). One whose boot is not
+    the last ONLINE's is ignored.
+    """
 
     boot: Id
     state: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
@@ -236,7 +289,9 @@ class Connection(Message, frozen=True, kw_only=True):
 
 
 class Factsheet(Message, frozen=True, kw_only=True):
-    """`factsheet`: retained; what this robot is and can do. `watchdog` is what stops its base when the agent is dead."""
+    """`factsheet`: retained; what this robot is and can do. `watchdog` is what stops its base when
+    the agent is dead.
+    """
 
     name: Id
     series: Name
@@ -255,19 +310,24 @@ class Factsheet(Message, frozen=True, kw_only=True):
 
 
 class State(Message, frozen=True, kw_only=True):
-    """`state`: four times a second and on every change that matters; the record of the session is made of these.
+    """`state`: four times a second and on every change that matters; the record of the session is
+    made of these.
 
-    `clearance` is the smallest distance in metres from the footprint to anything since the last state, `contacts` how many
-    collisions began, `distance` the metres driven by odometry since the boot. `visitor_silence` is the time in seconds since the
-    driver's last heartbeat on either way. `refused` counts refusals by reason since the last state. While the assistance changes what
-    the driver asks for, `assist_why` says why in one word, and `assist_point` what it minds, in metres in the robot's frame.
-    `call` says how far the driver's voice and face get, absent when the driver sends neither; `screens` how many pages show them.
-    `control_network` and `video_network` are there while the robot makes the driver's network worse, as `config` told it to.
-    `camera_status` is there while the camera is wanted and gives no video, or gave none when it was wanted last; `errors` says why, too.
+    `clearance` is the smallest distance in metres from the footprint to anything since the last
+    state, `contacts` how many collisions began, `distance` the metres driven by odometry since the
+    boot. `visitor_silence` is the time in seconds since the driver's last heartbeat on either way.
+    `refused` counts refusals by reason since the last state. While the assistance changes what the
+    driver asks for, `assist_why` says why in one word, and `assist_point` what it minds, in metres
+    in the robot's frame. `call` says how far the driver's voice and face get, absent when the
+    driver sends neither; `screens` how many pages show them. `control_network` and `video_network`
+    are there while the robot makes the driver's network worse, as `config` told it to.
+    `camera_status` is there while the camera is wanted and gives no video, or gave none when it was
+    wanted last; `errors` says why, too.
 
-    `charger_contact` tells whether the charging contacts meet now, or the robot charges. `docked` is more: they have met for 2 s while
-    the robot stood still (at most 0.03 m/s and 0.06 rad/s) and no velocity was asked of it, and have not been apart for 0.5 s since.
-    An agent that does not send `charger_contact` means by `docked` what its robot means by it.
+    `charger_contact` tells whether the charging contacts meet now, or the robot charges. `docked`
+    is more: they have met for 2 s while the robot stood still (at most 0.03 m/s and 0.06 rad/s) and
+    no velocity was asked of it, and have not been apart for 0.5 s since. An agent that does not
+    send `charger_contact` means by `docked` what its robot means by it.
     """
 
     stamp: Stamp
@@ -313,7 +373,9 @@ class PoseUpdate(Message, frozen=True, kw_only=True):
 
 
 class Scan(Message, frozen=True, kw_only=True):
-    """`scan`: ranges in metres from `angle_min` on, counter-clockwise, `null` where nothing came back."""
+    """`scan`: ranges in metres from `angle_min` on, counter-clockwise, `null` where nothing came
+    back.
+    """
 
     stamp: Stamp
     angle_min: Radians
@@ -330,7 +392,9 @@ class Path(Message, frozen=True, kw_only=True):
 
 
 class Event(Message, frozen=True, kw_only=True):
-    """`event`: something that happened once. `seq` is that of the next state, so that events and states share one order."""
+    """`event`: something that happened once. `seq` is that of the next state, so that events and
+    states share one order.
+    """
 
     stamp: Stamp
     boot: Id
@@ -338,10 +402,25 @@ class Event(Message, frozen=True, kw_only=True):
     session: Id | None = None
     epoch: Count = 0
     type: Literal[
-        "docked", "undocked", "charging", "goal_reached", "goal_blocked", "collision", "estop", "estop_cleared", "stopped", "photo",
-        "session_closed", "lease_taken", "lease_expired", "adapter_lost", "adapter_back", "localization_lost", "localization_found",
+        "docked",
+        "undocked",
+        "charging",
+        "goal_reached",
+        "goal_blocked",
+        "collision",
+        "estop",
+        "estop_cleared",
+        "stopped",
+        "photo",
+        "session_closed",
+        "lease_taken",
+        "lease_expired",
+        "adapter_lost",
+        "adapter_back",
+        "localization_lost",
+        "localization_found",
         "door_changed",
-    ]  # fmt: skip
+    ]
     action_id: Id | None = None
     sha256: Annotated[str, Meta(max_length=64)] | None = None
     last_seq: Count | None = None
@@ -349,10 +428,11 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class ActionStatus(Message, frozen=True, kw_only=True):
-    """`action`: how far an action is. `reason` is one word or a short sentence when it FAILED or was CANCELLED.
+    """`action`: how far an action is. `reason` is one word or a short sentence when it FAILED or
+    was CANCELLED.
 
-    An action that moves the robot begins when the robot was measured to stand, and is at its end, a `cancel` of it too, when it was
-    measured to stand again.
+    An action that moves the robot begins when the robot was measured to stand, and is at its end, a
+    `cancel` of it too, when it was measured to stand again.
     """
 
     action_id: Id
@@ -364,7 +444,9 @@ class ActionStatus(Message, frozen=True, kw_only=True):
 
 
 class Words(Message, frozen=True, kw_only=True):
-    """`words`: what the driver said to the people at the robot, or they to the driver; `aloud` is to be spoken. Nobody records it."""
+    """`words`: what the driver said to the people at the robot, or they to the driver; `aloud` is
+    to be spoken. Nobody records it.
+    """
 
     stamp: Stamp
     action_id: Id
@@ -377,11 +459,13 @@ class Words(Message, frozen=True, kw_only=True):
 
 
 class Pointer(Message, frozen=True, kw_only=True):
-    """`pointer`: where one side points on the picture that the driver shares, for the other side; without `at` no longer.
+    """`pointer`: where one side points on the picture that the driver shares, for the other side;
+    without `at` no longer.
 
-    `at` is in shares of the picture's width from its left and of its height from its top, however large it is shown. What comes out of
-    order is dropped, and two seconds without another take the dot away. On the data channel it goes to the other side alone: to the
-    robot's own displays what the driver points at, to the driver what somebody at a display does. Nobody records it.
+    `at` is in shares of the picture's width from its left and of its height from its top, however
+    large it is shown. What comes out of order is dropped, and two seconds without another take the
+    dot away. On the data channel it goes to the other side alone: to the robot's own displays what
+    the driver points at, to the driver what somebody at a display does. Nobody records it.
     """
 
     stamp: Stamp
@@ -390,7 +474,9 @@ class Pointer(Message, frozen=True, kw_only=True):
 
 
 class Echo(Message, frozen=True, kw_only=True):
-    """What was last heard from a peer: its own n and stamp, and when it arrived by the echoing side's clock."""
+    """What was last heard from a peer: its own n and stamp, and when it arrived by the echoing
+    side's clock.
+    """
 
     peer: Id
     n: Count
@@ -399,7 +485,9 @@ class Echo(Message, frozen=True, kw_only=True):
 
 
 class Heartbeat(Message, frozen=True, kw_only=True):
-    """`heartbeat`: five times a second from the robot on every way, with the last beat of each peer echoed."""
+    """`heartbeat`: five times a second from the robot on every way, with the last beat of each peer
+    echoed.
+    """
 
     n: Count
     stamp: Stamp
@@ -407,7 +495,8 @@ class Heartbeat(Message, frozen=True, kw_only=True):
 
 
 class MediaClock(Message, frozen=True, kw_only=True):
-    """`media` (data channel only): turns an RTP timestamp of the picture into the robot's time of capture.
+    """`media` (data channel only): turns an RTP timestamp of the picture into the robot's time of
+    capture.
 
     capture stamp = `stamp` + ((rtp - `rtp`) modulo 2^32, as a signed difference) / `rate`.
     """
@@ -417,7 +506,7 @@ class MediaClock(Message, frozen=True, kw_only=True):
     rate: Annotated[int, Meta(ge=1, le=10**6)] = 90000
 
 
-# --- server → robot (and page → robot on the data channel) -----------------------------------------------------------
+# --- server → robot (and page → robot on the data channel) ------------------------------------
 
 
 class LeaseLimits(Message, frozen=True, kw_only=True):
@@ -430,11 +519,14 @@ class LeaseLimits(Message, frozen=True, kw_only=True):
 
 
 class Lease(Message, frozen=True, kw_only=True):
-    """`lease`: retained; who drives. Valid for `ttl` seconds from its receipt, renewed with a growing `renewal`.
+    """`lease`: retained; who drives. Valid for `ttl` seconds from its receipt, renewed with a
+    growing `renewal`.
 
-    A copy that the broker delivers from its store (retain = 1) tells the epoch and never permits driving. `methods`, `ways` and
-    `actions` are the only input methods, ways of control and types of actions that the driver is allowed (else: `not_allowed`); absent
-    means all. Nobody is kept from `stop`, `estop` and `cancel`. Limits that are lowered hold at once, though the lease was not renewed.
+    A copy that the broker delivers from its store (retain = 1) tells the epoch and never permits
+    driving. `methods`, `ways` and `actions` are the only input methods, ways of control and types
+    of actions that the driver is allowed (else: `not_allowed`); absent means all. Nobody is kept
+    from `stop`, `estop` and `cancel`. Limits that are lowered hold at once, though the lease was
+    not renewed.
     """
 
     session: Id
@@ -453,7 +545,9 @@ class Lease(Message, frozen=True, kw_only=True):
 
 
 class VelocityCommand(Message, frozen=True, kw_only=True):
-    """`command/velocity`: 10 to 20 times a second while driving. `frame` is the capture stamp of the picture the visitor saw."""
+    """`command/velocity`: 10 to 20 times a second while driving. `frame` is the capture stamp of
+    the picture the visitor saw.
+    """
 
     session: Id
     epoch: Count
@@ -466,7 +560,9 @@ class VelocityCommand(Message, frozen=True, kw_only=True):
 
 
 class CommandHeartbeat(Message, frozen=True, kw_only=True):
-    """`command/heartbeat`: the visitor's page (or the server) is there. `peer` is stamped by the server, ignored on the data channel."""
+    """`command/heartbeat`: the visitor's page (or the server) is there. `peer` is stamped by the
+    server, ignored on the data channel.
+    """
 
     n: Count
     stamp: Stamp
@@ -476,11 +572,13 @@ class CommandHeartbeat(Message, frozen=True, kw_only=True):
 
 
 class PointCommand(Message, frozen=True, kw_only=True):
-    """`command/point`: where a hand is on the picture that the driver shares, at most 20 times a second; without `at` it is gone.
+    """`command/point`: where a hand is on the picture that the driver shares, at most 20 times a
+    second; without `at` it is gone.
 
-    From the driver's page and from the robot's own displays; `at` as in `pointer`. The robot passes it on while the driver is let
-    through with a shared picture, and counts the rest. The server stamps `role`, `peer`, `session` and `epoch`; on the data channel
-    `role` and `peer` are ignored. Of one peer the newest `stamp` counts.
+    From the driver's page and from the robot's own displays; `at` as in `pointer`. The robot passes
+    it on while the driver is let through with a shared picture, and counts the rest. The server
+    stamps `role`, `peer`, `session` and `epoch`; on the data channel `role` and `peer` are ignored.
+    Of one peer the newest `stamp` counts.
     """
 
     stamp: Stamp
@@ -525,7 +623,9 @@ class Dock(Action, frozen=True, kw_only=True, tag_field="type", tag="dock"):
 
 
 class Undock(Action, frozen=True, kw_only=True, tag_field="type", tag="undock"):
-    """Back out of the charging station and, where the robot can, turn round, so that the way ahead is free."""
+    """Back out of the charging station and, where the robot can, turn round, so that the way ahead
+    is free.
+    """
 
 
 class Cancel(Action, frozen=True, kw_only=True, tag_field="type", tag="cancel"):
@@ -535,13 +635,17 @@ class Cancel(Action, frozen=True, kw_only=True, tag_field="type", tag="cancel"):
 
 
 class Stop(Action, frozen=True, kw_only=True, tag_field="type", tag="stop"):
-    """Brake now. `seq` comes from the velocity counter and kills every lower one; accepted at any age, epoch and lease."""
+    """Brake now. `seq` comes from the velocity counter and kills every lower one; accepted at any
+    age, epoch and lease.
+    """
 
     seq: Count = 0
 
 
 class EStop(Action, frozen=True, kw_only=True, tag_field="type", tag="estop"):
-    """Brake now and stay so, across a restart of the agent, until `clear_estop`. That of an observer brakes and does not stay."""
+    """Brake now and stay so, across a restart of the agent, until `clear_estop`. That of an
+    observer brakes and does not stay.
+    """
 
     detail: Reason = ""
 
@@ -569,7 +673,9 @@ class Relocalize(Action, frozen=True, kw_only=True, tag_field="type", tag="reloc
 
 
 class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
-    """Say a short text to whoever is on the other side: from the driver to the robot's screen, `aloud` or only shown; or back (role `screen`)."""
+    """Say a short text to whoever is on the other side: from the driver to the robot's screen,
+    `aloud` or only shown; or back (role `screen`).
+    """
 
     text: Annotated[str, Meta(min_length=1, max_length=500)]
     language: Annotated[str, Meta(max_length=16)] = ""
@@ -577,9 +683,11 @@ class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
 
 
 class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
-    """What the driver wants to be heard and seen by at the robot, whenever that changes; `ringing` false hangs up.
+    """What the driver wants to be heard and seen by at the robot, whenever that changes; `ringing`
+    false hangs up.
 
-    `volume` is how loud the visitor wants to be there, of what the robot's own volume allows; `shares` as in `state`.
+    `volume` is how loud the visitor wants to be there, of what the robot's own volume allows;
+    `shares` as in `state`.
     """
 
     ringing: bool = True
@@ -590,7 +698,9 @@ class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
 
 
 class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answer_call"):
-    """Somebody at the robot's screen lets the visitor through, or does not; only from role `screen`."""
+    """Somebody at the robot's screen lets the visitor through, or does not; only from role
+    `screen`.
+    """
 
     accept: bool
 
@@ -603,17 +713,36 @@ class ResendStates(Action, frozen=True, kw_only=True, tag_field="type", tag="res
     last: Count
 
 
-AnyAction = Goto | Follow | Dock | Undock | Cancel | Stop | EStop | ClearEStop | Tilt | Photo | Relocalize | Say | Call | AnswerCall | ResendStates
+AnyAction = (
+    Goto
+    | Follow
+    | Dock
+    | Undock
+    | Cancel
+    | Stop
+    | EStop
+    | ClearEStop
+    | Tilt
+    | Photo
+    | Relocalize
+    | Say
+    | Call
+    | AnswerCall
+    | ResendStates
+)
 
-# Accepted whatever the lease says; everything else needs the lease, or a role that the kernel checks.
+# Accepted whatever the lease says; everything else needs the lease, or a role that the kernel
+# checks.
 UNCONDITIONAL: tuple[type[Action], ...] = (Stop, EStop)
 
 
 class Config(Message, frozen=True, kw_only=True):
-    """`config`: retained; what the server sets on the robot. `calls`: whether a visitor must be let through at the robot's screen.
+    """`config`: retained; what the server sets on the robot. `calls`: whether a visitor must be let
+    through at the robot's screen.
 
-    `control_network` is put on the driver's velocities and actions on their way to the wheels, whichever way they came; never on stop, estop,
-    cancel, heartbeats and what others send. `video_network` is put on picture and sound on their way to the driver alone. They are for the
+    `control_network` is put on the driver's velocities and actions on their way to the wheels,
+    whichever way they came; never on stop, estop, cancel, heartbeats and what others send.
+    `video_network` is put on picture and sound on their way to the driver alone. They are for the
     session `network_session`, and for every one when that is absent.
     """
 
@@ -629,8 +758,9 @@ class Config(Message, frozen=True, kw_only=True):
 class FloorPlanUpdate(Message, frozen=True, kw_only=True):
     """`floorplan`: retained; the map of ROS map_server, whole, because the agent has no database.
 
-    `image` is a PNG in base64 and `sha256` its digest; `resolution` in metres a pixel; `origin` (x, y, theta) of the lower left corner.
-    `plan` is the site's plan.json (rooms, doors, docks, places), absent when the site has none.
+    `image` is a PNG in base64 and `sha256` its digest; `resolution` in metres a pixel; `origin` (x,
+    y, theta) of the lower left corner. `plan` is the site's plan.json (rooms, doors, docks,
+    places), absent when the site has none.
     """
 
     map_id: Name
@@ -644,7 +774,7 @@ class FloorPlanUpdate(Message, frozen=True, kw_only=True):
     plan: dict[str, Any] | None = None
 
 
-# --- signalling ------------------------------------------------------------------------------------------------------
+# --- signalling -----------------------------------------------------------------------------------
 
 Sdp = Annotated[str, Meta(max_length=64_000)]
 
@@ -652,7 +782,9 @@ Sdp = Annotated[str, Meta(max_length=64_000)]
 class IceServer(Message, frozen=True, kw_only=True):
     """One entry of RTCPeerConnection's iceServers."""
 
-    urls: Annotated[tuple[Annotated[str, Meta(max_length=300)], ...], Meta(min_length=1, max_length=8)]
+    urls: Annotated[
+        tuple[Annotated[str, Meta(max_length=300)], ...], Meta(min_length=1, max_length=8)
+    ]
     username: Annotated[str, Meta(max_length=300)] = ""
     credential: Annotated[str, Meta(max_length=300)] = ""
 
@@ -683,7 +815,8 @@ class Candidate(Message, frozen=True, kw_only=True, tag_field="type", tag="candi
 
 
 class Bye(Message, frozen=True, kw_only=True, tag_field="type", tag="bye"):
-    """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`, `failed`, `left`, `flooded`.
+    """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`,
+    `failed`, `left`, `flooded`.
 
     A page that has flooded is refused for another 5 s.
     """
@@ -692,10 +825,12 @@ class Bye(Message, frozen=True, kw_only=True, tag_field="type", tag="bye"):
 
 
 class Stay(Message, frozen=True, kw_only=True, tag_field="type", tag="stay"):
-    """The server vouches for a page that watches, or for a robot's own display: every minute, while it is there and may be.
+    """The server vouches for a page that watches, or for a robot's own display: every minute, while
+    it is there and may be.
 
-    The robot ends the connection of whoever it has heard neither an offer nor this of for 150 s, but for the driver, for whom the
-    lease speaks; a page can keep its connection when its socket is gone, and must not see on by that.
+    The robot ends the connection of whoever it has heard neither an offer nor this of for 150 s,
+    but for the driver, for whom the lease speaks; a page can keep its connection when its socket is
+    gone, and must not see on by that.
     """
 
 
@@ -703,14 +838,16 @@ Signal = Offer | Candidate | Bye | Stay
 SignalReply = Answer | Candidate | Bye
 
 
-# --- pictures without WebRTC -----------------------------------------------------------------------------------------
+# --- pictures without WebRTC ----------------------------------------------------------------------
 
 
 class PictureRequest(Message, frozen=True, kw_only=True):
-    """`command/picture`: one more picture through the server, for a page that no WebRTC path reaches. The server stamps `peer`.
+    """`command/picture`: one more picture through the server, for a page that no WebRTC path
+    reaches. The server stamps `peer`.
 
-    It acknowledges the picture before it: `seen` is that one's capture stamp. `round_trip` is how long a small message takes from the
-    page to the robot and back, by the page's clock; what a picture takes longer is due to its size.
+    It acknowledges the picture before it: `seen` is that one's capture stamp. `round_trip` is how
+    long a small message takes from the page to the robot and back, by the page's clock; what a
+    picture takes longer is due to its size.
     """
 
     stamp: Stamp
@@ -720,14 +857,17 @@ class PictureRequest(Message, frozen=True, kw_only=True):
 
 
 class ServerNews(Message, frozen=True, kw_only=True):
-    """`telepresence/v1/server/session/<id>`: what the session manager tells the web processes about one session.
+    """`telepresence/v1/server/session/<id>`: what the session manager tells the web processes about
+    one session.
 
     `data` is for the page that drives: with type `task`, what it shows of the task.
     """
 
     QUEUE: ClassVar[str] = "queue"
 
-    type: Literal["queue", "granted", "state", "warning", "idle", "ended", "stop", "message", "task"]
+    type: Literal[
+        "queue", "granted", "state", "warning", "idle", "ended", "stop", "message", "task"
+    ]
     stamp: Stamp
     session: Id
     state: Name = ""
@@ -740,11 +880,15 @@ class ServerNews(Message, frozen=True, kw_only=True):
 
 
 class ManagerStatus(Message, frozen=True, kw_only=True):
-    """`telepresence/v1/server/manager`: the session manager's heartbeat for the web processes, twice a second.
+    """`telepresence/v1/server/manager`: the session manager's heartbeat for the web processes,
+    twice a second.
 
-    `faults` are the parts without which it cannot do its work: a database that does not answer or refuses, and a disk that is nearly full
-    (`disk_low`) or full. A web process that hears none for a second and a half tells its pages that the session manager fails.
+    `faults` are the parts without which it cannot do its work: a database that does not answer or
+    refuses, and a disk that is nearly full (`disk_low`) or full. A web process that hears none for
+    a second and a half tells its pages that the session manager fails.
     """
 
     stamp: Stamp
-    faults: Annotated[tuple[Literal["database", "disk_low", "disk_full"], ...], Meta(max_length=8)] = ()
+    faults: Annotated[
+        tuple[Literal["database", "disk_low", "disk_full"], ...], Meta(max_length=8)
+    ] = ()

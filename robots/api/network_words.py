@@ -1,6 +1,8 @@
-"""What makes a network worse, in the words of a command line and of tables: `delay=150,jitter=30,loss=2,reorder=1,rate=400`.
+"""What makes a network worse, in the words of a command line and of tables:
+`delay=150,jitter=30,loss=2,reorder=1,rate=400`.
 
-Milliseconds, percent and kbit/s, because networks are talked about in these; messages and studies have SI units and shares.
+Milliseconds, percent and kbit/s, because networks are talked about in these; messages and studies
+have SI units and shares.
 """
 
 import math
@@ -9,7 +11,8 @@ from typing import Protocol
 from robots.api.messages import NetworkLab
 
 MS, PERCENT, KBIT = 1e-3, 1e-2, 1e3
-# Of each word: the least and the greatest value, in its own unit, and what it is called in a sentence.
+# Of each word: the least and the greatest value, in its own unit, and what it is called in a
+# sentence.
 RANGES = {
     "delay": (0.0, 10_000.0, "milliseconds"),
     "jitter": (0.0, 10_000.0, "milliseconds"),
@@ -54,16 +57,26 @@ def parse(text: str, seed: int = 0) -> NetworkLab:
     for part in text.split(","):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or name not in RANGES:
-            raise ValueError(f"{part.strip()!r} says nothing about a network: write {EXAMPLE}, with {', '.join(RANGES)}")
+            raise ValueError(
+                f"{part.strip()!r} says nothing about a network: write {EXAMPLE}, with"
+                f" {', '.join(RANGES)}"
+            )
         if name in values:
             raise ValueError(f"{name} stands there twice")
         values[name] = _number(name, value)
     if values.get("jitter", 0.0) > values.get("delay", 0.0):
-        raise ValueError("jitter changes the delay by up to so much either way, so it cannot be greater than the delay")
+        raise ValueError(
+            "jitter changes the delay by up to so much either way, so it cannot be greater than the"
+            " delay"
+        )
     return NetworkLab(
-        delay=values.get("delay", 0.0) * MS, jitter=values.get("jitter", 0.0) * MS, loss=values.get("loss", 0.0) * PERCENT,
-        reorder=values.get("reorder", 0.0) * PERCENT, bitrate=values["rate"] * KBIT if "rate" in values else None, seed=seed,
-    )  # fmt: skip
+        delay=values.get("delay", 0.0) * MS,
+        jitter=values.get("jitter", 0.0) * MS,
+        loss=values.get("loss", 0.0) * PERCENT,
+        reorder=values.get("reorder", 0.0) * PERCENT,
+        bitrate=values["rate"] * KBIT if "rate" in values else None,
+        seed=seed,
+    )
 
 
 def spell(network: Impairing | None) -> str:
@@ -71,9 +84,12 @@ def spell(network: Impairing | None) -> str:
     if network is None:
         return ""
     values = {
-        "delay": network.delay / MS, "jitter": network.jitter / MS, "loss": network.loss / PERCENT, "reorder": network.reorder / PERCENT,
+        "delay": network.delay / MS,
+        "jitter": network.jitter / MS,
+        "loss": network.loss / PERCENT,
+        "reorder": network.reorder / PERCENT,
         "rate": 0.0 if network.bitrate is None else network.bitrate / KBIT,
-    }  # fmt: skip
+    }
     return ",".join(f"{name}={value:.6g}" for name, value in values.items() if value)
 
 
@@ -84,5 +100,7 @@ def _number(name: str, text: str) -> float:
     except ValueError:
         value = math.nan
     if not least <= value <= most:
-        raise ValueError(f"{name} is a number of {unit} from {least:.0f} to {most:.0f}, not {text!r}")
+        raise ValueError(
+            f"{name} is a number of {unit} from {least:.0f} to {most:.0f}, not {text!r}"
+        )
     return value

@@ -1,7 +1,9 @@
-"""One picture as bytes: when the camera sampled the world, and a JPEG. For pages that no WebRTC path reaches.
+"""One picture as bytes: when the camera sampled the world, and a JPEG. For pages that no WebRTC
+path reaches.
 
-On MQTT and, behind its suffix and a newline, in a binary frame of the page's WebSocket: 8 bytes of capture stamp (Unix time in seconds
-by the robot's clock, float64, big-endian), then the JPEG from its first marker to its last.
+On MQTT and, behind its suffix and a newline, in a binary frame of the page's WebSocket: 8 bytes of
+capture stamp (Unix time in seconds by the robot's clock, float64, big-endian), then the JPEG from
+its first marker to its last.
 """
 
 import math

@@ -1,7 +1,8 @@
 """Writes the reference: `python -m robots.api.reference` from the top of the project.
 
-docs/reference/robot-api.md and its JSON Schema come from the docstrings, the topic table and robots.api.examples, and so do the
-golden messages that both languages' tests read. A test compares all of them with what stands in the tree.
+docs/reference/robot-api.md and its JSON Schema come from the docstrings, the topic table and
+robots.api.examples, and so do the golden messages that both languages' tests read. A test compares
+all of them with what stands in the tree.
 """
 
 import inspect
@@ -20,7 +21,14 @@ from robots.api.schema import json_schema
 REFERENCE = "docs/reference/robot-api.md"
 SCHEMA = "docs/reference/robot-api.schema.json"
 GOLDEN = "tests/golden"
-_RANGES = (("ge", "≥ {}"), ("gt", "> {}"), ("le", "≤ {}"), ("lt", "< {}"), ("min_length", "at least {} long"), ("max_length", "at most {} long"))
+_RANGES = (
+    ("ge", "≥ {}"),
+    ("gt", "> {}"),
+    ("le", "≤ {}"),
+    ("lt", "< {}"),
+    ("min_length", "at least {} long"),
+    ("max_length", "at most {} long"),
+)
 
 _INTRODUCTION = """\
 # Robot API, version {version}
@@ -136,18 +144,35 @@ not touched; `waits`, nobody drives. All is well when `faults` is empty or left 
 
 def reference() -> str:
     """Return the reference as Markdown."""
-    parts = [_INTRODUCTION.format(version=m.VERSION, root=topics.ROOT), _DRIVING, _topic_table(), "## Messages\n"]
+    parts = [
+        _INTRODUCTION.format(version=m.VERSION, root=topics.ROOT),
+        _DRIVING,
+        _topic_table(),
+        "## Messages\n",
+    ]
     parts += [_topic_section(topic) for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)]
     parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
-    parts += ["## Between servers\n", _class_section(m.ServerNews, "###"), *(_example(name, news) for name, news in SERVER_NEWS.items())]
-    parts += [_class_section(m.ManagerStatus, "###"), *(_example(name, status) for name, status in MANAGER_STATUS.items())]
+    parts += [
+        "## Between servers\n",
+        _class_section(m.ServerNews, "###"),
+        *(_example(name, news) for name, news in SERVER_NEWS.items()),
+    ]
+    parts += [
+        _class_section(m.ManagerStatus, "###"),
+        *(_example(name, status) for name, status in MANAGER_STATUS.items()),
+    ]
     return "\n".join(parts).rstrip() + "\n"
 
 
 def golden_files() -> dict[str, str]:
-    """Return name → text of the golden files: one a topic, `{"suffix": …, "messages": {name: message}}`."""
+    """Return name → text of the golden files: one a topic, `{"suffix": …, "messages": {name:
+    message}}`.
+    """
     named = {**EXAMPLES, "server/session/+": SERVER_NEWS, "server/manager": MANAGER_STATUS}
-    return {_file_name(suffix): _json({"suffix": suffix, "messages": msgspec.to_builtins(examples)}) for suffix, examples in named.items()}
+    return {
+        _file_name(suffix): _json({"suffix": suffix, "messages": msgspec.to_builtins(examples)})
+        for suffix, examples in named.items()
+    }
 
 
 def generated_files() -> dict[str, str]:
@@ -158,7 +183,11 @@ def generated_files() -> dict[str, str]:
 
 def classes(content: object) -> list[type[m.Message]]:
     """Return the message classes that a topic carries."""
-    return [kind for kind in (typing.get_args(content) or (content,)) if inspect.isclass(kind) and issubclass(kind, m.Message)]
+    return [
+        kind
+        for kind in typing.get_args(content) or (content,)
+        if inspect.isclass(kind) and issubclass(kind, m.Message)
+    ]
 
 
 def _file_name(suffix: str) -> str:
@@ -170,12 +199,23 @@ def _json(value: object) -> str:
 
 
 def _topic_table() -> str:
-    rows = ["## Topics\n", "| suffix | direction | QoS | retained | at most | content |", "| --- | --- | --- | --- | --- | --- |"]
+    rows = [
+        "## Topics\n",
+        "| suffix | direction | QoS | retained | at most | content |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for topic in topics.TABLE:
         way = "robot →" if topic.direction == "from_robot" else "→ robot"
         retained = "yes" if topic.retained else "no"
-        rows.append(f"| `{topic.suffix}` | {way} | {topic.qos} | {retained} | {topic.limit // topics.KIB} KiB | {topic.doc} |")
-    rows += [f"| `{t.suffix}` | robot → page, data channel only | | | {t.limit // topics.KIB} KiB | {t.doc} |" for t in topics.DATA_CHANNEL_ONLY]
+        rows.append(
+            f"| `{topic.suffix}` | {way} | {topic.qos} | {retained} | {topic.limit // topics.KIB}"
+            f" KiB | {topic.doc} |"
+        )
+    rows += [
+        f"| `{t.suffix}` | robot → page, data channel only | | | {t.limit // topics.KIB} KiB |"
+        f" {t.doc} |"
+        for t in topics.DATA_CHANNEL_ONLY
+    ]
     return "\n".join(rows) + "\n"
 
 
@@ -184,7 +224,13 @@ def _topic_section(topic: topics.Topic) -> str:
     if topic.content is bytes:
         return head + "\nBytes, no JSON.\n"
     body = [_class_section(kind, "####") for kind in classes(topic.content)]
-    return "\n".join([head, *body, *(_example(name, message) for name, message in EXAMPLES[topic.suffix].items())])
+    return "\n".join(
+        [
+            head,
+            *body,
+            *(_example(name, message) for name, message in EXAMPLES[topic.suffix].items()),
+        ]
+    )
 
 
 def _example(name: str, message: m.Message) -> str:
@@ -192,7 +238,12 @@ def _example(name: str, message: m.Message) -> str:
 
 
 def _class_section(kind: type[m.Message], heading: str) -> str:
-    lines = [f"{heading} {kind.__name__}\n", inspect.cleandoc(kind.__doc__ or "") + "\n", "| field | type | when left out |", "| --- | --- | --- |"]
+    lines = [
+        f"{heading} {kind.__name__}\n",
+        inspect.cleandoc(kind.__doc__ or "") + "\n",
+        "| field | type | when left out |",
+        "| --- | --- | --- |",
+    ]
     if tag := kind.__struct_config__.tag:
         lines.append(f'| `{kind.__struct_config__.tag_field}` | `"{tag}"` | required |')
     lines += [_field_row(field) for field in msgspec.structs.fields(kind)]
@@ -218,17 +269,35 @@ def _type_words(kind: object) -> str:
         return " \\| ".join(f'`"{word}"`' for word in arguments)
     if origin is tuple:
         many = len(arguments) == 2 and arguments[1] is Ellipsis  # noqa: PLR2004 -- tuple[x, ...]
-        return f"list of {_type_words(arguments[0])}" if many else f"[{', '.join(_type_words(argument) for argument in arguments)}]"
+        return (
+            f"list of {_type_words(arguments[0])}"
+            if many
+            else f"[{', '.join(_type_words(argument) for argument in arguments)}]"
+        )
     if origin is dict:
         return f"object of {_type_words(arguments[1])}"
     if arguments:
         return " or ".join(_type_words(argument) for argument in arguments)
-    names = {typing.Any: "anything", type(None): "null", float: "number", int: "integer", str: "string", bool: "true or false"}
-    return names.get(typing.cast("type", kind), f"[{getattr(kind, '__name__', kind)}](#{getattr(kind, '__name__', '').lower()})")
+    names = {
+        typing.Any: "anything",
+        type(None): "null",
+        float: "number",
+        int: "integer",
+        str: "string",
+        bool: "true or false",
+    }
+    return names.get(
+        typing.cast("type", kind),
+        f"[{getattr(kind, '__name__', kind)}](#{getattr(kind, '__name__', '').lower()})",
+    )
 
 
 def _range_words(meta: msgspec.Meta) -> str:
-    words = [text.format(_number(value)) for name, text in _RANGES if (value := getattr(meta, name)) is not None]
+    words = [
+        text.format(_number(value))
+        for name, text in _RANGES
+        if (value := getattr(meta, name)) is not None
+    ]
     if meta.pattern is not None:
         words.append(f"`{meta.pattern}`")
     return f" ({', '.join(words)})" if words else ""
@@ -239,10 +308,22 @@ def _number(value: float) -> str:
 
 
 def _parts() -> list[type[m.Message]]:
-    """Return the classes that stand inside messages and are no message of a topic themselves, in the order of the module."""
-    carried = {kind for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) for kind in classes(topic.content)}
-    every = [kind for kind in vars(m).values() if inspect.isclass(kind) and issubclass(kind, m.Message)]
-    return [kind for kind in every if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews, m.ManagerStatus}]
+    """Return the classes that stand inside messages and are no message of a topic themselves, in
+    the order of the module.
+    """
+    carried = {
+        kind
+        for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)
+        for kind in classes(topic.content)
+    }
+    every = [
+        kind for kind in vars(m).values() if inspect.isclass(kind) and issubclass(kind, m.Message)
+    ]
+    return [
+        kind
+        for kind in every
+        if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews, m.ManagerStatus}
+    ]
 
 
 def main() -> None:

@@ -1,4 +1,6 @@
-"""The topic tree: telepresence/v1/<robot>/<suffix>, and the same suffixes in front of messages on sockets and data channels."""
+"""The topic tree: telepresence/v1/<robot>/<suffix>, and the same suffixes in front of messages on
+sockets and data channels.
+"""
 
 import re
 from dataclasses import dataclass
@@ -36,35 +38,166 @@ class Topic:
 
 
 TABLE: tuple[Topic, ...] = (
-    Topic("connection", "from_robot", m.Connection, 1, True, KIB, "presence, and the agent's last will"),
-    Topic("factsheet", "from_robot", m.Factsheet, 1, True, 16 * KIB, "what the robot is and can do"),
+    Topic(
+        "connection",
+        "from_robot",
+        m.Connection,
+        1,
+        True,
+        KIB,
+        "presence, and the agent's last will",
+    ),
+    Topic(
+        "factsheet", "from_robot", m.Factsheet, 1, True, 16 * KIB, "what the robot is and can do"
+    ),
     Topic("state", "from_robot", m.State, 1, False, 32 * KIB, "the record, 4 Hz"),
-    Topic("pose", "from_robot", m.PoseUpdate, 0, False, KIB, "pose for the page, at most 15 Hz while driven and 30 Hz while the head tilts"),
+    Topic(
+        "pose",
+        "from_robot",
+        m.PoseUpdate,
+        0,
+        False,
+        KIB,
+        "pose for the page, at most 15 Hz while driven and 30 Hz while the head tilts",
+    ),
     Topic("scan", "from_robot", m.Scan, 0, False, 32 * KIB, "laser ranges"),
     Topic("path", "from_robot", m.Path, 0, False, 64 * KIB, "the path being followed"),
     Topic("event", "from_robot", m.Event, 1, False, 4 * KIB, "what happened once"),
     Topic("action", "from_robot", m.ActionStatus, 1, False, 4 * KIB, "how far an action is"),
-    Topic("words", "from_robot", m.Words, 1, False, 4 * KIB, "what visitor and people at the robot write to each other"),
-    Topic("pointer", "from_robot", m.Pointer, 0, False, KIB, "where one side points on the picture that the driver shares, for the other"),
-    Topic("heartbeat", "from_robot", m.Heartbeat, 0, False, 4 * KIB, "5 Hz, with the echo of each peer"),
-    Topic("signal/+/reply", "from_robot", m.SignalReply, 1, False, 128 * KIB, "WebRTC answer, candidate, bye"),
+    Topic(
+        "words",
+        "from_robot",
+        m.Words,
+        1,
+        False,
+        4 * KIB,
+        "what visitor and people at the robot write to each other",
+    ),
+    Topic(
+        "pointer",
+        "from_robot",
+        m.Pointer,
+        0,
+        False,
+        KIB,
+        "where one side points on the picture that the driver shares, for the other",
+    ),
+    Topic(
+        "heartbeat",
+        "from_robot",
+        m.Heartbeat,
+        0,
+        False,
+        4 * KIB,
+        "5 Hz, with the echo of each peer",
+    ),
+    Topic(
+        "signal/+/reply",
+        "from_robot",
+        m.SignalReply,
+        1,
+        False,
+        128 * KIB,
+        "WebRTC answer, candidate, bye",
+    ),
     Topic("photo/+", "from_robot", bytes, 1, False, 512 * KIB, "a JPEG"),
-    Topic("picture", "from_robot", bytes, 0, False, 48 * KIB, "capture stamp (8 bytes, float64, big-endian) and a JPEG; at most one a request"),
-    Topic("picture/+", "from_robot", bytes, 0, False, 48 * KIB, "the same, for the page of one peer alone: while a network lab is on its driver"),
+    Topic(
+        "picture",
+        "from_robot",
+        bytes,
+        0,
+        False,
+        48 * KIB,
+        "capture stamp (8 bytes, float64, big-endian) and a JPEG; at most one a request",
+    ),
+    Topic(
+        "picture/+",
+        "from_robot",
+        bytes,
+        0,
+        False,
+        48 * KIB,
+        "the same, for the page of one peer alone: while a network lab is on its driver",
+    ),
     Topic("lease", "to_robot", m.Lease, 1, True, 4 * KIB, "who drives; empty means nobody"),
-    Topic("config", "to_robot", m.Config, 1, True, 8 * KIB, "assist level, network lab, simulator's doors"),
+    Topic(
+        "config",
+        "to_robot",
+        m.Config,
+        1,
+        True,
+        8 * KIB,
+        "assist level, network lab, simulator's doors",
+    ),
     Topic("floorplan", "to_robot", m.FloorPlanUpdate, 1, True, 1024 * KIB, "the map"),
-    Topic("command/velocity", "to_robot", m.VelocityCommand, 0, False, KIB, "10 to 20 Hz while driving"),
-    Topic("command/heartbeat", "to_robot", m.CommandHeartbeat, 0, False, KIB, "5 Hz from the driver's page and from the server"),
-    Topic("command/action", "to_robot", m.AnyAction, 1, False, 64 * KIB, "everything else that a robot can be asked to do"),
-    Topic("command/picture", "to_robot", m.PictureRequest, 0, False, KIB, "one more picture, for a page that WebRTC does not reach"),
-    Topic("command/point", "to_robot", m.PointCommand, 0, False, KIB, "where a hand is on the picture that the driver shares"),
-    Topic("signal/+", "to_robot", m.Signal, 1, False, 128 * KIB, "WebRTC offer, candidate, bye, and the server's word that a page may stay"),
+    Topic(
+        "command/velocity",
+        "to_robot",
+        m.VelocityCommand,
+        0,
+        False,
+        KIB,
+        "10 to 20 Hz while driving",
+    ),
+    Topic(
+        "command/heartbeat",
+        "to_robot",
+        m.CommandHeartbeat,
+        0,
+        False,
+        KIB,
+        "5 Hz from the driver's page and from the server",
+    ),
+    Topic(
+        "command/action",
+        "to_robot",
+        m.AnyAction,
+        1,
+        False,
+        64 * KIB,
+        "everything else that a robot can be asked to do",
+    ),
+    Topic(
+        "command/picture",
+        "to_robot",
+        m.PictureRequest,
+        0,
+        False,
+        KIB,
+        "one more picture, for a page that WebRTC does not reach",
+    ),
+    Topic(
+        "command/point",
+        "to_robot",
+        m.PointCommand,
+        0,
+        False,
+        KIB,
+        "where a hand is on the picture that the driver shares",
+    ),
+    Topic(
+        "signal/+",
+        "to_robot",
+        m.Signal,
+        1,
+        False,
+        128 * KIB,
+        "WebRTC offer, candidate, bye, and the server's word that a page may stay",
+    ),
 )
 
-# On the data channel a frame is the suffix, a newline, and the message. These travel there besides the broker's own.
-DATA_CHANNEL_ONLY: tuple[Topic, ...] = (Topic("media", "from_robot", m.MediaClock, 0, False, KIB, "RTP timestamp to capture stamp"),)
-FROM_PAGE = ("command/velocity", "command/heartbeat", "command/action", "command/picture", "command/point")
+# On the data channel a frame is the suffix, a newline, and the message. These travel there besides
+# the broker's own.
+DATA_CHANNEL_ONLY: tuple[Topic, ...] = (
+    Topic("media", "from_robot", m.MediaClock, 0, False, KIB, "RTP timestamp to capture stamp"),
+)
+FROM_PAGE = (
+    "command/velocity",
+    "command/heartbeat",
+    "command/action",
+    "command/picture",
+    "command/point",
+)
 # To every page; `pointer` goes to one side alone, and is none of these.
 TO_PAGE = ("state", "pose", "path", "scan", "event", "action", "heartbeat", "media")
 
@@ -75,11 +208,15 @@ _PLAIN = {topic.suffix: topic for topic in (*TABLE, *DATA_CHANNEL_ONLY) if "+" n
 def find(suffix: str) -> Topic | None:
     """Return the line of the table that a concrete suffix belongs to, or None."""
     plain = _PLAIN.get(suffix)
-    return plain or next((topic for topic in (*TABLE, *DATA_CHANNEL_ONLY) if topic.matches(suffix)), None)
+    return plain or next(
+        (topic for topic in (*TABLE, *DATA_CHANNEL_ONLY) if topic.matches(suffix)), None
+    )
 
 
 def is_kept(topic: str) -> bool:
-    """Tell whether a broker keeps the last message to a full topic, when asked to: where the table says so, and among servers."""
+    """Tell whether a broker keeps the last message to a full topic, when asked to: where the table
+    says so, and among servers.
+    """
     parsed = parse(topic)
     line = find(parsed[1]) if parsed is not None else None
     return topic.startswith(f"{SERVER}/") or (line is not None and line.retained)
@@ -99,13 +236,17 @@ def parse(topic: str) -> tuple[str, str] | None:
 
 
 def subscriptions(robot: str) -> tuple[tuple[str, int], ...]:
-    """Return the (filter, QoS) pairs that an agent subscribes to: its own inputs, and its presence (see Connection)."""
+    """Return the (filter, QoS) pairs that an agent subscribes to: its own inputs, and its presence
+    (see Connection).
+    """
     inputs = tuple((of(robot, t.suffix), t.qos) for t in TABLE if t.direction == "to_robot")
     return (*inputs, (of(robot, "connection"), 1))
 
 
 def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
-    """Return the filters a robot's own user may `write` and `read`; everything else is refused by the broker."""
+    """Return the filters a robot's own user may `write` and `read`; everything else is refused by
+    the broker.
+    """
     return {
         "write": tuple(of(robot, t.suffix) for t in TABLE if t.direction == "from_robot"),
         "read": tuple(topic for topic, _ in subscriptions(robot)),

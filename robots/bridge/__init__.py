@@ -1,1 +1,3 @@
-"""What a web process knows of its robots, and how it reaches the broker; robots/bridge/bridge.py puts it together."""
+"""What a web process knows of its robots, and how it reaches the broker; robots/bridge/bridge.py
+puts it together.
+"""

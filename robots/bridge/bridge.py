@@ -1,12 +1,15 @@
-"""The web process's one connection to the broker, and the fan-out of what arrives to whoever listens.
+"""The web process's one connection to the broker, and the fan-out of what arrives to whoever
+listens.
 
-Everything runs on the loop that first asked for `current()`; daphne tells nobody when it starts, so the first page does. A robot's
-topics are subscribed while somebody in this process listens to that robot: a message costs about a quarter of a millisecond of CPU
-whether or not anybody wants it, and a robot sends some thirty a second, so that a hundred idle robots would fill most of a core.
+Everything runs on the loop that first asked for `current()`; daphne tells nobody when it starts, so
+the first page does. A robot's topics are subscribed while somebody in this process listens to that
+robot: a message costs about a quarter of a millisecond of CPU whether or not anybody wants it, and
+a robot sends some thirty a second, so that a hundred idle robots would fill most of a core.
 
-Nothing is queued for a broker that is away: a command that arrives late is worse than one that does not arrive. `send` says False
-and its caller tells the page. Three kinds of message are kept, each for its own reason: a stop, for 3 s at most, because it is right
-at any age; what a robot must find retained (`retain`), because a restarted broker has forgotten it; and reports for the record.
+Nothing is queued for a broker that is away: a command that arrives late is worse than one that does
+not arrive. `send` says False and its caller tells the page. Three kinds of message are kept, each
+for its own reason: a stop, for 3 s at most, because it is right at any age; what a robot must find
+retained (`retain`), because a restarted broker has forgotten it; and reports for the record.
 
 Longer than most files here, because connecting, listening and speaking share the one connection.
 """
@@ -43,25 +46,44 @@ log = logging.getLogger(__name__)
 
 # The floor plan, which is large, is not among them.
 LISTENED = (
-    "connection", "factsheet", "state", "pose", "scan", "path", "event", "action", "words", "pointer", "heartbeat", "picture", "picture/+",
-    "lease", "signal/+/reply",
-)  # fmt: skip
-# At QoS 1 for the record, which the session manager keeps; here the next one comes in a quarter of a second, and an acknowledgement costs
-# nearly as much as a message.
+    "connection",
+    "factsheet",
+    "state",
+    "pose",
+    "scan",
+    "path",
+    "event",
+    "action",
+    "words",
+    "pointer",
+    "heartbeat",
+    "picture",
+    "picture/+",
+    "lease",
+    "signal/+/reply",
+)
+# At QoS 1 for the record, which the session manager keeps; here the next one comes in a quarter of
+# a second, and an acknowledgement costs nearly as much as a message.
 SHOWN = frozenset({"state"})
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_FLYING = 500
 WATCH_SECONDS = 0.2
-PIECE = 4096  # bytes read at a time, some ten messages: between two pieces pages are sent what there is
-MAX_REPORTS, REPORTS_FLYING = 2000, 100  # kept, and on their way at once: what has gathered must not be in the way of a stop
+# bytes read at a time, some ten messages: between two pieces pages are sent what there is
+PIECE = 4096
+# kept, and on their way at once: what has gathered must not be in the way of a stop
+MAX_REPORTS, REPORTS_FLYING = 2000, 100
 # From a message of ours to its handing over, at QoS 1 to the broker's word that it has it.
 BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
-SEND_SECONDS = Histogram("telepresence_relay_to_robot_seconds", "From a page's message to the broker.", buckets=BUCKETS)
+SEND_SECONDS = Histogram(
+    "telepresence_relay_to_robot_seconds", "From a page's message to the broker.", buckets=BUCKETS
+)
 
 
 @dataclass(frozen=True)
 class _Stop:
-    """A stop that the broker has not confirmed, and until when it is worth repeating (monotonic seconds)."""
+    """A stop that the broker has not confirmed, and until when it is worth repeating (monotonic
+    seconds).
+    """
 
     topic: str
     payload: bytes
@@ -69,7 +91,8 @@ class _Stop:
 
 
 class Bridge:
-    """One MQTT connection that comes back for ever, and what it brings. All methods are called on its loop.
+    """One MQTT connection that comes back for ever, and what it brings. All methods are called on
+    its loop.
 
     Args:
         url: the broker's, see robots/bridge/broker_address.py.
@@ -85,18 +108,20 @@ class Bridge:
         self._client: aiomqtt.Client | None = None
         self._writer: QuickWriter | None = None
         self._flying: set[asyncio.Task[Any]] = set()
-        self._unsaid: set[asyncio.Task[Any]] = set()  # of these, whose packet is not yet with the client
+        # of these, whose packet is not yet with the client
+        self._unsaid: set[asyncio.Task[Any]] = set()
         self._retained: dict[tuple[str, str], bytes] = {}
         self._stops: collections.deque[_Stop] = collections.deque(maxlen=MAX_FLYING)
         self._reports: collections.deque[tuple[str, bytes]] = collections.deque()
         self.counts: collections.Counter[str] = collections.Counter()
         self._loop = asyncio.get_running_loop()
         self._up = asyncio.Event()
-        # In a context of its own: that of the request which came first ends with it, and would be inherited by all that is heard.
+        # In a context of its own: that of the request which came first ends with it, and would be
+        # inherited by all that is heard.
         self._task = self._loop.create_task(self._run(), context=contextvars.Context())
         self._watching = self._loop.create_task(self._watch(), context=contextvars.Context())
 
-    # --- the connection ----------------------------------------------------------------------------------------------
+    # --- the connection ---------------------------------------------------------------------------
 
     @property
     def connected(self) -> bool:
@@ -152,7 +177,9 @@ class Bridge:
             MqttError: it is gone, or was never there, or refuses us.
         """
         inbox = functools.partial(Inbox, self._receive)
-        async with broker_address.client(self._address, self._credentials, f"web-{secrets.token_hex(8)}", inbox) as client:
+        async with broker_address.client(
+            self._address, self._credentials, f"web-{secrets.token_hex(8)}", inbox
+        ) as client:
             client.pending_calls_threshold = MAX_FLYING
             read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
@@ -165,7 +192,9 @@ class Bridge:
                 broker_address.check_subscribed(await client.subscribe(wanted))
                 self._arrive()
                 async for _ in client.messages:
-                    pass  # never reached: the inbox hands messages on by itself, and this waits for the end of the connection
+                    # never reached: the inbox hands messages on by itself, and this waits for the
+                    # end of the connection
+                    pass
             finally:
                 self._depart()
 
@@ -194,17 +223,28 @@ class Bridge:
     def _receive(self, message: aiomqtt.Message) -> None:
         self.counts["arrived"] += 1
         topic, payload = str(message.topic), message.payload
-        raw = bytes(payload) if isinstance(payload, bytes | bytearray) else str(payload or "").encode()
+        raw = (
+            bytes(payload)
+            if isinstance(payload, bytes | bytearray)
+            else str(payload or "").encode()
+        )
         try:
             self._delivery.arrive(topic, raw, time.monotonic())
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
-            log.warning("bridge_message_rejected topic=%s reason=%s count=%d", topic, rejection, self.counts[rejection.reason])
+            log.warning(
+                "bridge_message_rejected topic=%s reason=%s count=%d",
+                topic,
+                rejection,
+                self.counts[rejection.reason],
+            )
 
-    # --- listening ---------------------------------------------------------------------------------------------------
+    # --- listening --------------------------------------------------------------------------------
 
     def listen(self, robot: str, listener: Listener) -> KnownRobot:
-        """Have a robot's messages brought to a listener; returns what is known of it, which goes on being updated."""
+        """Have a robot's messages brought to a listener; returns what is known of it, which goes on
+        being updated.
+        """
         if self._delivery.listen(robot, listener) and self._client is not None:
             self._launch(functools.partial(self._client.subscribe, list(_filters(robot))))
         return self._delivery.known[robot]
@@ -216,7 +256,11 @@ class Bridge:
         for key in [key for key in self._retained if key[0] == robot]:
             del self._retained[key]
         if self._client is not None:
-            self._launch(functools.partial(self._client.unsubscribe, [filter_ for filter_, _ in _filters(robot)]))
+            self._launch(
+                functools.partial(
+                    self._client.unsubscribe, [filter_ for filter_, _ in _filters(robot)]
+                )
+            )
 
     def follow(self, session: str, listener: Listener) -> None:
         """Have the news of a session brought to a listener."""
@@ -226,10 +270,12 @@ class Bridge:
         """Stop bringing them."""
         self._delivery.unfollow(session, listener)
 
-    # --- speaking ----------------------------------------------------------------------------------------------------
+    # --- speaking ---------------------------------------------------------------------------------
 
     def send(self, robot: str, suffix: str, message: Message) -> bool:
-        """Publish a message to a robot as the topic table says; False when the broker is away or does not keep up."""
+        """Publish a message to a robot as the topic table says; False when the broker is away or
+        does not keep up.
+        """
         line = topics.find(suffix)
         assert line is not None
         assert line.direction == "to_robot"
@@ -237,10 +283,18 @@ class Bridge:
 
     def send_stop(self, robot: str, action: Action) -> None:
         """Publish a stop or an e-stop; while the broker does not confirm it, again for 3 s at most."""
-        self._fly_stop(_Stop(topics.of(robot, "command/action"), codec.encode(action), time.monotonic() + STOP_SECONDS))
+        self._fly_stop(
+            _Stop(
+                topics.of(robot, "command/action"),
+                codec.encode(action),
+                time.monotonic() + STOP_SECONDS,
+            )
+        )
 
     def retain(self, robot: str, suffix: str, message: Message) -> None:
-        """Publish what a robot must find retained, and again whenever the broker comes back, while somebody listens here."""
+        """Publish what a robot must find retained, and again whenever the broker comes back, while
+        somebody listens here.
+        """
         payload = codec.encode(message)
         self._retained[robot, suffix] = payload
         self._fly(topics.of(robot, suffix), payload, qos=1, retain=True)
@@ -248,11 +302,16 @@ class Bridge:
     def publish_lease(self, robot: str, lease: Lease | None) -> bool:
         """Publish who drives (None: nobody) and act on it here at once.
 
-        Not remembered for a restarted broker: whoever holds the session asks the database first, which alone knows whether the lease
-        still lives.
+        Not remembered for a restarted broker: whoever holds the session asks the database first,
+        which alone knows whether the lease still lives.
         """
         self._delivery.note_lease(robot, lease, time.monotonic())
-        return self._fly(topics.of(robot, "lease"), b"" if lease is None else codec.encode(lease), qos=1, retain=True)
+        return self._fly(
+            topics.of(robot, "lease"),
+            b"" if lease is None else codec.encode(lease),
+            qos=1,
+            retain=True,
+        )
 
     def publish_session(self, news: ServerNews) -> bool:
         """Publish news of a session for every web process and the session manager."""
@@ -267,18 +326,28 @@ class Bridge:
         self._send_reports()
 
     def _send_reports(self) -> None:
-        while self.connected and self._client is not None and self._reports and len(self._flying) < REPORTS_FLYING:
+        while (
+            self.connected
+            and self._client is not None
+            and self._reports
+            and len(self._flying) < REPORTS_FLYING
+        ):
             topic, payload = self._reports.popleft()
             back = functools.partial(self._reports.append, (topic, payload))
-            self._launch(functools.partial(self._client.publish, topic, payload, qos=1), failed=back)
+            self._launch(
+                functools.partial(self._client.publish, topic, payload, qos=1), failed=back
+            )
 
     def _fly(self, topic: str, payload: bytes, *, qos: int, retain: bool = False) -> bool:
         if self._client is None or len(self._flying) >= MAX_FLYING:
             self.counts["unsent"] += 1
             return False
-        if qos == 0 and self._writer is not None and not self._unsaid:  # else it would overtake what was said before it
+        # else it would overtake what was said before it
+        if qos == 0 and self._writer is not None and not self._unsaid:
             return self._write(self._writer, topic, payload)
-        self._launch(functools.partial(self._client.publish, topic, payload, qos=qos, retain=retain))
+        self._launch(
+            functools.partial(self._client.publish, topic, payload, qos=qos, retain=retain)
+        )
         return True
 
     def _write(self, writer: QuickWriter, topic: str, payload: bytes) -> bool:
@@ -293,7 +362,10 @@ class Bridge:
         if self._client is None:
             self._stops.append(stop)
             return
-        self._launch(functools.partial(self._client.publish, stop.topic, stop.payload, qos=1), failed=functools.partial(self._stop_again, stop))
+        self._launch(
+            functools.partial(self._client.publish, stop.topic, stop.payload, qos=1),
+            failed=functools.partial(self._stop_again, stop),
+        )
 
     def _stop_again(self, stop: _Stop) -> None:
         if self._client is not None and time.monotonic() + STOP_AGAIN_SECONDS < stop.deadline:
@@ -301,8 +373,14 @@ class Bridge:
         else:
             self._stops.append(stop)
 
-    def _launch(self, exchange: Callable[[], Coroutine[Any, Any, Any]], failed: Callable[[], None] | None = None) -> None:
-        """Run one exchange with the broker beside everything else; packets leave in the order of the calls."""
+    def _launch(
+        self,
+        exchange: Callable[[], Coroutine[Any, Any, Any]],
+        failed: Callable[[], None] | None = None,
+    ) -> None:
+        """Run one exchange with the broker beside everything else; packets leave in the order of
+        the calls.
+        """
         task = self._loop.create_task(self._exchange(exchange))
         self._flying.add(task)
         self._unsaid.add(task)
@@ -314,7 +392,9 @@ class Bridge:
         self._unsaid.discard(task)  # the client takes the packet before it waits for anything
         await exchange()
 
-    def _land(self, failed: Callable[[], None] | None, began: float, task: asyncio.Task[Any]) -> None:
+    def _land(
+        self, failed: Callable[[], None] | None, began: float, task: asyncio.Task[Any]
+    ) -> None:
         self._flying.discard(task)
         self._unsaid.discard(task)
         error = None if task.cancelled() else task.exception()
@@ -333,10 +413,14 @@ class Bridge:
 
 def _filters(robot: str) -> tuple[tuple[str, int], ...]:
     lines = ((suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED)
-    return tuple((topics.of(robot, suffix), 0 if suffix in SHOWN else line.qos) for suffix, line in lines if line is not None)
+    return tuple(
+        (topics.of(robot, suffix), 0 if suffix in SHOWN else line.qos)
+        for suffix, line in lines
+        if line is not None
+    )
 
 
-# --- the one of this process -----------------------------------------------------------------------------------------
+# --- the one of this process ----------------------------------------------------------------------
 
 
 class _Process:

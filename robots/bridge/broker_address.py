@@ -1,4 +1,6 @@
-"""Where the broker is, by one URL: mqtt://, mqtts://, ws:// or wss://, with a user and password in it or without."""
+"""Where the broker is, by one URL: mqtt://, mqtts://, ws:// or wss://, with a user and password in
+it or without.
+"""
 
 import math
 import socket
@@ -14,7 +16,8 @@ PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
 # A broker that stops answering is noticed after 1.5 of these.
 KEEPALIVE_SECONDS = 5
 CONNECT_SECONDS = 5.0
-# Far above what a web process has on its way at any moment; beyond it the bridge refuses instead of queueing.
+# Far above what a web process has on its way at any moment; beyond it the bridge refuses instead of
+# queueing.
 MAX_INFLIGHT = 1000
 REFUSED = 0x80
 
@@ -48,7 +51,10 @@ def parse(url: str) -> BrokerAddress:
     except ValueError as error:
         raise BadAddress(f"The broker's address “{url}” cannot be read: {error}.") from error
     if parts.scheme not in PORTS or not parts.hostname:
-        raise BadAddress(f"The broker's address “{url}” must begin with {', '.join(f'{scheme}://' for scheme in PORTS)} and name a host.")
+        raise BadAddress(
+            f"The broker's address “{url}” must begin with"
+            f" {', '.join(f'{scheme}://' for scheme in PORTS)} and name a host."
+        )
     websocket = parts.scheme in {"ws", "wss"}
     return BrokerAddress(
         host=parts.hostname,
@@ -71,8 +77,9 @@ def client(
 ) -> aiomqtt.Client:
     """Return a client; a user named in the URL goes before `credentials`. Call it inside the loop.
 
-    `queue` is the class that takes what arrives (see `aiomqtt.Client.queue_type`). Without `clean_session` the broker keeps
-    subscriptions, and what comes for them at QoS 1, while the client is away.
+    `queue` is the class that takes what arrives (see `aiomqtt.Client.queue_type`). Without
+    `clean_session` the broker keeps subscriptions, and what comes for them at QoS 1, while the
+    client is away.
     """
     username, password = (address.username, address.password) if address.username else credentials
     return aiomqtt.Client(
@@ -97,14 +104,17 @@ def client(
 def backoff(attempt: int, chance: float, *, first: float = 0.2, ceiling: float = 0.8) -> float:
     """Return how many seconds to wait before attempt number `attempt` (0 is the first retry).
 
-    Doubles up to the ceiling, which is low, because a server has few processes and a lease that is not renewed for ten seconds ends a
-    drive; `chance` in [0, 1) spreads clients over the upper half, so that a restarted broker is not met by all of them at once.
+    Doubles up to the ceiling, which is low, because a server has few processes and a lease that is
+    not renewed for ten seconds ends a drive; `chance` in [0, 1) spreads clients over the upper
+    half, so that a restarted broker is not met by all of them at once.
     """
     whole = min(ceiling, first * math.pow(2.0, min(attempt, 30)))
     return whole * (0.5 + 0.5 * chance)
 
 
 def check_subscribed(answers: Iterable[Any]) -> None:
-    """Raise MqttError when the broker refused a subscription, which it says in the answer and not by an error."""
+    """Raise MqttError when the broker refused a subscription, which it says in the answer and not
+    by an error.
+    """
     if any(int(getattr(answer, "value", answer)) >= REFUSED for answer in answers):
         raise aiomqtt.MqttError("a subscription was refused")

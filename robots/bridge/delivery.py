@@ -1,4 +1,6 @@
-"""Who listens to which robot and which session, and the sorting of what arrives: no connection, no clock of its own."""
+"""Who listens to which robot and which session, and the sorting of what arrives: no connection, no
+clock of its own.
+"""
 
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
@@ -11,8 +13,9 @@ from robots.api.messages import Lease, ManagerStatus, ServerNews
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ServerWatch
 
-# Suffixes of letters that no robot wrote: the connection to the broker came (True) or went (False); news of a session.
-# Of no robot either: which parts of the server fail, once a second and whenever that changes.
+# Suffixes of letters that no robot wrote: the connection to the broker came (True) or went (False);
+# news of a session. Of no robot either: which parts of the server fail, once a second and whenever
+# that changes.
 LINK, NEWS, FAULTS = "link", "news", "faults"
 FAULTS_SECONDS = 1.0
 Decoded = TypeVar("Decoded")
@@ -22,7 +25,9 @@ _status = msgspec.json.Decoder(ManagerStatus)
 
 @dataclass(frozen=True)
 class ReceivedMessage:
-    """One message on its way to a listener: decoded once for all of them, and as the frame that pages get (binary for a picture)."""
+    """One message on its way to a listener: decoded once for all of them, and as the frame that
+    pages get (binary for a picture).
+    """
 
     suffix: str
     message: Any
@@ -30,19 +35,24 @@ class ReceivedMessage:
 
 
 class Listener(Protocol):
-    """Whoever is told what a robot or a server said; called on the loop, must return at once and must not raise."""
+    """Whoever is told what a robot or a server said; called on the loop, must return at once and
+    must not raise.
+    """
 
     def hear(self, inbound: ReceivedMessage) -> None:
         """Take one letter."""
 
 
 class Delivery:
-    """Listeners by robot, followers by session, and what is known of each robot that somebody listens to."""
+    """Listeners by robot, followers by session, and what is known of each robot that somebody
+    listens to.
+    """
 
     def __init__(self) -> None:
         self.known: dict[str, KnownRobot] = {}
         self.watch = ServerWatch()
-        self._told: dict[str, tuple[tuple[str, ...], float]] = {}  # robot: the faults that its listeners were told of, and when
+        # robot: the faults that its listeners were told of, and when
+        self._told: dict[str, tuple[tuple[str, ...], float]] = {}
         self._listeners: dict[str, set[Listener]] = {}
         self._followers: dict[str, set[Listener]] = {}
 
@@ -59,7 +69,9 @@ class Delivery:
         return first
 
     def ignore(self, robot: str, listener: Listener) -> bool:
-        """Remove a listener; True when it was the last one, after which nothing is known of the robot."""
+        """Remove a listener; True when it was the last one, after which nothing is known of the
+        robot.
+        """
         listeners = self._listeners.get(robot)
         if listeners is None:
             return False
@@ -101,18 +113,26 @@ class Delivery:
         suffix = parsed[1]
         message = None if suffix == "lease" and not payload else codec.decode(suffix, payload)
         if known.take(suffix, message, now):
-            frame = picture.frame(payload) if picture.is_picture(suffix) else f"{suffix}\n{payload.decode('utf-8', 'replace')}"
+            frame = (
+                picture.frame(payload)
+                if picture.is_picture(suffix)
+                else f"{suffix}\n{payload.decode('utf-8', 'replace')}"
+            )
             self.bring(known.name, ReceivedMessage(suffix, message, frame))
 
     def note_lease(self, robot: str, lease: Lease | None, now: float) -> None:
-        """Act on a lease that this process is about to publish, without waiting for it to come back."""
+        """Act on a lease that this process is about to publish, without waiting for it to come
+        back.
+        """
         known = self.known.get(robot)
         if known is not None:
             known.take_lease(lease, now, certain=True)
             self.bring(robot, ReceivedMessage("lease", lease))
 
     def lose_sight(self) -> None:
-        """Forget which robots are connected: the connection to the broker is gone, and only a new word counts."""
+        """Forget which robots are connected: the connection to the broker is gone, and only a new
+        word counts.
+        """
         for known in self.known.values():
             known.connection = None
 
@@ -127,7 +147,9 @@ class Delivery:
             self.bring(robot, inbound)
 
     def bring_faults(self, now: float) -> None:
-        """Bring everybody what fails now, when that has changed or was said a second ago: who hears nothing at all has lost this process."""
+        """Bring everybody what fails now, when that has changed or was said a second ago: who hears
+        nothing at all has lost this process.
+        """
         for robot, known in tuple(self.known.items()):
             faults = self.watch.faults(known, now)
             told, at = self._told.get(robot, (None, float("-inf")))

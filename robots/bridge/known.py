@@ -1,4 +1,5 @@
-"""What a web process knows of one robot, from the robot's own words: pure, `now` is monotonic seconds.
+"""What a web process knows of one robot, from the robot's own words: pure, `now` is monotonic
+seconds.
 
 Presence and permission are answered from here, so that no message waits for the database.
 """
@@ -13,8 +14,9 @@ from robots.api.messages import Connection, Factsheet, Lease, State
 class KnownRobot:
     """Connection, factsheet, last state and lease of a robot, newest wins.
 
-    `online_boot` is the boot of the last ONLINE. `lease` is the newest one, None when nobody drives, heard at `renewed_at`; `epoch`,
-    `renewal` and `stamp` are the newest seen and outlive it, so that a late copy of an older lease does not come back. `last_received_at` is when the
+    `online_boot` is the boot of the last ONLINE. `lease` is the newest one, None when nobody
+    drives, heard at `renewed_at`; `epoch`, `renewal` and `stamp` are the newest seen and outlive
+    it, so that a late copy of an older lease does not come back. `last_received_at` is when the
     robot itself last said anything.
     """
 
@@ -40,7 +42,9 @@ class KnownRobot:
         return bool(self.online) and now - self.last_received_at >= seconds
 
     def take(self, suffix: str, message: Any, now: float) -> bool:
-        """Note what the robot or a server said; False when it was out of date and must not be passed on."""
+        """Note what the robot or a server said; False when it was out of date and must not be
+        passed on.
+        """
         if suffix != "lease":
             self.last_received_at = now
         match message:
@@ -64,14 +68,21 @@ class KnownRobot:
         return True
 
     def take_lease(self, lease: Lease | None, now: float, *, certain: bool = False) -> bool:
-        """Note a lease or, with None, that nobody drives; False for a copy that is older than what is known.
+        """Note a lease or, with None, that nobody drives; False for a copy that is older than what
+        is known.
 
-        `certain`: it comes from the database and not over the broker, where copies overtake each other.
+        `certain`: it comes from the database and not over the broker, where copies overtake each
+        other.
         """
         if lease is not None and not certain and self._is_late(lease, now):
             return False
         if lease is not None:
-            self.epoch, self.renewal, self.stamp, self.renewed_at = lease.epoch, lease.renewal, lease.stamp, now
+            self.epoch, self.renewal, self.stamp, self.renewed_at = (
+                lease.epoch,
+                lease.renewal,
+                lease.stamp,
+                now,
+            )
         self.lease = lease
         return True
 
@@ -79,8 +90,16 @@ class KnownRobot:
         if (lease.epoch, lease.renewal) >= (self.epoch, self.renewal):
             return False
         # A lower epoch with a newer stamp, when nobody drives: the server's counter began anew.
-        return lease.epoch >= self.epoch or self.lease_at(now) is not None or lease.stamp <= self.stamp
+        return (
+            lease.epoch >= self.epoch or self.lease_at(now) is not None or lease.stamp <= self.stamp
+        )
 
     def lease_at(self, now: float) -> Lease | None:
-        """Return the lease while it is being renewed; a stored copy of a dead one counts for its ttl at most."""
-        return self.lease if self.lease is not None and now - self.renewed_at < self.lease.ttl else None
+        """Return the lease while it is being renewed; a stored copy of a dead one counts for its
+        ttl at most.
+        """
+        return (
+            self.lease
+            if self.lease is not None and now - self.renewed_at < self.lease.ttl
+            else None
+        )

@@ -1,11 +1,13 @@
 """A message of its moment written to the broker at once: no task, no event, no turn of the loop.
 
-aiomqtt makes a coroutine, a task and an event of every message, and paho two objects and a look at the selector, whose costs are those
-of all the rest of a command on its way through a web process. A command at QoS 0 needs none of it: nobody answers it. So its packet goes
-straight into the socket, and only what the socket does not take goes to paho, which sends it on when there is room.
+aiomqtt makes a coroutine, a task and an event of every message, and paho two objects and a look at
+the selector, whose costs are those of all the rest of a command on its way through a web process. A
+command at QoS 0 needs none of it: nobody answers it. So its packet goes straight into the socket,
+and only what the socket does not take goes to paho, which sends it on when there is room.
 
-Touches private names of paho-mqtt 2 and aiomqtt 2; where they are not what they were, or the connection is no plain socket (TLS,
-WebSocket), `writer_of` returns None and everything stays as it is. A test notices when that happens.
+Touches private names of paho-mqtt 2 and aiomqtt 2; where they are not what they were, or the
+connection is no plain socket (TLS, WebSocket), `writer_of` returns None and everything stays as it
+is. A test notices when that happens.
 """
 
 import socket
@@ -26,7 +28,9 @@ class QuickWriter:
         self._paho, self._socket = paho, plain
 
     def publish(self, topic: str, payload: bytes) -> bool:
-        """Publish at QoS 0, behind what already waits; False when the broker is away or does not keep up."""
+        """Publish at QoS 0, behind what already waits; False when the broker is away or does not
+        keep up.
+        """
         waiting = self._paho._out_packet  # noqa: SLF001 -- see the top
         if len(waiting) >= MOST_WAITING:
             return False
@@ -38,7 +42,8 @@ class QuickWriter:
         except OSError:  # the loop is about to find out
             return False
         if sent < len(packet):
-            # Said to be a ping, because paho would look for somebody to whom to announce that a message has left.
+            # Said to be a ping, because paho would look for somebody to whom to announce that a
+            # message has left.
             self._paho._packet_queue(MessageType.PINGREQ, packet[sent:], 0, 0)  # noqa: SLF001 -- see the top
         return True
 

@@ -1,14 +1,17 @@
-"""Which part of the server does not do its work, as one web process sees it: pure, `now` is monotonic seconds.
+"""Which part of the server does not do its work, as one web process sees it: pure, `now` is
+monotonic seconds.
 
-A process that was stopped keeps its connections, so silence is the sign and not a closed socket. The session manager speaks twice a
-second. When it is silent the broker is asked for one acknowledgement: with it the session manager fails, without it the broker.
+A process that was stopped keeps its connections, so silence is the sign and not a closed socket.
+The session manager speaks twice a second. When it is silent the broker is asked for one
+acknowledgement: with it the session manager fails, without it the broker.
 """
 
 from robots.api.messages import ManagerStatus
 from robots.bridge.known import KnownRobot
 
 BROKER, SESSION_MANAGER, ROBOT = "broker", "session_manager", "robot"
-PROBE_SECONDS = 0.7  # of the session manager's silence until the broker is asked, and between two questions
+# of the session manager's silence until the broker is asked, and between two questions
+PROBE_SECONDS = 0.7
 MANAGER_SECONDS = 1.4  # of silence until it is a fault; it speaks every half second
 BROKER_SECONDS = 0.7  # for which the broker may owe an acknowledgement
 ROBOT_SECONDS = 1.2  # its heart beats five times a second
@@ -26,13 +29,20 @@ class ServerWatch:
         self._has_answered = False  # since the session manager was heard last
 
     def link_changed(self, now: float, *, up: bool) -> None:
-        """Note that the broker was reached, or lost; a session manager that lost it too has the usual time to come back."""
+        """Note that the broker was reached, or lost; a session manager that lost it too has the
+        usual time to come back.
+        """
         self._linked, self._last_received_at, self._status = up, now, None
         self._asked_at, self._asked_last, self._has_answered = None, float("-inf"), False
 
     def heard(self, status: ManagerStatus, now: float) -> None:
         """Note the session manager's heartbeat, which proves the broker as well."""
-        self._status, self._last_received_at, self._asked_at, self._has_answered = status, now, None, False
+        self._status, self._last_received_at, self._asked_at, self._has_answered = (
+            status,
+            now,
+            None,
+            False,
+        )
 
     def wants_probe(self, now: float) -> bool:
         """Tell whether the broker is to be asked now; the caller does so, and calls `answered`."""
@@ -48,10 +58,14 @@ class ServerWatch:
 
     def faults(self, robot: KnownRobot, now: float) -> tuple[str, ...]:
         """Return the parts that fail now, for the pages of one robot."""
-        if not self._linked or (self._asked_at is not None and now - self._asked_at >= BROKER_SECONDS):
+        if not self._linked or (
+            self._asked_at is not None and now - self._asked_at >= BROKER_SECONDS
+        ):
             return (BROKER,)
         if self._asked_at is not None and not self._has_answered:
-            return ()  # through a broker that perhaps fails nobody is heard, so that silence says nothing of anybody else
+            # through a broker that perhaps fails nobody is heard, so that silence says nothing of
+            # anybody else
+            return ()
         silent = (ROBOT,) if robot.is_silent(now, ROBOT_SECONDS) else ()
         if now - self._last_received_at >= MANAGER_SECONDS:
             return (SESSION_MANAGER, *silent)

@@ -1,9 +1,12 @@
-"""Who has a place at the broker: strangers, which have not shown a right password yet, and the connections of each user. Pure.
+"""Who has a place at the broker: strangers, which have not shown a right password yet, and the
+connections of each user. Pure.
 
-Strangers have places of their own, which signed-in clients never take, and when those are full somebody goes for each that comes: of the address
-(IPv4, or /64 of IPv6) with the most strangers, there of the single address with the most, the one that has been there longest. So a crowd
-displaces itself, its neighbours behind other addresses keep their places, and a neighbour behind the same address has as long as it takes until all
-places have changed hands; that is more than a client needs, which sends its CONNECT as soon as it can. Nobody is turned away at the door.
+Strangers have places of their own, which signed-in clients never take, and when those are full
+somebody goes for each that comes: of the address (IPv4, or /64 of IPv6) with the most strangers,
+there of the single address with the most, the one that has been there longest. So a crowd displaces
+itself, its neighbours behind other addresses keep their places, and a neighbour behind the same
+address has as long as it takes until all places have changed hands; that is more than a client
+needs, which sends its CONNECT as soon as it can. Nobody is turned away at the door.
 """
 
 from collections.abc import Hashable
@@ -17,7 +20,8 @@ Who = TypeVar("Who", bound=Hashable)
 
 MAX_STRANGERS = 200
 MAX_CONNECTIONS = 2_000  # of users
-CONNECT_COST = 10.0  # packets: a connection takes a look at its password, a session, and perhaps a will
+# packets: a connection takes a look at its password, a session, and perhaps a will
+CONNECT_COST = 10.0
 
 
 class Usage(Generic[Who]):
@@ -34,7 +38,8 @@ class Admission(Generic[Who]):
     """Keeps count of who is there. Whoever it returns has lost the place and must be sent away."""
 
     def __init__(self) -> None:
-        self._strangers: dict[str, dict[str, dict[Who, None]]] = {}  # by household and address, the oldest first
+        # by household and address, the oldest first
+        self._strangers: dict[str, dict[str, dict[Who, None]]] = {}
         self._places: dict[Who, tuple[str, str]] = {}
         self._usages: dict[str, Usage[Who]] = {}
         self._users: dict[Who, str] = {}
@@ -55,14 +60,18 @@ class Admission(Generic[Who]):
         return displaced
 
     def progress(self, who: Who) -> None:
-        """A stranger has sent its CONNECT: from here on the broker is at work, and idle ones go first."""
+        """A stranger has sent its CONNECT: from here on the broker is at work, and idle ones go
+        first.
+        """
         network_prefix, address = self._places[who]
         same = self._strangers[network_prefix][address]
         del same[who]
         same[who] = None
 
     def sign_in(self, who: Who, user: BrokerUser, now: float) -> tuple[bool, Who | None]:
-        """Make a stranger a user's connection: (whether there is room, which older one of the same user goes for it)."""
+        """Make a stranger a user's connection: (whether there is room, which older one of the same
+        user goes for it).
+        """
         usage = self.usage(user, now)
         is_many = len(usage.connections) >= usage.most
         if (not is_many and len(self._users) >= MAX_CONNECTIONS) or usage.bucket.wait(now):
@@ -77,7 +86,9 @@ class Admission(Generic[Who]):
         return True, displaced
 
     def usage(self, user: BrokerUser, now: float) -> Usage[Who]:
-        """Return what a user takes; it is kept while the user exists, so that who comes back has no more than before."""
+        """Return what a user takes; it is kept while the user exists, so that who comes back has no
+        more than before.
+        """
         if user.name not in self._usages:
             self._usages[user.name] = Usage(user, now)
         return self._usages[user.name]
@@ -101,5 +112,7 @@ class Admission(Generic[Who]):
         self._usages = {name: usage for name, usage in self._usages.items() if name in but}
 
     def _oldest_of_the_many(self) -> Who:
-        network_prefix = max(self._strangers.values(), key=lambda addresses: sum(map(len, addresses.values())))
+        network_prefix = max(
+            self._strangers.values(), key=lambda addresses: sum(map(len, addresses.values()))
+        )
         return next(iter(max(network_prefix.values(), key=len)))

@@ -1,4 +1,6 @@
-"""A log that nobody can fill: of each event a few lines a minute, fewer about one user or address, and a count of those left out."""
+"""A log that nobody can fill: of each event a few lines a minute, fewer about one user or address,
+and a count of those left out.
+"""
 
 import logging
 import time
@@ -23,7 +25,10 @@ class BoundedLog:
         """Write a line about a subject, or count it as left out."""
         self.flush()
         event = line.partition(" ")[0]
-        if self._lines[event, None] >= LINES_OF_EVENT or self._lines[event, subject] >= LINES_OF_SUBJECT:
+        if (
+            self._lines[event, None] >= LINES_OF_EVENT
+            or self._lines[event, subject] >= LINES_OF_SUBJECT
+        ):
             self._left_out[event] += 1
             return
         self._lines[event, None] += 1
@@ -36,7 +41,12 @@ class BoundedLog:
         if now - self._began < PERIOD_S:
             return
         for event, count in self._left_out.items():
-            self._logger.warning("broker_log_left_out event=%s lines=%d seconds=%.0f", event, count, now - self._began)
+            self._logger.warning(
+                "broker_log_left_out event=%s lines=%d seconds=%.0f",
+                event,
+                count,
+                now - self._began,
+            )
         self._began = now
         self._lines.clear()
         self._left_out.clear()

@@ -1,7 +1,8 @@
 """One client of the embedded broker: bytes in, packets to the hub, in turns.
 
-A turn is a few packets; then every other client has one, and until the next no bytes are read, so that TCP makes a sender wait that is faster than
-its turns. A user that has had its allowance waits as long as it takes to have earned more. Before the password was found right, the bytes of the
+A turn is a few packets; then every other client has one, and until the next no bytes are read, so
+that TCP makes a sender wait that is faster than its turns. A user that has had its allowance waits
+as long as it takes to have earned more. Before the password was found right, the bytes of the
 CONNECT are read and not one more, and the broker looks at one CONNECT a turn of its loop.
 """
 
@@ -15,7 +16,17 @@ from robots.broker import packets
 from robots.broker.admission import Admission, Usage
 from robots.broker.bounded_log import BoundedLog
 from robots.broker.hub import Hub, Session
-from robots.broker.packets import Acknowledgement, Connect, Disconnect, Packet, PingRequest, ProtocolError, Publish, Subscribe, Unsubscribe
+from robots.broker.packets import (
+    Acknowledgement,
+    Connect,
+    Disconnect,
+    Packet,
+    PingRequest,
+    ProtocolError,
+    Publish,
+    Subscribe,
+    Unsubscribe,
+)
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import MAX_PACKET
 
@@ -49,7 +60,9 @@ class Desk(Protocol):
 
 
 class Connection(asyncio.BufferedProtocol):
-    """One client. Before its CONNECT was accepted `session` is None and nothing but the CONNECT counts."""
+    """One client. Before its CONNECT was accepted `session` is None and nothing but the CONNECT
+    counts.
+    """
 
     transport: asyncio.Transport
 
@@ -67,7 +80,7 @@ class Connection(asyncio.BufferedProtocol):
         self._next_turn: asyncio.Handle | None = None
         self._task: asyncio.Task[None] | None = None  # of a stranger: TLS, then the password
 
-    # --- asyncio's side -----------------------------------------------------------------------------------------------
+    # --- asyncio's side ---------------------------------------------------------------------------
 
     def connection_made(self, transport: Any) -> None:
         """Count the stranger before anything is read, and speak TLS with it."""
@@ -82,12 +95,15 @@ class Connection(asyncio.BufferedProtocol):
         if self._tls is None:
             transport.set_write_buffer_limits(high=SEND_BUFFER)
         else:
-            # Where the server listens with TLS, asyncio shows a connection only after the handshake: strangers could hold any number.
+            # Where the server listens with TLS, asyncio shows a connection only after the
+            # handshake: strangers could hold any number.
             transport.pause_reading()
             self._task = asyncio.get_running_loop().create_task(self._secure(self._tls))
 
     def connection_lost(self, error: Exception | None) -> None:  # noqa: ARG002 -- asyncio's signature
-        """Tell the hub, and free the place. One that ends in the handshake of TLS is told so by asyncio sometimes, and by `_secure`."""
+        """Tell the hub, and free the place. One that ends in the handshake of TLS is told so by
+        asyncio sometimes, and by `_secure`.
+        """
         if self not in self._desk.connections:
             return
         self.closing_since = self.closing_since or time.monotonic()
@@ -98,7 +114,8 @@ class Connection(asyncio.BufferedProtocol):
                 waiting.cancel()
         if self.session is not None:
             self._desk.hub.leave(self.session, self, graceful=False, now=time.monotonic())
-        # asyncio's TLS keeps our methods, and 256 KiB beside them: in a circle with us those would wait for the collector, in a flood by the hundred.
+        # asyncio's TLS keeps our methods, and 256 KiB beside them: in a circle with us those would
+        # wait for the collector, in a flood by the hundred.
         del self.transport
 
     def pause_writing(self) -> None:
@@ -124,7 +141,7 @@ class Connection(asyncio.BufferedProtocol):
         if self.closing_since is None and self._next_turn is None:
             self._turn()
 
-    # --- the hub's side -----------------------------------------------------------------------------------------------
+    # --- the hub's side ---------------------------------------------------------------------------
 
     def write(self, data: bytes) -> None:
         """Send bytes; a client that asks and asks and never takes its answers is sent away."""
@@ -132,7 +149,12 @@ class Connection(asyncio.BufferedProtocol):
             return
         self.transport.write(data)
         if self.transport.get_write_buffer_size() > MAX_UNSENT:
-            self._note(logging.WARNING, "broker_answers_not_taken address=%s user=%s", self.address, self.user)
+            self._note(
+                logging.WARNING,
+                "broker_answers_not_taken address=%s user=%s",
+                self.address,
+                self.user,
+            )
             self.kick()
 
     def kick(self) -> None:
@@ -140,16 +162,23 @@ class Connection(asyncio.BufferedProtocol):
         self.closing_since = time.monotonic()
         self.transport.abort()
 
-    # --- strangers ----------------------------------------------------------------------------------------------------
+    # --- strangers --------------------------------------------------------------------------------
 
     async def _secure(self, tls: ssl.SSLContext) -> None:
         secured = None
         try:
             secured = await asyncio.get_running_loop().start_tls(
-                self.transport, self, tls, server_side=True, ssl_handshake_timeout=CONNECT_SECONDS, ssl_shutdown_timeout=FLUSH_SECONDS
+                self.transport,
+                self,
+                tls,
+                server_side=True,
+                ssl_handshake_timeout=CONNECT_SECONDS,
+                ssl_shutdown_timeout=FLUSH_SECONDS,
             )
         except OSError as error:
-            error.with_traceback(None)  # a circle of asyncio's: the future in its frame has the exception, whose traceback has the frame
+            # a circle of asyncio's: the future in its frame has the exception, whose traceback has
+            # the frame
+            error.with_traceback(None)
         self._task = None
         if secured is None:  # asyncio tells nobody else of a connection that ends in its handshake
             self.connection_lost(None)
@@ -169,7 +198,9 @@ class Connection(asyncio.BufferedProtocol):
         try:
             connect = self._reader.take()
         except packets.UnsupportedVersionError as error:
-            self._note(logging.WARNING, "broker_version_refused address=%s reason=%s", self.address, error)
+            self._note(
+                logging.WARNING, "broker_version_refused address=%s reason=%s", self.address, error
+            )
             self._send_away(packets.BAD_VERSION)
             return
         if not isinstance(connect, Connect):
@@ -180,7 +211,9 @@ class Connection(asyncio.BufferedProtocol):
         user = await self._desk.authenticate(connect, self.address)
         self._task = None  # from here on nothing waits
         if user is None:
-            self._send_away(packets.BAD_PASSWORD if connect.password is not None else packets.NOT_AUTHORIZED)
+            self._send_away(
+                packets.BAD_PASSWORD if connect.password is not None else packets.NOT_AUTHORIZED
+            )
             return
         now = time.monotonic()
         is_in, displaced = self._desk.admission.sign_in(self, user, now)
@@ -188,7 +221,12 @@ class Connection(asyncio.BufferedProtocol):
             self._note(logging.WARNING, "broker_connections_of_user_full user=%s", user.name)
             displaced.kick()
         if not is_in:
-            self._note(logging.WARNING, "broker_connection_refused user=%s address=%s", user.name, self.address)
+            self._note(
+                logging.WARNING,
+                "broker_connection_refused user=%s address=%s",
+                user.name,
+                self.address,
+            )
             self._send_away(packets.UNAVAILABLE)
             return
         self.session, code, present = self._desk.hub.connect(connect, user, self, now)
@@ -199,12 +237,18 @@ class Connection(asyncio.BufferedProtocol):
         self._reader.limit = MAX_PACKET
         self._keep_alive = connect.keep_alive * KEEP_ALIVE_FACTOR
         self._heard = now
-        self._note(logging.INFO, "broker_connected user=%s client=%.80r address=%s", user.name, connect.client_id, self.address)
+        self._note(
+            logging.INFO,
+            "broker_connected user=%s client=%.80r address=%s",
+            user.name,
+            connect.client_id,
+            self.address,
+        )
         self.write(packets.connack(code, session_present=present))
         self._desk.hub.resume(self.session)
         self.transport.resume_reading()
 
-    # --- turns --------------------------------------------------------------------------------------------------------
+    # --- turns ------------------------------------------------------------------------------------
 
     def _turn(self) -> None:
         self._next_turn = None
@@ -220,7 +264,9 @@ class Connection(asyncio.BufferedProtocol):
         if is_more:
             self.transport.pause_reading()
             loop = asyncio.get_running_loop()
-            self._next_turn = loop.call_later(wait, self._turn) if wait else loop.call_soon(self._turn)
+            self._next_turn = (
+                loop.call_later(wait, self._turn) if wait else loop.call_soon(self._turn)
+            )
         elif self.closing_since is None:
             self.transport.resume_reading()
 
@@ -234,7 +280,12 @@ class Connection(asyncio.BufferedProtocol):
             if wait or not (size := self._reader.size) or self.closing_since is not None:
                 return wait
             packet = self._reader.take()
-            usage.bucket.take(1 + size // COST_BYTES + (len(packet.filters) if isinstance(packet, Subscribe) else 0), now)
+            usage.bucket.take(
+                1
+                + size // COST_BYTES
+                + (len(packet.filters) if isinstance(packet, Subscribe) else 0),
+                now,
+            )
             self._obey(session, packet)
         return 0.0
 
@@ -276,7 +327,7 @@ class Connection(asyncio.BufferedProtocol):
             session.received.discard(packet.packet_id)
             self.write(packets.acknowledgement(packets.PUBCOMP, packet.packet_id))
 
-    # --- endings ------------------------------------------------------------------------------------------------------
+    # --- endings ----------------------------------------------------------------------------------
 
     @property
     def user(self) -> str:
@@ -285,16 +336,35 @@ class Connection(asyncio.BufferedProtocol):
 
     def break_off(self, error: ProtocolError) -> None:
         """End a connection that has no meaning any more."""
-        self._note(logging.WARNING, "broker_protocol_error address=%s user=%s reason=%s", self.address, self.user, error)
+        self._note(
+            logging.WARNING,
+            "broker_protocol_error address=%s user=%s reason=%s",
+            self.address,
+            self.user,
+            error,
+        )
         self.kick()
 
     def sweep(self, now: float) -> None:
-        """End what has lasted too long: a silent client, one that never said who it is, one that does not take its last bytes."""
-        silent = self.session is not None and self._keep_alive and self._next_turn is None and now - self._heard > self._keep_alive
+        """End what has lasted too long: a silent client, one that never said who it is, one that
+        does not take its last bytes.
+        """
+        silent = (
+            self.session is not None
+            and self._keep_alive
+            and self._next_turn is None
+            and now - self._heard > self._keep_alive
+        )
         nameless = self.session is None and now - self._began > CONNECT_SECONDS
         stuck = self.closing_since is not None and now - self.closing_since > FLUSH_SECONDS
         if silent or nameless or stuck:
-            self._note(logging.INFO, "broker_gave_up address=%s user=%s silent=%s", self.address, self.user, bool(silent))
+            self._note(
+                logging.INFO,
+                "broker_gave_up address=%s user=%s silent=%s",
+                self.address,
+                self.user,
+                bool(silent),
+            )
             self.kick()
 
     def _send_away(self, code: int) -> None:
@@ -306,4 +376,6 @@ class Connection(asyncio.BufferedProtocol):
         self.transport.close()
 
     def _note(self, level: int, line: str, *arguments: object) -> None:
-        self._desk.log.write(level, self.user if self.session is not None else self.address, line, *arguments)
+        self._desk.log.write(
+            level, self.user if self.session is not None else self.address, line, *arguments
+        )

@@ -1,7 +1,8 @@
-"""The embedded broker: sockets, clock and passwords around `Hub`. It needs nothing but Python, and runs in a process of its own.
+"""The embedded broker: sockets, clock and passwords around `Hub`. It needs nothing but Python, and
+runs in a process of its own.
 
-Each client is a `Connection`. Passwords are checked off the loop; users come from memory, which a task renews from the database, so that no
-message waits for a query.
+Each client is a `Connection`. Passwords are checked off the loop; users come from memory, which a
+task renews from the database, so that no message waits for a query.
 """
 
 import asyncio
@@ -29,7 +30,9 @@ BACKLOG = 1024  # connections that wait in the kernel for their turn
 
 
 class EmbeddedBroker:
-    """A broker on one port. `read_users` is asked every `poll` seconds, and when somebody unknown or with a new key connects."""
+    """A broker on one port. `read_users` is asked every `poll` seconds, and when somebody unknown
+    or with a new key connects.
+    """
 
     name = "embedded"
 
@@ -56,8 +59,11 @@ class EmbeddedBroker:
         """
         self._take_users(await self._read_users())
         loop = asyncio.get_running_loop()
-        self._server = await loop.create_server(lambda: Connection(self, tls), host, port, backlog=ACCEPTED_A_TURN, reuse_address=True)
-        for listening in self._server.sockets:  # asyncio's one number is how many are accepted in a turn, and how many the kernel lets wait
+        self._server = await loop.create_server(
+            lambda: Connection(self, tls), host, port, backlog=ACCEPTED_A_TURN, reuse_address=True
+        )
+        # asyncio's one number is how many are accepted in a turn, and how many the kernel lets wait
+        for listening in self._server.sockets:
             with listening.dup() as same:
                 same.listen(BACKLOG)
         self._tasks = [loop.create_task(self._sweep()), loop.create_task(self._follow_users())]
@@ -110,7 +116,9 @@ class EmbeddedBroker:
             await self._refresh()
 
     async def _refresh(self) -> None:
-        """See to it that the users are read after this moment, at most every REFRESH_SECONDS; what cannot be read changes nothing."""
+        """See to it that the users are read after this moment, at most every REFRESH_SECONDS; what
+        cannot be read changes nothing.
+        """
         asked = time.monotonic()
         async with self._reading:
             if self._read_at > asked:  # somebody else's look came after ours was asked for
@@ -129,13 +137,17 @@ class EmbeddedBroker:
         self.admission.forget_users(users)
 
     async def authenticate(self, connect: Connect, address: str) -> BrokerUser | None:
-        """Return whose password it is, or None. An address that is often wrong causes no more looks at the database."""
+        """Return whose password it is, or None. An address that is often wrong causes no more looks
+        at the database.
+        """
         name, token, network_prefix = connect.user, connect.password, counted(address)
         if name is None or token is None:
             self._warn(network_prefix, "broker_anonymous_refused address=%s", address)
             return None
         known = self._users.get(name)
-        if known is not None and self._verifier.knows(token, known.credential_hash, time.monotonic()):
+        if known is not None and self._verifier.knows(
+            token, known.credential_hash, time.monotonic()
+        ):
             return known
         user = await self._verified(name, token)
         if user is None and not self._verifier.is_blocked(network_prefix, time.monotonic()):
@@ -143,7 +155,9 @@ class EmbeddedBroker:
             user = await self._verified(name, token)
         if user is None:
             self._verifier.note_failure(network_prefix, time.monotonic())
-            self._warn(network_prefix, "broker_password_refused user=%.80r address=%s", name, address)
+            self._warn(
+                network_prefix, "broker_password_refused user=%.80r address=%s", name, address
+            )
         return user
 
     async def _verified(self, name: str, token: str) -> BrokerUser | None:

@@ -1,4 +1,6 @@
-"""MQTT topics and filters (OASIS MQTT 3.1.1, section 4.7): what is well formed, what matches, what covers what."""
+"""MQTT topics and filters (OASIS MQTT 3.1.1, section 4.7): what is well formed, what matches, what
+covers what.
+"""
 
 MAX_LENGTH = 512  # characters; ours are far shorter
 MAX_LEVELS = 32
@@ -6,7 +8,11 @@ MAX_LEVELS = 32
 
 def is_topic(topic: str) -> bool:
     """Tell whether a message can be published there."""
-    return 0 < len(topic) <= MAX_LENGTH and topic.count("/") < MAX_LEVELS and not set(topic) & {"+", "#", "\0"}
+    return (
+        0 < len(topic) <= MAX_LENGTH
+        and topic.count("/") < MAX_LEVELS
+        and not set(topic) & {"+", "#", "\0"}
+    )
 
 
 def is_filter(text: str) -> bool:
@@ -20,7 +26,9 @@ def is_filter(text: str) -> bool:
 
 
 def matches(filter_: str, topic: str) -> bool:
-    """Tell whether a topic falls under a filter; `a/#` also means `a`, and wildcards in front do not reach `$…`."""
+    """Tell whether a topic falls under a filter; `a/#` also means `a`, and wildcards in front do
+    not reach `$…`.
+    """
     return not (topic.startswith("$") and filter_[:1] in {"+", "#"}) and covers(filter_, topic)
 
 
@@ -31,7 +39,11 @@ def covers(permission: str, filter_: str) -> bool:
     for index, level in enumerate(allowed):
         if level == "#":
             return True
-        if index >= len(wanted) or wanted[index] == "#" or (level != "+" and level != wanted[index]):
+        if (
+            index >= len(wanted)
+            or wanted[index] == "#"
+            or (level != "+" and level != wanted[index])
+        ):
             return False
         # What remains of `wanted` may be one level shorter only when `allowed` ends in `#`.
         if index == len(wanted) - 1:

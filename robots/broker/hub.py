@@ -1,11 +1,15 @@
-"""The embedded broker's mind: sessions, subscriptions, retained messages. No sockets, no clock, no database.
+"""The embedded broker's mind: sessions, subscriptions, retained messages. No sockets, no clock, no
+database.
 
-A connection hands over what it read (connect, publish, subscribe, …) and is told what to write through its `Link`. What it keeps to
-(OASIS MQTT 3.1.1): QoS 0 and 1 outwards and the lesser of a message's and a subscription's; QoS 2 inwards, delivered once; retained
-messages; wills; persistent sessions, which live as long as this process; a second connection of the same client takes over.
-Beyond the standard: a session belongs to its user as well as to its client id, so that nobody can take another one's over; nobody
-publishes or subscribes, nor leaves a will, past their permissions; retained is what the topic table says is; everything that could grow has a
-bound. What waits for a client and what it has not acknowledged count together, in messages and in the bytes of memory that they take.
+A connection hands over what it read (connect, publish, subscribe, …) and is told what to write
+through its `Link`. What it keeps to (OASIS MQTT 3.1.1): QoS 0 and 1 outwards and the lesser of a
+message's and a subscription's; QoS 2 inwards, delivered once; retained messages; wills; persistent
+sessions, which live as long as this process; a second connection of the same client takes over.
+Beyond the standard: a session belongs to its user as well as to its client id, so that nobody can
+take another one's over; nobody publishes or subscribes, nor leaves a will, past their permissions;
+retained is what the topic table says is; everything that could grow has a bound. What waits for a
+client and what it has not acknowledged count together, in messages and in the bytes of memory that
+they take.
 """
 
 import logging
@@ -64,7 +68,8 @@ class Session:
     dropped: int = 0
     received: set[int] = field(default_factory=set)  # QoS 2 messages between PUBLISH and PUBREL
     last_id: int = 0
-    permitted: set[str] = field(default_factory=set)  # topics that were found permitted, so that they need not be matched again
+    # topics that were found permitted, so that they need not be matched again
+    permitted: set[str] = field(default_factory=set)
 
     def may_publish(self, topic: str) -> bool:
         """Tell whether this client may publish there."""
@@ -80,7 +85,10 @@ class Session:
     def can_hold(self, message: Publish) -> bool:
         """Tell whether one more message may wait."""
         allowance = self.user.permissions.allowance
-        return len(self.queue) + len(self.inflight) < allowance.queue_messages and self.held_bytes + _bytes(message) <= allowance.queue_bytes
+        return (
+            len(self.queue) + len(self.inflight) < allowance.queue_messages
+            and self.held_bytes + _bytes(message) <= allowance.queue_bytes
+        )
 
     def free_id(self) -> int:
         """Return a packet id that is not in flight."""
@@ -105,14 +113,20 @@ class Hub:
         self._filters: Any = MQTTMatcher()  # the same, by level
         self._routes: dict[str, tuple[tuple[Session, int], ...]] = {}
 
-    # --- coming and going ---------------------------------------------------------------------------------------------
+    # --- coming and going -------------------------------------------------------------------------
 
-    def connect(self, connect: Connect, user: BrokerUser, link: Link, now: float) -> tuple[Session | None, int, bool]:
-        """Return (session, CONNACK code, session present) of a user whose password was right; the session is None when refused."""
+    def connect(
+        self, connect: Connect, user: BrokerUser, link: Link, now: float
+    ) -> tuple[Session | None, int, bool]:
+        """Return (session, CONNACK code, session present) of a user whose password was right; the
+        session is None when refused.
+        """
         if not connect.client_id and not connect.clean:
             return None, packets.BAD_CLIENT_ID, False
         if connect.will is not None and not user.permissions.may_publish(connect.will.topic):
-            self._warn(user.name, "broker_will_refused user=%s topic=%.200r", user.name, connect.will.topic)
+            self._warn(
+                user.name, "broker_will_refused user=%s topic=%.200r", user.name, connect.will.topic
+            )
             return None, packets.NOT_AUTHORIZED, False
         key = (user.name, connect.client_id or f"anonymous-{id(link)}")
         old = self.sessions.get(key)
@@ -131,13 +145,19 @@ class Hub:
         return session, packets.ACCEPTED, present
 
     def resume(self, session: Session) -> None:
-        """Send again what a returning session did not acknowledge, and then what waited for it, as far as it keeps up."""
-        session.queue.extendleft(replace(message, dup=True) for message in reversed(session.inflight.values()))
+        """Send again what a returning session did not acknowledge, and then what waited for it, as
+        far as it keeps up.
+        """
+        session.queue.extendleft(
+            replace(message, dup=True) for message in reversed(session.inflight.values())
+        )
         session.inflight.clear()
         self.push(session)
 
     def leave(self, session: Session, link: Link, *, graceful: bool, now: float) -> None:
-        """A connection ended; without a good-bye its will is published. Does nothing when another one has taken over."""
+        """A connection ended; without a good-bye its will is published. Does nothing when another
+        one has taken over.
+        """
         if session.link is not link:
             return
         session.link, session.left_at = None, now
@@ -150,9 +170,17 @@ class Hub:
             self.publish(session, will)
 
     def set_users(self, users: dict[str, BrokerUser], now: float) -> None:
-        """Part with every session whose user is gone, has another key, or may do other things than before."""
+        """Part with every session whose user is gone, has another key, or may do other things than
+        before.
+        """
         for session in [s for s in self.sessions.values() if users.get(s.user.name) != s.user]:
-            self.log.write(logging.INFO, session.user.name, "broker_revoked user=%s client=%.80r", session.user.name, session.client_id)
+            self.log.write(
+                logging.INFO,
+                session.user.name,
+                "broker_revoked user=%s client=%.80r",
+                session.user.name,
+                session.client_id,
+            )
             if session.link is not None:
                 session.link.kick()
                 self.leave(session, session.link, graceful=False, now=now)
@@ -164,7 +192,10 @@ class Hub:
             self._forget(session)
 
     def _bound_left_sessions(self, user: str) -> None:
-        left = sorted((s for s in self.sessions.values() if s.user.name == user and s.link is None), key=lambda s: s.left_at)
+        left = sorted(
+            (s for s in self.sessions.values() if s.user.name == user and s.link is None),
+            key=lambda s: s.left_at,
+        )
         for session in left[:-MAX_LEFT_SESSIONS]:
             self._forget(session)
 
@@ -173,16 +204,25 @@ class Hub:
         if self.sessions.get((session.user.name, session.client_id)) is session:
             del self.sessions[session.user.name, session.client_id]
 
-    # --- subscriptions ------------------------------------------------------------------------------------------------
+    # --- subscriptions ----------------------------------------------------------------------------
 
     def subscribe(self, session: Session, subscribe: Subscribe) -> list[int]:
         """Return a SUBACK's codes. Send the SUBACK, and then `send_retained`."""
-        return [self._subscribe_one(session, filter_, min(qos, 1)) for filter_, qos in subscribe.filters]
+        return [
+            self._subscribe_one(session, filter_, min(qos, 1)) for filter_, qos in subscribe.filters
+        ]
 
     def _subscribe_one(self, session: Session, filter_: str, qos: int) -> int:
         permitted = is_filter(filter_) and session.user.permissions.may_subscribe(filter_)
-        if not permitted or (len(session.filters) >= MAX_FILTERS and filter_ not in session.filters):
-            self._warn(session.user.name, "broker_subscribe_refused user=%s filter=%.200r", session.user.name, filter_)
+        if not permitted or (
+            len(session.filters) >= MAX_FILTERS and filter_ not in session.filters
+        ):
+            self._warn(
+                session.user.name,
+                "broker_subscribe_refused user=%s filter=%.200r",
+                session.user.name,
+                filter_,
+            )
             return packets.SUBSCRIPTION_REFUSED
         if session.filters.get(filter_) != qos:
             session.filters[filter_] = qos
@@ -205,7 +245,11 @@ class Hub:
         if literal == filter_:
             return [self.retained[filter_]] if filter_ in self.retained else []
         start = literal.removesuffix("/")  # `a/#` is `a` as well
-        return [m for topic, m in self.retained.items() if topic.startswith(start) and matches(filter_, topic)]
+        return [
+            m
+            for topic, m in self.retained.items()
+            if topic.startswith(start) and matches(filter_, topic)
+        ]
 
     def unsubscribe(self, session: Session, filters: tuple[str, ...]) -> None:
         """Forget subscriptions; unknown ones are no error."""
@@ -217,19 +261,29 @@ class Hub:
                     del self._subscribers[filter_], self._filters[filter_]
                 self._routes.clear()
 
-    # --- messages -----------------------------------------------------------------------------------------------------
+    # --- messages ---------------------------------------------------------------------------------
 
     def publish(self, session: Session, message: Publish) -> None:
-        """Deliver a client's message, unless it may not publish there: then it is dropped and logged, as Mosquitto does."""
+        """Deliver a client's message, unless it may not publish there: then it is dropped and
+        logged, as Mosquitto does.
+        """
         if not session.may_publish(message.topic):
-            self._warn(session.user.name, "broker_publish_refused user=%s topic=%.200r", session.user.name, message.topic)
+            self._warn(
+                session.user.name,
+                "broker_publish_refused user=%s topic=%.200r",
+                session.user.name,
+                message.topic,
+            )
             return
-        if message.retain and is_kept(message.topic):  # else one robot, which may write to as many topics as it likes, fills the store
+        # else one robot, which may write to as many topics as it likes, fills the store
+        if message.retain and is_kept(message.topic):
             self._retain(message)
         at_most_once = b""
         for target, granted in self._route(message.topic):
             if min(granted, message.qos) == 0:
-                at_most_once = at_most_once or packets.publish(Publish(message.topic, message.payload))
+                at_most_once = at_most_once or packets.publish(
+                    Publish(message.topic, message.payload)
+                )
                 self._send_at_most_once(target, at_most_once)
             else:
                 self._enqueue(target, Publish(message.topic, message.payload, qos=1))
@@ -243,7 +297,8 @@ class Hub:
             self.push(session)
 
     def receive_once(self, session: Session, message: Publish) -> None:
-        """Take a QoS 2 message: deliver it the first time, and remember its id until it is released.
+        """Take a QoS 2 message: deliver it the first time, and remember its id until it is
+        released.
 
         Raises:
             ProtocolError: too many were not released.
@@ -258,10 +313,14 @@ class Hub:
     def push(self, session: Session) -> None:
         """Send what waits for a session, as far as it keeps up."""
         link = session.link
-        while link is not None and link.is_ready and session.queue and len(session.inflight) < WINDOW:
+        while (
+            link is not None and link.is_ready and session.queue and len(session.inflight) < WINDOW
+        ):
             message = session.queue.popleft()
             if message.qos:
-                message = message if message.packet_id else replace(message, packet_id=session.free_id())
+                message = (
+                    message if message.packet_id else replace(message, packet_id=session.free_id())
+                )
                 session.inflight[message.packet_id] = message
             else:
                 session.held_bytes -= _bytes(message)
@@ -283,7 +342,9 @@ class Hub:
         if not message.payload:
             self.retained.pop(message.topic, None)
         elif message.topic in self.retained or len(self.retained) < MAX_RETAINED:
-            self.retained[message.topic] = Publish(message.topic, message.payload, min(message.qos, 1), retain=True)
+            self.retained[message.topic] = Publish(
+                message.topic, message.payload, min(message.qos, 1), retain=True
+            )
         else:
             self.log.write(logging.ERROR, "", "broker_retained_full topic=%.200r", message.topic)
 
@@ -298,7 +359,14 @@ class Hub:
         if not session.can_hold(message):
             session.dropped += 1
             user, client, dropped = session.user.name, session.client_id, session.dropped
-            self.log.write(logging.ERROR, user, "broker_queue_full user=%s client=%.80r dropped=%d", user, client, dropped)
+            self.log.write(
+                logging.ERROR,
+                user,
+                "broker_queue_full user=%s client=%.80r dropped=%d",
+                user,
+                client,
+                dropped,
+            )
             return
         session.queue.append(message)
         session.held_bytes += _bytes(message)

@@ -1,11 +1,14 @@
-"""Mosquitto as our child: the same users, hashes, permissions and limits, written into its own files.
+"""Mosquitto as our child: the same users, hashes, permissions and limits, written into its own
+files.
 
-The files lie in a directory of ours. When the database says something new they are written again and Mosquitto is told by SIGHUP,
-upon which it disconnects whoever is no longer welcome. It dies with us, also when we are killed (Linux: PR_SET_PDEATHSIG).
+The files lie in a directory of ours. When the database says something new they are written again
+and Mosquitto is told by SIGHUP, upon which it disconnects whoever is no longer welcome. It dies
+with us, also when we are killed (Linux: PR_SET_PDEATHSIG).
 
-Three differences from the embedded broker are Mosquitto's own (2.0): it hangs up on a client that publishes with QoS 1 what it may not;
-whoever knows a client id takes its session over, also another user, so client ids are random, or made from a secret; and it retains on every
-topic that a robot may write to, not only where the topic table says so.
+Three differences from the embedded broker are Mosquitto's own (2.0): it hangs up on a client that
+publishes with QoS 1 what it may not; whoever knows a client id takes its session over, also another
+user, so client ids are random, or made from a secret; and it retains on every topic that a robot
+may write to, not only where the topic table says so.
 """
 
 import asyncio
@@ -21,15 +24,25 @@ from pathlib import Path
 
 from robots.broker.hub import WINDOW
 from robots.broker.permissions import SERVER_ALLOWANCE, BrokerUser
-from robots.broker.users import MAX_PACKET, POLL_SECONDS, SESSION_SECONDS, ReadUsers, UsersUnavailableError
+from robots.broker.users import (
+    MAX_PACKET,
+    POLL_SECONDS,
+    SESSION_SECONDS,
+    ReadUsers,
+    UsersUnavailableError,
+)
 from robots.processes import tied_to_parent
 
 logger = logging.getLogger(__name__)
 
 START_SECONDS = 10.0
 STOP_SECONDS = 5.0
-SBIN = ("/usr/sbin", "/usr/local/sbin", "/opt/homebrew/sbin")  # Debian and macOS keep it off the PATH of ordinary users
-EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 -- where to try a broker that listens everywhere
+# Debian and macOS keep it off the PATH of ordinary users
+SBIN = ("/usr/sbin", "/usr/local/sbin", "/opt/homebrew/sbin")
+EVERYWHERE = {
+    "0.0.0.0": "127.0.0.1",
+    "::": "::1",
+}  # noqa: S104 -- where to try a broker that listens everywhere
 
 
 class MosquittoError(Exception):
@@ -49,7 +62,9 @@ def find() -> str | None:
     return shutil.which("mosquitto", path=os.pathsep.join([os.environ.get("PATH", ""), *SBIN]))
 
 
-def configuration(host: str, port: int, directory: Path, tls: Tls | None = None, user: str | None = None) -> str:
+def configuration(
+    host: str, port: int, directory: Path, tls: Tls | None = None, user: str | None = None
+) -> str:
     """Return mosquitto.conf; `user` is whom to run as when started by root."""
     lines = [
         f"listener {port} {host}",
@@ -60,7 +75,8 @@ def configuration(host: str, port: int, directory: Path, tls: Tls | None = None,
         f"persistence_location {directory}/",
         "autosave_interval 60",
         f"persistent_client_expiration {int(SESSION_SECONDS // 3600)}h",
-        # For every user: Mosquitto has no bound for some. Its bytes are those of payloads, so that empty messages need the count.
+        # For every user: Mosquitto has no bound for some. Its bytes are those of payloads, so that
+        # empty messages need the count.
         f"max_queued_messages {SERVER_ALLOWANCE.queue_messages}",
         f"max_queued_bytes {SERVER_ALLOWANCE.queue_bytes}",
         f"max_inflight_messages {WINDOW}",
@@ -93,7 +109,9 @@ def permission_file(users: dict[str, BrokerUser]) -> str:
 
 
 def write_private(path: Path, text: str, mode: int = 0o600) -> None:
-    """Write a file that only its owner can read (or whom `mode` adds), in one step, so that Mosquitto never sees half of it."""
+    """Write a file that only its owner can read (or whom `mode` adds), in one step, so that
+    Mosquitto never sees half of it.
+    """
     draft = path.with_suffix(".new")
     draft.unlink(missing_ok=True)
     descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
@@ -108,9 +126,12 @@ def usable_port(host: str, port: int) -> int:
     Raises:
         OSError: the address cannot be had; Mosquitto would only say so in its log.
     """
-    family, kind, _, _, address = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+    family, kind, _, _, address = socket.getaddrinfo(
+        host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+    )[0]
     with socket.socket(family, kind) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # connections that ended a moment ago do not count
+        # connections that ended a moment ago do not count
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         probe.bind(address)
         probe.listen()
         return int(probe.getsockname()[1])
@@ -121,13 +142,16 @@ class MosquittoBroker:
 
     name = "mosquitto"
 
-    def __init__(self, read_users: ReadUsers, directory: Path, *, poll: float = POLL_SECONDS) -> None:
+    def __init__(
+        self, read_users: ReadUsers, directory: Path, *, poll: float = POLL_SECONDS
+    ) -> None:
         self._read_users, self._directory, self._poll = read_users, directory, poll
         self._users: dict[str, BrokerUser] = {}
         self._child: subprocess.Popen[bytes] | None = None
 
     async def start(self, host: str, port: int, tls: Tls | None = None) -> int:
-        """Start Mosquitto, wait until it answers, and return the port (a free one when asked for 0).
+        """Start Mosquitto, wait until it answers, and return the port (a free one when asked for
+        0).
 
         Raises:
             MosquittoError: it is not installed, or did not start.
@@ -141,9 +165,13 @@ class MosquittoBroker:
         self._directory.mkdir(parents=True, exist_ok=True)
         self._directory.chmod(0o700)
         self._write_users(await self._read_users())
-        # By itself it would become the user `mosquitto` when started by root, who cannot read our directory.
+        # By itself it would become the user `mosquitto` when started by root, who cannot read our
+        # directory.
         user = "root" if sys.platform != "win32" and os.geteuid() == 0 else None
-        write_private(self._directory / "mosquitto.conf", configuration(host, port, self._directory, tls, user))
+        write_private(
+            self._directory / "mosquitto.conf",
+            configuration(host, port, self._directory, tls, user),
+        )
         # A session of its own: Ctrl-C reaches us, and we end it in order.
         self._child = subprocess.Popen(  # noqa: ASYNC220, S603 -- milliseconds, in the thread that it is to die with; a program that we found, with our own file
             [program, "-c", str(self._directory / "mosquitto.conf")],

@@ -1,7 +1,8 @@
 """Bytes to MQTT 3.1.1 control packets and back; no I/O (OASIS MQTT 3.1.1, chapters 2 and 3).
 
-`PacketReader` takes bytes as they come and returns whole packets. It refuses an oversized packet as soon as its length is known,
-before a byte of it is stored; after a `ProtocolError` the connection has no meaning any more and must be closed.
+`PacketReader` takes bytes as they come and returns whole packets. It refuses an oversized packet as
+soon as its length is known, before a byte of it is stored; after a `ProtocolError` the connection
+has no meaning any more and must be closed.
 """
 
 from collections.abc import Iterator
@@ -35,7 +36,9 @@ class UnsupportedVersionError(ProtocolError):
 
 
 class Publish(Struct, frozen=True):
-    """PUBLISH; `packet_id` is 0 at QoS 0. A Struct, because one is made for every message, several times faster than a dataclass."""
+    """PUBLISH; `packet_id` is 0 at QoS 0. A Struct, because one is made for every message, several
+    times faster than a dataclass.
+    """
 
     topic: str
     payload: bytes
@@ -245,7 +248,14 @@ def _publish(flags: int, body: _Body) -> Publish:
     if not is_topic(topic):
         raise ProtocolError("not a topic")
     packet_id = body.packet_id() if qos else 0
-    return Publish(topic, body.take(len(body.data) - body.at), qos, bool(flags & _RETAIN), packet_id, bool(flags & _DUP))
+    return Publish(
+        topic,
+        body.take(len(body.data) - body.at),
+        qos,
+        bool(flags & _RETAIN),
+        packet_id,
+        bool(flags & _DUP),
+    )
 
 
 def _connect(body: _Body) -> Connect:
@@ -307,7 +317,10 @@ def publish(message: Publish) -> bytes:
     topic = message.topic.encode()
     packet_id = message.packet_id.to_bytes(2, "big") if message.qos else b""
     flags = (message.qos << 1) | (_DUP if message.dup else 0) | (_RETAIN if message.retain else 0)
-    return framed((PUBLISH << 4) | flags, b"".join((len(topic).to_bytes(2, "big"), topic, packet_id, message.payload)))
+    return framed(
+        (PUBLISH << 4) | flags,
+        b"".join((len(topic).to_bytes(2, "big"), topic, packet_id, message.payload)),
+    )
 
 
 def connack(code: int, *, session_present: bool = False) -> bytes:

@@ -1,4 +1,6 @@
-"""Who may say and hear what at the broker, and how much: pure, and the same for both brokers but for the bounds that Mosquitto lacks."""
+"""Who may say and hear what at the broker, and how much: pure, and the same for both brokers but
+for the bounds that Mosquitto lacks.
+"""
 
 import math
 from dataclasses import dataclass
@@ -12,18 +14,27 @@ MIB = 1024 * 1024
 
 @dataclass(frozen=True)
 class Allowance:
-    """How much the broker does for one user. A packet costs one for each 4 KiB that it has begun, SUBSCRIBE one for each filter as well."""
+    """How much the broker does for one user. A packet costs one for each 4 KiB that it has begun,
+    SUBSCRIBE one for each filter as well.
+    """
 
-    packets_per_s: float  # of all connections together, and as many at once after a second of silence
+    # of all connections together, and as many at once after a second of silence
+    packets_per_s: float
     connections: int
     queue_messages: int  # of one session: what waits for it or was not acknowledged by it
     queue_bytes: int
 
 
-# An agent at its busiest (4 states, 30 poses, 10 scans, 5 heartbeats, 10 pictures of 48 kB a second) takes less than a third, by one connection.
-ROBOT_ALLOWANCE = Allowance(packets_per_s=1000.0, connections=8, queue_messages=1000, queue_bytes=4 * MIB)
-# The server's own processes have the site's secret key: they are bounded only where a slow one would take the broker's memory.
-SERVER_ALLOWANCE = Allowance(packets_per_s=math.inf, connections=500, queue_messages=100_000, queue_bytes=64 * MIB)
+# An agent at its busiest (4 states, 30 poses, 10 scans, 5 heartbeats, 10 pictures of 48 kB a
+# second) takes less than a third, by one connection.
+ROBOT_ALLOWANCE = Allowance(
+    packets_per_s=1000.0, connections=8, queue_messages=1000, queue_bytes=4 * MIB
+)
+# The server's own processes have the site's secret key: they are bounded only where a slow one
+# would take the broker's memory.
+SERVER_ALLOWANCE = Allowance(
+    packets_per_s=math.inf, connections=500, queue_messages=100_000, queue_bytes=64 * MIB
+)
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,14 @@ def of_robot(robot: str) -> Permissions:
 
 
 def of_server() -> Permissions:
-    """Return what a server process may do: write every robot's inputs and the servers' own tree, read everything."""
-    inputs = tuple(topics.of("+", topic.suffix) for topic in topics.TABLE if topic.direction == "to_robot")
-    return Permissions(write=(*inputs, f"{topics.SERVER}/#"), read=(f"{topics.ROOT}/#",), allowance=SERVER_ALLOWANCE)
+    """Return what a server process may do: write every robot's inputs and the servers' own tree,
+    read everything.
+    """
+    inputs = tuple(
+        topics.of("+", topic.suffix) for topic in topics.TABLE if topic.direction == "to_robot"
+    )
+    return Permissions(
+        write=(*inputs, f"{topics.SERVER}/#"),
+        read=(f"{topics.ROOT}/#",),
+        allowance=SERVER_ALLOWANCE,
+    )

@@ -1,10 +1,14 @@
-"""How fast one user may go on: a token bucket that may be overdrawn by the one thing that is being done. Pure; `now` is monotonic seconds."""
+"""How fast one user may go on: a token bucket that may be overdrawn by the one thing that is being
+done. Pure; `now` is monotonic seconds.
+"""
 
 import math
 
 
 class TokenBucket:
-    """Fills with `rate` tokens a second up to `size`; what costs more than is there is allowed, and paid for by waiting afterwards."""
+    """Fills with `rate` tokens a second up to `size`; what costs more than is there is allowed, and
+    paid for by waiting afterwards.
+    """
 
     def __init__(self, rate: float, size: float, now: float) -> None:
         self._rate, self._size, self._level, self._at = rate, size, size, now

@@ -10,7 +10,15 @@ from django.utils.crypto import salted_hmac
 
 from robots.api import topics
 from robots.broker.permissions import BrokerUser, of_robot, of_server
-from robots.enrol.credentials import SALT_BYTES, SERVER_USERS, STORED, ServerPart, hash_token, server_credentials, users_of
+from robots.enrol.credentials import (
+    SALT_BYTES,
+    SERVER_USERS,
+    STORED,
+    ServerPart,
+    hash_token,
+    server_credentials,
+    users_of,
+)
 from robots.models import Robot
 
 # The largest payload of the Robot API, and room for its topic and header.
@@ -27,22 +35,33 @@ class UsersUnavailableError(Exception):
 
 @cache
 def _server_hash(part: ServerPart) -> str:
-    # The salt follows from the secret key like the password: every process writes the same, and what has not changed looks the same.
+    # The salt follows from the secret key like the password: every process writes the same, and
+    # what has not changed looks the same.
     salt = salted_hmac("robots.broker.salt", part, algorithm="sha256").digest()[:SALT_BYTES]
     return hash_token(server_credentials(part)[1], salt=salt)
 
 
 def _server_users() -> list[BrokerUser]:
-    return [BrokerUser(name, _server_hash(part), of_server()) for part, name in SERVER_USERS.items()]
+    return [
+        BrokerUser(name, _server_hash(part), of_server()) for part, name in SERVER_USERS.items()
+    ]
 
 
 def _robot_users() -> list[BrokerUser]:
-    rows, now = Robot.objects.filter(enabled=True).exclude(credential_hash="").only("name", *STORED), timezone.now()
-    return [BrokerUser(user, kept, of_robot(robot.name)) for robot in rows.order_by("name") for user, kept in users_of(robot, now).items()]
+    rows, now = (
+        Robot.objects.filter(enabled=True).exclude(credential_hash="").only("name", *STORED),
+        timezone.now(),
+    )
+    return [
+        BrokerUser(user, kept, of_robot(robot.name))
+        for robot in rows.order_by("name")
+        for user, kept in users_of(robot, now).items()
+    ]
 
 
 def users_now() -> dict[str, BrokerUser]:
-    """Return every user by name: the server's own processes, and the enabled robots that have credentials.
+    """Return every user by name: the server's own processes, and the enabled robots that have
+    credentials.
 
     Raises:
         UsersUnavailableError: the database could not be read.

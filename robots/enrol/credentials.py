@@ -1,8 +1,9 @@
 """Keys to the broker: random 256-bit tokens, shown once, kept only as hashes.
 
-The hash has Mosquitto's own form, `$7$<iterations>$<salt>$<hash>` (PBKDF2 with SHA-512, base64), so that one string in the database
-serves Mosquitto's password file, the embedded broker and the HTTPS endpoint alike. A token of 256 random bits cannot be guessed, so
-the iterations protect nothing; there are as few as `mosquitto_passwd` makes, because a broker checks them between two messages.
+The hash has Mosquitto's own form, `$7$<iterations>$<salt>$<hash>` (PBKDF2 with SHA-512, base64), so
+that one string in the database serves Mosquitto's password file, the embedded broker and the HTTPS
+endpoint alike. A token of 256 random bits cannot be guessed, so the iterations protect nothing;
+there are as few as `mosquitto_passwd` makes, because a broker checks them between two messages.
 """
 
 import base64
@@ -27,30 +28,52 @@ SALT_BYTES = 12  # the one length that Mosquitto reads
 HASH_BYTES = 64
 GRACE = datetime.timedelta(hours=24)
 STORED = (
-    "credential_user", "credential_hash", "credential_made_at", "former_user", "former_hash", "former_until", "renewal_asked_at",
-)  # fmt: skip
+    "credential_user",
+    "credential_hash",
+    "credential_made_at",
+    "former_user",
+    "former_hash",
+    "former_until",
+    "renewal_asked_at",
+)
 MAX_ITERATIONS = 100_000
 
 # A robot's name has no dot, so that no robot can be called like a server.
 ServerPart = Literal["web", "session-manager"]
-SERVER_USERS: dict[ServerPart, str] = {"web": "server.web", "session-manager": "server.session-manager"}
+SERVER_USERS: dict[ServerPart, str] = {
+    "web": "server.web",
+    "session-manager": "server.session-manager",
+}
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """What a robot's computer needs besides the server's address; the token is here for the only time."""
+    """What a robot's computer needs besides the server's address; the token is here for the only
+    time.
+    """
 
     robot: str
     token: str = field(repr=False)
     user: str = ""  # at the broker, when that is not the robot's name
 
     def toml(self, **addresses: str) -> str:
-        """Return the credentials file of `run_robot`; `addresses` are further lines, such as `server` or `mqtt_url`."""
-        return toml({"robot": self.robot, **({"user": self.user} if self.user else {}), "token": self.token, **addresses})
+        """Return the credentials file of `run_robot`; `addresses` are further lines, such as
+        `server` or `mqtt_url`.
+        """
+        return toml(
+            {
+                "robot": self.robot,
+                **({"user": self.user} if self.user else {}),
+                "token": self.token,
+                **addresses,
+            }
+        )
 
 
 def new_token() -> str:
-    """Return 256 random bits as text that survives shells, URLs and MQTT, and that no command takes for an option of its own."""
+    """Return 256 random bits as text that survives shells, URLs and MQTT, and that no command takes
+    for an option of its own.
+    """
     while (token := secrets.token_urlsafe(TOKEN_BYTES)).startswith("-"):
         pass
     return token
@@ -68,18 +91,35 @@ def matches(token: str, credential_hash: str) -> bool:
     try:
         empty, kind, iterations, salt, digest = credential_hash.split("$")
         count, expected = int(iterations), base64.b64decode(digest, validate=True)
-        found = hashlib.pbkdf2_hmac("sha512", token.encode(), base64.b64decode(salt, validate=True), min(count, MAX_ITERATIONS), HASH_BYTES)
+        found = hashlib.pbkdf2_hmac(
+            "sha512",
+            token.encode(),
+            base64.b64decode(salt, validate=True),
+            min(count, MAX_ITERATIONS),
+            HASH_BYTES,
+        )
     except (ValueError, binascii.Error):
         return False
-    return not empty and kind == "7" and 0 < count <= MAX_ITERATIONS and hmac.compare_digest(found, expected)
+    return (
+        not empty
+        and kind == "7"
+        and 0 < count <= MAX_ITERATIONS
+        and hmac.compare_digest(found, expected)
+    )
 
 
 def make_credentials(robot: Robot, now: datetime.datetime) -> Credentials:
-    """Give a robot a new token; the old one is worthless from the broker's next look at the database on (about 2 s)."""
+    """Give a robot a new token; the old one is worthless from the broker's next look at the
+    database on (about 2 s).
+    """
     token = new_token()
     user = "" if robot.credential_made_at is None else _new_user(robot)
     _forget(robot)
-    robot.credential_user, robot.credential_hash, robot.credential_made_at = user, hash_token(token), now
+    robot.credential_user, robot.credential_hash, robot.credential_made_at = (
+        user,
+        hash_token(token),
+        now,
+    )
     robot.save(update_fields=STORED)
     return Credentials(robot.name, token, user)
 
@@ -91,15 +131,25 @@ def rotate(robot: Robot, shown: str, now: datetime.datetime) -> Credentials:
     """
     user, token = _new_user(robot), new_token()
     if matches(shown, robot.credential_hash):
-        robot.former_user, robot.former_hash, robot.former_until = robot.credential_user, robot.credential_hash, now + GRACE
+        robot.former_user, robot.former_hash, robot.former_until = (
+            robot.credential_user,
+            robot.credential_hash,
+            now + GRACE,
+        )
     robot.renewal_asked_at = None
-    robot.credential_user, robot.credential_hash, robot.credential_made_at = user, hash_token(token), now
+    robot.credential_user, robot.credential_hash, robot.credential_made_at = (
+        user,
+        hash_token(token),
+        now,
+    )
     robot.save(update_fields=STORED)
     return Credentials(robot.name, token, user)
 
 
 def ask_for_renewal(robot: Robot, now: datetime.datetime) -> None:
-    """Have a robot fetch new credentials the next time that its agent asks, at the latest when it starts again."""
+    """Have a robot fetch new credentials the next time that its agent asks, at the latest when it
+    starts again.
+    """
     robot.renewal_asked_at = now
     robot.save(update_fields=["renewal_asked_at"])
 
@@ -107,7 +157,8 @@ def ask_for_renewal(robot: Robot, now: datetime.datetime) -> None:
 def _new_user(robot: Robot) -> str:
     """Return a user for the robot's next credentials.
 
-    A broker knows one password a user, and Mosquitto parts with a client whose user is gone, but not with one whose password is another.
+    A broker knows one password a user, and Mosquitto parts with a client whose user is gone, but
+    not with one whose password is another.
     """
     return f"{robot.name}.{secrets.token_hex(4)}"
 
@@ -126,12 +177,16 @@ def revoke(robot: Robot) -> None:
 
 
 def keep_credentials(credentials: Credentials, path: Path, **addresses: str) -> None:
-    """Write a credentials file that only its owner can read (for a robot on the server's own machine)."""
+    """Write a credentials file that only its owner can read (for a robot on the server's own
+    machine).
+    """
     keep(path, credentials.toml(**addresses))
 
 
 def users_of(robot: Robot, now: datetime.datetime) -> dict[str, str]:
-    """Return the users at the broker that are this robot, and their hashes: its own, and the former while that still holds."""
+    """Return the users at the broker that are this robot, and their hashes: its own, and the former
+    while that still holds.
+    """
     found = {robot.credential_user or robot.name: robot.credential_hash}
     if robot.former_hash and robot.former_until is not None and now < robot.former_until:
         found[robot.former_user or robot.name] = robot.former_hash
@@ -143,39 +198,64 @@ def robot_of(name: str, token: str) -> Robot | None:
     robot = Robot.objects.filter(name=name, enabled=True).exclude(credential_hash="").first()
     if robot is None:
         return None
-    fits = [matches(token, credential_hash) for credential_hash in users_of(robot, timezone.now()).values()]
+    fits = [
+        matches(token, credential_hash)
+        for credential_hash in users_of(robot, timezone.now()).values()
+    ]
     return robot if any(fits) else None
 
 
 def server_credentials(part: ServerPart) -> tuple[str, str]:
     """Return (user name, password) of a server process at the broker.
 
-    The password comes from the site's secret key, which all server processes share, and changes with it: nothing to store or copy.
+    The password comes from the site's secret key, which all server processes share, and changes
+    with it: nothing to store or copy.
     """
-    return SERVER_USERS[part], salted_hmac("robots.enrol.credentials.server", part, algorithm="sha256").hexdigest()
+    return (
+        SERVER_USERS[part],
+        salted_hmac("robots.enrol.credentials.server", part, algorithm="sha256").hexdigest(),
+    )
 
 
 def server_client_id(part: ServerPart) -> str:
-    """Return the MQTT client id of a server process that keeps a persistent session: the same at every start, and not to be guessed.
+    """Return the MQTT client id of a server process that keeps a persistent session: the same at
+    every start, and not to be guessed.
 
-    With Mosquitto a client id is all it takes to take a session over, whoever one is; so ids are secrets or random.
+    With Mosquitto a client id is all it takes to take a session over, whoever one is; so ids are
+    secrets or random.
     """
     return f"{part}-{salted_hmac('robots.enrol.credentials.client_id', part, algorithm='sha256').hexdigest()[:24]}"
 
 
 class Verifier:
-    """Remembers recent successes, so that reconnecting is cheap, and which addresses keep being wrong.
+    """Remembers recent successes, so that reconnecting is cheap, and which addresses keep being
+    wrong.
 
-    An address that does causes no work beyond looking at its tokens; who has a right one is let in all the same, whoever guesses beside it.
+    An address that does causes no work beyond looking at its tokens; who has a right one is let in
+    all the same, whoever guesses beside it.
     """
 
-    def __init__(self, *, remember_seconds: float = 3600.0, attempts: int = 10, window_seconds: float = 60.0, size: int = 4096) -> None:
-        self._remember, self._attempts, self._window, self._size = remember_seconds, attempts, window_seconds, size
+    def __init__(
+        self,
+        *,
+        remember_seconds: float = 3600.0,
+        attempts: int = 10,
+        window_seconds: float = 60.0,
+        size: int = 4096,
+    ) -> None:
+        self._remember, self._attempts, self._window, self._size = (
+            remember_seconds,
+            attempts,
+            window_seconds,
+            size,
+        )
         self._known: dict[tuple[str, str], float] = {}
         self._failures: dict[str, list[float]] = {}
 
     def knows(self, token: str, credential_hash: str, now: float) -> bool:
-        """Tell whether exactly this token was right for exactly this hash a short while ago (`now`: monotonic seconds)."""
+        """Tell whether exactly this token was right for exactly this hash a short while ago (`now`:
+        monotonic seconds).
+        """
         return self._known.get((credential_hash, _digest(token)), -1e18) > now - self._remember
 
     def is_blocked(self, address: str, now: float) -> bool:

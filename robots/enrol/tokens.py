@@ -1,4 +1,5 @@
-"""One-time tokens: how the computer on a robot gets the robot's credentials without anybody copying a file.
+"""One-time tokens: how the computer on a robot gets the robot's credentials without anybody copying
+a file.
 
 Made by the owner, shown once, kept as a hash, good for one robot, for some hours, and once.
 """
@@ -16,16 +17,29 @@ def make_token(robot: Robot, now: datetime.datetime, hours: float = HOURS) -> st
     """Return a new token for a robot, for the only time; the one before leads nowhere any more."""
     token = new_token()
     Enrolment.objects.filter(robot=robot, used_at=None).delete()
-    Enrolment.objects.create(robot=robot, token_sha256=_hash(token), made_at=now, expires_at=now + datetime.timedelta(hours=hours))
+    Enrolment.objects.create(
+        robot=robot,
+        token_sha256=_hash(token),
+        made_at=now,
+        expires_at=now + datetime.timedelta(hours=hours),
+    )
     return token
 
 
 def redeem(name: str, token: str, now: datetime.datetime) -> Credentials | None:
-    """Exchange a token for new credentials, once; None for one that was used, has expired, or is another robot's.
+    """Exchange a token for new credentials, once; None for one that was used, has expired, or is
+    another robot's.
 
-    The credentials before stop working at once: whoever enrols a robot anew has perhaps lost the old computer.
+    The credentials before stop working at once: whoever enrols a robot anew has perhaps lost the
+    old computer.
     """
-    rows = Enrolment.objects.filter(token_sha256=_hash(token), robot__name=name, robot__enabled=True, used_at=None, expires_at__gt=now)
+    rows = Enrolment.objects.filter(
+        token_sha256=_hash(token),
+        robot__name=name,
+        robot__enabled=True,
+        used_at=None,
+        expires_at__gt=now,
+    )
     found = rows.select_related("robot").first()
     if found is None or not Enrolment.objects.filter(pk=found.pk, used_at=None).update(used_at=now):
         return None  # of two who come at once the second finds it used

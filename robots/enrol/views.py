@@ -1,4 +1,6 @@
-"""The doors through which an agent gets its credentials: by a one-time token, and anew by those that it has. POST alone, no cookies."""
+"""The doors through which an agent gets its credentials: by a one-time token, and anew by those
+that it has. POST alone, no cookies.
+"""
 
 import logging
 from typing import Any
@@ -38,11 +40,16 @@ def enrol(request: HttpRequest) -> JsonResponse:
     try:
         asked = msgspec.json.decode(request.body[:LARGEST], type=Asked)
     except (msgspec.DecodeError, RecursionError):
-        return JsonResponse({"error": "malformed", "detail": "Send a JSON object with robot and token."}, status=400)
+        return JsonResponse(
+            {"error": "malformed", "detail": "Send a JSON object with robot and token."}, status=400
+        )
     made = tokens.redeem(asked.robot, asked.token, timezone.now())
     if made is None:
         log.warning("enrolment_refused robot=%.80r", asked.robot)
-        detail = "This token was used, has expired, or is another robot's: its owner can make a new one in the administration."
+        detail = (
+            "This token was used, has expired, or is another robot's: its owner can make a new one"
+            " in the administration."
+        )
         return JsonResponse({"error": "unknown_token", "detail": detail}, status=403)
     audit.note("robot_enrolled", robot=asked.robot)
     return JsonResponse(_told(made))
@@ -53,11 +60,16 @@ def enrol(request: HttpRequest) -> JsonResponse:
 @require_POST
 @limited(RENEWING, json=True, refusals={401})
 def renew(request: HttpRequest) -> JsonResponse:
-    """Give an agent new credentials, if somebody asked for that; what it shows holds for a while longer."""
+    """Give an agent new credentials, if somebody asked for that; what it shows holds for a while
+    longer.
+    """
     name, token = bearer(request.headers.get("Authorization", ""))
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
-        return JsonResponse({"error": "wrong_credentials", "detail": "These credentials do not hold (any more)."}, status=401)
+        return JsonResponse(
+            {"error": "wrong_credentials", "detail": "These credentials do not hold (any more)."},
+            status=401,
+        )
     is_former = not credentials.matches(token, robot.credential_hash)
     if robot.renewal_asked_at is None and not is_former:
         return JsonResponse({"robot": robot.name})

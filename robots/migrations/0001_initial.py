@@ -19,72 +19,228 @@ class Migration(migrations.Migration):
 
     operations = [
         migrations.CreateModel(
-            name='FloorPlan',
+            name="FloorPlan",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('name', models.SlugField(unique=True, verbose_name='map id')),
-                ('title', models.CharField(max_length=120, verbose_name='title')),
-                ('resolution', models.FloatField(validators=[django.core.validators.MinValueValidator(0.001), django.core.validators.MaxValueValidator(10.0)], verbose_name='resolution (m/pixel)')),
-                ('origin_x', models.FloatField(verbose_name='origin x (m)')),
-                ('origin_y', models.FloatField(verbose_name='origin y (m)')),
-                ('origin_theta', models.FloatField(default=0.0, verbose_name='origin θ (rad)')),
-                ('negate', models.BooleanField(default=False)),
-                ('occupied_thresh', models.FloatField(default=0.65)),
-                ('free_thresh', models.FloatField(default=0.196)),
-                ('width', models.PositiveIntegerField(verbose_name='width (pixels)')),
-                ('height', models.PositiveIntegerField(verbose_name='height (pixels)')),
-                ('image', models.BinaryField(verbose_name='occupancy image (PNG)')),
-                ('plan', models.JSONField(default=dict, verbose_name='plan')),
-                ('sha256', models.CharField(editable=False, max_length=64)),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("name", models.SlugField(unique=True, verbose_name="map id")),
+                ("title", models.CharField(max_length=120, verbose_name="title")),
+                (
+                    "resolution",
+                    models.FloatField(
+                        validators=[
+                            django.core.validators.MinValueValidator(0.001),
+                            django.core.validators.MaxValueValidator(10.0),
+                        ],
+                        verbose_name="resolution (m/pixel)",
+                    ),
+                ),
+                ("origin_x", models.FloatField(verbose_name="origin x (m)")),
+                ("origin_y", models.FloatField(verbose_name="origin y (m)")),
+                ("origin_theta", models.FloatField(default=0.0, verbose_name="origin θ (rad)")),
+                ("negate", models.BooleanField(default=False)),
+                ("occupied_thresh", models.FloatField(default=0.65)),
+                ("free_thresh", models.FloatField(default=0.196)),
+                ("width", models.PositiveIntegerField(verbose_name="width (pixels)")),
+                ("height", models.PositiveIntegerField(verbose_name="height (pixels)")),
+                ("image", models.BinaryField(verbose_name="occupancy image (PNG)")),
+                ("plan", models.JSONField(default=dict, verbose_name="plan")),
+                ("sha256", models.CharField(editable=False, max_length=64)),
             ],
             options={
-                'verbose_name': 'floor plan',
-                'verbose_name_plural': 'floor plans',
-                'ordering': ('title',),
+                "verbose_name": "floor plan",
+                "verbose_name_plural": "floor plans",
+                "ordering": ("title",),
             },
         ),
         migrations.CreateModel(
-            name='Robot',
+            name="Robot",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('name', models.CharField(help_text='Its address: in links, in topics, and in “run_robot NAME”.', max_length=63, unique=True, validators=[django.core.validators.RegexValidator(re.compile('^[a-z0-9][a-z0-9-]{0,62}$'), 'Lower-case letters, digits and hyphens.'), robots.models.refuse_reserved_name], verbose_name='name')),
-                ('title', models.CharField(max_length=80, verbose_name='title')),
-                ('description', models.TextField(blank=True, verbose_name='description')),
-                ('enabled', models.BooleanField(default=True, verbose_name='enabled')),
-                ('access', models.CharField(choices=[('open', 'open to everybody who is signed in'), ('invitation', 'by invitation'), ('trained', 'for trained users')], default='open', max_length=12, verbose_name='access')),
-                ('observers_allowed', models.BooleanField(default=True, verbose_name='observers allowed')),
-                ('turn_minutes', models.FloatField(blank=True, help_text="How long a visitor drives when others wait; empty means the site's default.", null=True, validators=[django.core.validators.MinValueValidator(0.1)], verbose_name='turn (minutes)')),
-                ('max_linear', models.FloatField(blank=True, null=True, validators=[django.core.validators.MinValueValidator(0.01)], verbose_name='speed limit (m/s)')),
-                ('max_angular', models.FloatField(blank=True, null=True, validators=[django.core.validators.MinValueValidator(0.01)], verbose_name='turning limit (rad/s)')),
-                ('credential_hash', models.CharField(blank=True, editable=False, max_length=200)),
-                ('credential_made_at', models.DateTimeField(editable=False, null=True, verbose_name='credentials made')),
-                ('connection', models.CharField(default='OFFLINE', editable=False, max_length=20, verbose_name='connection')),
-                ('boot', models.CharField(blank=True, editable=False, max_length=64)),
-                ('last_seen_at', models.DateTimeField(editable=False, null=True, verbose_name='last seen')),
-                ('factsheet', models.JSONField(blank=True, editable=False, null=True, verbose_name='factsheet')),
-                ('report', models.JSONField(blank=True, editable=False, null=True, verbose_name='last state')),
-                ('floor_plan', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='robots', to='robots.floorplan', verbose_name='floor plan')),
-                ('owner', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='owned_robots', to=settings.AUTH_USER_MODEL, verbose_name='owner')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                (
+                    "name",
+                    models.CharField(
+                        help_text="Its address: in links, in topics, and in “run_robot NAME”.",
+                        max_length=63,
+                        unique=True,
+                        validators=[
+                            django.core.validators.RegexValidator(
+                                re.compile("^[a-z0-9][a-z0-9-]{0,62}$"),
+                                "Lower-case letters, digits and hyphens.",
+                            ),
+                            robots.models.refuse_reserved_name,
+                        ],
+                        verbose_name="name",
+                    ),
+                ),
+                ("title", models.CharField(max_length=80, verbose_name="title")),
+                ("description", models.TextField(blank=True, verbose_name="description")),
+                ("enabled", models.BooleanField(default=True, verbose_name="enabled")),
+                (
+                    "access",
+                    models.CharField(
+                        choices=[
+                            ("open", "open to everybody who is signed in"),
+                            ("invitation", "by invitation"),
+                            ("trained", "for trained users"),
+                        ],
+                        default="open",
+                        max_length=12,
+                        verbose_name="access",
+                    ),
+                ),
+                (
+                    "observers_allowed",
+                    models.BooleanField(default=True, verbose_name="observers allowed"),
+                ),
+                (
+                    "turn_minutes",
+                    models.FloatField(
+                        blank=True,
+                        help_text=(
+                            "How long a visitor drives when others wait; empty means the site's"
+                            " default."
+                        ),
+                        null=True,
+                        validators=[django.core.validators.MinValueValidator(0.1)],
+                        verbose_name="turn (minutes)",
+                    ),
+                ),
+                (
+                    "max_linear",
+                    models.FloatField(
+                        blank=True,
+                        null=True,
+                        validators=[django.core.validators.MinValueValidator(0.01)],
+                        verbose_name="speed limit (m/s)",
+                    ),
+                ),
+                (
+                    "max_angular",
+                    models.FloatField(
+                        blank=True,
+                        null=True,
+                        validators=[django.core.validators.MinValueValidator(0.01)],
+                        verbose_name="turning limit (rad/s)",
+                    ),
+                ),
+                ("credential_hash", models.CharField(blank=True, editable=False, max_length=200)),
+                (
+                    "credential_made_at",
+                    models.DateTimeField(
+                        editable=False, null=True, verbose_name="credentials made"
+                    ),
+                ),
+                (
+                    "connection",
+                    models.CharField(
+                        default="OFFLINE", editable=False, max_length=20, verbose_name="connection"
+                    ),
+                ),
+                ("boot", models.CharField(blank=True, editable=False, max_length=64)),
+                (
+                    "last_seen_at",
+                    models.DateTimeField(editable=False, null=True, verbose_name="last seen"),
+                ),
+                (
+                    "factsheet",
+                    models.JSONField(
+                        blank=True, editable=False, null=True, verbose_name="factsheet"
+                    ),
+                ),
+                (
+                    "report",
+                    models.JSONField(
+                        blank=True, editable=False, null=True, verbose_name="last state"
+                    ),
+                ),
+                (
+                    "floor_plan",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.SET_NULL,
+                        related_name="robots",
+                        to="robots.floorplan",
+                        verbose_name="floor plan",
+                    ),
+                ),
+                (
+                    "owner",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.SET_NULL,
+                        related_name="owned_robots",
+                        to=settings.AUTH_USER_MODEL,
+                        verbose_name="owner",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'robot',
-                'verbose_name_plural': 'robots',
-                'ordering': ('title',),
+                "verbose_name": "robot",
+                "verbose_name_plural": "robots",
+                "ordering": ("title",),
             },
         ),
         migrations.CreateModel(
-            name='RobotPermit',
+            name="RobotPermit",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('kind', models.CharField(choices=[('invited', 'invited'), ('trained', 'trained'), ('operator', 'operator')], max_length=10, verbose_name='kind')),
-                ('granted_at', models.DateTimeField(auto_now_add=True, verbose_name='granted')),
-                ('robot', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='permits', to='robots.robot', verbose_name='robot')),
-                ('user', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='robot_permits', to=settings.AUTH_USER_MODEL, verbose_name='user')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                (
+                    "kind",
+                    models.CharField(
+                        choices=[
+                            ("invited", "invited"),
+                            ("trained", "trained"),
+                            ("operator", "operator"),
+                        ],
+                        max_length=10,
+                        verbose_name="kind",
+                    ),
+                ),
+                ("granted_at", models.DateTimeField(auto_now_add=True, verbose_name="granted")),
+                (
+                    "robot",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="permits",
+                        to="robots.robot",
+                        verbose_name="robot",
+                    ),
+                ),
+                (
+                    "user",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="robot_permits",
+                        to=settings.AUTH_USER_MODEL,
+                        verbose_name="user",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'permit',
-                'verbose_name_plural': 'permits',
-                'constraints': [models.UniqueConstraint(fields=('robot', 'user', 'kind'), name='one_permit_of_a_kind')],
+                "verbose_name": "permit",
+                "verbose_name_plural": "permits",
+                "constraints": [
+                    models.UniqueConstraint(
+                        fields=("robot", "user", "kind"), name="one_permit_of_a_kind"
+                    )
+                ],
             },
         ),
     ]

@@ -7,43 +7,86 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('robots', '0001_initial'),
+        ("robots", "0001_initial"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='robot',
-            name='assist',
-            field=models.CharField(choices=[('off', 'off'), ('slow', 'slows down and stops before obstacles'), ('steer', 'steers round obstacles and through doors')], default='off', help_text='Unless the visitor chooses, or a study decides.', max_length=5, verbose_name='assistance'),
+            model_name="robot",
+            name="assist",
+            field=models.CharField(
+                choices=[
+                    ("off", "off"),
+                    ("slow", "slows down and stops before obstacles"),
+                    ("steer", "steers round obstacles and through doors"),
+                ],
+                default="off",
+                help_text="Unless the visitor chooses, or a study decides.",
+                max_length=5,
+                verbose_name="assistance",
+            ),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='charge_limit',
-            field=models.FloatField(default=0.2, validators=[django.core.validators.MinValueValidator(0.0), django.core.validators.MaxValueValidator(1.0)], verbose_name='charge needed for a visit (0-1)'),
+            model_name="robot",
+            name="charge_limit",
+            field=models.FloatField(
+                default=0.2,
+                validators=[
+                    django.core.validators.MinValueValidator(0.0),
+                    django.core.validators.MaxValueValidator(1.0),
+                ],
+                verbose_name="charge needed for a visit (0-1)",
+            ),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='doors',
-            field=models.JSONField(blank=True, default=dict, editable=False, help_text='Of the simulated site: the names that are open or closed.', verbose_name='doors'),
+            model_name="robot",
+            name="doors",
+            field=models.JSONField(
+                blank=True,
+                default=dict,
+                editable=False,
+                help_text="Of the simulated site: the names that are open or closed.",
+                verbose_name="doors",
+            ),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='returns_home',
-            field=models.BooleanField(default=True, help_text='It drives to its charging station by itself, and is free again when it is docked, knows where it is, and is charged.', verbose_name='goes home after each visit'),
+            model_name="robot",
+            name="returns_home",
+            field=models.BooleanField(
+                default=True,
+                help_text=(
+                    "It drives to its charging station by itself, and is free again when it is"
+                    " docked, knows where it is, and is charged."
+                ),
+                verbose_name="goes home after each visit",
+            ),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='turnaround',
-            field=models.CharField(choices=[('ready', 'ready'), ('returning', 'returning home'), ('charging', 'charging'), ('paused', 'paused')], default='ready', editable=False, max_length=10, verbose_name='between visits'),
+            model_name="robot",
+            name="turnaround",
+            field=models.CharField(
+                choices=[
+                    ("ready", "ready"),
+                    ("returning", "returning home"),
+                    ("charging", "charging"),
+                    ("paused", "paused"),
+                ],
+                default="ready",
+                editable=False,
+                max_length=10,
+                verbose_name="between visits",
+            ),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='turnaround_at',
-            field=models.DateTimeField(editable=False, null=True, verbose_name='since'),
+            model_name="robot",
+            name="turnaround_at",
+            field=models.DateTimeField(editable=False, null=True, verbose_name="since"),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='turnaround_reason',
-            field=models.CharField(blank=True, editable=False, max_length=300, verbose_name='because'),
+            model_name="robot",
+            name="turnaround_reason",
+            field=models.CharField(
+                blank=True, editable=False, max_length=300, verbose_name="because"
+            ),
         ),
     ]

@@ -6,13 +6,15 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('robots', '0002_turnaround'),
+        ("robots", "0002_turnaround"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='robot',
-            name='held',
-            field=models.CharField(blank=True, editable=False, max_length=200, verbose_name='queue held because'),
+            model_name="robot",
+            name="held",
+            field=models.CharField(
+                blank=True, editable=False, max_length=200, verbose_name="queue held because"
+            ),
         ),
     ]

@@ -6,23 +6,32 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('robots', '0003_held'),
+        ("robots", "0003_held"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='robot',
-            name='calls',
-            field=models.CharField(choices=[('accept', 'shown and heard at once'), ('ask', 'somebody at the screen answers first')], default='accept', help_text='When a visitor turns on microphone or camera.', max_length=6, verbose_name='calls'),
+            model_name="robot",
+            name="calls",
+            field=models.CharField(
+                choices=[
+                    ("accept", "shown and heard at once"),
+                    ("ask", "somebody at the screen answers first"),
+                ],
+                default="accept",
+                help_text="When a visitor turns on microphone or camera.",
+                max_length=6,
+                verbose_name="calls",
+            ),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='screen_hash',
+            model_name="robot",
+            name="screen_hash",
             field=models.CharField(blank=True, editable=False, max_length=200),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='screen_made_at',
-            field=models.DateTimeField(editable=False, null=True, verbose_name='screen key made'),
+            model_name="robot",
+            name="screen_made_at",
+            field=models.DateTimeField(editable=False, null=True, verbose_name="screen key made"),
         ),
     ]

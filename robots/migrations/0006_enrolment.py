@@ -8,48 +8,63 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('robots', '0005_practice'),
+        ("robots", "0005_practice"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='robot',
-            name='credential_user',
+            model_name="robot",
+            name="credential_user",
             field=models.CharField(blank=True, editable=False, max_length=80),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='former_hash',
+            model_name="robot",
+            name="former_hash",
             field=models.CharField(blank=True, editable=False, max_length=200),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='former_until',
+            model_name="robot",
+            name="former_until",
             field=models.DateTimeField(editable=False, null=True),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='former_user',
+            model_name="robot",
+            name="former_user",
             field=models.CharField(blank=True, editable=False, max_length=80),
         ),
         migrations.AddField(
-            model_name='robot',
-            name='renewal_asked_at',
-            field=models.DateTimeField(editable=False, null=True, verbose_name='new credentials asked for'),
+            model_name="robot",
+            name="renewal_asked_at",
+            field=models.DateTimeField(
+                editable=False, null=True, verbose_name="new credentials asked for"
+            ),
         ),
         migrations.CreateModel(
-            name='Enrolment',
+            name="Enrolment",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('token_sha256', models.CharField(editable=False, max_length=64, unique=True)),
-                ('made_at', models.DateTimeField(verbose_name='made')),
-                ('expires_at', models.DateTimeField(verbose_name='expires')),
-                ('used_at', models.DateTimeField(null=True, verbose_name='used')),
-                ('robot', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='enrolments', to='robots.robot', verbose_name='robot')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("token_sha256", models.CharField(editable=False, max_length=64, unique=True)),
+                ("made_at", models.DateTimeField(verbose_name="made")),
+                ("expires_at", models.DateTimeField(verbose_name="expires")),
+                ("used_at", models.DateTimeField(null=True, verbose_name="used")),
+                (
+                    "robot",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="enrolments",
+                        to="robots.robot",
+                        verbose_name="robot",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'enrolment',
-                'verbose_name_plural': 'enrolments',
+                "verbose_name": "enrolment",
+                "verbose_name_plural": "enrolments",
             },
         ),
     ]

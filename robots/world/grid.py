@@ -1,7 +1,8 @@
 """Occupancy grids as ROS map_server keeps them: a YAML file that names an image.
 
-An image value v means the occupancy (255 - v) / 255, or v / 255 when the file says `negate`: above `occupied_thresh` a cell is
-occupied, below `free_thresh` free, between them unknown (wiki.ros.org/map_server, trinary mode).
+An image value v means the occupancy (255 - v) / 255, or v / 255 when the file says `negate`: above
+`occupied_thresh` a cell is occupied, below `free_thresh` free, between them unknown
+(wiki.ros.org/map_server, trinary mode).
 """
 
 import re
@@ -52,7 +53,9 @@ class OccupancyGrid:
         return (self._of_values() < self.free_thresh)[self.image]
 
     def _of_values(self) -> npt.NDArray[np.float64]:
-        """Return (256,), the occupancy of each image value: a large map takes a byte a cell and not sixteen."""
+        """Return (256,), the occupancy of each image value: a large map takes a byte a cell and not
+        sixteen.
+        """
         share = np.arange(256) / 255.0
         return share if self.negate else 1.0 - share
 
@@ -103,7 +106,8 @@ def decode_grey(source: str | BinaryIO, name: str) -> npt.NDArray[np.uint8]:
         MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
     """
     try:
-        _check_size(*_told_size(_beginning(source), name), name)  # opening it would already unpack a picture of any size
+        # opening it would already unpack a picture of any size
+        _check_size(*_told_size(_beginning(source), name), name)
         with av.open(source, "r") as container:
             frame = next(container.decode(video=0))
     except (OSError, av.FFmpegError, StopIteration, IndexError) as error:
@@ -122,15 +126,19 @@ def _beginning(source: str | BinaryIO) -> bytes:
 
 
 def _told_size(start: bytes, name: str) -> tuple[int, int]:
-    """Return (width, height) as the beginning of a PNG (ISO/IEC 15948, 11.2.2) or PGM file tells it.
+    """Return (width, height) as the beginning of a PNG (ISO/IEC 15948, 11.2.2) or PGM file tells
+    it.
 
-    FFmpeg also reads a PNG whose first chunk is another than IHDR, and many other formats: of those the size is not known, and they are refused.
+    FFmpeg also reads a PNG whose first chunk is another than IHDR, and many other formats: of those
+    the size is not known, and they are refused.
     """
     if start.startswith(PNG) and start[12:16] == b"IHDR":
         return int.from_bytes(start[16:20]), int.from_bytes(start[20:24])
     found = _PGM.match(start)
     if found is None:
-        raise MapError(f"{name}: cannot be read as an image (neither the beginning of a PNG nor of a PGM)")
+        raise MapError(
+            f"{name}: cannot be read as an image (neither the beginning of a PNG nor of a PGM)"
+        )
     return int(found[1]), int(found[2])
 
 
@@ -143,9 +151,15 @@ def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
     """Return (h, w) grey or (h, w, 3) RGB as a PNG."""
     grey = image.ndim == 2  # noqa: PLR2004 -- a plane without colours
     codec = av.CodecContext.create("png", "w")
-    codec.width, codec.height, codec.pix_fmt = image.shape[1], image.shape[0], "gray" if grey else "rgb24"
+    codec.width, codec.height, codec.pix_fmt = (
+        image.shape[1],
+        image.shape[0],
+        "gray" if grey else "rgb24",
+    )
     codec.time_base = Fraction(1)
-    packets = codec.encode(av.VideoFrame.from_ndarray(image, format=codec.pix_fmt)) + codec.encode(None)
+    packets = codec.encode(av.VideoFrame.from_ndarray(image, format=codec.pix_fmt)) + codec.encode(
+        None
+    )
     return b"".join(bytes(packet) for packet in packets)
 
 

@@ -1,7 +1,8 @@
-"""Can a site be driven in? Its plan and its map must show the same place, and robots must get where the plan sends them.
+"""Can a site be driven in? Its plan and its map must show the same place, and robots must get where
+the plan sends them.
 
-The checks of `robots.api.floorplan` ask whether a plan can be a place at all; these ask what only the map can answer, so they come
-second. One sentence for each thing that is wrong.
+The checks of `robots.api.floorplan` ask whether a plan can be a place at all; these ask what only
+the map can answer, so they come second. One sentence for each thing that is wrong.
 """
 
 import math
@@ -17,13 +18,16 @@ from robots.api.geometry import Pose2D
 from robots.world.grid import OccupancyGrid
 from robots.world.render_plan import RESOLUTION, rasterise
 
-HALF_WIDTH = 0.28  # metres from the middle of the widest robot to its side: what a way must leave free
+# metres from the middle of the widest robot to its side: what a way must leave free
+HALF_WIDTH = 0.28
 BACKED_OUT = 0.6  # metres behind the docked pose, where docking begins
-WALLS_SHOWN = 0.65  # least share of the plan's walls that the map must show; one made by a robot misses some
+# least share of the plan's walls that the map must show; one made by a robot misses some
+WALLS_SHOWN = 0.65
 WALL_TOLERANCE = 0.15  # metres between a wall of the plan and the same on the map
 FLOOR_SHOWN = 0.75  # least share of the rooms' floor that must be free on the map, furniture aside
 MOST_CELLS = 200_000  # of a drawing; that of a very large plan is coarser
-OTHER_SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)  # of which none may fit much better than the one that the map says
+# of which none may fit much better than the one that the map says
+OTHER_SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
 MUCH_BETTER = 0.15
 MOST_SAMPLES = 5000
 SAMPLE = 0.1  # metres between the points that are looked at
@@ -33,7 +37,9 @@ Spots = list[tuple[str, float, float]]
 
 
 def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
-    """Return what is wrong with a well-formed plan and its map, one sentence each; empty when nothing is."""
+    """Return what is wrong with a well-formed plan and its map, one sentence each; empty when
+    nothing is.
+    """
     if not grid.free().any():
         return ("the map has no free cell: is `negate` right?",)
     drawn = _drawn(plan)
@@ -46,7 +52,9 @@ def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """A map as a robot's middle meets it: `clearance` (h, w) metres from what is not free, `region` (h, w) numbers of connected floor."""
+    """A map as a robot's middle meets it: `clearance` (h, w) metres from what is not free, `region`
+    (h, w) numbers of connected floor.
+    """
 
     grid: OccupancyGrid
     clearance: Floats
@@ -55,7 +63,10 @@ class Floor:
     @classmethod
     def of(cls, grid: OccupancyGrid) -> "Floor":
         """Return the floor of a map; all doors count as open, because maps leave them out."""
-        clearance = ndimage.distance_transform_edt(np.pad(grid.free(), 1))[1:-1, 1:-1] * grid.transform.resolution
+        clearance = (
+            ndimage.distance_transform_edt(np.pad(grid.free(), 1))[1:-1, 1:-1]
+            * grid.transform.resolution
+        )
         return cls(grid, clearance, ndimage.label(clearance >= HALF_WIDTH)[0])
 
     @property
@@ -68,14 +79,21 @@ class Floor:
         """Return the greatest clearance within `radius` of a point, and the regions there."""
         row, column = self.grid.transform.to_cell(x, y)
         reach = math.ceil(radius / self.grid.transform.resolution)
-        rows, columns = slice(max(0, row - reach), max(0, row + reach + 1)), slice(max(0, column - reach), max(0, column + reach + 1))
+        rows, columns = (
+            slice(max(0, row - reach), max(0, row + reach + 1)),
+            slice(max(0, column - reach), max(0, column + reach + 1)),
+        )
         found = self.clearance[rows, columns]
-        return (float(found.max()) if found.size else 0.0), set(np.unique(self.region[rows, columns]).tolist()) - {0}
+        return (float(found.max()) if found.size else 0.0), set(
+            np.unique(self.region[rows, columns]).tolist()
+        ) - {0}
 
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """What a map must show of a plan: points (n, 2) on walls, each with the distance (n,) that still counts as shown, and (m, 2) on free floor."""
+    """What a map must show of a plan: points (n, 2) on walls, each with the distance (n,) that
+    still counts as shown, and (m, 2) on free floor.
+    """
 
     walls: Floats
     near_enough: Floats
@@ -84,33 +102,54 @@ class Landmarks:
     @classmethod
     def of(cls, plan: FloorPlan, drawn: OccupancyGrid) -> "Landmarks":
         """Return the landmarks of a plan and of its drawing."""
-        counts = [min(MOST_SAMPLES, max(2, math.ceil(math.dist(wall.start, wall.end) / SAMPLE))) for wall in plan.walls]
-        walls = [np.linspace(wall.start, wall.end, count) for wall, count in zip(plan.walls, counts, strict=True)]
+        counts = [
+            min(MOST_SAMPLES, max(2, math.ceil(math.dist(wall.start, wall.end) / SAMPLE)))
+            for wall in plan.walls
+        ]
+        walls = [
+            np.linspace(wall.start, wall.end, count)
+            for wall, count in zip(plan.walls, counts, strict=True)
+        ]
         rows, columns = drawn.free().nonzero()
         every = max(1, len(rows) // MOST_SAMPLES)
         pixels = zip(columns[::every].tolist(), rows[::every].tolist(), strict=True)
-        floor = np.array([drawn.transform.to_world(column + 0.5, row + 0.5) for column, row in pixels]).reshape(-1, 2)
-        tolerances = np.repeat([WALL_TOLERANCE + wall.thickness / 2.0 for wall in plan.walls], counts)
+        floor = np.array(
+            [drawn.transform.to_world(column + 0.5, row + 0.5) for column, row in pixels]
+        ).reshape(-1, 2)
+        tolerances = np.repeat(
+            [WALL_TOLERANCE + wall.thickness / 2.0 for wall in plan.walls], counts
+        )
         return cls(np.concatenate(walls), tolerances, floor)
 
     def shown(self, grid: OccupancyGrid) -> tuple[float, float]:
         """Return which shares of the walls and of the floor a map shows."""
         near = ndimage.distance_transform_edt(~grid.occupied()) * grid.transform.resolution
         floor = grid.free()[_cells(grid, self.floor)]
-        return float((near[_cells(grid, self.walls)] <= self.near_enough).mean()), float(floor.mean()) if len(floor) else 0.0
+        return float((near[_cells(grid, self.walls)] <= self.near_enough).mean()), (
+            float(floor.mean()) if len(floor) else 0.0
+        )
 
 
 def _disagreements(plan: FloorPlan, grid: OccupancyGrid, drawn: OccupancyGrid) -> Iterator[str]:
     corners = np.vstack([np.array(room.polygon) for room in plan.rooms])
     if not all(_inside(grid, x, y) for x, y in corners.tolist()):
-        yield f"the plan's rooms reach from {_span(corners)}, but the map only covers {_span(_extent(grid))}"
+        yield (
+            f"the plan's rooms reach from {_span(corners)}, but the map only covers"
+            f" {_span(_extent(grid))}"
+        )
         return
     landmarks = Landmarks.of(plan, drawn)
     walls, floor = landmarks.shown(grid)
     if walls < WALLS_SHOWN:
-        yield f"plan and map do not show the same place: only {walls:.0%} of the plan's walls are on the map; are resolution and origin right?"
+        yield (
+            f"plan and map do not show the same place: only {walls:.0%} of the plan's walls are on"
+            " the map; are resolution and origin right?"
+        )
     elif floor < FLOOR_SHOWN:
-        yield f"plan and map do not show the same place: only {floor:.0%} of the plan's floor is free on the map"
+        yield (
+            f"plan and map do not show the same place: only {floor:.0%} of the plan's floor is free"
+            " on the map"
+        )
     else:
         yield from _bad_scale(landmarks, grid, walls + floor)
 
@@ -120,7 +159,10 @@ def _bad_scale(landmarks: Landmarks, grid: OccupancyGrid, fit: float) -> Iterato
         resolution = grid.transform.resolution * scale
         other = replace(grid, transform=replace(grid.transform, resolution=resolution))
         if sum(landmarks.shown(other)) > fit + MUCH_BETTER:
-            yield f"plan and map differ in scale: they fit better at {resolution:g} m a pixel than at {grid.transform.resolution:g}"
+            yield (
+                f"plan and map differ in scale: they fit better at {resolution:g} m a pixel than at"
+                f" {grid.transform.resolution:g}"
+            )
             return
 
 
@@ -132,7 +174,12 @@ def _inside(grid: OccupancyGrid, x: float, y: float) -> bool:
 
 def _extent(grid: OccupancyGrid) -> Floats:
     height, width = grid.image.shape
-    return np.array([grid.transform.to_world(u, v) for u, v in ((0, 0), (width, 0), (0, height), (width, height))])
+    return np.array(
+        [
+            grid.transform.to_world(u, v)
+            for u, v in ((0, 0), (width, 0), (0, height), (width, height))
+        ]
+    )
 
 
 def _span(points: Floats) -> str:
@@ -140,13 +187,19 @@ def _span(points: Floats) -> str:
     return f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) m"
 
 
-def _cells(grid: OccupancyGrid, points: Floats) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return the rows and columns of (n, 2) points of the world, moved to the border where they lie outside."""
+def _cells(
+    grid: OccupancyGrid, points: Floats
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return the rows and columns of (n, 2) points of the world, moved to the border where they lie
+    outside.
+    """
     origin, (height, width) = grid.transform.origin, grid.image.shape
     cosine, sine = math.cos(origin.theta), math.sin(origin.theta)
     dx, dy = points[:, 0] - origin.x, points[:, 1] - origin.y
     columns = np.floor((cosine * dx + sine * dy) / grid.transform.resolution).astype(np.intp)
-    rows = height - 1 - np.floor((cosine * dy - sine * dx) / grid.transform.resolution).astype(np.intp)
+    rows = (
+        height - 1 - np.floor((cosine * dy - sine * dx) / grid.transform.resolution).astype(np.intp)
+    )
     return np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
 
 
@@ -175,7 +228,9 @@ def _unreachable(plan: FloorPlan, floor: Floor, where: str) -> Iterator[str]:
     for route in plan.routes:
         for checkpoint in route.checkpoints:
             what = f"checkpoint {checkpoint.number} of {route.type!r}"
-            yield from _bad_spot(what, floor.about(checkpoint.x, checkpoint.y, checkpoint.radius / 2.0), where, main)
+            yield from _bad_spot(
+                what, floor.about(checkpoint.x, checkpoint.y, checkpoint.radius / 2.0), where, main
+            )
 
 
 def _bad_spot(what: str, about: tuple[float, set[int]], where: str, main: int) -> Iterator[str]:
@@ -183,7 +238,10 @@ def _bad_spot(what: str, about: tuple[float, set[int]], where: str, main: int) -
     if clearance <= 0.0:
         yield f"{what} lies in a wall or in furniture {where}"
     elif not regions:
-        yield f"{what} is too near to a wall or to furniture {where}: a robot needs {HALF_WIDTH} m about its middle"
+        yield (
+            f"{what} is too near to a wall or to furniture {where}: a robot needs {HALF_WIDTH} m"
+            " about its middle"
+        )
     elif main not in regions:
         yield f"{what} cannot be reached {where}"
 
@@ -195,7 +253,10 @@ def _bad_dock(dock: Dock, floor: Floor, where: str, main: int) -> Iterator[str]:
     for back in np.arange(0.0, BACKED_OUT + SAMPLE, SAMPLE).tolist():
         x, y = docked.apply(-back, 0.0)
         if floor.about(x, y, cell)[0] < HALF_WIDTH - 2.0 * cell:
-            yield f"dock {dock.name!r} is not free {where}: something stands at ({x:.2f}, {y:.2f}), {back:.1f} m behind the docked robot's middle"
+            yield (
+                f"dock {dock.name!r} is not free {where}: something stands at ({x:.2f}, {y:.2f}),"
+                f" {back:.1f} m behind the docked robot's middle"
+            )
             return
     x, y = docked.apply(-BACKED_OUT, 0.0)
     if main not in floor.about(x, y, 2.0 * cell)[1]:

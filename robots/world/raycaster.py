@@ -1,7 +1,8 @@
 """Rays against segments in the plane.
 
-A ray p + t d meets a segment a + s e where t = (a - p) x e / (d x e) and s = (a - p) x d / (d x e), with the planar cross
-product. For the few hundred segments of a building this is one small matrix and needs no tree.
+A ray p + t d meets a segment a + s e where t = (a - p) x e / (d x e) and s = (a - p) x d / (d x e),
+with the planar cross product. For the few hundred segments of a building this is one small matrix
+and needs no tree.
 """
 
 import math
@@ -13,10 +14,14 @@ Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 TURN = 2.0 * math.pi
-EDGE = 1e-6  # of the step from beam to beam by which a side reaches beyond its corners, so that no beam slips between two
+# of the step from beam to beam by which a side reaches beyond its corners, so that no beam slips
+# between two
+EDGE = 1e-6
 
 
-def cast(segments: Floats, x: float, y: float, angles: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
+def cast(
+    segments: Floats, x: float, y: float, angles: Floats
+) -> tuple[Floats, npt.NDArray[np.intp]]:
     """Return how far each ray goes and which segment stops it.
 
     Args:
@@ -26,7 +31,8 @@ def cast(segments: Floats, x: float, y: float, angles: Floats) -> tuple[Floats, 
         angles: (m,) directions in the frame of the segments, radians.
 
     Returns:
-        Ranges (m,) in metres, `inf` where nothing is met, and indices (m,) of the segments met, -1 where none is.
+        Ranges (m,) in metres, `inf` where nothing is met, and indices (m,) of the segments met, -1
+        where none is.
     """
     if len(segments) == 0:
         return np.full(angles.shape, np.inf), np.full(angles.shape, -1)
@@ -45,12 +51,15 @@ def cast(segments: Floats, x: float, y: float, angles: Floats) -> tuple[Floats, 
 
 
 def sweep(segments: Floats, x: float, y: float, start: float, step: float, count: int) -> Floats:  # noqa: PLR0917 -- x and y are one thing
-    """Return (count,) how far the beams of a scanner go: `cast` for evenly spaced rays and the sides of solids, five times faster.
+    """Return (count,) how far the beams of a scanner go: `cast` for evenly spaced rays and the
+    sides of solids, five times faster.
 
-    A side that looks at the scanner covers one stretch of beams, so only these are computed, and of each beam's the least is kept.
+    A side that looks at the scanner covers one stretch of beams, so only these are computed, and of
+    each beam's the least is kept.
 
     Args:
-        segments: (n, 4) sides of solids, counter-clockwise about each: those that look away are not met.
+        segments: (n, 4) sides of solids, counter-clockwise about each: those that look away are not
+            met.
         x: of the scanner, metres.
         y: of the scanner, metres.
         start: direction of the first beam in the frame of the segments, radians.
@@ -58,15 +67,20 @@ def sweep(segments: Floats, x: float, y: float, start: float, step: float, count
         count: of beams.
     """
     x0, y0, x1, y1 = segments.T - np.array([[x], [y], [x], [y]])
-    across = x0 * y1 - y0 * x1  # twice the area of the triangle with the scanner: negative where the side looks at it
+    # twice the area of the triangle with the scanner: negative where the side looks at it
+    across = x0 * y1 - y0 * x1
     facing = (across < 0.0).nonzero()[0]
     x0, y0, x1, y1, across = x0[facing], y0[facing], x1[facing], y1[facing], across[facing]
     # Seen from the scanner a side runs clockwise: its end comes first.
     first = (np.arctan2(y1, x1) - start) % TURN
-    side, beam = _stretches(first / step, (first + np.arctan2(-across, x0 * x1 + y0 * y1)) / step, TURN / step, count)
+    side, beam = _stretches(
+        first / step, (first + np.arctan2(-across, x0 * x1 + y0 * y1)) / step, TURN / step, count
+    )
     angles = start + step * np.arange(count)
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach = across[side] / (np.cos(angles)[beam] * (y1 - y0)[side] - np.sin(angles)[beam] * (x1 - x0)[side])
+        reach = across[side] / (
+            np.cos(angles)[beam] * (y1 - y0)[side] - np.sin(angles)[beam] * (x1 - x0)[side]
+        )
     reach[~(reach >= 0.0)] = np.inf
     ranges = np.full(count, np.inf)
     np.minimum.at(ranges, beam, reach)
@@ -74,7 +88,8 @@ def sweep(segments: Floats, x: float, y: float, start: float, step: float, count
 
 
 def _stretches(first: Floats, last: Floats, turn: float, count: int) -> tuple[Indices, Indices]:
-    """Return pairs (side, beam): every beam from `first` to `last` of every side, both counted in steps from the first beam.
+    """Return pairs (side, beam): every beam from `first` to `last` of every side, both counted in
+    steps from the first beam.
 
     A stretch that runs over a whole `turn` is two, at both ends of the sweep.
     """
@@ -82,10 +97,14 @@ def _stretches(first: Floats, last: Floats, turn: float, count: int) -> tuple[In
     which = np.arange(len(first))
     over = (last >= turn).nonzero()[0]
     if len(over):
-        low, which = np.concatenate([low, np.zeros(len(over), dtype=np.intp)]), np.concatenate([which, over])
+        low, which = (
+            np.concatenate([low, np.zeros(len(over), dtype=np.intp)]),
+            np.concatenate([which, over]),
+        )
         high = np.concatenate([high, np.floor(last[over] - turn + EDGE).astype(np.intp)])
     lengths = np.minimum(high, count - 1) - low + 1
-    met = (lengths > 0).nonzero()[0]  # narrow ones fall between two beams, and some look where no beam goes
+    # narrow ones fall between two beams, and some look where no beam goes
+    met = (lengths > 0).nonzero()[0]
     low, lengths = low[met], lengths[met]
     ends = lengths.cumsum()
     beams = np.arange(ends[-1] if len(ends) else 0) + (low - ends + lengths).repeat(lengths)

@@ -1,7 +1,7 @@
 """plan.json to map.png and map.yaml: `python -m robots.world.render_plan DIRECTORY`.
 
-A cell is occupied when at least half of it is, unknown outside of the rooms, free elsewhere. Doors are left out: they are open
-today and closed tomorrow.
+A cell is occupied when at least half of it is, unknown outside of the rooms, free elsewhere. Doors
+are left out: they are open today and closed tomorrow.
 """
 
 import argparse
@@ -44,7 +44,9 @@ def rasterise(plan: FloorPlan, resolution: float = RESOLUTION) -> OccupancyGrid:
     return OccupancyGrid(image, MapTransform(resolution, origin, rows))
 
 
-def _samples(low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float) -> tuple[Floats, Floats]:
+def _samples(
+    low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float
+) -> tuple[Floats, Floats]:
     across = (low[0] + (np.arange(columns * SAMPLES) + 0.5) / SAMPLES) * resolution
     up = (low[1] + rows - (np.arange(rows * SAMPLES) + 0.5) / SAMPLES) * resolution
     x, y = np.meshgrid(across, up)
@@ -59,7 +61,9 @@ def _window(outline: Floats, across: Floats, up: Floats) -> tuple[slice, slice]:
     return slice(int(rows[0]), int(rows[1]) + 1), slice(int(columns[0]), int(columns[1]) + 1)
 
 
-def _centres(low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float) -> tuple[Floats, Floats]:
+def _centres(
+    low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float
+) -> tuple[Floats, Floats]:
     across = (low[0] + np.arange(columns) + 0.5) * resolution
     up = (low[1] + rows - np.arange(rows) - 0.5) * resolution
     x, y = np.meshgrid(across, up)

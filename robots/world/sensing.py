@@ -18,8 +18,9 @@ Covariance = tuple[float, float, float, float, float, float]
 class LaserScan:
     """One sweep of a planar laser.
 
-    `ranges` (n,) in metres from `angle_min` on, counter-clockwise, `inf` where nothing came back; `mount` is the laser's pose in the
-    robot's frame. What no laser measures (NaN, negative, beyond `range_max`) counts as nothing.
+    `ranges` (n,) in metres from `angle_min` on, counter-clockwise, `inf` where nothing came back;
+    `mount` is the laser's pose in the robot's frame. What no laser measures (NaN, negative, beyond
+    `range_max`) counts as nothing.
     """
 
     stamp: float
@@ -35,7 +36,11 @@ class LaserScan:
         with np.errstate(invalid="ignore"):
             ranges[~((ranges >= 0.0) & (ranges <= self.range_max))] = np.inf
         object.__setattr__(self, "ranges", ranges)
-        object.__setattr__(self, "angles", self.angle_min + self.angle_increment * np.arange(len(ranges), dtype=np.float64))
+        object.__setattr__(
+            self,
+            "angles",
+            self.angle_min + self.angle_increment * np.arange(len(ranges), dtype=np.float64),
+        )
 
     def points(self) -> Floats:
         """Return (m, 2) where the beams that came back ended, in the robot's frame, metres."""
@@ -56,8 +61,9 @@ class LaserScan:
 class Estimate:
     """Where a robot believes it is, in the map's frame, at `stamp`.
 
-    `covariance` is the upper triangle over (x, y, theta) as in `robots.api.messages.Pose`; `score` from 0 to 1 says how far to trust
-    the pose, and below one half the robot is lost: `localized` is false.
+    `covariance` is the upper triangle over (x, y, theta) as in `robots.api.messages.Pose`; `score`
+    from 0 to 1 says how far to trust the pose, and below one half the robot is lost: `localized` is
+    false.
     """
 
     stamp: float

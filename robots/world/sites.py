@@ -38,7 +38,10 @@ def load_plan(name: str) -> tuple[FloorPlan, Path]:
     try:
         return floorplan.decode((directory / "plan.json").read_bytes()), directory
     except OSError as error:
-        raise SiteError(f"no site {name!r}: neither one of {', '.join(shipped_sites())} nor a folder with a plan.json") from error
+        raise SiteError(
+            f"no site {name!r}: neither one of {', '.join(shipped_sites())} nor a folder with a"
+            " plan.json"
+        ) from error
     except FloorPlanError as error:
         raise SiteError(f"{directory / 'plan.json'}: {error}") from error
 
@@ -56,6 +59,10 @@ def load_site(name: str) -> Site:
         raise SiteError(str(error)) from error
 
 
-def with_doors(plan: FloorPlan, doors: dict[str, floorplan.DoorState]) -> dict[str, floorplan.DoorState]:
-    """Return the state of every door: as the plan has it, changed by `doors`; unknown names are left out."""
+def with_doors(
+    plan: FloorPlan, doors: dict[str, floorplan.DoorState]
+) -> dict[str, floorplan.DoorState]:
+    """Return the state of every door: as the plan has it, changed by `doors`; unknown names are
+    left out.
+    """
     return {door.name: doors.get(door.name, door.state) for door in plan.doors}

@@ -1,4 +1,6 @@
-"""The solid things of a plan: upright prisms over convex outlines, for bumping into, for the laser and for the map."""
+"""The solid things of a plan: upright prisms over convex outlines, for bumping into, for the laser
+and for the map.
+"""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +13,8 @@ from robots.api.floorplan import Dock, Door, DoorState, FloorPlan, Furniture, Wa
 from robots.api.geometry import Pose2D
 
 Floats = npt.NDArray[np.float64]
-Opening = DoorState | float  # of a door: how it rests, or how much of its swing it has, from 0, closed, to 1, open
+# of a door: how it rests, or how much of its swing it has, from 0, closed, to 1, open
+Opening = DoorState | float
 SolidKind = Literal["wall", "furniture", "station", "door", "person"]
 ROUND = 16  # corners of a cylinder
 
@@ -27,21 +30,36 @@ class Solid:
 
 
 def rectangle(pose: Pose2D, width: float, depth: float) -> Floats:
-    """Return the (4, 2) corners, counter-clockwise, of a rectangle about `pose`: width along its x, depth along its y."""
+    """Return the (4, 2) corners, counter-clockwise, of a rectangle about `pose`: width along its x,
+    depth along its y.
+    """
     half_x, half_y = width / 2.0, depth / 2.0
-    return np.array([pose.apply(x, y) for x, y in ((-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y))])
+    return np.array(
+        [
+            pose.apply(x, y)
+            for x, y in ((-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y))
+        ]
+    )
 
 
 def disc(x: float, y: float, diameter: float, corners: int = ROUND) -> Floats:
-    """Return a regular polygon (corners, 2) around the circle, so that nothing of the circle lies outside."""
+    """Return a regular polygon (corners, 2) around the circle, so that nothing of the circle lies
+    outside.
+    """
     angles = (np.arange(corners) + 0.5) * (2.0 * math.pi / corners)
     radius = diameter / 2.0 / math.cos(math.pi / corners)
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
 
 
 def bar(start: tuple[float, float], end: tuple[float, float], thickness: float) -> Floats:
-    """Return the (4, 2) outline of a straight wall or leaf: corners 0, 1 on its right side, 2, 3 on its left."""
-    middle = Pose2D((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0, math.atan2(end[1] - start[1], end[0] - start[0]))
+    """Return the (4, 2) outline of a straight wall or leaf: corners 0, 1 on its right side, 2, 3 on
+    its left.
+    """
+    middle = Pose2D(
+        (start[0] + end[0]) / 2.0,
+        (start[1] + end[1]) / 2.0,
+        math.atan2(end[1] - start[1], end[0] - start[0]),
+    )
     return rectangle(middle, math.dist(start, end), thickness)
 
 
@@ -51,25 +69,41 @@ def wall_solid(wall: Wall, number: int, ceiling: float) -> Solid:
 
 
 def furniture_solid(piece: Furniture) -> Solid:
-    """Return a piece of furniture with its full outline from the floor up: what a robot must not drive under either."""
+    """Return a piece of furniture with its full outline from the floor up: what a robot must not
+    drive under either.
+    """
     if piece.shape == "cylinder":
         return Solid("furniture", piece.name, disc(piece.x, piece.y, piece.width), piece.height)
-    return Solid("furniture", piece.name, rectangle(Pose2D(piece.x, piece.y, piece.theta), piece.width, piece.depth), piece.height)
+    return Solid(
+        "furniture",
+        piece.name,
+        rectangle(Pose2D(piece.x, piece.y, piece.theta), piece.width, piece.depth),
+        piece.height,
+    )
 
 
 def station_pose(dock: Dock) -> Pose2D:
     """Return the centre of a station's body; its front looks back at the docked robot."""
-    return Pose2D(dock.x, dock.y, dock.theta).compose(Pose2D(dock.station.distance + dock.station.depth / 2.0, 0.0, 0.0))
+    return Pose2D(dock.x, dock.y, dock.theta).compose(
+        Pose2D(dock.station.distance + dock.station.depth / 2.0, 0.0, 0.0)
+    )
 
 
 def station_solid(dock: Dock) -> Solid:
     """Return the body of a charging station."""
-    return Solid("station", dock.name, rectangle(station_pose(dock), dock.station.depth, dock.station.width), dock.station.height)
+    return Solid(
+        "station",
+        dock.name,
+        rectangle(station_pose(dock), dock.station.depth, dock.station.width),
+        dock.station.height,
+    )
 
 
 def leaf_turn(door: Door, opening: Opening) -> float:
     """Return by how many radians the leaf is turned about its hinge from where it is closed."""
-    return door.swing * ({"closed": 0.0, "open": 1.0}[opening] if isinstance(opening, str) else opening)
+    return door.swing * (
+        {"closed": 0.0, "open": 1.0}[opening] if isinstance(opening, str) else opening
+    )
 
 
 def leaf_end(door: Door, opening: Opening) -> tuple[float, float]:
@@ -77,30 +111,47 @@ def leaf_end(door: Door, opening: Opening) -> tuple[float, float]:
     turn = leaf_turn(door, opening)
     if turn == 0.0:
         return door.end
-    width, closed = math.dist(door.start, door.end), math.atan2(door.end[1] - door.start[1], door.end[0] - door.start[0])
-    return door.start[0] + width * math.cos(closed + turn), door.start[1] + width * math.sin(closed + turn)
+    width, closed = (
+        math.dist(door.start, door.end),
+        math.atan2(door.end[1] - door.start[1], door.end[0] - door.start[0]),
+    )
+    return door.start[0] + width * math.cos(closed + turn), door.start[1] + width * math.sin(
+        closed + turn
+    )
 
 
 def leaf_solid(door: Door, opening: Opening) -> Solid:
     """Return the leaf of a door, closed in its frame, open beside it, or on its way."""
-    return Solid("door", door.name, bar(door.start, leaf_end(door, opening), door.leaf), door.height)
+    return Solid(
+        "door", door.name, bar(door.start, leaf_end(door, opening), door.leaf), door.height
+    )
 
 
 def fixed_solids(plan: FloorPlan) -> tuple[Solid, ...]:
     """Return everything that never moves: walls, furniture, stations."""
     walls = tuple(wall_solid(wall, number, plan.ceiling) for number, wall in enumerate(plan.walls))
-    return (*walls, *(furniture_solid(piece) for piece in plan.furniture), *(station_solid(dock) for dock in plan.docks))
+    return (
+        *walls,
+        *(furniture_solid(piece) for piece in plan.furniture),
+        *(station_solid(dock) for dock in plan.docks),
+    )
 
 
 def edges(solids: tuple[Solid, ...]) -> Floats:
-    """Return the sides of solids as segments (n, 4): x0, y0, x1, y1, counter-clockwise about each solid."""
+    """Return the sides of solids as segments (n, 4): x0, y0, x1, y1, counter-clockwise about each
+    solid.
+    """
     if not solids:
         return np.zeros((0, 4))
-    return np.vstack([np.hstack([solid.outline, np.roll(solid.outline, -1, axis=0)]) for solid in solids])
+    return np.vstack(
+        [np.hstack([solid.outline, np.roll(solid.outline, -1, axis=0)]) for solid in solids]
+    )
 
 
 def inside(outline: Floats, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
-    """Tell for points of any shape whether they lie in a convex, counter-clockwise outline, its border included."""
+    """Tell for points of any shape whether they lie in a convex, counter-clockwise outline, its
+    border included.
+    """
     result = np.ones(x.shape, dtype=np.bool_)
     for (ax, ay), (bx, by) in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         result &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0

@@ -1,6 +1,8 @@
-"""Keys of the JSON API in the administration: made and shown once, listed with when they were used, and taken away.
+"""Keys of the JSON API in the administration: made and shown once, listed with when they were used,
+and taken away.
 
-Owners see and make those of their own robots. Nothing of a key can be changed: whoever wants another label makes another key.
+Owners see and make those of their own robots. Nothing of a key can be changed: whoever wants
+another label makes another key.
 """
 
 from typing import Any
@@ -32,7 +34,7 @@ class ApiKeyAdmin(OfRobots):
     readonly_fields = ("made_at", "used")
     ordering = ("robot__title", "label")
 
-    # --- who may -----------------------------------------------------------------------------------------------------
+    # --- who may ----------------------------------------------------------------------------------
 
     def has_add_permission(self, request: HttpRequest) -> bool:
         """Whoever has a robot makes keys for it."""
@@ -50,7 +52,7 @@ class ApiKeyAdmin(OfRobots):
         """Owners get no list of all robots."""
         return self.list_filter if self.sees_all(request) else ()
 
-    # --- making ------------------------------------------------------------------------------------------------------
+    # --- making -----------------------------------------------------------------------------------
 
     def get_fields(self, _request: HttpRequest, obj: ApiKey | None = None) -> tuple[str, ...]:
         """A key that is to be made has no past."""
@@ -62,9 +64,17 @@ class ApiKeyAdmin(OfRobots):
             kwargs["queryset"] = Robot.objects.filter(owner=request.user)
         return super().formfield_for_foreignkey(db_field, request, **kwargs)
 
-    def get_form(self, request: HttpRequest, obj: ApiKey | None = None, change: bool = False, **kwargs: Any) -> Any:  # noqa: FBT001, FBT002 -- Django's
+    def get_form(
+        self, request: HttpRequest, obj: ApiKey | None = None, change: bool = False, **kwargs: Any
+    ) -> Any:  # noqa: FBT001, FBT002 -- Django's
         """Say what a label is for."""
-        return super().get_form(request, obj, change, help_texts={"label": _("What the key is for, such as home-assistant.")}, **kwargs)
+        return super().get_form(
+            request,
+            obj,
+            change,
+            help_texts={"label": _("What the key is for, such as home-assistant.")},
+            **kwargs,
+        )
 
     def save_model(self, request: HttpRequest, obj: ApiKey, form: Any, change: bool) -> None:  # noqa: ARG002, FBT001 -- Django's signature
         """Make the key; only its hash is kept, and the answer to this very request shows it."""
@@ -72,19 +82,26 @@ class ApiKeyAdmin(OfRobots):
         obj.save(force_insert=True)
         audit.note("api_key_made", actor=request.user, robot=obj.robot, thing=obj, detail=obj.label)
 
-    def response_add(self, request: HttpRequest, obj: ApiKey, post_url_continue: str | None = None) -> HttpResponse:  # noqa: ARG002 -- as above
+    def response_add(
+        self, request: HttpRequest, obj: ApiKey, post_url_continue: str | None = None
+    ) -> HttpResponse:  # noqa: ARG002 -- as above
         """Show the key, once."""
         context = self.admin_site.each_context(request) | {
-            "title": _now("Key of %(robot)s") % {"robot": obj.robot}, "opts": self.opts, "robot": obj.robot,
-            "key": request.api_key, "site": request.build_absolute_uri("/").rstrip("/"),  # type: ignore[attr-defined]
-        }  # fmt: skip
+            "title": _now("Key of %(robot)s") % {"robot": obj.robot},
+            "opts": self.opts,
+            "robot": obj.robot,
+            "key": request.api_key,
+            "site": request.build_absolute_uri("/").rstrip("/"),  # type: ignore[attr-defined]
+        }
         return render(request, "admin/telepresence_sessions/apikey/shown.html", context)
 
-    # --- taking away -------------------------------------------------------------------------------------------------
+    # --- taking away ------------------------------------------------------------------------------
 
     def delete_model(self, request: HttpRequest, obj: ApiKey) -> None:
         """Take a key away."""
-        audit.note("api_key_revoked", actor=request.user, robot=obj.robot, thing=obj, detail=obj.label)
+        audit.note(
+            "api_key_revoked", actor=request.user, robot=obj.robot, thing=obj, detail=obj.label
+        )
         super().delete_model(request, obj)
 
     def delete_queryset(self, request: HttpRequest, queryset: "QuerySet[ApiKey]") -> None:

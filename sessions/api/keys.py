@@ -8,7 +8,8 @@ from robots.models import Robot
 from sessions.models import ApiKey
 
 MAX_LENGTH = 128
-USE_STEP = datetime.timedelta(minutes=1)  # how exactly it is kept when a key was used: not every question is a write
+# how exactly it is kept when a key was used: not every question is a write
+USE_STEP = datetime.timedelta(minutes=1)
 
 
 def make_key(robot: Robot, label: str, now: datetime.datetime) -> str:
@@ -31,13 +32,19 @@ def cut(row: ApiKey, now: datetime.datetime) -> str:
 
 
 def key_of(header: str) -> ApiKey | None:
-    """Return whose key stands in an Authorization header, with its enabled robot; None for everything else."""
+    """Return whose key stands in an Authorization header, with its enabled robot; None for
+    everything else.
+    """
     scheme, _, given = header.partition(" ")
     name, _, token = given.strip().partition(".")
     if scheme.lower() != "bearer" or len(given) > MAX_LENGTH:
         return None
     try:
-        found = ApiKey.objects.filter(pk=UUID(name), robot__enabled=True).select_related("robot__floor_plan").first()
+        found = (
+            ApiKey.objects.filter(pk=UUID(name), robot__enabled=True)
+            .select_related("robot__floor_plan")
+            .first()
+        )
     except ValueError:
         return None
     return found if found is not None and matches(token, found.token_hash) else None

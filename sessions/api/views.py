@@ -1,7 +1,9 @@
-"""The JSON API for other programs, version 1: which robots there are and how they are; docs/reference/json-api.md describes it.
+"""The JSON API for other programs, version 1: which robots there are and how they are;
+docs/reference/json-api.md describes it.
 
-Everybody may read what the site shows everybody. A key (sessions/api/keys.py) is of one robot: it also reads how that one is, and may
-stop it or send it home. It cannot drive: a robot moves only for whoever holds its lease, and a lease is for persons.
+Everybody may read what the site shows everybody. A key (sessions/api/keys.py) is of one robot: it
+also reads how that one is, and may stop it or send it home. It cannot drive: a robot moves only for
+whoever holds its lease, and a lease is for persons.
 """
 
 import datetime
@@ -63,12 +65,14 @@ def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
     key = key_of(header)
     if key is None:
         REFUSED.count(address, now)
-        return _problem(401, "wrong_key", "Send “Authorization: Bearer KEY” with a key of a robot, or none.")
+        return _problem(
+            401, "wrong_key", "Send “Authorization: Bearer KEY” with a key of a robot, or none."
+        )
     note_use(key, timezone.now())
     return key
 
 
-# --- reading ---------------------------------------------------------------------------------------------------------
+# --- reading --------------------------------------------------------------------------------------
 
 
 @never_cache
@@ -79,7 +83,12 @@ def robots(request: HttpRequest) -> JsonResponse:
     if isinstance(key, JsonResponse):
         return key
     rows = _with_traffic(_visible(request, key)).order_by("name")
-    return JsonResponse({"apiVersion": VERSION, "robots": [_told(request, row, key, timezone.now()) for row in rows]})
+    return JsonResponse(
+        {
+            "apiVersion": VERSION,
+            "robots": [_told(request, row, key, timezone.now()) for row in rows],
+        }
+    )
 
 
 @never_cache
@@ -97,16 +106,24 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
 
 def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
     visible = robots_visible_to(request.user).values("pk")
-    return Robot.objects.filter(Q(pk__in=visible) | Q(pk=key.robot_id)) if key is not None else Robot.objects.filter(pk__in=visible)
+    return (
+        Robot.objects.filter(Q(pk__in=visible) | Q(pk=key.robot_id))
+        if key is not None
+        else Robot.objects.filter(pk__in=visible)
+    )
 
 
 def _with_traffic(rows: Any) -> Any:
     driven, waiting = Q(sessions__state__in=AT_THE_WHEEL), Q(sessions__state=Session.State.WAITING)
-    counted = rows.annotate(driven=Count("sessions", filter=driven), waiting=Count("sessions", filter=waiting))
+    counted = rows.annotate(
+        driven=Count("sessions", filter=driven), waiting=Count("sessions", filter=waiting)
+    )
     return counted.select_related("floor_plan").defer("floor_plan__image")
 
 
-def _told(request: HttpRequest, row: Any, key: ApiKey | None, now: datetime.datetime) -> dict[str, Any]:
+def _told(
+    request: HttpRequest, row: Any, key: ApiKey | None, now: datetime.datetime
+) -> dict[str, Any]:
     plan, factsheet = row.floor_plan, row.factsheet or {}
     online = row.is_online(now)
     report = (row.report or {}) if online else {}
@@ -126,12 +143,19 @@ def _told(request: HttpRequest, row: Any, key: ApiKey | None, now: datetime.date
         "docked": report.get("docked", False) if report else None,
         "series": factsheet.get("series", ""),
         "capabilities": list(factsheet.get("capabilities", ())),
-        "places": [{name: place.get(name) for name in ("name", "x", "y")} for place in (plan.plan.get("places", ()) if plan else ())],
-        "floorPlan": request.build_absolute_uri(reverse("floor_plan", args=[plan.name])) if plan else None,
+        "places": [
+            {name: place.get(name) for name in ("name", "x", "y")}
+            for place in (plan.plan.get("places", ()) if plan else ())
+        ],
+        "floorPlan": request.build_absolute_uri(reverse("floor_plan", args=[plan.name]))
+        if plan
+        else None,
         "page": request.build_absolute_uri(reverse("drive", args=[row.name])),
     }
     if key is not None and key.robot_id == row.pk:
-        told |= {name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")} | {"reason": row.turnaround_reason}
+        told |= {
+            name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")
+        } | {"reason": row.turnaround_reason}
     return told
 
 
@@ -140,13 +164,21 @@ def _state(row: Any, report: dict[str, Any], *, online: bool) -> str:
         return "offline"
     if (report.get("safety") or {}).get("estop") is True or trouble_of(report):
         return "stopped"
-    return "busy" if row.driven or row.waiting or (row.can_go_home and row.turnaround != Robot.Turnaround.READY) else "available"
+    return (
+        "busy"
+        if row.driven
+        or row.waiting
+        or (row.can_go_home and row.turnaround != Robot.Turnaround.READY)
+        else "available"
+    )
 
 
-# --- acting ----------------------------------------------------------------------------------------------------------
+# --- acting ---------------------------------------------------------------------------------------
 
 
-def _counted(view: Callable[[HttpRequest, ApiKey, str], Awaitable[JsonResponse]]) -> Callable[..., Awaitable[JsonResponse]]:
+def _counted(
+    view: Callable[[HttpRequest, ApiKey, str], Awaitable[JsonResponse]],
+) -> Callable[..., Awaitable[JsonResponse]]:
     """Let only the robot's own key through, so often a minute."""
 
     @functools.wraps(view)
@@ -161,7 +193,9 @@ def _counted(view: Callable[[HttpRequest, ApiKey, str], Awaitable[JsonResponse]]
             return _too_many("too_many_actions", ACTED.wait(name, now))
         kind = _kind(request)
         if kind is None:
-            return _problem(400, "unknown_action", f"Send a JSON object with “type”: {', '.join(ACTIONS)}.")
+            return _problem(
+                400, "unknown_action", f"Send a JSON object with “type”: {', '.join(ACTIONS)}."
+            )
         return await view(request, key, kind)
 
     return checked
@@ -186,7 +220,9 @@ async def act(_request: HttpRequest, key: ApiKey, kind: str) -> JsonResponse:
     """Stop a robot, or send it home; 202: it was told, and its state says the rest."""
     now = timezone.now()
     done = await (_send_home(key, now) if kind == "dock" else _stop(key, kind, now))
-    await database_sync_to_async(system_log.log)("api_action", robot=key.robot, at=now, type=kind, key=key.label, answer=done.status_code)
+    await database_sync_to_async(system_log.log)(
+        "api_action", robot=key.robot, at=now, type=kind, key=key.label, answer=done.status_code
+    )
     return done
 
 
@@ -194,7 +230,12 @@ async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
     bridge = mqtt_bridge.current()
     if not await bridge.wait_connected(BROKER_PATIENCE_SECONDS):
         return _problem(503, "broker_away", "The robot cannot be told now.")
-    named = {"action_id": f"api-{uuid.uuid4().hex}", "stamp": now.timestamp(), "role": "owner", "user": key.label[:60]}
+    named = {
+        "action_id": f"api-{uuid.uuid4().hex}",
+        "stamp": now.timestamp(),
+        "role": "owner",
+        "user": key.label[:60],
+    }
     action = EStop(**named, detail="api") if kind == "estop" else Stop(**named)
     bridge.send_stop(key.robot.name, action)
     return JsonResponse({"apiVersion": VERSION, "actionId": action.action_id}, status=202)
@@ -203,7 +244,9 @@ async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
 async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
     """Have the session manager bring it home as after a visit, unless it is somebody's."""
     if not key.robot.can_go_home:
-        return _problem(409, "cannot_go_home", "It does not dock by itself, or its owner does not want it to.")
+        return _problem(
+            409, "cannot_go_home", "It does not dock by itself, or its owner does not want it to."
+        )
     if not await database_sync_to_async(_mark_returning)(key.robot, now):
         return _problem(409, "driven", "Somebody has it; it goes home when that visit is over.")
     return JsonResponse({"apiVersion": VERSION}, status=202)
@@ -211,8 +254,10 @@ async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
 
 def _mark_returning(robot: Robot, now: datetime.datetime) -> bool:
     """Mark it, in one statement that finds it free; what is on its way already stays so."""
-    free = Robot.objects.filter(pk=robot.pk).exclude(pk__in=Session.objects.filter(robot=robot, state__in=LIVE).values("robot_id"))
+    free = Robot.objects.filter(pk=robot.pk).exclude(
+        pk__in=Session.objects.filter(robot=robot, state__in=LIVE).values("robot_id")
+    )
     marked = free.filter(turnaround=Robot.Turnaround.READY).update(
         turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now
-    )  # fmt: skip
+    )
     return bool(marked) or free.exclude(turnaround=Robot.Turnaround.READY).exists()

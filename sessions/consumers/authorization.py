@@ -1,9 +1,11 @@
-"""Who may say what to a robot: the rules of one page's connection, without a socket, a broker or a database.
+"""Who may say what to a robot: the rules of one page's connection, without a socket, a broker or a
+database.
 
-A page is a guest, waits or drives, and may watch unless it drives. Whatever it says about its role, session, epoch or peer is
-replaced by what the server knows: the peer that the server made, the session and epoch of the grant, and the lease that is in force.
-A frame ends in one effect: something to publish, a verb for the database, a report for the record, or a refusal, which is counted
-and told to the page but never raised.
+A page is a guest, waits or drives, and may watch unless it drives. Whatever it says about its role,
+session, epoch or peer is replaced by what the server knows: the peer that the server made, the
+session and epoch of the grant, and the lease that is in force. A frame ends in one effect:
+something to publish, a verb for the database, a report for the record, or a refusal, which is
+counted and told to the page but never raised.
 """
 
 import collections
@@ -107,13 +109,20 @@ class Authorization:
     """One page's place in a robot's room.
 
     Args:
-        peer: the id that the server made for this connection; a page that resumes gets its old one back with the grant.
+        peer: the id that the server made for this connection; a page that resumes gets its old one
+            back with the grant.
         who: the visitor's shown name.
         operator: whether the visitor operates the robot, and as what.
         ice_servers: what the robot is to use for its side of a connection with this page.
     """
 
-    def __init__(self, peer: str, who: str, operator: Operator | None = None, ice_servers: tuple[IceServer, ...] = ()) -> None:
+    def __init__(
+        self,
+        peer: str,
+        who: str,
+        operator: Operator | None = None,
+        ice_servers: tuple[IceServer, ...] = (),
+    ) -> None:
         self.peer = peer
         self.who = who[:120]
         self.operator = operator
@@ -129,11 +138,17 @@ class Authorization:
         self._allowance = Allowance()
         self._told: dict[tuple[str, str], float] = {}
 
-    # --- what the database decided -----------------------------------------------------------------------------------
+    # --- what the database decided ----------------------------------------------------------------
 
     def drive(self, session: str, epoch: int, peer: str) -> None:
         """The page was granted the robot."""
-        self.standing, self.session, self.epoch, self.peer, self.watches = "driver", session, epoch, peer, False
+        self.standing, self.session, self.epoch, self.peer, self.watches = (
+            "driver",
+            session,
+            epoch,
+            peer,
+            False,
+        )
         self.velocity_seq = 0
 
     def wait(self, session: str) -> None:
@@ -155,17 +170,18 @@ class Authorization:
             lease is not None
             and self.standing == "driver"
             and (lease.session, lease.epoch, lease.peer) == (self.session, self.epoch, self.peer)
-        )  # fmt: skip
+        )
 
     def may_see_picture(self, lease: Lease | None) -> bool:
-        """Tell whether a picture that the robot sent through the server goes to this page: one for each that it asked for.
+        """Tell whether a picture that the robot sent through the server goes to this page: one for
+        each that it asked for.
 
         Asked again here, because since it asked the page may have lost the robot.
         """
         asked, self.awaits_picture = self.awaits_picture, False
         return asked and (self.watches or self.holds(lease))
 
-    # --- what the page says ------------------------------------------------------------------------------------------
+    # --- what the page says -----------------------------------------------------------------------
 
     def receive(self, frame: str | bytes, lease: Lease | None, now: float) -> tuple[Effect, ...]:
         """Decide about a frame; `now` is monotonic seconds, `lease` the one in force."""
@@ -179,7 +195,9 @@ class Authorization:
             return self.deny(suffix, str(refused), now)
 
     def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
-        """Count a refusal; tell the page of the same one at most once a second, and end the connection in a flood."""
+        """Count a refusal; tell the page of the same one at most once a second, and end the
+        connection in a flood.
+        """
         self.refused[reason] += 1
         if self._allowance.floods(now):
             return (Close(protocol.FLOODED),)
@@ -196,7 +214,9 @@ class Authorization:
                 return self._velocity(message, lease, now)
             case CommandHeartbeat():
                 self._check_driver(lease)
-                return Publish(suffix, msgspec.structs.replace(message, peer=self.peer), wanted=False)
+                return Publish(
+                    suffix, msgspec.structs.replace(message, peer=self.peer), wanted=False
+                )
             case Stop() | EStop():
                 return Halt(self._stamp_stop(message, lease))
             case Action():
@@ -223,7 +243,9 @@ class Authorization:
         elif isinstance(message, PointCommand):
             passes = self._allowance.point(now)
         else:
-            passes = self._allowance.other(now) and (not isinstance(message, Photo) or self._allowance.photo(now))
+            passes = self._allowance.other(now) and (
+                not isinstance(message, Photo) or self._allowance.photo(now)
+            )
         if not passes:
             raise Refused("rate")
 
@@ -235,35 +257,54 @@ class Authorization:
         self._check_driver(lease)
         assert self.session is not None
         self.velocity_seq, self.velocity_at = max(self.velocity_seq, command.seq), now
-        return Publish("command/velocity", msgspec.structs.replace(command, session=self.session, epoch=self.epoch), wanted=False)
+        return Publish(
+            "command/velocity",
+            msgspec.structs.replace(command, session=self.session, epoch=self.epoch),
+            wanted=False,
+        )
 
     def _picture(self, request: PictureRequest, lease: Lease | None) -> Publish:
         if not (self.watches or self.holds(lease)):
             raise Refused("not_driver" if self.standing == "driver" else "no_role")
         self.awaits_picture = True
-        return Publish("command/picture", msgspec.structs.replace(request, peer=self.peer), wanted=False)
+        return Publish(
+            "command/picture", msgspec.structs.replace(request, peer=self.peer), wanted=False
+        )
 
     def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
         self._check_driver(lease)
-        stamped = msgspec.structs.replace(command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch)
+        stamped = msgspec.structs.replace(
+            command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch
+        )
         return Publish(suffix, stamped, wanted=False)
 
     def _stamp_stop(self, action: Stop | EStop, lease: Lease | None) -> Stop | EStop:
         if self.holds(lease):
-            return msgspec.structs.replace(action, session=self.session, epoch=self.epoch, role="driver", user=self.who)
-        stamped = msgspec.structs.replace(action, session=None, epoch=0, role=self.operator or "observer", user=self.who)
-        # The number belongs to the driver's counter: a stranger's would kill commands that the driver has yet to send.
+            return msgspec.structs.replace(
+                action, session=self.session, epoch=self.epoch, role="driver", user=self.who
+            )
+        stamped = msgspec.structs.replace(
+            action, session=None, epoch=0, role=self.operator or "observer", user=self.who
+        )
+        # The number belongs to the driver's counter: a stranger's would kill commands that the
+        # driver has yet to send.
         return msgspec.structs.replace(stamped, seq=0) if isinstance(stamped, Stop) else stamped
 
     def _stamp_action(self, action: Action, lease: Lease | None) -> Action:
         if isinstance(action, ResendStates):
             raise Refused("not_allowed")
-        if isinstance(action, ClearEStop) or (self.operator and isinstance(action, OPERATORS_OWN) and not self.holds(lease)):
+        if isinstance(action, ClearEStop) or (
+            self.operator and isinstance(action, OPERATORS_OWN) and not self.holds(lease)
+        ):
             if self.operator is None:
                 raise Refused("not_allowed")
-            return msgspec.structs.replace(action, session=None, epoch=0, role=self.operator, user=self.who)
+            return msgspec.structs.replace(
+                action, session=None, epoch=0, role=self.operator, user=self.who
+            )
         self._check_driver(lease)
-        return msgspec.structs.replace(action, session=self.session, epoch=self.epoch, role="driver", user=self.who)
+        return msgspec.structs.replace(
+            action, session=self.session, epoch=self.epoch, role="driver", user=self.who
+        )
 
     def _stamp_signal(self, signal: Offer | Candidate | Bye, lease: Lease | None) -> Message:
         drives = self.holds(lease)
@@ -287,18 +328,30 @@ class Authorization:
         encoded = codec.encode(message)
         if len(encoded) > protocol.MAX_REPORT:
             raise Refused("oversized")
-        return protocol.PageReport(suffix=suffix, session=self.session, message=msgspec.Raw(encoded))  # type: ignore[arg-type]
+        return protocol.PageReport(
+            suffix=suffix, session=self.session, message=msgspec.Raw(encoded)
+        )  # type: ignore[arg-type]
 
-    def parting_stop(self, action_id: str, stamp: float, lease: Lease | None, now: float) -> Stop | None:
-        """Return the stop to send when the page's socket has closed while it drove over it; None when it did not.
+    def parting_stop(
+        self, action_id: str, stamp: float, lease: Lease | None, now: float
+    ) -> Stop | None:
+        """Return the stop to send when the page's socket has closed while it drove over it; None
+        when it did not.
 
-        A page whose commands take the data channel is none of the socket's business, nor is one that has stopped by itself.
+        A page whose commands take the data channel is none of the socket's business, nor is one
+        that has stopped by itself.
         """
         if not self.holds(lease) or now - self.velocity_at > TELL_AGAIN_SECONDS:
             return None
         return Stop(
-            action_id=action_id, stamp=stamp, session=self.session, epoch=self.epoch, role="driver", user=self.who, seq=self.velocity_seq
-        )  # fmt: skip
+            action_id=action_id,
+            stamp=stamp,
+            session=self.session,
+            epoch=self.epoch,
+            role="driver",
+            user=self.who,
+            seq=self.velocity_seq,
+        )
 
 
 KNOWN = frozenset({*topics.FROM_PAGE, *protocol.TO_SERVER, protocol.SIGNAL})
@@ -315,5 +368,11 @@ def _split(frame: str | bytes) -> tuple[str, str]:
 
 
 def _decode(suffix: str, payload: str) -> Any:
-    """Return the message of one of the suffixes that a page may use; the Robot API has more, for servers and robots."""
-    return codec.decode(suffix, payload, "to_robot") if suffix in topics.FROM_PAGE else protocol.decode(suffix, payload)
+    """Return the message of one of the suffixes that a page may use; the Robot API has more, for
+    servers and robots.
+    """
+    return (
+        codec.decode(suffix, payload, "to_robot")
+        if suffix in topics.FROM_PAGE
+        else protocol.decode(suffix, payload)
+    )

@@ -1,8 +1,10 @@
-"""Whether a page's socket still takes what it is sent: the one thing about a WebSocket that ASGI does not tell.
+"""Whether a page's socket still takes what it is sent: the one thing about a WebSocket that ASGI
+does not tell.
 
-daphne hands every frame to Twisted, which keeps what the network does not take, without a bound and without a word. Twisted does
-know: a transport whose buffer is over 64 KiB has told its producer to pause. `Backpressure` wraps the ASGI application and puts a
-function into the scope that looks at this flag; behind another server than daphne it always says no, because there `send` waits.
+daphne hands every frame to Twisted, which keeps what the network does not take, without a bound and
+without a word. Twisted does know: a transport whose buffer is over 64 KiB has told its producer to
+pause. `Backpressure` wraps the ASGI application and puts a function into the scope that looks at
+this flag; behind another server than daphne it always says no, because there `send` waits.
 """
 
 import functools
@@ -22,7 +24,9 @@ class Backpressure:
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         """Add the function to the scope and go on."""
         protocol = send.args[0] if isinstance(send, functools.partial) and send.args else None
-        await self._application({**scope, IS_FULL: functools.partial(_is_full, protocol)}, receive, send)
+        await self._application(
+            {**scope, IS_FULL: functools.partial(_is_full, protocol)}, receive, send
+        )
 
 
 def _is_full(protocol: Any) -> bool:

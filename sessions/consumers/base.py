@@ -1,11 +1,13 @@
 """A WebSocket consumer that takes every frame at once, in the order in which they came.
 
-Channels' own looks after old database connections before every frame, in the one thread that all queries of all pages share: a page's
-stop would wait behind another page's query, and for as long as the database is away. Whoever asks the database here does so through
-`database_sync_to_async`, which looks after connections itself. Nor is the channel layer asked for anything: news travel on MQTT.
+Channels' own looks after old database connections before every frame, in the one thread that all
+queries of all pages share: a page's stop would wait behind another page's query, and for as long as
+the database is away. Whoever asks the database here does so through `database_sync_to_async`, which
+looks after connections itself. Nor is the channel layer asked for anything: news travel on MQTT.
 
-Frames that wait are taken in one turn of the loop. One a turn would be fairer, and would let a page's commands pile up for as long as a
-turn takes longer than they are apart, which is just when the computer is busy (seen in a benchmark: commands a minute old).
+Frames that wait are taken in one turn of the loop. One a turn would be fairer, and would let a
+page's commands pile up for as long as a turn takes longer than they are apart, which is just when
+the computer is busy (seen in a benchmark: commands a minute old).
 """
 
 from typing import Any

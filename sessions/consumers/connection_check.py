@@ -1,4 +1,6 @@
-"""A line that says back what it is told: a page measures with it whether, and how quickly, this site can be reached."""
+"""A line that says back what it is told: a page measures with it whether, and how quickly, this
+site can be reached.
+"""
 
 import asyncio
 

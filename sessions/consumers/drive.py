@@ -1,4 +1,6 @@
-"""The page's WebSocket: decode, ask, perform. The rules are in authorization.py, the session's part in page_session.py."""
+"""The page's WebSocket: decode, ask, perform. The rules are in authorization.py, the session's part
+in page_session.py.
+"""
 
 import asyncio
 import logging
@@ -23,7 +25,17 @@ from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from robots.ice import ice_servers
 from sessions import protocol
 from sessions.consumers import queries, relay
-from sessions.consumers.authorization import Authorization, Close, Deny, Effect, Halt, Publish, Report, Spare, Verb
+from sessions.consumers.authorization import (
+    Authorization,
+    Close,
+    Deny,
+    Effect,
+    Halt,
+    Publish,
+    Report,
+    Spare,
+    Verb,
+)
 from sessions.consumers.backpressure import IS_FULL, never_full
 from sessions.consumers.base import DirectConsumer
 from sessions.consumers.page_session import PageSession
@@ -38,20 +50,26 @@ WELCOME_EVERY = 60.0
 
 
 class RobotConsumer(DirectConsumer):
-    """One page at one robot. Until the page is let in there is no visit, and whatever it says is ignored."""
+    """One page at one robot. Until the page is let in there is no visit, and whatever it says is
+    ignored.
+    """
 
     page_session: PageSession | None = None
 
-    # --- coming and going --------------------------------------------------------------------------------------------
+    # --- coming and going -------------------------------------------------------------------------
 
     async def connect(self) -> None:
-        """Let the page in, or close with the reason: a code can only be told to a page whose socket was accepted."""
+        """Let the page in, or close with the reason: a code can only be told to a page whose socket
+        was accepted.
+        """
         await self.accept()
         user = self.scope["user"]
         if not user.is_authenticated:
             await self.close(protocol.SIGNED_OUT)
             return
-        door = await database_sync_to_async(queries.enter)(user, self.scope["url_route"]["kwargs"]["robot"], timezone.now())
+        door = await database_sync_to_async(queries.enter)(
+            user, self.scope["url_route"]["kwargs"]["robot"], timezone.now()
+        )
         if door is None or not door.may_enter:
             await self.close(protocol.NO_SUCH_ROBOT if door is None else protocol.NOT_ALLOWED)
             return
@@ -62,7 +80,12 @@ class RobotConsumer(DirectConsumer):
         self.tasks: set[asyncio.Task[Any]] = set()
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
-        self.authorization = Authorization(secrets.token_urlsafe(12), user.shown_name, door.operator, ice_servers(self.name, time.time()))
+        self.authorization = Authorization(
+            secrets.token_urlsafe(12),
+            user.shown_name,
+            door.operator,
+            ice_servers(self.name, time.time()),
+        )
         self.sparing = relay.Sparing()
         self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.peers = peers_of(self.name)
@@ -80,7 +103,8 @@ class RobotConsumer(DirectConsumer):
             peers=self.peers,
             sender=self.sender,
         )
-        log_ids.bind(lambda: {"robot": self.name, "session": self.authorization.session})  # until the end of this socket's own task
+        # until the end of this socket's own task
+        log_ids.bind(lambda: {"robot": self.name, "session": self.authorization.session})
         self.ids = log_ids.captured()
         self._say_hello(door)
         self.peers.members.add(self.page_session)
@@ -105,15 +129,25 @@ class RobotConsumer(DirectConsumer):
         """Leave without ending the visit: its drive may live on the data channel."""
         if self.page_session is None:
             return
-        stop = self.authorization.parting_stop(uuid.uuid4().hex, time.time(), self.known.lease, time.monotonic())
+        stop = self.authorization.parting_stop(
+            uuid.uuid4().hex, time.time(), self.known.lease, time.monotonic()
+        )
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
         self._stop_listening(self.page_session)
         await self.page_session.page_gone()
-        log.info("page_left robot=%s code=%s refused=%s dropped=%d", self.name, code, dict(self.authorization.refused), self.sender.queue.dropped)
+        log.info(
+            "page_left robot=%s code=%s refused=%s dropped=%d",
+            self.name,
+            code,
+            dict(self.authorization.refused),
+            self.sender.queue.dropped,
+        )
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Live from the first to the last frame, and leave nothing behind however it ends: `disconnect` is not called after a failure."""
+        """Live from the first to the last frame, and leave nothing behind however it ends:
+        `disconnect` is not called after a failure.
+        """
         try:
             await super().__call__(scope, receive, send)
         finally:
@@ -124,13 +158,14 @@ class RobotConsumer(DirectConsumer):
                     task.cancel()
 
     def _stop_listening(self, page_session: PageSession) -> None:
-        page_session.stop_watching()  # a connection to the robot lives without this socket, and nobody would look after it
+        # a connection to the robot lives without this socket, and nobody would look after it
+        page_session.stop_watching()
         self.sender.abandon()
         self.bridge.ignore(self.name, self)
         part(self.name, page_session)
         self.peers.changed()
 
-    # --- what the page says ------------------------------------------------------------------------------------------
+    # --- what the page says -----------------------------------------------------------------------
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Decide about a frame and do what was decided."""
@@ -139,7 +174,8 @@ class RobotConsumer(DirectConsumer):
             effects = self.authorization.receive(frame, self.known.lease, time.monotonic())
             self._perform(effects)
             if any(isinstance(effect, Verb) for effect in effects):
-                await asyncio.sleep(0)  # what is asked for begins before the next frame, which may be the last
+                # what is asked for begins before the next frame, which may be the last
+                await asyncio.sleep(0)
 
     def _perform(self, effects: tuple[Effect, ...]) -> None:
         for effect in effects:
@@ -164,21 +200,30 @@ class RobotConsumer(DirectConsumer):
     def _publish(self, publish: Publish) -> None:
         message = publish.message
         if isinstance(message, Action) and message.role != "driver":
-            # The robot knows the driver's clock from heartbeats, and of everybody else only the server's.
+            # The robot knows the driver's clock from heartbeats, and of everybody else only the
+            # server's.
             message = msgspec.structs.replace(message, stamp=time.time())
-        reachable = self.known.online is not False and self.bridge.send(self.name, publish.suffix, message)
+        reachable = self.known.online is not False and self.bridge.send(
+            self.name, publish.suffix, message
+        )
         if publish.wanted and not reachable:
-            suffix = protocol.SIGNAL if publish.suffix.startswith(protocol.SIGNAL) else publish.suffix
+            suffix = (
+                protocol.SIGNAL if publish.suffix.startswith(protocol.SIGNAL) else publish.suffix
+            )
             self._perform(self.authorization.deny(suffix, "robot_unreachable", time.monotonic()))
 
     async def _publish_of_operator(self, publish: Publish) -> None:
-        """Send what somebody asks who operates the robot, if they still do: that may be over since the page came."""
+        """Send what somebody asks who operates the robot, if they still do: that may be over since
+        the page came.
+        """
         assert self.page_session is not None
         async with self.page_session.turn:
             if await self.page_session.still_welcome() and self.authorization.operator is not None:
                 self._publish(publish)
             else:
-                self._perform(self.authorization.deny(publish.suffix, "not_allowed", time.monotonic()))
+                self._perform(
+                    self.authorization.deny(publish.suffix, "not_allowed", time.monotonic())
+                )
 
     def _ask(self, verb: Message) -> None:
         assert self.page_session is not None
@@ -187,7 +232,7 @@ class RobotConsumer(DirectConsumer):
         else:
             self._perform(self.authorization.deny("session/take", "busy", time.monotonic()))
 
-    # --- what the robot says -----------------------------------------------------------------------------------------
+    # --- what the robot says ----------------------------------------------------------------------
 
     def hear(self, inbound: ReceivedMessage) -> None:
         """Take a letter from the bridge, in whose task lines of the log would be about nobody."""
@@ -223,10 +268,16 @@ class RobotConsumer(DirectConsumer):
 
     def _relay(self, inbound: ReceivedMessage) -> None:
         if (out := relay.for_driver(inbound)) is not None:
-            # What visitor and people at the robot write to each other, and where they point, is no business of those who watch.
-            if self.authorization.holds(self.known.lease) and self.sparing.passes(inbound.suffix, time.monotonic()):
+            # What visitor and people at the robot write to each other, and where they point, is no
+            # business of those who watch.
+            if self.authorization.holds(self.known.lease) and self.sparing.passes(
+                inbound.suffix, time.monotonic()
+            ):
                 self.sender.put(out)
-        elif self.sparing.passes(inbound.suffix, time.monotonic()) and (out := relay.relayed(inbound, self.authorization.peer)) is not None:
+        elif (
+            self.sparing.passes(inbound.suffix, time.monotonic())
+            and (out := relay.relayed(inbound, self.authorization.peer)) is not None
+        ):
             self.sender.put(out)
 
     def _presence_changed(self, *, link: bool) -> None:
@@ -235,7 +286,7 @@ class RobotConsumer(DirectConsumer):
             self.presence = presence
             self.sender.post("robot", presence)
 
-    # --- what time brings --------------------------------------------------------------------------------------------
+    # --- what time brings -------------------------------------------------------------------------
 
     async def _keep_time(self, page_session: PageSession) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""

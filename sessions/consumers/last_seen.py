@@ -1,7 +1,8 @@
 """Pages that are open, said to the database for many of them at once.
 
-Every page says so every ten seconds. One by one that keeps the database's thread busy for some ten milliseconds each; it shares the
-interpreter with whatever passes between pages and robots, which is late for as long.
+Every page says so every ten seconds. One by one that keeps the database's thread busy for some ten
+milliseconds each; it shares the interpreter with whatever passes between pages and robots, which is
+late for as long.
 """
 
 import asyncio
@@ -36,7 +37,9 @@ class LastSeenBatcher:
         return session in await asyncio.shield(self._asking)
 
     def forget(self, session: str) -> None:
-        """Leave out a page that has closed meanwhile: it would be said to be open after it was said to be gone."""
+        """Leave out a page that has closed meanwhile: it would be said to be open after it was said
+        to be gone.
+        """
         self._present.discard(session)
 
     async def _ask(self) -> set[str]:

@@ -1,4 +1,6 @@
-"""What a page's connection does with its session: takes, watches, leaves, learns that it is over. Asks the database, tells everybody."""
+"""What a page's connection does with its session: takes, watches, leaves, learns that it is over.
+Asks the database, tells everybody.
+"""
 
 import asyncio
 import logging
@@ -34,7 +36,8 @@ MAX_WAITING_VERBS = 5
 
 @dataclass(eq=False)
 class PageSession:
-    """One page's session at one robot; also a member of the robot's company and the follower of its session's news.
+    """One page's session at one robot; also a member of the robot's company and the follower of its
+    session's news.
 
     Verbs run one after another, under `turn`; frames that need no database go on passing meanwhile.
     """
@@ -53,7 +56,7 @@ class PageSession:
     waiting_verbs: int = 0
     described: protocol.Room | None = None
 
-    # --- verbs -------------------------------------------------------------------------------------------------------
+    # --- verbs ------------------------------------------------------------------------------------
 
     def has_room_for_a_verb(self) -> bool:
         """Tell whether the page may ask for one more thing while earlier ones are being done."""
@@ -69,7 +72,12 @@ class PageSession:
                     await self._do(verb)
             except (DatabaseError, InterfaceError, store.LeaseContention):
                 log.exception("verb_failed robot=%s verb=%s", self.robot.name, type(verb).__name__)
-                self.sender.post("denied", protocol.Denied(suffix=f"session/{type(verb).__name__.lower()}", reason="unavailable"))
+                self.sender.post(
+                    "denied",
+                    protocol.Denied(
+                        suffix=f"session/{type(verb).__name__.lower()}", reason="unavailable"
+                    ),
+                )
         self.peers.changed()
 
     async def _do(self, verb: Message) -> None:
@@ -101,9 +109,14 @@ class PageSession:
             case store.Queued(session, place, minutes, reason):
                 self._follow(session)
                 self.authorization.wait(session)
-                self.sender.post("session/queued", protocol.Queued(session=session, place=place, minutes=minutes, reason=reason))
+                self.sender.post(
+                    "session/queued",
+                    protocol.Queued(session=session, place=place, minutes=minutes, reason=reason),
+                )
             case store.Refused(reason, session):
-                self.sender.post("session/refused", protocol.Refused(reason=reason, session=session))
+                self.sender.post(
+                    "session/refused", protocol.Refused(reason=reason, session=session)
+                )
 
     def _granted(self, granted: store.Granted) -> None:
         self._follow(granted.session)
@@ -124,17 +137,30 @@ class PageSession:
         )
         self.sender.post("session/granted", message)
         if granted.shown:
-            self.hear_news(ServerNews(type="task", stamp=time.time(), session=granted.session, data=granted.shown))
+            self.hear_news(
+                ServerNews(
+                    type="task", stamp=time.time(), session=granted.session, data=granted.shown
+                )
+            )
 
     async def _choose_assist(self, verb: protocol.Assist) -> None:
         session, chosen = self.authorization.session, None
         if session is not None and self.authorization.standing == "driver":
             choose = database_sync_to_async(queries.choose_assist)
-            chosen = await choose(self.robot, self.user, session, verb.level, peer=self.authorization.peer, now=timezone.now())
+            chosen = await choose(
+                self.robot,
+                self.user,
+                session,
+                verb.level,
+                peer=self.authorization.peer,
+                now=timezone.now(),
+            )
         if isinstance(chosen, Lease):
             self.bridge.publish_lease(self.robot.name, chosen)
         else:
-            self.sender.post("denied", protocol.Denied(suffix="session/assist", reason=chosen or "not_driver"))
+            self.sender.post(
+                "denied", protocol.Denied(suffix="session/assist", reason=chosen or "not_driver")
+            )
 
     def _observe(self) -> None:
         if not self.may_observe:
@@ -143,7 +169,9 @@ class PageSession:
             self.sender.post("session/refused", protocol.Refused(reason="observers_full"))
         else:
             self.authorization.observe()
-            self.sender.post("session/observing", protocol.Observing(ice_servers=self._ice_servers()))
+            self.sender.post(
+                "session/observing", protocol.Observing(ice_servers=self._ice_servers())
+            )
 
     async def _leave(self, verb: protocol.Leave) -> None:
         session, drove = self.authorization.session, self.authorization.standing == "driver"
@@ -154,29 +182,45 @@ class PageSession:
             self.hang_up()
             self.authorization.leave()
             return
-        left = await database_sync_to_async(store.leave)(session, peer=self.authorization.peer, now=timezone.now())
+        left = await database_sync_to_async(store.leave)(
+            session, peer=self.authorization.peer, now=timezone.now()
+        )
         outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
         self._over(protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
         if left:
             self._tell_ended(session, outcome, reason, drove=drove)
 
     async def _leave_late(self, session: str, peer: str) -> None:
-        """End what the visitor left while the page could not say so; what has moved to another page, or is another's, stays."""
+        """End what the visitor left while the page could not say so; what has moved to another
+        page, or is another's, stays.
+        """
         if not await database_sync_to_async(queries.is_of)(session, self.user):
             self.sender.post("denied", protocol.Denied(suffix="session/leave", reason="not_yours"))
             return
         left = await database_sync_to_async(store.leave)(session, peer=peer, now=timezone.now())
         outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
-        self.sender.post("session/ended", protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
+        self.sender.post(
+            "session/ended",
+            protocol.Ended(session=session, outcome=outcome or "moved", reason=reason),
+        )
         if left:
             self._tell_ended(session, outcome, reason, drove=reason != store.LEFT_QUEUE)
 
     def _tell_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
         if drove:
             self.bridge.publish_lease(self.robot.name, None)
-        self.bridge.publish_session(ServerNews(type="ended", stamp=time.time(), session=session, state="ended", outcome=outcome, text=reason))
+        self.bridge.publish_session(
+            ServerNews(
+                type="ended",
+                stamp=time.time(),
+                session=session,
+                state="ended",
+                outcome=outcome,
+                text=reason,
+            )
+        )
 
-    # --- what is heard -----------------------------------------------------------------------------------------------
+    # --- what is heard ----------------------------------------------------------------------------
 
     def hear_news(self, news: ServerNews) -> None:
         """Tell the page what the session manager decided."""
@@ -200,13 +244,20 @@ class PageSession:
         return True
 
     async def confirm(self) -> None:
-        """Ask the database where this page's session stands, when the broker may have forgotten or mixed up something."""
+        """Ask the database where this page's session stands, when the broker may have forgotten or
+        mixed up something.
+        """
         async with self.turn:
             session = self.authorization.session
             if session is None or self.sender.closed:
                 return
             standing = await database_sync_to_async(queries.session_status_of)(
-                self.robot, self.user, session, epoch=self.authorization.epoch, peer=self.authorization.peer, now=timezone.now()
+                self.robot,
+                self.user,
+                session,
+                epoch=self.authorization.epoch,
+                peer=self.authorization.peer,
+                now=timezone.now(),
             )
             if session == self.authorization.session:
                 self._stand(standing, session)
@@ -214,15 +265,19 @@ class PageSession:
     def _stand(self, standing: queries.SessionStatus, session: str) -> None:
         driving = self.authorization.standing == "driver"
         if standing.state == "ended":
-            self._over(protocol.Ended(session=session, outcome=standing.outcome, reason=standing.reason))
+            self._over(
+                protocol.Ended(session=session, outcome=standing.outcome, reason=standing.reason)
+            )
         elif driving and standing.moved:
             self._over(protocol.Ended(session=session, outcome="moved"))
         elif driving and standing.lease is not None:
             self.bridge.publish_lease(self.robot.name, _ahead(standing.lease, self.known))
         elif not driving and standing.seconds is not None:
-            self.sender.post("session/turn", protocol.YourTurn(session=session, seconds=standing.seconds))
+            self.sender.post(
+                "session/turn", protocol.YourTurn(session=session, seconds=standing.seconds)
+            )
 
-    # --- what time brings --------------------------------------------------------------------------------------------
+    # --- what time brings -------------------------------------------------------------------------
 
     async def say_seen(self) -> None:
         """Note in the database that this page is open."""
@@ -231,11 +286,14 @@ class PageSession:
             await self.confirm()
 
     async def still_welcome(self) -> bool:
-        """Tell whether the visitor is still signed in and allowed here; otherwise end what the page does, and its connection.
+        """Tell whether the visitor is still signed in and allowed here; otherwise end what the page
+        does, and its connection.
 
         What the visitor may do here besides is looked at anew as well. The caller holds `turn`.
         """
-        welcome = await database_sync_to_async(queries.welcome)(self.session_key, self.user, self.robot)
+        welcome = await database_sync_to_async(queries.welcome)(
+            self.session_key, self.user, self.robot
+        )
         answer = welcome.answer
         if answer == "welcome":
             self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
@@ -243,7 +301,9 @@ class PageSession:
                 self.stop_watching()
                 self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
             return True
-        log.warning("page_sent_away robot=%s user=%s reason=%s", self.robot.name, self.user.pk, answer)
+        log.warning(
+            "page_sent_away robot=%s user=%s reason=%s", self.robot.name, self.user.pk, answer
+        )
         session, drove = self.authorization.session, self.authorization.standing == "driver"
         self.hang_up()
         if session is not None:
@@ -255,7 +315,9 @@ class PageSession:
         return False
 
     async def page_gone(self) -> None:
-        """Note that the page's socket has closed, when what was begun is done. The visit goes on: its time is the session manager's."""
+        """Note that the page's socket has closed, when what was begun is done. The visit goes on:
+        its time is the session manager's.
+        """
         async with self.turn:
             session, peer = self.authorization.session, self.authorization.peer
             if session is not None:
@@ -263,7 +325,7 @@ class PageSession:
                 roll_call.forget(session)
                 await database_sync_to_async(store.page_gone)(session, peer, timezone.now())
 
-    # --- small steps -------------------------------------------------------------------------------------------------
+    # --- small steps ------------------------------------------------------------------------------
 
     def peers_changed(self) -> None:
         """Tell the page who is here, if that is news."""
@@ -273,7 +335,9 @@ class PageSession:
             self.sender.post("room", described)
 
     def replaced(self) -> None:
-        """Another socket of this page has come: this one is dead, and must neither stop the robot nor report the page gone."""
+        """Another socket of this page has come: this one is dead, and must neither stop the robot
+        nor report the page gone.
+        """
         self.forget()
         self.sender.end(protocol.REPLACED)
 
@@ -300,34 +364,52 @@ class PageSession:
     def hang_up(self) -> None:
         """Tell the robot that this page wants no more pictures, and must get none."""
         if self.authorization.watches or self.authorization.standing == "driver":
-            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left"))
+            self.bridge.send(
+                self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left")
+            )
 
     def stop_watching(self) -> None:
-        """End the page's pictures when it watches; whoever drives may do so without the server, and is ended by the lease."""
+        """End the page's pictures when it watches; whoever drives may do so without the server, and
+        is ended by the lease.
+        """
         if self.authorization.watches:
             self.authorization.watches = False
-            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left"))
+            self.bridge.send(
+                self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left")
+            )
 
     def vouch(self) -> None:
         """Tell the robot that this page may go on watching."""
         if self.authorization.watches:
-            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Stay())
+            self.bridge.send(
+                self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Stay()
+            )
 
     def _ice_servers(self) -> Any:
         return ice_servers(str(self.user.pk), time.time())
 
 
 def _told_terms(fixed: Terms) -> protocol.GrantedTerms | None:
-    """Return what the page is told of the terms of its visit; None when they leave everything to the visitor."""
+    """Return what the page is told of the terms of its visit; None when they leave everything to
+    the visitor.
+    """
     told = protocol.GrantedTerms(
-        label=fixed.label[:120], controllers=fixed.controllers, actions=fixed.actions, assist=fixed.assist,  # type: ignore[arg-type]
-        control_way=fixed.control_way, interface=fixed.interface,
-    )  # fmt: skip
+        label=fixed.label[:120],
+        controllers=fixed.controllers,
+        actions=fixed.actions,
+        assist=fixed.assist,  # type: ignore[arg-type]
+        control_way=fixed.control_way,
+        interface=fixed.interface,
+    )
     return None if told == protocol.GrantedTerms() else told
 
 
 def _ahead(lease: Lease, known: KnownRobot) -> Lease:
-    """Return the copy that the robot takes: its renewal may be ahead of the database's, and one after an empty lease must be newer."""
+    """Return the copy that the robot takes: its renewal may be ahead of the database's, and one
+    after an empty lease must be newer.
+    """
     if known.epoch != lease.epoch:
         return lease
-    return msgspec.structs.replace(lease, renewal=max(lease.renewal, known.renewal + (known.lease is None)))
+    return msgspec.structs.replace(
+        lease, renewal=max(lease.renewal, known.renewal + (known.lease is None))
+    )

@@ -35,14 +35,20 @@ class Peers:
     def describe(self, known: KnownRobot, now: float) -> RoomFrame:
         """Return who is here; `now` is monotonic seconds.
 
-        The robot counts the viewers of every web process, this process those whose picture is still to come.
+        The robot counts the viewers of every web process, this process those whose picture is still
+        to come.
         """
         lease = known.lease_at(now)
-        drives = lease is not None and known.state is not None and known.state.session == lease.session
+        drives = (
+            lease is not None and known.state is not None and known.state.session == lease.session
+        )
         viewers = max(0, known.state.viewers - drives) if known.state is not None else 0
         return RoomFrame(
-            driver=lease.who if lease is not None else None, driving=drives, observers=max(viewers, self.observers), waiting=self.waiting
-        )  # fmt: skip
+            driver=lease.who if lease is not None else None,
+            driving=drives,
+            observers=max(viewers, self.observers),
+            waiting=self.waiting,
+        )
 
     def has_place(self, known: KnownRobot) -> bool:
         """Tell whether one more may watch; the robot's last place is kept for its driver."""
@@ -50,7 +56,9 @@ class Peers:
         return self.observers < limit - 1
 
     def replace(self, peer: str, by: Member) -> None:
-        """Let a page's new socket take the place of its old one, which may not know yet that it is dead."""
+        """Let a page's new socket take the place of its old one, which may not know yet that it is
+        dead.
+        """
         for member in tuple(self.members):
             if member is not by and member.authorization.peer == peer:
                 member.replaced()
@@ -84,9 +92,15 @@ def part(robot: str, member: Member) -> None:
 def counts_by_role() -> Counter[str]:
     """Return how many pages of this process do what: drive, wait, watch, or neither (`guest`)."""
     members = [member for peers in _peers.values() for member in peers.members]
-    return Counter("observer" if member.authorization.watches else member.authorization.standing for member in members)
+    return Counter(
+        "observer" if member.authorization.watches else member.authorization.standing
+        for member in members
+    )
 
 
 def refusals() -> Counter[str]:
     """Return how many frames of drive pages this process has refused, by reason."""
-    return sum((member.authorization.refused for peers in _peers.values() for member in peers.members), _refused_before.copy())
+    return sum(
+        (member.authorization.refused for peers in _peers.values() for member in peers.members),
+        _refused_before.copy(),
+    )

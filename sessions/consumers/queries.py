@@ -1,6 +1,7 @@
 """What a page's connection asks the database: synchronous, one question a function, plain answers.
 
-Consumers call these through `database_sync_to_async`, and never for a command or a signal: those are judged by the lease in memory.
+Consumers call these through `database_sync_to_async`, and never for a command or a signal: those
+are judged by the lease in memory.
 """
 
 import datetime
@@ -55,7 +56,8 @@ class Welcome:
 
 @dataclass(frozen=True)
 class SessionStatus:
-    """Where a session really stands: `lease` is set while it holds the robot through this very page and epoch.
+    """Where a session really stands: `lease` is set while it holds the robot through this very page
+    and epoch.
 
     `seconds` is what is left of an offered turn.
     """
@@ -92,7 +94,9 @@ def _operator(user: User, robot: Robot) -> Operator | None:
 
 
 def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
-    """Tell whether a page that is already inside may stay, still signed in and still allowed, and what it may do."""
+    """Tell whether a page that is already inside may stay, still signed in and still allowed, and
+    what it may do.
+    """
     if session_key is None or not _signed_in(session_key, user):
         return Welcome("signed_out")
     user.refresh_from_db()
@@ -100,11 +104,17 @@ def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
     if not user.is_active:
         return Welcome("signed_out")
     observes = bool(may_observe(user, robot))
-    return Welcome("welcome", observes, _operator(user, robot)) if observes or may_drive(user, robot) else Welcome("not_allowed")
+    return (
+        Welcome("welcome", observes, _operator(user, robot))
+        if observes or may_drive(user, robot)
+        else Welcome("not_allowed")
+    )
 
 
 def _signed_in(session_key: str, user: User) -> bool:
-    """Tell whether the browser's session still says so; logging out, a new password and expiry all end it."""
+    """Tell whether the browser's session still says so; logging out, a new password and expiry all
+    end it.
+    """
     store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
     fresh = User.objects.filter(pk=user.pk).first()
     if fresh is None or store.get(SESSION_KEY) != str(user.pk):
@@ -113,7 +123,15 @@ def _signed_in(session_key: str, user: User) -> bool:
 
 
 def take(
-    robot: Robot, user: User, peer: str, *, session: str | None, old_peer: str | None, takeover: bool, device: dict[str, Any], now: datetime.datetime
+    robot: Robot,
+    user: User,
+    peer: str,
+    *,
+    session: str | None,
+    old_peer: str | None,
+    takeover: bool,
+    device: dict[str, Any],
+    now: datetime.datetime,
 ) -> turns.Taken:
     """Ask for the robot, if the user may drive it now; see sessions/leases/store.py."""
     robot.refresh_from_db()
@@ -122,36 +140,64 @@ def take(
         return turns.Refused(verdict.reason)  # type: ignore[arg-type]
     held = turns.holder_of(robot, user)
     if held is not None and turns.is_free_drive(held) and terms.claims(user, robot):
-        # What was driven for oneself is no part of what begins now, and the robot goes home in between.
+        # What was driven for oneself is no part of what begins now, and the robot goes home in
+        # between.
         turns.end(str(held.session_id), Session.Outcome.COMPLETED, turns.BEGINS_ANEW, now)
         held = session = None
     reason = terms.why_not(user, robot, now)
     if reason and held is None:  # whoever drives already may finish
         return turns.Refused(reason)  # type: ignore[arg-type]
-    return turns.take(robot, user, peer, session=session, old_peer=old_peer, takeover=takeover, device=device, now=now)
+    return turns.take(
+        robot,
+        user,
+        peer,
+        session=session,
+        old_peer=old_peer,
+        takeover=takeover,
+        device=device,
+        now=now,
+    )
 
 
-def session_status_of(robot: Robot, user: User, session: str, *, epoch: int, peer: str, now: datetime.datetime) -> SessionStatus:
-    """Return where a session stands, for a page that thinks it drives (with `epoch` and `peer`) or waits (epoch 0)."""
+def session_status_of(
+    robot: Robot, user: User, session: str, *, epoch: int, peer: str, now: datetime.datetime
+) -> SessionStatus:
+    """Return where a session stands, for a page that thinks it drives (with `epoch` and `peer`) or
+    waits (epoch 0).
+    """
     row = Session.objects.filter(pk=session).first()
     if row is None or row.state == Session.State.ENDED:
         return SessionStatus("ended", row.outcome if row else "", row.outcome_reason if row else "")
     lease = Lease.objects.filter(robot=robot, session=session).first()
     if lease is None:
-        left = None if row.offered_at is None else settings.START_SECONDS - (now - row.offered_at).total_seconds()
+        left = (
+            None
+            if row.offered_at is None
+            else settings.START_SECONDS - (now - row.offered_at).total_seconds()
+        )
         return SessionStatus(row.state, seconds=left if left is not None and left > 0.0 else None)
     if (lease.epoch, lease.peer) != (epoch, peer):
         return SessionStatus(row.state, moved=True)
     hold = Hold(lease.epoch, session, lease.peer)
     who, fixed = user.shown_name, terms.of(row)
-    message = turns.lease_message(robot, who, hold, renewal=lease.renewal, stamp=now.timestamp(), assist=row.assist, fixed=fixed)
+    message = turns.lease_message(
+        robot,
+        who,
+        hold,
+        renewal=lease.renewal,
+        stamp=now.timestamp(),
+        assist=row.assist,
+        fixed=fixed,
+    )
     return SessionStatus(row.state, lease=message)
 
 
 def choose_assist(
     robot: Robot, user: User, session: str, level: str, *, peer: str, now: datetime.datetime
-) -> m.Lease | Literal["not_driver", "fixed"]:  # fmt: skip
-    """Note how much help a driver wants, and return the lease that says so; or why not: this page does not drive, or has no choice."""
+) -> m.Lease | Literal["not_driver", "fixed"]:
+    """Note how much help a driver wants, and return the lease that says so; or why not: this page
+    does not drive, or has no choice.
+    """
     row = Session.objects.filter(pk=session).first()
     fixed = terms.FREE if row is None else terms.of(row)
     if fixed.assist is not None:
@@ -161,7 +207,15 @@ def choose_assist(
         return "not_driver"
     hold, renewal = chosen
     robot.refresh_from_db()
-    return turns.lease_message(robot, user.shown_name, hold, renewal=renewal, stamp=now.timestamp(), assist=level, fixed=fixed)
+    return turns.lease_message(
+        robot,
+        user.shown_name,
+        hold,
+        renewal=renewal,
+        stamp=now.timestamp(),
+        assist=level,
+        fixed=fixed,
+    )
 
 
 def outcome_of(session: str) -> tuple[str, str]:

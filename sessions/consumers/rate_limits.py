@@ -6,12 +6,14 @@ from robots.api.bucket import Bucket
 class Allowance:
     """The buckets of one page.
 
-    Driving sends 20 commands a second and a heartbeat five times, a stop is repeated 20 times a second, and a WebRTC offer is
-    followed by a burst of candidates: the limits leave room for each. Dots on a shared picture are worth little and cost a way through the
-    broker each, so they have the tightest, and as many as the robot takes. Stops have a bucket of their own, so that nothing else a page
-    says can use it up. Photos are kept for good, half a megabyte each, so they have one too, and so has what the page says for the
-    record: its network once a second, signs of the visitor as often while the server asks for one, and what changes, much of it at once
-    when a drive begins. What is refused, for whatever reason, fills the measure of a flood.
+    Driving sends 20 commands a second and a heartbeat five times, a stop is repeated 20 times a
+    second, and a WebRTC offer is followed by a burst of candidates: the limits leave room for each.
+    Dots on a shared picture are worth little and cost a way through the broker each, so they have
+    the tightest, and as many as the robot takes. Stops have a bucket of their own, so that nothing
+    else a page says can use it up. Photos are kept for good, half a megabyte each, so they have one
+    too, and so has what the page says for the record: its network once a second, signs of the
+    visitor as often while the server asks for one, and what changes, much of it at once when a
+    drive begins. What is refused, for whatever reason, fills the measure of a flood.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,6 @@
-"""What a page hears of its robot and of its session: letters of the bridge turned into frames, pure."""
+"""What a page hears of its robot and of its session: letters of the bridge turned into frames,
+pure.
+"""
 
 import logging
 from collections.abc import Iterable
@@ -19,7 +21,8 @@ log = logging.getLogger(__name__)
 # Newest wins: an older one may be dropped on the way to a slow page.
 TELEMETRY = frozenset({"state", "pose", "path", "scan", "heartbeat"})
 KEPT = frozenset({"event", "action"})
-# What a page that hears its robot directly is spared; of states it gets one now and then, in case the direct way falls silent.
+# What a page that hears its robot directly is spared; of states it gets one now and then, in case
+# the direct way falls silent.
 SPARED = frozenset({"pose", "scan", "pointer"})
 STATE_SECONDS = 1.9  # states come four times a second: every eighth
 # Why a robot is not there, in `robot`.
@@ -36,7 +39,9 @@ class Outgoing:
 
 
 class Sparing:
-    """What of a robot's telemetry goes to one page: all of it, or little while the page says that it hears the robot directly."""
+    """What of a robot's telemetry goes to one page: all of it, or little while the page says that
+    it hears the robot directly.
+    """
 
     def __init__(self) -> None:
         self.direct = False
@@ -57,14 +62,18 @@ def outgoing(suffix: str, message: Message) -> Outgoing:
 
 
 def relayed(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
-    """Return what a page with this peer id is told of a robot's letter; None when it is none of its business.
+    """Return what a page with this peer id is told of a robot's letter; None when it is none of its
+    business.
 
-    Peer ids are secret to their pages: a heartbeat keeps the echo of this page alone, and a reply goes to its own peer.
+    Peer ids are secret to their pages: a heartbeat keeps the echo of this page alone, and a reply
+    goes to its own peer.
     """
     match inbound:
         case ReceivedMessage(suffix="heartbeat", message=Heartbeat() as beat):
             own = tuple(echo for echo in beat.echoes if echo.peer == peer)
-            return Outgoing(encode_frame("heartbeat", msgspec.structs.replace(beat, echoes=own)), droppable=True)
+            return Outgoing(
+                encode_frame("heartbeat", msgspec.structs.replace(beat, echoes=own)), droppable=True
+            )
         case ReceivedMessage(suffix=suffix) if suffix in TELEMETRY or suffix in KEPT:
             assert isinstance(inbound.frame, str)
             return Outgoing(inbound.frame, droppable=suffix in TELEMETRY)
@@ -74,7 +83,9 @@ def relayed(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
 
 
 def for_driver(inbound: ReceivedMessage) -> Outgoing | None:
-    """Return what a robot says to whoever drives it alone: words, and where somebody at its display points; None for all the rest."""
+    """Return what a robot says to whoever drives it alone: words, and where somebody at its display
+    points; None for all the rest.
+    """
     match inbound:
         case ReceivedMessage(suffix="words", frame=str() as frame):
             return Outgoing(frame)
@@ -84,7 +95,9 @@ def for_driver(inbound: ReceivedMessage) -> Outgoing | None:
 
 
 def for_screen(inbound: ReceivedMessage) -> Outgoing | None:
-    """Return what a robot says to its own display, where the driver points among it; None for what is none of its business."""
+    """Return what a robot says to its own display, where the driver points among it; None for what
+    is none of its business.
+    """
     match inbound:
         case ReceivedMessage(suffix="state" | "action" | "words" as suffix, frame=str() as frame):
             return Outgoing(frame, droppable=suffix == "state")
@@ -94,21 +107,35 @@ def for_screen(inbound: ReceivedMessage) -> Outgoing | None:
 
 
 def presence(known: KnownRobot, *, link: bool) -> protocol.RobotPresence | None:
-    """Return whether the robot is there, as far as this process can tell; None before the robot has said anything."""
+    """Return whether the robot is there, as far as this process can tell; None before the robot has
+    said anything.
+    """
     if not link:
         return protocol.RobotPresence(online=False, reason=BROKER_AWAY)
     if known.connection is None:
         return None
-    return protocol.RobotPresence(online=known.connection.state == "ONLINE", reason=known.connection.reason)
+    return protocol.RobotPresence(
+        online=known.connection.state == "ONLINE", reason=known.connection.reason
+    )
 
 
 def status(faults: Iterable[str], known: KnownRobot, now: float) -> Outgoing:
-    """Return what the pages of a robot are told of parts that fail; `now` is monotonic. Worthless once the next one is there."""
-    return Outgoing(encode_frame("server/status", protocol.ServerStatus(faults=tuple(_fault(part, known, now) for part in faults))), droppable=True)
+    """Return what the pages of a robot are told of parts that fail; `now` is monotonic. Worthless
+    once the next one is there.
+    """
+    return Outgoing(
+        encode_frame(
+            "server/status",
+            protocol.ServerStatus(faults=tuple(_fault(part, known, now) for part in faults)),
+        ),
+        droppable=True,
+    )
 
 
 def _fault(part: Any, known: KnownRobot, now: float) -> protocol.Fault:
-    """Say what follows: without these parts nobody renews a lease, and a robot whose lease has run out stands."""
+    """Say what follows: without these parts nobody renews a lease, and a robot whose lease has run
+    out stands.
+    """
     if part in HARMLESS:
         return protocol.Fault(part=part, then="goes_on")
     if known.lease is None:
@@ -126,9 +153,17 @@ def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None: 
     """
     match news.type:
         case "queue" if news.place is not None:
-            return "session/queued", protocol.Queued(session=news.session, place=news.place, minutes=news.minutes or 0.0, reason=news.text)
+            return "session/queued", protocol.Queued(
+                session=news.session,
+                place=news.place,
+                minutes=news.minutes or 0.0,
+                reason=news.text,
+            )
         case "granted":
-            return "session/turn", protocol.YourTurn(session=news.session, seconds=start_seconds if news.remaining is None else news.remaining)
+            return "session/turn", protocol.YourTurn(
+                session=news.session,
+                seconds=start_seconds if news.remaining is None else news.remaining,
+            )
         case "warning" if news.remaining is not None:
             return "session/warning", protocol.Warning(remaining=news.remaining)
         case "idle":
@@ -136,7 +171,9 @@ def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None: 
         case "task":
             return _task(news)
         case "ended":
-            return "session/ended", protocol.Ended(session=news.session, outcome=news.outcome, reason=news.text)
+            return "session/ended", protocol.Ended(
+                session=news.session, outcome=news.outcome, reason=news.text
+            )
         case "stop" | "message" if news.text:
             return "notice", protocol.Notice(text=news.text)
     return None
@@ -144,7 +181,9 @@ def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None: 
 
 def _task(news: ServerNews) -> tuple[str, Message] | None:
     try:
-        return "session/task", msgspec.convert({**news.data, "session": news.session, "stamp": news.stamp}, protocol.Task)
+        return "session/task", msgspec.convert(
+            {**news.data, "session": news.session, "stamp": news.stamp}, protocol.Task
+        )
     except msgspec.ValidationError as error:
         log.error("task_news_malformed session=%s reason=%s", news.session, error)  # noqa: TRY400 -- the reason says it
         return None

@@ -1,4 +1,6 @@
-"""The WebSocket of a robot's own display: decode, ask, perform. Its rules stand in sessions/consumers/screen_authorization.py."""
+"""The WebSocket of a robot's own display: decode, ask, perform. Its rules stand in
+sessions/consumers/screen_authorization.py.
+"""
 
 import asyncio
 import logging
@@ -34,12 +36,16 @@ WELCOME_EVERY = 60.0  # s between two looks at the key
 
 
 class ScreenConsumer(DirectConsumer):
-    """One display of one robot. Until its key was found right there is no room, and whatever it says is ignored."""
+    """One display of one robot. Until its key was found right there is no room, and whatever it
+    says is ignored.
+    """
 
     authorization: ScreenAuthorization | None = None
 
     async def connect(self) -> None:
-        """Let the display in, or close with the reason: a code can only be told to a page whose socket was accepted."""
+        """Let the display in, or close with the reason: a code can only be told to a page whose
+        socket was accepted.
+        """
         await self.accept()
         self.name = self.scope["url_route"]["kwargs"]["robot"]
         log_ids.bind(lambda: {"robot": self.name})  # until the end of this socket's own task
@@ -54,13 +60,20 @@ class ScreenConsumer(DirectConsumer):
         self.title = robot.title or robot.name
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
-        self.authorization = ScreenAuthorization(secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time()))
+        self.authorization = ScreenAuthorization(
+            secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time())
+        )
         self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.shown: protocol.Screen | None = None
         self.study = ("", False)
         self.visitor_changed = asyncio.Event()
         hello = protocol.Hello(
-            peer=self.authorization.peer, stamp=time.time(), robot=self.name, online=self.known.online is True, may_drive=False, may_observe=False
+            peer=self.authorization.peer,
+            stamp=time.time(),
+            robot=self.name,
+            online=self.known.online is True,
+            may_drive=False,
+            may_observe=False,
         )
         self.sender.post("hello", hello)
         self.visitor_changed.set()
@@ -75,27 +88,41 @@ class ScreenConsumer(DirectConsumer):
             if self.authorization is not None:
                 self.looking.cancel()
                 self.sender.abandon()
-                self._tell_robot(Bye(reason="left"))  # a connection to the robot lives without this socket
+                # a connection to the robot lives without this socket
+                self._tell_robot(Bye(reason="left"))
                 self.bridge.ignore(self.name, self)
-                log.info("screen_left robot=%s refused=%s", self.name, dict(self.authorization.refused))
+                log.info(
+                    "screen_left robot=%s refused=%s", self.name, dict(self.authorization.refused)
+                )
 
-    # --- what the display says ---------------------------------------------------------------------------------------
+    # --- what the display says --------------------------------------------------------------------
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Decide about a frame and do what was decided."""
         if self.authorization is not None and not self.sender.closed:
             frame = text_data if text_data is not None else bytes_data or b""
-            self._perform(self.authorization, self.authorization.receive(frame, None, time.monotonic()))
+            self._perform(
+                self.authorization, self.authorization.receive(frame, None, time.monotonic())
+            )
 
     def _perform(self, authorization: ScreenAuthorization, effects: tuple[Effect, ...]) -> None:
         for effect in effects:
             match effect:
                 case Publish(suffix, message, wanted):
                     # The robot knows the server's clock, and not the display's.
-                    stamped = msgspec.structs.replace(message, stamp=time.time()) if isinstance(message, Action) else message
-                    reachable = self.known.online is not False and self.bridge.send(self.name, suffix, stamped)
+                    stamped = (
+                        msgspec.structs.replace(message, stamp=time.time())
+                        if isinstance(message, Action)
+                        else message
+                    )
+                    reachable = self.known.online is not False and self.bridge.send(
+                        self.name, suffix, stamped
+                    )
                     if wanted and not reachable:
-                        self._perform(authorization, authorization.deny(suffix, "robot_unreachable", time.monotonic()))
+                        self._perform(
+                            authorization,
+                            authorization.deny(suffix, "robot_unreachable", time.monotonic()),
+                        )
                 case Halt(message):
                     self.bridge.send_stop(self.name, message)
                 case Deny(suffix, reason):
@@ -103,24 +130,30 @@ class ScreenConsumer(DirectConsumer):
                 case Close(code):
                     self.sender.end(code)
 
-    # --- what the display is told ------------------------------------------------------------------------------------
+    # --- what the display is told -----------------------------------------------------------------
 
     def hear(self, inbound: ReceivedMessage) -> None:
         """Take a letter from the bridge."""
         assert self.authorization is not None
         if inbound.suffix in {LINK, "connection"}:
-            presence = relay.presence(self.known, link=inbound.message is not False if inbound.suffix == LINK else True)
+            presence = relay.presence(
+                self.known, link=inbound.message is not False if inbound.suffix == LINK else True
+            )
             if presence is not None:
                 self.sender.post("robot", presence)
         elif (shown := relay.for_screen(inbound)) is not None:
             self.sender.put(shown)
         elif inbound.suffix == "lease":
             self.visitor_changed.set()
-        elif (out := relay.relayed(inbound, self.authorization.peer)) is not None and inbound.suffix.startswith(protocol.SIGNAL):
+        elif (
+            out := relay.relayed(inbound, self.authorization.peer)
+        ) is not None and inbound.suffix.startswith(protocol.SIGNAL):
             self.sender.put(out)
 
     async def _look(self) -> None:
-        """Say who visits whenever that changes, and ask every minute whether the key is still right."""
+        """Say who visits whenever that changes, and ask every minute whether the key is still
+        right.
+        """
         asked = time.monotonic()
         while True:
             try:

@@ -1,14 +1,27 @@
-"""Who may say what from a robot's own display: the rules of that page's connection, without a socket, a broker or a database.
+"""Who may say what from a robot's own display: the rules of that page's connection, without a
+socket, a broker or a database.
 
-A screen shows the visitor, answers a call, writes to the visitor, points at what the visitor shares, and stops the robot. It never drives,
-and says all of it as the screen.
+A screen shows the visitor, answers a call, writes to the visitor, points at what the visitor
+shares, and stops the robot. It never drives, and says all of it as the screen.
 """
 
 from typing import Any
 
 import msgspec
 
-from robots.api.messages import AnswerCall, Bye, Candidate, ClearEStop, EStop, IceServer, Lease, Offer, PointCommand, Say, Stop
+from robots.api.messages import (
+    AnswerCall,
+    Bye,
+    Candidate,
+    ClearEStop,
+    EStop,
+    IceServer,
+    Lease,
+    Offer,
+    PointCommand,
+    Say,
+    Stop,
+)
 from sessions.consumers.authorization import Authorization, Effect, Halt, Publish, Refused
 
 
@@ -32,16 +45,22 @@ class ScreenAuthorization(Authorization):
             case Say() | AnswerCall() | ClearEStop():
                 return Publish(suffix, self._as_screen(message))
             case PointCommand():
-                stamped = msgspec.structs.replace(message, role="screen", peer=self.peer, session=None, epoch=0)
+                stamped = msgspec.structs.replace(
+                    message, role="screen", peer=self.peer, session=None, epoch=0
+                )
                 return Publish(suffix, stamped, wanted=False)
             case Offer():
-                offer = Offer(sdp=message.sdp, role="screen", who=self.who, ice_servers=self.ice_servers)
+                offer = Offer(
+                    sdp=message.sdp, role="screen", who=self.who, ice_servers=self.ice_servers
+                )
                 return Publish(f"signal/{self.peer}", offer)
             case Candidate() | Bye():
                 return Publish(f"signal/{self.peer}", message)
         raise Refused("not_allowed")
 
     def _as_screen(self, action: Any) -> Any:
-        stamped = msgspec.structs.replace(action, session=None, epoch=0, role="screen", user=self.who)
+        stamped = msgspec.structs.replace(
+            action, session=None, epoch=0, role="screen", user=self.who
+        )
         # The number belongs to the driver's counter.
         return msgspec.structs.replace(stamped, seq=0) if isinstance(stamped, Stop) else stamped

@@ -1,8 +1,9 @@
 """What waits to be sent to one page: bounded, so that a slow page costs itself and nobody else.
 
-Telemetry is worth only as much as it is new: when too much waits, the oldest goes. Signals, events and news of the session are kept
-and stay in order; a page that lets hundreds of them pile up has stopped reading, and its connection is ended. Of pictures one waits at
-most: a newer one takes its place.
+Telemetry is worth only as much as it is new: when too much waits, the oldest goes. Signals, events
+and news of the session are kept and stay in order; a page that lets hundreds of them pile up has
+stopped reading, and its connection is ended. Of pictures one waits at most: a newer one takes its
+place.
 """
 
 import asyncio
@@ -31,8 +32,12 @@ class SendQueue:
         return len(self._telemetry) + len(self._kept) + len(self._picture)
 
     def put(self, frame: str, *, droppable: bool) -> bool:
-        """Add a frame; False when a kept one finds no room, which is the end of this page's connection."""
-        queue, limit = (self._telemetry, self._limits[0]) if droppable else (self._kept, self._limits[1])
+        """Add a frame; False when a kept one finds no room, which is the end of this page's
+        connection.
+        """
+        queue, limit = (
+            (self._telemetry, self._limits[0]) if droppable else (self._kept, self._limits[1])
+        )
         if len(queue) >= limit:
             if not droppable:
                 return False

@@ -1,4 +1,6 @@
-"""The way out to one page: a mailbox, the task that empties it as fast as the page's network takes it, and the last frame."""
+"""The way out to one page: a mailbox, the task that empties it as fast as the page's network takes
+it, and the last frame.
+"""
 
 import asyncio
 import time
@@ -14,7 +16,11 @@ from sessions.consumers.send_queue import SendQueue
 
 FULL_POLL_SECONDS = 0.02
 LAST_WORDS_SECONDS = 2.0
-SEND_SECONDS = Histogram("telepresence_relay_to_page_seconds", "From a message for a page to its WebSocket.", buckets=BUCKETS)
+SEND_SECONDS = Histogram(
+    "telepresence_relay_to_page_seconds",
+    "From a message for a page to its WebSocket.",
+    buckets=BUCKETS,
+)
 
 
 class Sender:
@@ -23,10 +29,16 @@ class Sender:
     Args:
         send: gives a frame to the server.
         close: ends the connection with a code.
-        is_full: tells whether the server still holds frames that the network has not taken (sessions/consumers/backpressure.py).
+        is_full: tells whether the server still holds frames that the network has not taken
+            (sessions/consumers/backpressure.py).
     """
 
-    def __init__(self, send: Callable[[str | bytes], Awaitable[None]], close: Callable[[int], Awaitable[None]], is_full: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        send: Callable[[str | bytes], Awaitable[None]],
+        close: Callable[[int], Awaitable[None]],
+        is_full: Callable[[], bool],
+    ) -> None:
         self._send, self._close, self._is_full = send, close, is_full
         self._ending: asyncio.Task[None] | None = None
         self.queue = SendQueue()

@@ -1,7 +1,9 @@
-"""What time does to visits, carried out in the database: sessions/leases/transitions.py decides, conditional updates perform.
+"""What time does to visits, carried out in the database: sessions/leases/transitions.py decides,
+conditional updates perform.
 
-A visitor may come back, leave or be stopped, by another process, between the decision and the update. So every update names the
-state that was decided on, and what did not happen is not reported.
+A visitor may come back, leave or be stopped, by another process, between the decision and the
+update. So every update names the state that was decided on, and what did not happen is not
+reported.
 """
 
 import datetime
@@ -31,10 +33,18 @@ from sessions.leases.transitions import (
 from sessions.models import Session
 
 
-def tick(robot: Robot, link: Link, now: datetime.datetime, scene: Scene | None = None) -> tuple[Act, ...]:
-    """Do what is due at one robot and return what was really done; `scene` by whoever has read those of many at once."""
+def tick(
+    robot: Robot, link: Link, now: datetime.datetime, scene: Scene | None = None
+) -> tuple[Act, ...]:
+    """Do what is due at one robot and return what was really done; `scene` by whoever has read
+    those of many at once.
+    """
     scene = load_scene(robot, now) if scene is None else scene
-    return tuple(act for act in decide_tick(scene, link, rules_of(robot), now.timestamp()) if _perform(act, scene, link, robot, now))
+    return tuple(
+        act
+        for act in decide_tick(scene, link, rules_of(robot), now.timestamp())
+        if _perform(act, scene, link, robot, now)
+    )
 
 
 def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.datetime) -> bool:  # noqa: PLR0911 -- a table
@@ -44,18 +54,25 @@ def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.dat
         case Move():
             return _move(act, _visit(scene, act.visit), now)
         case End(visit, outcome, reason):
-            sign_came = reason == IDLE and link.signs.get(visit, 0.0) >= now.timestamp()  # while this was decided
-            return not sign_came and end(visit, outcome, reason, now, **_as_decided(_visit(scene, visit)))
+            # while this was decided
+            sign_came = reason == IDLE and link.signs.get(visit, 0.0) >= now.timestamp()
+            return not sign_came and end(
+                visit, outcome, reason, now, **_as_decided(_visit(scene, visit))
+            )
         case Drove(visit):
             return _update(visit, {"first_motion_at": now}, first_motion_at__isnull=True)
         case SetTurn(visit, ends_at):
             return _update(visit, {"turn_ends_at": _at(ends_at)})
         case Offer(visit):
-            return _update(visit, {"offered_at": now}, state=Session.State.WAITING, offered_at__isnull=True)
+            return _update(
+                visit, {"offered_at": now}, state=Session.State.WAITING, offered_at__isnull=True
+            )
         case Withdraw(visit):
             return _update(visit, {"offered_at": None}, state=Session.State.WAITING)
         case Lose(visit, lost_at):
-            return _update(visit, {"lost_at": _at(lost_at)}, state=Session.State.WAITING, lost_at__isnull=True)
+            return _update(
+                visit, {"lost_at": _at(lost_at)}, state=Session.State.WAITING, lost_at__isnull=True
+            )
         case Warn() | AskThere() | FoundThere():
             return True
 
@@ -63,14 +80,18 @@ def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.dat
 def _move(move: Move, visit: Visit, now: datetime.datetime) -> bool:
     if visit.state == "waiting" and not _terms_fixed(move.visit, now):
         return False
-    moved = _update(move.visit, {"state": move.state, "lost_at": _at(move.lost_at)}, **_as_decided(visit))
+    moved = _update(
+        move.visit, {"state": move.state, "lost_at": _at(move.lost_at)}, **_as_decided(visit)
+    )
     if moved and move.state == "driving":
         _update(move.visit, {"driving_at": now}, driving_at__isnull=True)
     return moved
 
 
 def _terms_fixed(session: str, now: datetime.datetime) -> bool:
-    """Fix the terms of a visit whose grant nobody lived to finish; False when it has come to its end instead."""
+    """Fix the terms of a visit whose grant nobody lived to finish; False when it has come to its
+    end instead.
+    """
     try:
         fix_terms(session, now)
     except NotGranted as refusal:
@@ -80,11 +101,15 @@ def _terms_fixed(session: str, now: datetime.datetime) -> bool:
 
 
 def _update(session: str, changes: dict[str, Any], **only_if: Any) -> bool:
-    return bool(Session.objects.filter(pk=session, state__in=LIVE).filter(**only_if).update(**changes))
+    return bool(
+        Session.objects.filter(pk=session, state__in=LIVE).filter(**only_if).update(**changes)
+    )
 
 
 def _as_decided(visit: Visit) -> dict[str, Any]:
-    """Return the conditions under which a decision about a visit still stands: a visitor who came back is lost again only from then on."""
+    """Return the conditions under which a decision about a visit still stands: a visitor who came
+    back is lost again only from then on.
+    """
     conditions: dict[str, Any] = {"state": visit.state}
     if visit.lost_at is not None and visit.state == "reconnecting":
         conditions["lost_at__lte"] = _at(visit.lost_at + 0.001)

@@ -1,14 +1,21 @@
-"""What happens to a robot between two visits: it goes home, docks, levels its head, and is free when it is fit for the next one.
+"""What happens to a robot between two visits: it goes home, docks, levels its head, and is free
+when it is fit for the next one.
 
-Pure: `decide` looks at what the robot says and at what it was told, and returns how things stand now and what to tell it next.
+Pure: `decide` looks at what the robot says and at what it was told, and returns how things stand
+now and what to tell it next.
 
-- A robot that is docked, localized, charged above its limit, looks straight ahead, gives a picture and answers in time is ready.
-- One that is not docked is told to dock, three times with a pause between; then the queue is paused with the robot's reason, and it
-  is tried again every PAUSE seconds, for a door that was closed may be open by then.
-- A docked robot that has lost its place is told where it is; one whose head is tilted is told to level it; an empty one charges. A charge
-  that the robot does not know holds nobody back: waiting would not make it known, and a person at the robot sees its lamp.
-- Last of all it is asked for a picture, which nobody keeps: a camera runs only while somebody looks, so nothing else tells whether it works.
-  A robot that answers later than its driver could steer it waits for a better network, and pauses the queue when that takes long.
+- A robot that is docked, localized, charged above its limit, looks straight ahead, gives a picture
+  and answers in time is ready.
+- One that is not docked is told to dock, three times with a pause between; then the queue is paused
+  with the robot's reason, and it is tried again every PAUSE seconds, for a door that was closed may
+  be open by then.
+- A docked robot that has lost its place is told where it is; one whose head is tilted is told to
+  level it; an empty one charges. A charge
+  that the robot does not know holds nobody back: waiting would not make it known, and a person at
+      the robot sees its lamp.
+- Last of all it is asked for a picture, which nobody keeps: a camera runs only while somebody
+  looks, so nothing else tells whether it works. A robot that answers later than its driver could
+  steer it waits for a better network, and pauses the queue when that takes long.
 - An emergency stop pauses at once. Nothing is ordered of a robot that is not heard of.
 
 Times are Unix seconds.
@@ -20,7 +27,8 @@ from typing import Literal
 Phase = Literal["ready", "returning", "charging", "paused"]
 Kind = Literal["dock", "level", "relocalize", "picture"]
 
-ORDERED = "home-"  # how the ids of what is ordered between visits begin: none of it belongs into anybody's record
+# how the ids of what is ordered between visits begin: none of it belongs into anybody's record
+ORDERED = "home-"
 ATTEMPTS = 3
 AGAIN = 5.0
 PAUSE = 120.0
@@ -34,8 +42,9 @@ ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 class Condition:
     """What the robot says of itself.
 
-    `heard` is false when its last state is too old to go by, `level` when its head looks elsewhere, `prompt` when it answers too late to be
-    driven, and `let_go` while its last driver's lease still holds there. `sees` tells whether it has a camera. `charge` is None when unknown.
+    `heard` is false when its last state is too old to go by, `level` when its head looks elsewhere,
+    `prompt` when it answers too late to be driven, and `let_go` while its last driver's lease still
+    holds there. `sees` tells whether it has a camera. `charge` is None when unknown.
     """
 
     heard: bool = True
@@ -52,7 +61,9 @@ class Condition:
 
 @dataclass(frozen=True)
 class Order:
-    """What the robot was told at `at`, and how far that is: `status` and `reason` as in ActionStatus, empty before any answer."""
+    """What the robot was told at `at`, and how far that is: `status` and `reason` as in
+    ActionStatus, empty before any answer.
+    """
 
     action_id: str
     kind: Kind
@@ -67,9 +78,11 @@ class Order:
 
 @dataclass(frozen=True)
 class Readiness:
-    """How things stand. `reason` says in one word or sentence what is waited for, `tried_at` when the last attempt ended.
+    """How things stand. `reason` says in one word or sentence what is waited for, `tried_at` when
+    the last attempt ended.
 
-    `seen` tells whether a picture came since it is home, `late_since` since when it has answered too late.
+    `seen` tells whether a picture came since it is home, `late_since` since when it has answered
+    too late.
     """
 
     phase: Phase = "returning"
@@ -81,14 +94,20 @@ class Readiness:
     late_since: float | None = None
 
 
-def decide(turnaround: Readiness, condition: Condition, now: float) -> tuple[Readiness, Kind | None]:
+def decide(
+    turnaround: Readiness, condition: Condition, now: float
+) -> tuple[Readiness, Kind | None]:
     """Return how things stand now, and what the robot is to be told, if anything."""
     if not condition.heard:
         return replace(turnaround, reason="offline"), None
     if condition.estop:
         return replace(turnaround, phase="paused", reason="estop", order=None), None
     turnaround = _looked_at(turnaround)
-    if turnaround.order is not None and not turnaround.order.is_over(now) and not _is_done(turnaround.order.kind, condition):
+    if (
+        turnaround.order is not None
+        and not turnaround.order.is_over(now)
+        and not _is_done(turnaround.order.kind, condition)
+    ):
         return turnaround, None
     if condition.docked:
         return _at_home(turnaround, condition, now)
@@ -98,17 +117,30 @@ def decide(turnaround: Readiness, condition: Condition, now: float) -> tuple[Rea
 def _looked_at(turnaround: Readiness) -> Readiness:
     """Note that a picture came; one that is too large to be sent is a picture, too."""
     order = turnaround.order
-    if order is None or order.kind != "picture" or not (order.status == "FINISHED" or order.reason == "too_large"):
+    if (
+        order is None
+        or order.kind != "picture"
+        or not (order.status == "FINISHED" or order.reason == "too_large")
+    ):
         return turnaround
     return replace(turnaround, order=None, attempts=0, tried_at=None, seen=True)
 
 
 def _is_done(kind: Kind, condition: Condition) -> bool:
-    return {"dock": condition.docked, "level": condition.level, "relocalize": condition.localized, "picture": False}[kind]
+    return {
+        "dock": condition.docked,
+        "level": condition.level,
+        "relocalize": condition.localized,
+        "picture": False,
+    }[kind]
 
 
-def _at_home(turnaround: Readiness, condition: Condition, now: float) -> tuple[Readiness, Kind | None]:
-    missing: Kind | None = "relocalize" if not condition.localized else "level" if not condition.level else None
+def _at_home(
+    turnaround: Readiness, condition: Condition, now: float
+) -> tuple[Readiness, Kind | None]:
+    missing: Kind | None = (
+        "relocalize" if not condition.localized else "level" if not condition.level else None
+    )
     if missing is not None:
         return _try(turnaround, missing, now)
     if condition.charge is not None and condition.charge < condition.charge_limit:
@@ -117,15 +149,28 @@ def _at_home(turnaround: Readiness, condition: Condition, now: float) -> tuple[R
         return _wait_for_network(turnaround, now), None
     turnaround = replace(turnaround, late_since=None)
     if condition.sees and not turnaround.seen:
-        # A robot that still believes in its last driver would take the picture for that driver's record.
-        return _try(turnaround, "picture", now) if condition.let_go else (replace(turnaround, phase="returning", reason="picture"), None)
+        # A robot that still believes in its last driver would take the picture for that driver's
+        # record.
+        return (
+            _try(turnaround, "picture", now)
+            if condition.let_go
+            else (replace(turnaround, phase="returning", reason="picture"), None)
+        )
     return Readiness("ready"), None
 
 
 def _wait_for_network(turnaround: Readiness, now: float) -> Readiness:
     since = now if turnaround.late_since is None else turnaround.late_since
     phase: Phase = "paused" if now - since >= LATE else "returning"
-    return replace(turnaround, phase=phase, reason="network", order=None, attempts=0, tried_at=None, late_since=since)
+    return replace(
+        turnaround,
+        phase=phase,
+        reason="network",
+        order=None,
+        attempts=0,
+        tried_at=None,
+        late_since=since,
+    )
 
 
 def _try(turnaround: Readiness, kind: Kind, now: float) -> tuple[Readiness, Kind | None]:
@@ -133,7 +178,9 @@ def _try(turnaround: Readiness, kind: Kind, now: float) -> tuple[Readiness, Kind
     order = turnaround.order
     if order is not None and order.kind == kind:
         reason = order.reason or ("no_answer" if not order.status else "failed")
-        turnaround = replace(turnaround, order=None, attempts=turnaround.attempts + 1, tried_at=now, reason=reason)
+        turnaround = replace(
+            turnaround, order=None, attempts=turnaround.attempts + 1, tried_at=now, reason=reason
+        )
     elif order is not None:
         turnaround = replace(turnaround, order=None, attempts=0, tried_at=None)
     spent = turnaround.attempts >= ATTEMPTS

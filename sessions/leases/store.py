@@ -1,18 +1,24 @@
-"""Taking, keeping and giving up the robot: the decisions of sessions/leases/policy.py carried out in the database.
+"""Taking, keeping and giving up the robot: the decisions of sessions/leases/policy.py carried out
+in the database.
 
-Any process may call these at any time, on any of the supported databases. Correctness rests on two things alone, never on a
-transaction: a lease changes only where its epoch is still the one that was read, and `live_key` is unique, so that a visitor has
-one living session at a robot.
+Any process may call these at any time, on any of the supported databases. Correctness rests on two
+things alone, never on a transaction: a lease changes only where its epoch is still the one that was
+read, and `live_key` is unique, so that a visitor has one living session at a robot.
 
 What a consumer calls, each through `database_sync_to_async`:
 
-- `take` for `session/take`. On `Granted` publish `granted.lease` (retained) at once; the session manager renews it.
-- `seen`, through consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's socket is open with a session; `take` says it, too;
-- `page_gone` when the socket closes: the visit goes on for as long as its heartbeat or its grace period lasts;
-- `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and the news `ended`.
+- `take` for `session/take`. On `Granted` publish `granted.lease` (retained) at once; the session
+  manager renews it.
+- `seen`, through consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's
+  socket is open with a session; `take` says it, too;
+- `page_gone` when the socket closes: the visit goes on for as long as its heartbeat or its grace
+  period lasts;
+- `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and
+  the news `ended`.
 
-Sessions are always read before the lease and changed before it is released: whoever reads in between sees a lease that names an
-ended visit, which counts as free, and never a visit that seems to have lost its lease.
+Sessions are always read before the lease and changed before it is released: whoever reads in
+between sees a lease that names an ended visit, which counts as free, and never a visit that seems
+to have lost its lease.
 """
 
 import datetime
@@ -28,14 +34,34 @@ from robots.access import may_operate
 from robots.api import messages as m
 from robots.models import Robot
 from sessions.leases import terms
-from sessions.leases.policy import Ask, Deny, Grant, Hold, Refusal, Resume, Rules, Scene, Visit, Wait, decide_take, turn_end
+from sessions.leases.policy import (
+    Ask,
+    Deny,
+    Grant,
+    Hold,
+    Refusal,
+    Resume,
+    Rules,
+    Scene,
+    Visit,
+    Wait,
+    decide_take,
+    turn_end,
+)
 from sessions.leases.terms import FREE, Terms
 from sessions.models import Lease, Session
 
-LIVE = (Session.State.WAITING, Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
-# Every failed attempt means that another process changed the lease in between, so that this bound is never met by chance.
+LIVE = (
+    Session.State.WAITING,
+    Session.State.CONNECTING,
+    Session.State.DRIVING,
+    Session.State.RECONNECTING,
+)
+# Every failed attempt means that another process changed the lease in between, so that this bound
+# is never met by chance.
 ATTEMPTS = 200
-BEGINS_ANEW = "begins_anew"  # the reason of a visit that ended because the visitor began another one, on somebody's terms
+# the reason of a visit that ended because the visitor began another one, on somebody's terms
+BEGINS_ANEW = "begins_anew"
 LEFT_QUEUE = "left_queue"  # the reason of a visit that ended before it had the robot
 
 
@@ -45,9 +71,11 @@ class LeaseContention(RuntimeError):  # noqa: N818 -- the name says what happene
 
 @dataclass(frozen=True)
 class Granted:
-    """The page drives. `resumed`: epoch and peer are those of before; `turn_seconds` is None while nobody else waits.
+    """The page drives. `resumed`: epoch and peer are those of before; `turn_seconds` is None while
+    nobody else waits.
 
-    `terms` are those of the visit, `shown` what there is to see of its task (sessions/leases/terms.py).
+    `terms` are those of the visit, `shown` what there is to see of its task
+    (sessions/leases/terms.py).
     """
 
     session: str
@@ -62,7 +90,9 @@ class Granted:
 
 @dataclass(frozen=True)
 class Queued:
-    """The page waits at `place` (1 is next) for about `minutes`; `reason` says why a free robot is not ready."""
+    """The page waits at `place` (1 is next) for about `minutes`; `reason` says why a free robot is
+    not ready.
+    """
 
     session: str
     place: int
@@ -111,10 +141,15 @@ def take(  # noqa: D417 -- the rest is what the page said
     for _ in range(ATTEMPTS):
         scene = load_scene(robot, now)
         ask = Ask(
-            visitor=str(visitor.pk), peer=peer, session=session, old_peer=old_peer, takeover=takeover,
-            operator=(robot.turnaround != Robot.Turnaround.READY or bool(scene.waits_for)) and bool(may_operate(visitor, robot)),
+            visitor=str(visitor.pk),
+            peer=peer,
+            session=session,
+            old_peer=old_peer,
+            takeover=takeover,
+            operator=(robot.turnaround != Robot.Turnaround.READY or bool(scene.waits_for))
+            and bool(may_operate(visitor, robot)),
             not_ready=terms.not_ready(visitor, robot, now) if scene.holder is None else "",
-        )  # fmt: skip
+        )
         taken = _carry_out(decide_take(scene, ask, rules_of(robot), now.timestamp()), scene, asker)
         if taken is not None:
             return taken
@@ -133,7 +168,9 @@ class _Asker:
 
 
 def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Asker) -> Taken | None:
-    """Return what the page is told, or None when another process was quicker and the question must be asked again."""
+    """Return what the page is told, or None when another process was quicker and the question must
+    be asked again.
+    """
     match decision:
         case Deny(reason, session):
             return Refused(reason, session)
@@ -151,12 +188,20 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
 
 
 def _join(asker: _Asker) -> str | None:
-    """Make a waiting session, or return None when the visitor has got one meanwhile, from another tab."""
+    """Make a waiting session, or return None when the visitor has got one meanwhile, from another
+    tab.
+    """
     key = live_key(asker.robot, asker.visitor)
     try:
-        with transaction.atomic():  # only so that PostgreSQL survives the refusal within a caller's transaction
+        # only so that PostgreSQL survives the refusal within a caller's transaction
+        with transaction.atomic():
             made = Session.objects.create(
-                robot=asker.robot, visitor=asker.visitor, live_key=key, queued_at=asker.now, seen_at=asker.now, device=asker.device
+                robot=asker.robot,
+                visitor=asker.visitor,
+                live_key=key,
+                queued_at=asker.now,
+                seen_at=asker.now,
+                device=asker.device,
             )
     except IntegrityError:
         return None
@@ -168,26 +213,39 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> Granted | Refused | Non
     if session is None:
         return None
     hold = Hold(scene.hold.epoch + 1, session, asker.peer)
-    if not change_lease(asker.robot, scene.hold.epoch, session=session, peer=asker.peer, now=asker.now):
+    if not change_lease(
+        asker.robot, scene.hold.epoch, session=session, peer=asker.peer, now=asker.now
+    ):
         return None
     try:
         fix_terms(session, asker.now)
     except terms.NotGranted as refusal:
         end(session, Session.Outcome.CANCELLED, str(refusal), asker.now)
         return Refused(str(refusal), session)  # type: ignore[arg-type]
-    changes: dict[str, Any] = {"state": grant.state, "seen_at": asker.now, "lost_at": asker.now if grant.state == "reconnecting" else None}
+    changes: dict[str, Any] = {
+        "state": grant.state,
+        "seen_at": asker.now,
+        "lost_at": asker.now if grant.state == "reconnecting" else None,
+    }
     if not grant.returning:
-        changes |= {"granted_at": max(asker.now, _moment(scene.changed_at)), "offered_at": None, "turn_ends_at": None}
+        changes |= {
+            "granted_at": max(asker.now, _moment(scene.changed_at)),
+            "offered_at": None,
+            "turn_ends_at": None,
+        }
     if not Session.objects.filter(pk=session, state__in=LIVE).update(**changes):
-        change_lease(asker.robot, hold.epoch, session=None, peer="", now=asker.now)  # it was ended from another tab meanwhile
+        # it was ended from another tab meanwhile
+        change_lease(asker.robot, hold.epoch, session=None, peer="", now=asker.now)
         return None
     return _granted(scene, hold, asker, resumed=False)
 
 
 def fix_terms(session: str, now: datetime.datetime) -> None:
-    """Store the terms of a visit that has just got the robot. Before its state says so: until then no renewed lease tells the robot of it.
+    """Store the terms of a visit that has just got the robot. Before its state says so: until then
+    no renewed lease tells the robot of it.
 
-    Asked for again until the visit has moved the robot, for whoever asked first may not have lived to store them.
+    Asked for again until the visit has moved the robot, for whoever asked first may not have lived
+    to store them.
 
     Raises:
         NotGranted: there are none on which it could go.
@@ -205,17 +263,28 @@ def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> Grant
     session, now, key = Session.objects.get(pk=hold.session), asker.now.timestamp(), hold.session
     fixed = terms.of(session)
     before = next((visit for visit in scene.visits if visit.id == key and visit.granted_at), None)
-    visit = before or Visit(key, str(asker.visitor.pk), "connecting", now, granted_at=now, turn=fixed.turn_seconds)
+    visit = before or Visit(
+        key, str(asker.visitor.pk), "connecting", now, granted_at=now, turn=fixed.turn_seconds
+    )
     others_wait = any(waiting.id != key for waiting in scene.queue)
-    turn_seconds = max(0.0, turn_end(visit, rules_of(asker.robot), now) - now) if others_wait else None
-    renewal = Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
+    turn_seconds = (
+        max(0.0, turn_end(visit, rules_of(asker.robot), now) - now) if others_wait else None
+    )
+    renewal = (
+        Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
+    )
     who = asker.visitor.shown_name
-    lease = lease_message(asker.robot, who, hold, renewal=renewal, stamp=now, assist=session.assist, fixed=fixed)
-    return Granted(key, hold.epoch, hold.peer, resumed, turn_seconds, lease, fixed, terms.shown(key))
+    lease = lease_message(
+        asker.robot, who, hold, renewal=renewal, stamp=now, assist=session.assist, fixed=fixed
+    )
+    return Granted(
+        key, hold.epoch, hold.peer, resumed, turn_seconds, lease, fixed, terms.shown(key)
+    )
 
 
 def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | None:
-    """Note what the driver chose, and return the lease and its next renewal; None when this page does not drive any more.
+    """Note what the driver chose, and return the lease and its next renewal; None when this page
+    does not drive any more.
 
     Whether the driver has a choice was asked before (sessions/consumers/queries.py).
     """
@@ -230,10 +299,18 @@ def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | Non
 
 def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
     """Note that a page of each of these sessions is open; return those that have not ended."""
-    found = list(Session.objects.filter(pk__in=sessions, state__in=LIVE).values_list("pk", "state", "lost_at"))
+    found = list(
+        Session.objects.filter(pk__in=sessions, state__in=LIVE).values_list(
+            "pk", "state", "lost_at"
+        )
+    )
     live = [key for key, _, _ in found]
     # A waiting visit has no other sign of life: its page is what was lost, and is back.
-    if back := [key for key, state, lost_at in found if state == Session.State.WAITING and lost_at is not None]:
+    if back := [
+        key
+        for key, state, lost_at in found
+        if state == Session.State.WAITING and lost_at is not None
+    ]:
         Session.objects.filter(pk__in=back, state=Session.State.WAITING).update(lost_at=None)
     if live:
         Session.objects.filter(pk__in=live, state__in=LIVE).update(seen_at=now)
@@ -249,10 +326,12 @@ def page_gone(session: str, peer: str, now: datetime.datetime) -> None:
 
 
 def leave(session: str, *, peer: str, now: datetime.datetime) -> bool:
-    """End a visit because its page says so: completed when the robot was driven and its terms ask for no more, cancelled otherwise.
+    """End a visit because its page says so: completed when the robot was driven and its terms ask
+    for no more, cancelled otherwise.
 
     Returns:
-        False when nothing was ended: the session is over, or has moved to another page of the visitor.
+        False when nothing was ended: the session is over, or has moved to another page of the
+            visitor.
     """
     if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
         return False
@@ -262,7 +341,9 @@ def leave(session: str, *, peer: str, now: datetime.datetime) -> bool:
     if row.state == Session.State.WAITING:
         return end(session, Session.Outcome.CANCELLED, LEFT_QUEUE, now)
     completed = row.first_motion_at is not None and terms.of(row).leaving_completes
-    return end(session, Session.Outcome.COMPLETED if completed else Session.Outcome.CANCELLED, "left", now)
+    return end(
+        session, Session.Outcome.COMPLETED if completed else Session.Outcome.CANCELLED, "left", now
+    )
 
 
 def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_if: Any) -> bool:
@@ -275,7 +356,13 @@ def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_
         Session.objects.filter(pk=session, state__in=LIVE)
         .filter(**only_if)
         .update(
-            state=Session.State.ENDED, outcome=outcome, outcome_reason=reason, live_key=str(session), ended_at=now, turn_ends_at=None, offered_at=None
+            state=Session.State.ENDED,
+            outcome=outcome,
+            outcome_reason=reason,
+            live_key=str(session),
+            ended_at=now,
+            turn_ends_at=None,
+            offered_at=None,
         )
     )
     if ended:
@@ -285,23 +372,35 @@ def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_
 
 
 def _send_home(session: str, now: datetime.datetime) -> None:
-    """Have the robot that a visit holds return before it is anybody's; the session manager undoes this for one that is still driven."""
+    """Have the robot that a visit holds return before it is anybody's; the session manager undoes
+    this for one that is still driven.
+    """
     for lease in Lease.objects.filter(session_id=session).select_related("robot"):
         send_home(lease.robot, now)
 
 
 def send_home(robot: Robot, now: datetime.datetime) -> bool:
-    """Have a robot go home before anybody gets it; False when it does not do that, or is on its way already."""
+    """Have a robot go home before anybody gets it; False when it does not do that, or is on its way
+    already.
+    """
     if not robot.can_go_home:
         return False
     ready = Robot.objects.filter(pk=robot.pk, turnaround=Robot.Turnaround.READY)
-    return bool(ready.update(turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now))
+    return bool(
+        ready.update(
+            turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now
+        )
+    )
 
 
-def change_lease(robot: Robot, epoch: int, *, session: str | None, peer: str, now: datetime.datetime) -> bool:
+def change_lease(
+    robot: Robot, epoch: int, *, session: str | None, peer: str, now: datetime.datetime
+) -> bool:
     """Change the lease if its epoch is still this one; the only statement that ever does."""
     changed = Lease.objects.filter(robot=robot, epoch=epoch)
-    return bool(changed.update(epoch=epoch + 1, session_id=session, peer=peer, renewal=0, changed_at=now))
+    return bool(
+        changed.update(epoch=epoch + 1, session_id=session, peer=peer, renewal=0, changed_at=now)
+    )
 
 
 def live_key(robot: Robot, visitor: User) -> str:
@@ -322,19 +421,39 @@ def rules_of(robot: Robot) -> Rules:
 
 
 def lease_message(
-    robot: Robot, who: str, hold: Hold, *, renewal: int, stamp: float, assist: str = "", fixed: Terms = FREE
-) -> m.Lease:  # fmt: skip
+    robot: Robot,
+    who: str,
+    hold: Hold,
+    *,
+    renewal: int,
+    stamp: float,
+    assist: str = "",
+    fixed: Terms = FREE,
+) -> m.Lease:
     """Return what the robot is told of a lease that somebody holds.
 
-    `assist` is what the visitor chose, if anything; `fixed` are the terms of the visit, which go before it.
+    `assist` is what the visitor chose, if anything; `fixed` are the terms of the visit, which go
+    before it.
     """
     assert hold.session is not None
-    limits = m.LeaseLimits(linear=_least(robot.max_linear, fixed.linear), angular=_least(robot.max_angular, fixed.angular))
+    limits = m.LeaseLimits(
+        linear=_least(robot.max_linear, fixed.linear),
+        angular=_least(robot.max_angular, fixed.angular),
+    )
     return m.Lease(
-        session=hold.session, epoch=hold.epoch, peer=hold.peer, who=who[:120], renewal=renewal, stamp=stamp,
-        ttl=settings.LEASE_TTL_SECONDS, limits=limits, assist=fixed.assist or assist or None, methods=fixed.controllers,
-        ways=None if fixed.control_way == "any" else (fixed.control_way,), actions=fixed.actions,
-    )  # fmt: skip
+        session=hold.session,
+        epoch=hold.epoch,
+        peer=hold.peer,
+        who=who[:120],
+        renewal=renewal,
+        stamp=stamp,
+        ttl=settings.LEASE_TTL_SECONDS,
+        limits=limits,
+        assist=fixed.assist or assist or None,
+        methods=fixed.controllers,
+        ways=None if fixed.control_way == "any" else (fixed.control_way,),
+        actions=fixed.actions,
+    )
 
 
 def _least(*limits: float | None) -> float | None:
@@ -347,33 +466,67 @@ def load_scene(robot: Robot, now: datetime.datetime) -> Scene:
 
 
 def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Scene]:
-    """Read what decisions about robots look at, by the robots' keys, in as many queries as for one: sessions first, then leases (see the top)."""
+    """Read what decisions about robots look at, by the robots' keys, in as many queries as for one:
+    sessions first, then leases (see the top).
+    """
     keys = [robot.pk for robot in robots]
     visits: dict[Any, dict[str, Visit]] = {key: {} for key in keys}
     sessions: dict[str, Session] = {}
-    for session in Session.objects.filter(robot__in=keys, state__in=LIVE).defer("device", "summary"):
-        visits[session.robot_id][str(session.pk)], sessions[str(session.pk)] = visit_of(session), session
+    for session in Session.objects.filter(robot__in=keys, state__in=LIVE).defer(
+        "device", "summary"
+    ):
+        visits[session.robot_id][str(session.pk)], sessions[str(session.pk)] = (
+            visit_of(session),
+            session,
+        )
     leases = {lease.robot_id: lease for lease in Lease.objects.filter(robot__in=keys)}
     # Whoever has a robot and was not among them perhaps began after they were read.
-    late = [lease.session_id for key, lease in leases.items() if lease.session_id and str(lease.session_id) not in visits[key]]
+    late = [
+        lease.session_id
+        for key, lease in leases.items()
+        if lease.session_id and str(lease.session_id) not in visits[key]
+    ]
     for session in Session.objects.filter(pk__in=late, state__in=LIVE) if late else ():
         visits[session.robot_id][str(session.pk)] = visit_of(session)
     pauses = _pauses_of(keys)
-    scenes = {robot.pk: _scene(robot, leases.get(robot.pk), tuple(visits[robot.pk].values()), pauses.get(robot.pk, ""), now) for robot in robots}
+    scenes = {
+        robot.pk: _scene(
+            robot,
+            leases.get(robot.pk),
+            tuple(visits[robot.pk].values()),
+            pauses.get(robot.pk, ""),
+            now,
+        )
+        for robot in robots
+    }
     return {robot.pk: _asked_if_ready(scenes[robot.pk], robot, sessions, now) for robot in robots}
 
 
-def _asked_if_ready(scene: Scene, robot: Robot, sessions: dict[str, Session], now: datetime.datetime) -> Scene:
+def _asked_if_ready(
+    scene: Scene, robot: Robot, sessions: dict[str, Session], now: datetime.datetime
+) -> Scene:
     """Ask for whoever would be next whether a free robot is as they need it."""
     if scene.holder is not None or not scene.ready:
         return scene
     open_now = [visit for visit in scene.queue if visit.page_open(now.timestamp())]
-    next_ones = {visit.id for visit in (*open_now[:1], *(visit for visit in open_now if visit.offered_at is not None))}
-    why = {key: terms.not_ready(sessions[key].visitor, robot, now) for key in next_ones if key in sessions}
-    return replace(scene, visits=tuple(replace(visit, not_ready=why.get(visit.id, "")) for visit in scene.visits))
+    next_ones = {
+        visit.id
+        for visit in (*open_now[:1], *(visit for visit in open_now if visit.offered_at is not None))
+    }
+    why = {
+        key: terms.not_ready(sessions[key].visitor, robot, now)
+        for key in next_ones
+        if key in sessions
+    }
+    return replace(
+        scene,
+        visits=tuple(replace(visit, not_ready=why.get(visit.id, "")) for visit in scene.visits),
+    )
 
 
-def _scene(robot: Robot, lease: Lease | None, visits: tuple[Visit, ...], pause: str, now: datetime.datetime) -> Scene:
+def _scene(
+    robot: Robot, lease: Lease | None, visits: tuple[Visit, ...], pause: str, now: datetime.datetime
+) -> Scene:
     online = robot.is_online(now)
     if lease is None:
         return Scene(Hold(0), visits, robot.enabled, online, pause)
@@ -386,12 +539,16 @@ def _moment(unix: float) -> datetime.datetime:
 
 
 def pause_of(robot: Robot) -> str:
-    """Return why a robot is not ready for a visit, empty when it is; read anew, because another process may just have sent it home."""
+    """Return why a robot is not ready for a visit, empty when it is; read anew, because another
+    process may just have sent it home.
+    """
     return _pauses_of([robot.pk]).get(robot.pk, "")
 
 
 def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
-    rows = Robot.objects.filter(pk__in=keys).values_list("pk", "held", "returns_home", "turnaround", "turnaround_reason")
+    rows = Robot.objects.filter(pk__in=keys).values_list(
+        "pk", "held", "returns_home", "turnaround", "turnaround_reason"
+    )
     return {key: _pause(held, returns, phase, reason) for key, held, returns, phase, reason in rows}
 
 
@@ -427,7 +584,11 @@ def _seconds(at: datetime.datetime | None) -> float | None:
 
 def holder_of(robot: Robot, visitor: User) -> Lease | None:
     """Return the robot's lease if it is this visitor's, who may come back to it."""
-    return Lease.objects.filter(robot=robot, session__visitor=visitor, session__state__in=LIVE).select_related("session").first()
+    return (
+        Lease.objects.filter(robot=robot, session__visitor=visitor, session__state__in=LIVE)
+        .select_related("session")
+        .first()
+    )
 
 
 def is_free_drive(lease: Lease) -> bool:

@@ -1,8 +1,10 @@
-"""On what terms a visit goes: what an app above this one fixes when the robot is first granted, kept with the session for good.
+"""On what terms a visit goes: what an app above this one fixes when the robot is first granted,
+kept with the session for good.
 
-This app knows no studies. One that does registers a provider (in its AppConfig.ready) and is asked, in whichever process, before a
-visitor may have a robot, and once when a session gets it for the first time. What it answers is stored in `Session.terms`, said to the
-robot with every lease, which enforces it whichever way a command comes, and told to the page.
+This app knows no studies. One that does registers a provider (in its AppConfig.ready) and is asked,
+in whichever process, before a visitor may have a robot, and once when a session gets it for the
+first time. What it answers is stored in `Session.terms`, said to the robot with every lease, which
+enforces it whichever way a command comes, and told to the page.
 """
 
 import datetime
@@ -21,10 +23,12 @@ if TYPE_CHECKING:
 
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What is fixed; None or empty leaves a thing as the robot and the visitor have it. Metres, radians, seconds.
+    """What is fixed; None or empty leaves a thing as the robot and the visitor have it. Metres,
+    radians, seconds.
 
-    `actions` are types of Robot API actions, `controllers` input methods. A visitor who drives and then leaves has completed the visit
-    only where `leaving_completes`. `study` is what the app above wants to find again; it means nothing here.
+    `actions` are types of Robot API actions, `controllers` input methods. A visitor who drives and
+    then leaves has completed the visit only where `leaving_completes`. `study` is what the app
+    above wants to find again; it means nothing here.
     """
 
     label: str = ""
@@ -45,7 +49,8 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     study: dict[str, Any] = {}
 
 
-START = "start"  # how the reasons of visits begin that wait for the robot to be as their terms want it
+# how the reasons of visits begin that wait for the robot to be as their terms want it
+START = "start"
 NOT_DOCKED = "not_docked"  # the one of them that a robot which goes home by itself can mend
 
 prepare(Terms)
@@ -53,33 +58,45 @@ FREE = Terms()
 
 
 class NotGranted(Exception):  # noqa: N818 -- the name says what happened
-    """The robot is not for this visit after all; the message is the reason, one of sessions.protocol.Refused."""
+    """The robot is not for this visit after all; the message is the reason, one of
+    sessions.protocol.Refused.
+    """
 
 
 class Provider(Protocol):
-    """What an app above this one answers. All are called with the ORM at hand, and may be called again with the same result."""
+    """What an app above this one answers. All are called with the ORM at hand, and may be called
+    again with the same result.
+    """
 
     def why_not(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
-        """Return why this visitor may not ask for the robot now, as one word that the page has a sentence for; empty when they may."""
+        """Return why this visitor may not ask for the robot now, as one word that the page has a
+        sentence for; empty when they may.
+        """
 
     def not_ready(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
-        """Return why the robot is not yet as a visit of this visitor needs it, as one word; empty when it is, or that is nobody's business.
+        """Return why the robot is not yet as a visit of this visitor needs it, as one word; empty
+        when it is, or that is nobody's business.
 
         Such a visit waits, first in the queue, until it is.
         """
 
     def granted(self, session: "Session", now: datetime.datetime) -> Terms | None:
-        """Return the terms of a session that gets the robot for the first time; None when it is none of the provider's business.
+        """Return the terms of a session that gets the robot for the first time; None when it is
+        none of the provider's business.
 
         Raises:
             NotGranted: the visit must not begin; it is ended.
         """
 
     def claims(self, user: "User", robot: "Robot") -> bool:
-        """Tell whether a visit that this visitor begins with the robot now would go on terms of the provider's."""
+        """Tell whether a visit that this visitor begins with the robot now would go on terms of the
+        provider's.
+        """
 
     def shown(self, session: str) -> dict[str, Any]:
-        """Return the `data` of the newest `task` news of a session, for a page that comes back; empty when there is none."""
+        """Return the `data` of the newest `task` news of a session, for a page that comes back;
+        empty when there is none.
+        """
 
 
 _providers: list[Provider] = []
@@ -93,12 +110,23 @@ def register(provider: Provider) -> None:
 
 def why_not(user: "User", robot: "Robot", now: datetime.datetime) -> str:
     """Return the first provider's reason against a visit; empty when nobody has one."""
-    return next((reason for provider in _providers if (reason := provider.why_not(user, robot, now))), "")
+    return next(
+        (reason for provider in _providers if (reason := provider.why_not(user, robot, now))), ""
+    )
 
 
 def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
-    """Return why a robot is not yet as a visit needs it, as Scene.pause says such things; empty when it is."""
-    return next((f"{START}: {reason}" for provider in _providers if (reason := provider.not_ready(user, robot, now))), "")
+    """Return why a robot is not yet as a visit needs it, as Scene.pause says such things; empty
+    when it is.
+    """
+    return next(
+        (
+            f"{START}: {reason}"
+            for provider in _providers
+            if (reason := provider.not_ready(user, robot, now))
+        ),
+        "",
+    )
 
 
 def claims(user: "User", robot: "Robot") -> bool:
@@ -112,7 +140,10 @@ def of_granted(session: "Session", now: datetime.datetime) -> Terms:
     Raises:
         NotGranted: the visit must not begin.
     """
-    return next((terms for provider in _providers if (terms := provider.granted(session, now)) is not None), FREE)
+    return next(
+        (terms for provider in _providers if (terms := provider.granted(session, now)) is not None),
+        FREE,
+    )
 
 
 def shown(session: str) -> dict[str, Any]:

@@ -1,24 +1,29 @@
-"""What time does to visits: connected, lost, back, turn over, next in the queue. Only the session manager asks.
+"""What time does to visits: connected, lost, back, turn over, next in the queue. Only the session
+manager asks.
 
 Rules, all in seconds unless said otherwise:
 
 - A granted visit that is not connected after `start` ends as connection_refused.
-- A driving visitor whose heartbeat the robot has not heard for HEARTBEAT_SILENCE is reconnecting, and after `grace` the visit ends as
-  connection_lost. A closed page alone means nothing while the heartbeat lives on the data channel; when the robot says nothing
-  either, the page is all there is to go by.
+- A driving visitor whose heartbeat the robot has not heard for HEARTBEAT_SILENCE is reconnecting,
+  and after `grace` the visit ends as connection_lost. A closed page alone means nothing while the
+  heartbeat lives on the data channel; when the robot says nothing either, the page is all there is
+  to go by.
 - A robot that is not heard of for ROBOT_SILENCE ends the visit as robot_fault.
 - `turn` and `grace` are the robot's, or what the terms of the visit say (sessions/leases/terms.py).
-- A turn is a limit only while somebody waits whose page is open. It then ends `turn` after the grant, but never earlier than `warning`
-  after the moment from which somebody waited. When nobody waits any more, the limit is lifted.
-- A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after ANSWER_SECONDS, and ON_THE_WAY for question and
-  answer to arrive, the visit ends as if its turn were over. Driving, a touch of the page, a call and what the robot does by itself are signs; a
+- A turn is a limit only while somebody waits whose page is open. It then ends `turn` after the
+  grant, but never earlier than `warning` after the moment from which somebody waited. When nobody
+  waits any more, the limit is lifted.
+- A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after
+  ANSWER_SECONDS, and ON_THE_WAY for question and answer to arrive, the visit ends as if its turn
+  were over. Driving, a touch of the page, a call and what the robot does by itself are signs; a
   lost connection is another matter, and who comes back from one is asked anew.
-- A free robot that is ready is offered to the first in the queue whose page is open, once it is also as that visit's terms want it; until then
-  nobody behind gets it either, but who operates it may take it. After `start` the offer lapses, that visit is cancelled, and
-  the next one is asked. Who waits with a closed page keeps the place for `grace`.
+- A free robot that is ready is offered to the first in the queue whose page is open, once it is
+  also as that visit's terms want it; until then nobody behind gets it either, but who operates it
+  may take it. After `start` the offer lapses, that visit is cancelled, and the next one is asked.
+  Who waits with a closed page keeps the place for `grace`.
 
-Decided on plain snapshots. No deadline counts from before `Link.since`, when the session manager began to hear robots: nobody is
-punished for its own absence.
+Decided on plain snapshots. No deadline counts from before `Link.since`, when the session manager
+began to hear robots: nobody is punished for its own absence.
 """
 
 from collections.abc import Iterator, Mapping
@@ -36,11 +41,13 @@ IDLE = "idle"  # the reason of a visit whose driver gave no sign any more
 
 @dataclass(frozen=True)
 class Link:
-    """What was last heard of the robot: anything at all at `last_received_at`; the newest state at `state_at`, with these of its fields.
+    """What was last heard of the robot: anything at all at `last_received_at`; the newest state at
+    `state_at`, with these of its fields.
 
-    `since` is when the session manager began to listen, `silence` State.visitor_silence, and `moved` says whether a command of this
-    session and epoch has ever moved the robot. `active_at` is when the robot last showed a sign of its driver, `signs` when pages gave
-    one, by their visits (it may grow while it is looked at), `asked` which visit was last asked for one, and when.
+    `since` is when the session manager began to listen, `silence` State.visitor_silence, and
+    `moved` says whether a command of this session and epoch has ever moved the robot. `active_at`
+    is when the robot last showed a sign of its driver, `signs` when pages gave one, by their visits
+    (it may grow while it is looked at), `asked` which visit was last asked for one, and when.
     """
 
     since: float = 0.0
@@ -97,7 +104,9 @@ class SetTurn:
 
 @dataclass(frozen=True)
 class Warn:
-    """The turn ends in `remaining` seconds; said at every tick of the last minutes, for the shell to say once."""
+    """The turn ends in `remaining` seconds; said at every tick of the last minutes, for the shell
+    to say once.
+    """
 
     visit: str
     remaining: float
@@ -105,7 +114,9 @@ class Warn:
 
 @dataclass(frozen=True)
 class AskThere:
-    """Ask whether the driver is still there; the robot is given away after `seconds` without a sign."""
+    """Ask whether the driver is still there; the robot is given away after `seconds` without a
+    sign.
+    """
 
     visit: str
     seconds: float
@@ -157,7 +168,9 @@ def decide_tick(scene: Scene, link: Link, rules: Rules, now: float) -> tuple[Act
 
 
 def _orphans(scene: Scene) -> Iterator[Act]:
-    """A visit that drives without the lease cannot come about while every process finishes what it began; one may have been killed."""
+    """A visit that drives without the lease cannot come about while every process finishes what it
+    began; one may have been killed.
+    """
     for visit in scene.visits:
         if visit.state != "waiting" and visit.id != scene.hold.session:
             yield End(visit.id, "connection_lost", "lease_gone")
@@ -166,7 +179,12 @@ def _orphans(scene: Scene) -> Iterator[Act]:
 def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act]:
     for visit in scene.queue:
         # An offer that nobody could take does not lapse: it is withdrawn.
-        if scene.ready and not visit.not_ready and visit.offered_at is not None and now - max(visit.offered_at, link.since) >= rules.start:
+        if (
+            scene.ready
+            and not visit.not_ready
+            and visit.offered_at is not None
+            and now - max(visit.offered_at, link.since) >= rules.start
+        ):
             yield End(visit.id, "cancelled", "turn_not_taken")
         elif visit.page_open(now):
             continue
@@ -186,7 +204,11 @@ def _driver(scene: Scene, holder: Visit, link: Link, rules: Rules, now: float) -
     moved_on = _connection(scene.hold, holder, link, rules.of(holder), now)
     if moved_on is not None:
         yield moved_on
-    idle = _idle(holder, link, rules.of(holder), now) if holder.state == "driving" and moved_on is None else None
+    idle = (
+        _idle(holder, link, rules.of(holder), now)
+        if holder.state == "driving" and moved_on is None
+        else None
+    )
     if idle is not None:
         yield idle
     if not isinstance(moved_on, End) and not isinstance(idle, End):
@@ -203,17 +225,25 @@ def _fault(scene: Scene, holder: Visit, link: Link, now: float) -> End | None:
 
 
 def visitor_here(hold: Hold, holder: Visit, link: Link, now: float) -> bool | None:
-    """Tell whether the driver is connected to the robot; None when the robot's silence leaves it open."""
+    """Tell whether the driver is connected to the robot; None when the robot's silence leaves it
+    open.
+    """
     if link.state_at is None or now - link.state_at > STATE_SILENCE:
         return None if holder.page_open(now) else False
-    return _speaks_of(link, holder, hold) and link.silence is not None and link.silence <= HEARTBEAT_SILENCE
+    return (
+        _speaks_of(link, holder, hold)
+        and link.silence is not None
+        and link.silence <= HEARTBEAT_SILENCE
+    )
 
 
 def _speaks_of(link: Link, holder: Visit, hold: Hold) -> bool:
     return link.session == holder.id and link.epoch == hold.epoch
 
 
-def _connection(hold: Hold, holder: Visit, link: Link, rules: Rules, now: float) -> Move | End | None:
+def _connection(
+    hold: Hold, holder: Visit, link: Link, rules: Rules, now: float
+) -> Move | End | None:
     if holder.state == "waiting":  # the process that granted the lease did not live to say so
         return Move(holder.id, "connecting")
     here = visitor_here(hold, holder, link, now)
@@ -223,19 +253,33 @@ def _connection(hold: Hold, holder: Visit, link: Link, rules: Rules, now: float)
         return Move(holder.id, "driving")
     if holder.state == "connecting":
         refused = now - max(holder.granted_at or now, link.since) > rules.start
-        return End(holder.id, "connection_refused", "never_connected" if holder.page_open(now) else "page_gone") if refused else None
+        return (
+            End(
+                holder.id,
+                "connection_refused",
+                "never_connected" if holder.page_open(now) else "page_gone",
+            )
+            if refused
+            else None
+        )
     lost = now - max(holder.lost_at or now, link.since) > rules.grace
     return End(holder.id, "connection_lost", "visitor_silent") if lost else None
 
 
-def _idle(holder: Visit, link: Link, rules: Rules, now: float) -> AskThere | FoundThere | End | None:
-    still_since = max(link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0)
+def _idle(
+    holder: Visit, link: Link, rules: Rules, now: float
+) -> AskThere | FoundThere | End | None:
+    still_since = max(
+        link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0
+    )
     asked_at = link.asked[1] if link.asked is not None and link.asked[0] == holder.id else None
     if rules.idle <= 0.0 or now - still_since < rules.idle:
         return FoundThere(holder.id) if asked_at is not None else None
     if asked_at is None or asked_at < still_since:
         return AskThere(holder.id, ANSWER_SECONDS)
-    return End(holder.id, "timed_out", IDLE) if now - asked_at >= ANSWER_SECONDS + ON_THE_WAY else None
+    return (
+        End(holder.id, "timed_out", IDLE) if now - asked_at >= ANSWER_SECONDS + ON_THE_WAY else None
+    )
 
 
 def _turn(scene: Scene, holder: Visit, rules: Rules, now: float) -> Iterator[Act]:

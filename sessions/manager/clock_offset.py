@@ -1,7 +1,8 @@
 """How far a robot's clock is from ours, from the beats that it echoes (Mills, RFC 5905, section 8).
 
-The offset of the exchange with the least round trip among the last ones is the best estimate: whatever delays a message makes the
-round trip longer, and only an uneven delay makes the offset wrong, by at most half of the excess.
+The offset of the exchange with the least round trip among the last ones is the best estimate:
+whatever delays a message makes the round trip longer, and only an uneven delay makes the offset
+wrong, by at most half of the excess.
 """
 
 from collections import deque
@@ -16,12 +17,16 @@ class ClockOffset:
 
     def __init__(self, peer: str) -> None:
         self._peer = peer
-        self._exchanges: deque[tuple[float, float]] = deque(maxlen=EXCHANGES)  # (round trip, offset)
+        # (round trip, offset)
+        self._exchanges: deque[tuple[float, float]] = deque(maxlen=EXCHANGES)
         self.last_received_at: float | None = None  # when the last echo came, by our clock
-        self._newest = -1  # the last echo that was taken; a restarted server counts from the beginning again
+        # the last echo that was taken; a restarted server counts from the beginning again
+        self._newest = -1
 
     def hear(self, beat: Heartbeat, received: float) -> None:
-        """Take a robot's heartbeat that arrived at `received` by our clock; one that echoes nothing new says nothing."""
+        """Take a robot's heartbeat that arrived at `received` by our clock; one that echoes nothing
+        new says nothing.
+        """
         for echo in beat.echoes:
             if echo.peer == self._peer and echo.n != self._newest:
                 self._newest, self.last_received_at = echo.n, received

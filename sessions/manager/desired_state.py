@@ -1,8 +1,10 @@
-"""What the server has set on each robot, said to it retained: assistance, doors and networks (`config`) and its map (`floorplan`).
+"""What the server has set on each robot, said to it retained: assistance, doors and networks
+(`config`) and its map (`floorplan`).
 
-The session manager says it when it begins and whenever it was changed in the administration, so that a robot knows its site before
-anybody visits it. While a visit holds the robot, its terms go before what is set there; afterwards what they changed is undone: a
-door that only the terms spoke of stands again as the plan has it.
+The session manager says it when it begins and whenever it was changed in the administration, so
+that a robot knows its site before anybody visits it. While a visit holds the robot, its terms go
+before what is set there; afterwards what they changed is undone: a door that only the terms spoke
+of stands again as the plan has it.
 """
 
 import datetime
@@ -42,7 +44,11 @@ class DesiredState:
         outbound_messages = []
         plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
         maps = {key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans}
-        held = {lease.robot_id: lease.session for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session") if lease.session}
+        held = {
+            lease.robot_id: lease.session
+            for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session")
+            if lease.session
+        }
         for robot in Robot.objects.only("name", "assist", "doors", "floor_plan", "calls"):
             told = self._told.get(robot.name)
             if told is None:
@@ -54,7 +60,9 @@ class DesiredState:
             told.doors |= set(fixed.doors)
             if told.config != config:
                 told.config = config
-                outbound_messages.append(_retained(robot.name, "config", codec.encode(_stamped(config, now))))
+                outbound_messages.append(
+                    _retained(robot.name, "config", codec.encode(_stamped(config, now)))
+                )
             if content and told.floor_plan != content:
                 told.floor_plan = content
                 update = FloorPlan.objects.get(pk=robot.floor_plan_id).as_message()
@@ -63,24 +71,39 @@ class DesiredState:
 
 
 def _doors_before(robot: Robot) -> set[str]:
-    """Return the doors that the terms of the robot's last visit spoke of, for a session manager that was not there to see it end."""
-    last = Session.objects.filter(robot=robot, granted_at__isnull=False).order_by("-granted_at").only("terms").first()
+    """Return the doors that the terms of the robot's last visit spoke of, for a session manager
+    that was not there to see it end.
+    """
+    last = (
+        Session.objects.filter(robot=robot, granted_at__isnull=False)
+        .order_by("-granted_at")
+        .only("terms")
+        .first()
+    )
     return set(terms.of(last).doors) if last is not None else set()
 
 
 def _untouched(doors: set[str], plan: dict[str, Any]) -> dict[str, DoorState]:
     """Return how doors stand that nobody has set."""
-    planned: dict[str, DoorState] = {door["name"]: door.get("state", "open") for door in plan.get("doors", ())}
+    planned: dict[str, DoorState] = {
+        door["name"]: door.get("state", "open") for door in plan.get("doors", ())
+    }
     return {name: planned.get(name, "open") for name in sorted(doors)}
 
 
-def _config(robot: Robot, session: Session | None, fixed: Terms, untouched: dict[str, DoorState]) -> Config:
+def _config(
+    robot: Robot, session: Session | None, fixed: Terms, untouched: dict[str, DoorState]
+) -> Config:
     impaired = fixed.control_network is not None or fixed.video_network is not None
     return Config(
-        stamp=0.0, assist=fixed.assist or robot.assist, doors={**untouched, **robot.doors, **fixed.doors},  # type: ignore[arg-type]
-        control_network=fixed.control_network, video_network=fixed.video_network, calls=robot.calls,  # type: ignore[arg-type]
+        stamp=0.0,
+        assist=fixed.assist or robot.assist,
+        doors={**untouched, **robot.doors, **fixed.doors},  # type: ignore[arg-type]
+        control_network=fixed.control_network,
+        video_network=fixed.video_network,
+        calls=robot.calls,  # type: ignore[arg-type]
         network_session=str(session.pk) if session is not None and impaired else None,
-    )  # fmt: skip
+    )
 
 
 def _stamped(config: Config, now: datetime.datetime) -> Config:

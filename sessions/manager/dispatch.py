@@ -1,4 +1,6 @@
-"""What the session manager has heard of sessions, told to the apps above as signals. In the clockwork's thread."""
+"""What the session manager has heard of sessions, told to the apps above as signals. In the
+clockwork's thread.
+"""
 
 import logging
 from collections.abc import Iterable, Mapping
@@ -29,12 +31,26 @@ def send_all(items: Iterable[Fresh], offsets: Mapping[str, float | None]) -> Non
 def _send_state(item: StateItem) -> None:
     signal = signals.state_recovered if item.late else signals.state_received
     send(
-        signal, robot=item.robot, session=item.state.session, state=item.state, received_at=item.received_at, clock_offset=item.clock_offset
-    )  # fmt: skip
+        signal,
+        robot=item.robot,
+        session=item.state.session,
+        state=item.state,
+        received_at=item.received_at,
+        clock_offset=item.clock_offset,
+    )
 
 
-def _send(robot: str, session: str, message: object, received_at: float, offset: float | None) -> None:
-    send(signals.message_received, robot=robot, session=session, message=message, received_at=received_at, clock_offset=offset)
+def _send(
+    robot: str, session: str, message: object, received_at: float, offset: float | None
+) -> None:
+    send(
+        signals.message_received,
+        robot=robot,
+        session=session,
+        message=message,
+        received_at=received_at,
+        clock_offset=offset,
+    )
 
 
 def _send_page(item: PageItem) -> None:

@@ -1,18 +1,23 @@
-"""What the session manager lacks to do its work, for its heartbeat: pure, `now` is monotonic seconds."""
+"""What the session manager lacks to do its work, for its heartbeat: pure, `now` is monotonic
+seconds.
+"""
 
 from typing import Literal
 
 from robots.api.disk_space import DiskState
 
 HELD_SECONDS = 0.6  # for which a step may take its time
-FAILED_SECONDS = 2.0  # for which one that was refused, or took longer, counts: others between them may only have read
+# for which one that was refused, or took longer, counts: others between them may only have read
+FAILED_SECONDS = 2.0
 Fault = Literal["database", "disk_low", "disk_full"]
 _SQLITE_FULL = "database or disk is full"
 _POSTGRES_FULL = "53100"  # SQLSTATE disk_full
 
 
 class ManagerHealth:
-    """How the last steps in the database went: looks, which mostly read, and heartbeats, which write. Steps begin and end in other threads."""
+    """How the last steps in the database went: looks, which mostly read, and heartbeats, which
+    write. Steps begin and end in other threads.
+    """
 
     def __init__(self) -> None:
         self._begun: dict[object, float] = {}
@@ -44,5 +49,9 @@ class ManagerHealth:
 
 
 def is_disk_full(error: Exception) -> bool:
-    """Tell whether a database refused because there is no room: SQLite's own sentence, or PostgreSQL's code."""
-    return _SQLITE_FULL in str(error) or getattr(error.__cause__, "sqlstate", None) == _POSTGRES_FULL
+    """Tell whether a database refused because there is no room: SQLite's own sentence, or
+    PostgreSQL's code.
+    """
+    return (
+        _SQLITE_FULL in str(error) or getattr(error.__cause__, "sqlstate", None) == _POSTGRES_FULL
+    )

@@ -1,6 +1,8 @@
-"""What arrives at the session manager, sorted: to the recorder, into memory, and into line for presence and signals.
+"""What arrives at the session manager, sorted: to the recorder, into memory, and into line for
+presence and signals.
 
-Runs in the loop's thread and waits for nothing. Bytes that are no message are counted, logged and dropped.
+Runs in the loop's thread and waits for nothing. Bytes that are no message are counted, logged and
+dropped.
 """
 
 import logging
@@ -26,7 +28,8 @@ LISTENED = ("connection", "factsheet", "state", "event", "action", "heartbeat", 
 MAX_UNSENT = 10_000
 MAX_SIGNS = 10_000
 ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
-# Answers to what is repeated many times a second, or asked for by the session manager itself, are no part of a record.
+# Answers to what is repeated many times a second, or asked for by the session manager itself, are
+# no part of a record.
 UNRECORDED = frozenset({"", "stop", "estop", "resend_states"})
 # News of the web processes after which it is worth looking at the database at once.
 PRESSING = frozenset({"granted", "ended", "stop"})
@@ -61,7 +64,12 @@ class Intake:
     """
 
     def __init__(
-        self, recorder: Recorder, clock: Callable[[], float], *, wake_signals: Callable[[], None], wake_clockwork: Callable[[], None]
+        self,
+        recorder: Recorder,
+        clock: Callable[[], float],
+        *,
+        wake_signals: Callable[[], None],
+        wake_clockwork: Callable[[], None],
     ) -> None:
         self._recorder = recorder
         self._clock = clock
@@ -81,7 +89,12 @@ class Intake:
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
             if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:  # noqa: PLR2004 -- a flood fills no disk
-                logger.warning("message_rejected topic=%s reason=%s count=%d", topic, rejection, self.counts[rejection.reason])
+                logger.warning(
+                    "message_rejected topic=%s reason=%s count=%d",
+                    topic,
+                    rejection,
+                    self.counts[rejection.reason],
+                )
 
     def _hear(self, topic: str, payload: bytes, *, retained: bool) -> None:
         now = self._clock()
@@ -98,7 +111,9 @@ class Intake:
                 raise Rejection("unknown_topic", topic[:80])
             self._hear_robot(*parsed, payload, now, retained=retained)
 
-    def _hear_robot(self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool) -> None:
+    def _hear_robot(
+        self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
+    ) -> None:
         message = codec.decode(suffix, payload, "from_robot")
         heard = self.heard.get(robot) or self.heard.setdefault(robot, RobotLiveness())
         match message:
@@ -109,7 +124,11 @@ class Intake:
             case messages.ActionStatus():
                 heard.answer(message)
                 session = heard.state.session if heard.state is not None else None
-                if session is not None and message.status in ENDED and message.type not in UNRECORDED:
+                if (
+                    session is not None
+                    and message.status in ENDED
+                    and message.type not in UNRECORDED
+                ):
                     self._put(ActionItem(robot, session, message, now))
             case messages.Event() if message.type != "photo" or not _is_ordered(message.action_id):
                 self._put(EventItem(robot, message, now))
@@ -121,16 +140,25 @@ class Intake:
             case bytes() if not _is_ordered(action := suffix.partition("/")[2]):
                 self._recorder.put(PhotoItem(robot, action, message, now))
 
-    def _hear_state(self, robot: str, heard: RobotLiveness, state: messages.State, payload: bytes, now: float) -> None:
-        item = StateItem(robot, state, payload, now, heard.offset.seconds, late=not heard.take(state, now))
+    def _hear_state(
+        self, robot: str, heard: RobotLiveness, state: messages.State, payload: bytes, now: float
+    ) -> None:
+        item = StateItem(
+            robot, state, payload, now, heard.offset.seconds, late=not heard.take(state, now)
+        )
         self._recorder.put(item)
         if state.session is not None:
             self._freshen(item)
 
     def _notice_sign(self, report: protocol.PageReport, now: float) -> None:
-        if report.suffix != "page/event" or _decoded(protocol.PageEvent, bytes(report.message), report.suffix).type != protocol.HERE:
+        if (
+            report.suffix != "page/event"
+            or _decoded(protocol.PageEvent, bytes(report.message), report.suffix).type
+            != protocol.HERE
+        ):
             return
-        # Whatever the robot says of the visit meanwhile: on a busy site its state may be late, or name no visit for a moment.
+        # Whatever the robot says of the visit meanwhile: on a busy site its state may be late, or
+        # name no visit for a moment.
         self.signs.pop(report.session, None)
         self.signs[report.session] = now
         if len(self.signs) > MAX_SIGNS:
@@ -148,15 +176,23 @@ class Intake:
         """Return what came since the last call, and the newest state of every robot that speaks."""
         news = [self._presence.popleft() for _ in range(len(self._presence))]
         now = self._clock()
-        return news + [PresenceNews(robot, heard.state) for robot, heard in list(self.heard.items()) if heard.state and heard.is_present(now)]
+        return news + [
+            PresenceNews(robot, heard.state)
+            for robot, heard in list(self.heard.items())
+            if heard.state and heard.is_present(now)
+        ]
 
     def fresh(self) -> list["Fresh"]:
-        """Return what came of sessions since the last call: states in order of seq but for late ones, and whatever else was said."""
+        """Return what came of sessions since the last call: states in order of seq but for late
+        ones, and whatever else was said.
+        """
         return [self._fresh.popleft() for _ in range(len(self._fresh))]
 
 
 def _is_ordered(action_id: str | None) -> bool:
-    """Tell whether something comes of what was ordered between two visits: such a picture only shows that the camera works."""
+    """Tell whether something comes of what was ordered between two visits: such a picture only
+    shows that the camera works.
+    """
     return (action_id or "").startswith(ORDERED)
 
 

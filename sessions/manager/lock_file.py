@@ -1,10 +1,13 @@
-"""Whether the session manager before this one is dead: a sign of life that ends with its process, however that ends.
+"""Whether the session manager before this one is dead: a sign of life that ends with its process,
+however that ends.
 
-A beat that is late does not tell a dead process from one that is held up, so that its successor has to wait; the operating system
-knows at once. So the one that has the row holds a lock on a file in VAR_DIR, which the system takes back when the process is gone,
-and writes its name there. Whoever gets the lock and reads the name that stands in the row succeeds somebody who is dead for certain.
-Any other case says nothing, and the beat decides as before: another computer, a process that is only stopped, a system without such
-locks, a file that somebody removed, or copied, for beside the name stands which file it was written into, and on which computer.
+A beat that is late does not tell a dead process from one that is held up, so that its successor has
+to wait; the operating system knows at once. So the one that has the row holds a lock on a file in
+VAR_DIR, which the system takes back when the process is gone, and writes its name there. Whoever
+gets the lock and reads the name that stands in the row succeeds somebody who is dead for certain.
+Any other case says nothing, and the beat decides as before: another computer, a process that is
+only stopped, a system without such locks, a file that somebody removed, or copied, for beside the
+name stands which file it was written into, and on which computer.
 """
 
 import contextlib
@@ -26,7 +29,9 @@ BOOT = Path("/proc/sys/kernel/random/boot_id")  # of this start of the computer 
 
 
 class LockFile:
-    """One process's side of it. Nothing here raises: without the file everything takes longer, and that is all."""
+    """One process's side of it. Nothing here raises: without the file everything takes longer, and
+    that is all.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -34,12 +39,16 @@ class LockFile:
         self._signed = ""
 
     def predecessor(self) -> str:
-        """Hold the file if nobody does, and return the name in it; empty while somebody else holds it."""
+        """Hold the file if nobody does, and return the name in it; empty while somebody else holds
+        it.
+        """
         try:
             self._hold()
             if self._file is None:
                 return ""
-            holder, _, place = os.pread(self._file, LONGEST, 0).decode("utf-8", "replace").partition("\n")
+            holder, _, place = (
+                os.pread(self._file, LONGEST, 0).decode("utf-8", "replace").partition("\n")
+            )
             return holder if place == _place_of(self._file) else ""
         except BlockingIOError:
             return ""

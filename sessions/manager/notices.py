@@ -1,6 +1,8 @@
-"""What apps above this one have pages told about a session, waiting for the session manager's next look.
+"""What apps above this one have pages told about a session, waiting for the session manager's next
+look.
 
-Receivers of the session manager's signals call `tell`, in its own process; nobody else listens here.
+Receivers of the session manager's signals call `tell`, in its own process; nobody else listens
+here.
 """
 
 from collections import deque
@@ -15,7 +17,9 @@ _waiting: deque[ServerNews] = deque(maxlen=MOST)
 
 
 def tell(session: str, data: dict[str, Any], stamp: float) -> None:
-    """Tell the page that drives in a session how far its task is: the fields of sessions.protocol.Task; `stamp` in Unix seconds."""
+    """Tell the page that drives in a session how far its task is: the fields of
+    sessions.protocol.Task; `stamp` in Unix seconds.
+    """
     _waiting.append(ServerNews(type="task", stamp=stamp, session=session, data=data))
 
 

@@ -1,7 +1,9 @@
-"""Robots between two visits: the decisions of sessions/leases/readiness.py carried out in the database and said to the robots.
+"""Robots between two visits: the decisions of sessions/leases/readiness.py carried out in the
+database and said to the robots.
 
-Runs in the session manager's clockwork. What was ordered is remembered here alone: a session manager that has just started orders
-once more, which a robot that is already on its way answers by going on.
+Runs in the session manager's clockwork. What was ordered is remembered here alone: a session
+manager that has just started orders once more, which a robot that is already on its way answers by
+going on.
 """
 
 import datetime
@@ -41,11 +43,23 @@ class ReturnToDock:
     def __init__(self) -> None:
         self._under_way: dict[str, Readiness] = {}
 
-    def look(self, heard: Mapping[str, RobotLiveness], now: datetime.datetime) -> list[ManagerMessage]:
+    def look(
+        self, heard: Mapping[str, RobotLiveness], now: datetime.datetime
+    ) -> list[ManagerMessage]:
         """Bring every robot that is not ready a step nearer to it; return what is to be said."""
-        away = list(Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan"))
-        driven = set(Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list("robot_id", flat=True))
-        self._under_way = {name: self._under_way[name] for name in (robot.name for robot in away) if name in self._under_way}
+        away = list(
+            Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan")
+        )
+        driven = set(
+            Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list(
+                "robot_id", flat=True
+            )
+        )
+        self._under_way = {
+            name: self._under_way[name]
+            for name in (robot.name for robot in away)
+            if name in self._under_way
+        }
         outbound_messages = []
         for robot in away:
             if robot.pk in driven or not robot.can_go_home or not robot.enabled:
@@ -62,25 +76,36 @@ class ReturnToDock:
             return []
         return [_outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))]
 
-    def _bring(self, robot: Robot, heard: RobotLiveness | None, now: datetime.datetime) -> list[ManagerMessage]:
+    def _bring(
+        self, robot: Robot, heard: RobotLiveness | None, now: datetime.datetime
+    ) -> list[ManagerMessage]:
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
-        turnaround, kind = decide(_answered(before, heard), _condition(robot, known, heard, now), now.timestamp())
+        turnaround, kind = decide(
+            _answered(before, heard), _condition(robot, known, heard, now), now.timestamp()
+        )
         outbound_messages = []
         if kind is not None:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
             outbound_messages.append(_outbound(robot, action))
-            logger.info("robot_sent_home robot=%s kind=%s action=%s", robot.name, kind, action.action_id)
+            logger.info(
+                "robot_sent_home robot=%s kind=%s action=%s", robot.name, kind, action.action_id
+            )
         self._under_way[robot.name] = turnaround
         self._save(robot, turnaround, now)
         return outbound_messages
 
     def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
-        if (robot.turnaround, robot.turnaround_reason) == (turnaround.phase, turnaround.reason[:300]):
+        if (robot.turnaround, robot.turnaround_reason) == (
+            turnaround.phase,
+            turnaround.reason[:300],
+        ):
             return
         changed = Robot.objects.filter(pk=robot.pk, turnaround=robot.turnaround).update(
-            turnaround=turnaround.phase, turnaround_reason=turnaround.reason[:300], turnaround_at=now
+            turnaround=turnaround.phase,
+            turnaround_reason=turnaround.reason[:300],
+            turnaround_at=now,
         )
         if changed and turnaround.phase == "paused" and robot.turnaround != "paused":
             system_log.log("queue_paused", "warning", robot=robot, at=now, reason=turnaround.reason)
@@ -94,19 +119,38 @@ def _answered(turnaround: Readiness, heard: RobotLiveness | None) -> Readiness:
     """Take the robot's newest word about what it was told."""
     order = turnaround.order
     status = heard.answers.get(order.action_id) if heard is not None and order is not None else None
-    return turnaround if status is None or order is None else replace(turnaround, order=replace(order, status=status.status, reason=status.reason))
+    return (
+        turnaround
+        if status is None or order is None
+        else replace(turnaround, order=replace(order, status=status.status, reason=status.reason))
+    )
 
 
-def _condition(robot: Robot, known: _Known, heard: RobotLiveness | None, now: datetime.datetime) -> Condition:
+def _condition(
+    robot: Robot, known: _Known, heard: RobotLiveness | None, now: datetime.datetime
+) -> Condition:
     state = heard.state if heard is not None else None
-    if heard is None or state is None or heard.state_at is None or now.timestamp() - heard.state_at > STATE_SILENCE:
+    if (
+        heard is None
+        or state is None
+        or heard.state_at is None
+        or now.timestamp() - heard.state_at > STATE_SILENCE
+    ):
         return Condition(heard=False)
-    level = known.tilt_home is None or state.tilt is None or abs(state.tilt - known.tilt_home) <= LEVEL
+    level = (
+        known.tilt_home is None or state.tilt is None or abs(state.tilt - known.tilt_home) <= LEVEL
+    )
     return Condition(
-        let_go=state.session is None, prompt=heard.is_prompt(now.timestamp()), sees=known.sees,
-        estop=state.safety.estop, docked=state.docked, localized=state.pose.localized, level=level,
-        charge=state.battery.charge, charge_limit=robot.charge_limit,
-    )  # fmt: skip
+        let_go=state.session is None,
+        prompt=heard.is_prompt(now.timestamp()),
+        sees=known.sees,
+        estop=state.safety.estop,
+        docked=state.docked,
+        localized=state.pose.localized,
+        level=level,
+        charge=state.battery.charge,
+        charge_limit=robot.charge_limit,
+    )
 
 
 def _known(robot: Robot) -> _Known:
@@ -114,7 +158,14 @@ def _known(robot: Robot) -> _Known:
     capabilities = factsheet.get("capabilities", ())
     tilt = factsheet.get("tilt") if "tilt" in capabilities else None
     docks = robot.floor_plan.plan.get("docks", ()) if robot.floor_plan else ()
-    dock = next(((d["x"], d["y"], d.get("theta", 0.0)) for d in docks if d.get("type") == factsheet.get("series")), None)
+    dock = next(
+        (
+            (d["x"], d["y"], d.get("theta", 0.0))
+            for d in docks
+            if d.get("type") == factsheet.get("series")
+        ),
+        None,
+    )
     return _Known(tilt.get("home", 0.0) if tilt else None, dock, "photo" in capabilities)
 
 
@@ -126,11 +177,21 @@ def _action(kind: Kind, known: _Known, now: datetime.datetime) -> messages.Actio
     if kind == "level":
         return messages.Tilt(**_signature(now), angle=known.tilt_home or 0.0)
     x, y, theta = known.dock or (None, None, None)
-    return messages.Relocalize(**_signature(now), x=x, y=y, theta=None if theta is None else math.remainder(theta, math.tau))
+    return messages.Relocalize(
+        **_signature(now),
+        x=x,
+        y=y,
+        theta=None if theta is None else math.remainder(theta, math.tau),
+    )
 
 
 def _signature(now: datetime.datetime) -> dict[str, object]:
-    return {"action_id": f"{ORDERED}{secrets.token_hex(8)}", "stamp": now.timestamp(), "role": "server", "user": USER}
+    return {
+        "action_id": f"{ORDERED}{secrets.token_hex(8)}",
+        "stamp": now.timestamp(),
+        "role": "server",
+        "user": USER,
+    }
 
 
 def _outbound(robot: Robot, action: messages.Action) -> ManagerMessage:

@@ -1,4 +1,6 @@
-"""What the session manager has heard of robots, in memory: the newest state of each, whether it is driven, and its clock."""
+"""What the session manager has heard of robots, in memory: the newest state of each, whether it is
+driven, and its clock.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +14,9 @@ PEER = "server"
 PRESENT_SECONDS = 15.0
 ANSWERS_KEPT = 50
 ECHO_SECONDS = 5.0
-ROUND_TRIP = 0.5  # seconds: twice the age at which a robot refuses a command, so whoever drives it over the broker could not
+# seconds: twice the age at which a robot refuses a command, so whoever drives it over the broker
+# could not
+ROUND_TRIP = 0.5
 NO_SIGNS: Mapping[str, float] = MappingProxyType({})
 BY_ITSELF = frozenset({"goto", "docking"})
 
@@ -60,16 +64,25 @@ class RobotLiveness:
         if self._is_sign(state):
             self.active_at = now
         self.seq, self.state_at, self.state = state.seq, now, state
-        if state.session is not None and any(command.linear or command.angular for command in state.applied):
+        if state.session is not None and any(
+            command.linear or command.angular for command in state.applied
+        ):
             self.moved = (state.session, state.epoch)
         return True
 
     def _is_sign(self, state: State) -> bool:
-        """Tell whether a state shows that its driver is there: a page has come, drives, talks, or has told the robot where to go."""
+        """Tell whether a state shows that its driver is there: a page has come, drives, talks, or
+        has told the robot where to go.
+        """
         before = self.page
         if state.session is not None:  # a lease that lapsed and was renewed is no page that came
             self.page = (state.session, state.epoch)
-        return self.page != before or bool(state.applied) or state.mode in BY_ITSELF or state.call is not None
+        return (
+            self.page != before
+            or bool(state.applied)
+            or state.mode in BY_ITSELF
+            or state.call is not None
+        )
 
     def _new_run(self, boot: str) -> None:
         if boot != self.boot:
@@ -80,9 +93,13 @@ class RobotLiveness:
         return now - self.last_received_at < PRESENT_SECONDS
 
     def is_prompt(self, now: float) -> bool:
-        """Tell whether the robot answers our beats, and at the best of the last ones soon enough to be driven."""
+        """Tell whether the robot answers our beats, and at the best of the last ones soon enough to
+        be driven.
+        """
         trip, at = self.offset.round_trip, self.offset.last_received_at
-        return trip is not None and at is not None and trip <= ROUND_TRIP and now - at <= ECHO_SECONDS
+        return (
+            trip is not None and at is not None and trip <= ROUND_TRIP and now - at <= ECHO_SECONDS
+        )
 
     def link(self, since: float, signs: Mapping[str, float] = NO_SIGNS) -> Link:
         """Return what the timekeeper needs to know; `signs` are those of pages, of every visit."""
@@ -91,5 +108,13 @@ class RobotLiveness:
             return Link(since=since, last_received_at=self.last_received_at, signs=signs)
         moved = self.moved == (state.session, state.epoch)
         return Link(
-            since, self.last_received_at, self.state_at, state.session, state.epoch, state.visitor_silence, moved, self.active_at, signs=signs
+            since,
+            self.last_received_at,
+            self.state_at,
+            state.session,
+            state.epoch,
+            state.visitor_silence,
+            moved,
+            self.active_at,
+            signs=signs,
         )

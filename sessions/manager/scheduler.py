@@ -1,7 +1,9 @@
-"""The session manager's look at the database: twice a second it does what is due and collects what is to be published.
+"""The session manager's look at the database: twice a second it does what is due and collects what
+is to be published.
 
-Synchronous; all of it runs in one thread of the session manager. What it decides stands in the database before anybody is told, and
-what is to be told waits in `outbox` until the loop has published it, so that an error half-way loses nothing.
+Synchronous; all of it runs in one thread of the session manager. What it decides stands in the
+database before anybody is told, and what is to be told waits in `outbox` until the loop has
+published it, so that an error half-way loses nothing.
 """
 
 import datetime
@@ -24,7 +26,19 @@ from sessions.leases import store, terms
 from sessions.leases.expiry import tick
 from sessions.leases.policy import Hold, Scene, minutes_until_turn
 from sessions.leases.store import LIVE, lease_message, load_scene, load_scenes, rules_of
-from sessions.leases.transitions import ANSWER_SECONDS, Act, AskThere, Drove, End, FoundThere, Link, Move, Offer, SetTurn, Warn
+from sessions.leases.transitions import (
+    ANSWER_SECONDS,
+    Act,
+    AskThere,
+    Drove,
+    End,
+    FoundThere,
+    Link,
+    Move,
+    Offer,
+    SetTurn,
+    Warn,
+)
 from sessions.manager.health import is_disk_full
 from sessions.models import Lease, Session, SessionEvent
 from sessions.recording.items import CloseItem
@@ -32,7 +46,9 @@ from sessions.recording.items import CloseItem
 logger = logging.getLogger(__name__)
 
 CLOSE_AGAIN_SECONDS = 5.0
-CALL_SECONDS = 5.0  # for which a robot is not as the next visit needs it before anybody is called: one that has just come says how it is
+# for which a robot is not as the next visit needs it before anybody is called: one that has just
+# come says how it is
+CALL_SECONDS = 5.0
 NEVER = (-1, 0.0)  # epoch and time of a lease that was not published yet
 UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs here twice a second
 
@@ -53,25 +69,31 @@ class Scheduler:
         self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
-        self._places: dict[str, tuple[int, int, str]] = {}  # session: place, whole minutes, why it is not ready
+        # session: place, whole minutes, why it is not ready
+        self._places: dict[str, tuple[int, int, str]] = {}
         self._warned: set[tuple[str, int]] = set()
-        self._asked: dict[str, tuple[str, float]] = {}  # robot: which visit was asked for a sign, and when
-        self._unready: dict[str, tuple[str, float]] = {}  # session: why the robot is not as it needs it, and since when
+        # robot: which visit was asked for a sign, and when
+        self._asked: dict[str, tuple[str, float]] = {}
+        # session: why the robot is not as it needs it, and since when
+        self._unready: dict[str, tuple[str, float]] = {}
         self._told: set[str] = set()
         self._closing: dict[str, float] = {}
 
     def begin(self) -> None:
-        """Forget what was published: a new broker, or an old one that has forgotten it too, is told everything again.
+        """Forget what was published: a new broker, or an old one that has forgotten it too, is told
+        everything again.
 
-        The broker may have kept a lease of any robot from before a crash, so that the next renewal tells each who drives, or that nobody
-        does: what is read here may be out of date by then.
+        The broker may have kept a lease of any robot from before a crash, so that the next renewal
+        tells each who drives, or that nobody does: what is read here may be out of date by then.
         """
         for outbound in [outbound for outbound in self.outbox if outbound.retain]:
             self.outbox.remove(outbound)
         self._leases = dict.fromkeys(Robot.objects.values_list("name", flat=True), NEVER)
         self._places = {}
 
-    def look(self, links: dict[str, Link], default: Link, now: datetime.datetime) -> list[CloseItem]:
+    def look(
+        self, links: dict[str, Link], default: Link, now: datetime.datetime
+    ) -> list[CloseItem]:
         """Do what is due everywhere; return the sessions whose record can be closed.
 
         Args:
@@ -79,7 +101,9 @@ class Scheduler:
             default: for a robot that was not heard of.
             now: aware.
         """
-        queues = set(Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True))
+        queues = set(
+            Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True)
+        )
         robots = self._busy_robots()
         scenes = load_scenes(robots, now)
         for robot in robots:
@@ -97,7 +121,7 @@ class Scheduler:
         keys |= set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
         return list(Robot.objects.filter(pk__in=keys).defer(*UNREAD).order_by("name"))
 
-    # --- news --------------------------------------------------------------------------------------------------------
+    # --- news -------------------------------------------------------------------------------------
 
     def _tell(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
         match act:
@@ -121,7 +145,15 @@ class Scheduler:
                 if ends_at is None:
                     self._warned = {pair for pair in self._warned if pair[0] != visit}
             case End(visit, outcome, reason) if outcome in {"robot_fault", "stopped_by_operator"}:
-                system_log.log("session_broken_off", "warning", robot=robot, session=visit, at=now, outcome=outcome, reason=reason)
+                system_log.log(
+                    "session_broken_off",
+                    "warning",
+                    robot=robot,
+                    session=visit,
+                    at=now,
+                    outcome=outcome,
+                    reason=reason,
+                )
 
     def _tell_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
         self._note(move.visit, move.state, now)
@@ -148,32 +180,53 @@ class Scheduler:
             told = (place, round(minutes), scene.waits_for)
             if visit.offered_at is None and self._places.get(visit.id) != told:
                 self._places[visit.id] = told
-                self._news("queue", visit.id, now, place=place, minutes=minutes, text=scene.waits_for)
+                self._news(
+                    "queue", visit.id, now, place=place, minutes=minutes, text=scene.waits_for
+                )
         self._tell_unready(robot, scene, now)
 
     def _tell_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
-        """Note for whom a free robot is not ready; have it go home if that helps, and after some seconds call those who look after it."""
+        """Note for whom a free robot is not ready; have it go home if that helps, and after some
+        seconds call those who look after it.
+        """
         if not scene.ready or scene.holder is not None:
             return
         for visit in scene.queue:
             reason = visit.not_ready.removeprefix(f"{terms.START}: ")
             before, since = self._unready.get(visit.id, ("", now.timestamp()))
             if reason != before:
-                self._note(visit.id, "robot_not_ready" if reason else "robot_ready", now, **({"reason": reason} if reason else {}))
+                self._note(
+                    visit.id,
+                    "robot_not_ready" if reason else "robot_ready",
+                    now,
+                    **({"reason": reason} if reason else {}),
+                )
                 self._unready[visit.id] = reason, now.timestamp()
                 if reason == terms.NOT_DOCKED and store.send_home(robot, now):
-                    system_log.log("robot_sent_home", robot=robot, session=visit.id, at=now, reason=reason)
+                    system_log.log(
+                        "robot_sent_home", robot=robot, session=visit.id, at=now, reason=reason
+                    )
             elif reason and now.timestamp() - since >= CALL_SECONDS:
                 self._call_staff(robot, visit.id, reason, now)
 
     def _call_staff(self, robot: Robot, session: str, reason: str, now: datetime.datetime) -> None:
         """Once for each visit and reason, whatever a session manager before this one has done."""
-        called = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER, type="staff_called")
+        called = SessionEvent.objects.filter(
+            session=session, source=SessionEvent.Source.SERVER, type="staff_called"
+        )
         if reason in {data.get("reason") for data in called.values_list("data", flat=True)}:
             return
         self._note(session, "staff_called", now, reason=reason)
-        system_log.log("robot_not_ready", "warning", robot=robot, session=session, at=now, reason=reason)
-        send(signals.not_ready, robot=robot, session=Session.objects.get(pk=session), reason=reason, at=now)
+        system_log.log(
+            "robot_not_ready", "warning", robot=robot, session=session, at=now, reason=reason
+        )
+        send(
+            signals.not_ready,
+            robot=robot,
+            session=Session.objects.get(pk=session),
+            reason=reason,
+            at=now,
+        )
 
     def _news(self, kind: Any, session: str, now: datetime.datetime, **fields: Any) -> None:
         news = ServerNews(type=kind, stamp=now.timestamp(), session=session, **fields)
@@ -182,19 +235,28 @@ class Scheduler:
     @staticmethod
     def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
         SessionEvent.objects.create(
-            session_id=session, source=SessionEvent.Source.SERVER, type=kind, stamp=now.timestamp(), received_at=now.timestamp(), data=data
+            session_id=session,
+            source=SessionEvent.Source.SERVER,
+            type=kind,
+            stamp=now.timestamp(),
+            received_at=now.timestamp(),
+            data=data,
         )
 
-    # --- leases ------------------------------------------------------------------------------------------------------
+    # --- leases -----------------------------------------------------------------------------------
 
     def renew(self, now: datetime.datetime) -> bool:
-        """Publish every lease that is new or due, and that nobody drives where somebody did; tell whether there was any.
+        """Publish every lease that is new or due, and that nobody drives where somebody did; tell
+        whether there was any.
 
-        A visit may end between the reading of its lease and the publishing, and the robot hear of its end first. So this is no part of a
-        look, which takes longer, and whoever has published a lease asks again at once.
+        A visit may end between the reading of its lease and the publishing, and the robot hear of
+        its end first. So this is no part of a look, which takes longer, and whoever has published a
+        lease asks again at once.
         """
         before = len(self.outbox)
-        rows = Lease.objects.filter(session__state__in=LIVE).values_list("robot__name", "robot_id", "epoch", "session__state")
+        rows = Lease.objects.filter(session__state__in=LIVE).values_list(
+            "robot__name", "robot_id", "epoch", "session__state"
+        )
         held = {name: (key, epoch, state) for name, key, epoch, state in rows}
         for name in self._leases.keys() - held.keys():
             del self._leases[name]
@@ -206,12 +268,15 @@ class Scheduler:
                 continue  # it is being granted: its terms are not fixed yet
             known, renewed = self._leases.get(name, NEVER)
             if known != epoch:
-                # Robots that were taken together, as by a class, are not renewed together from then on.
+                # Robots that were taken together, as by a class, are not renewed together from then
+                # on.
                 due[key] = random.random() * settings.LEASE_RENEWAL_SECONDS  # noqa: S311 -- spreads renewals
             elif now.timestamp() - renewed >= settings.LEASE_RENEWAL_SECONDS:
                 due[key] = 0.0
         if due:
-            living = Lease.objects.filter(robot__in=due, session__state__in=LIVE).exclude(session__state=Session.State.WAITING)
+            living = Lease.objects.filter(robot__in=due, session__state__in=LIVE).exclude(
+                session__state=Session.State.WAITING
+            )
             for lease in living.select_related("robot", "session__visitor"):
                 self._renew_one(lease, now, due[lease.robot_id])
         return len(self.outbox) > before
@@ -226,18 +291,29 @@ class Scheduler:
         session = lease.session
         assert session is not None
         fixed, who = terms.of(session), session.visitor.shown_name
-        message = lease_message(lease.robot, who, hold, renewal=renewal, stamp=now.timestamp(), assist=session.assist, fixed=fixed)
+        message = lease_message(
+            lease.robot,
+            who,
+            hold,
+            renewal=renewal,
+            stamp=now.timestamp(),
+            assist=session.assist,
+            fixed=fixed,
+        )
         self._publish_lease(lease.robot.name, codec.encode(message))
 
     def _count_renewal(self, lease: Lease) -> int | None:
         """Return the number of the next copy, None when the lease has changed meanwhile.
 
-        A full disk takes no numbers, and nobody else can get the lease either: they are counted here until there is room.
+        A full disk takes no numbers, and nobody else can get the lease either: they are counted
+        here until there is room.
         """
         epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
         renewal = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
         try:
-            if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(renewal=renewal):
+            if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(
+                renewal=renewal
+            ):
                 return None
         except DatabaseError as error:
             if not is_disk_full(error):
@@ -249,13 +325,17 @@ class Scheduler:
         # Before all news: whoever drives without a lease would go on for as long as those take.
         self.outbox.appendleft(ManagerMessage(topics.of(robot, "lease"), payload, retain=True))
 
-    # --- ends --------------------------------------------------------------------------------------------------------
+    # --- ends -------------------------------------------------------------------------------------
 
     def _finish(self, now: datetime.datetime) -> list[CloseItem]:
-        """Tell of sessions that have ended, whoever ended them, and ask for their records to be closed."""
+        """Tell of sessions that have ended, whoever ended them, and ask for their records to be
+        closed.
+        """
         items, told, closing = [], self._told, self._closing
         self._told, self._closing = set(), {}  # what is closed by now need not be remembered
-        for session in Session.objects.filter(state=Session.State.ENDED, closed_at=None).select_related("robot"):
+        for session in Session.objects.filter(
+            state=Session.State.ENDED, closed_at=None
+        ).select_related("robot"):
             key = str(session.pk)
             if key not in told:
                 self._tell_end(session, now)
@@ -263,18 +343,33 @@ class Scheduler:
             self._closing[key] = closing.get(key, 0.0)
             if now.timestamp() - self._closing[key] >= CLOSE_AGAIN_SECONDS:
                 self._closing[key] = now.timestamp()
-                items.append(CloseItem(session.robot.name, key, (session.ended_at or now).timestamp()))
+                items.append(
+                    CloseItem(session.robot.name, key, (session.ended_at or now).timestamp())
+                )
         return items
 
     def _tell_end(self, session: Session, now: datetime.datetime) -> None:
         self._places.pop(str(session.pk), None)
-        ended = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER, type="ended")
+        ended = SessionEvent.objects.filter(
+            session=session, source=SessionEvent.Source.SERVER, type="ended"
+        )
         if ended.exists():
             return  # by a session manager before this one
-        self._news("ended", str(session.pk), now, outcome=session.outcome, text=session.outcome_reason)
+        self._news(
+            "ended", str(session.pk), now, outcome=session.outcome, text=session.outcome_reason
+        )
         send(signals.session_ended, session=session)
-        self._note(str(session.pk), "ended", now, outcome=session.outcome, reason=session.outcome_reason)
-        system_log.log("session_ended", robot=session.robot, session=session, at=now, outcome=session.outcome, reason=session.outcome_reason)
+        self._note(
+            str(session.pk), "ended", now, outcome=session.outcome, reason=session.outcome_reason
+        )
+        system_log.log(
+            "session_ended",
+            robot=session.robot,
+            session=session,
+            at=now,
+            outcome=session.outcome,
+            reason=session.outcome_reason,
+        )
 
 
 def send(signal: Signal, **news: Any) -> None:

@@ -1,14 +1,17 @@
 """The session manager: the one process that owns time.
 
-Its event loop carries messages and never waits for anything else. Three threads wait: the recorder writes the record, the clockwork
-looks at visits, presence and signals, and a third keeps the beat that makes this process the only one. The connection to the broker
-is a persistent session at QoS 1, so that what robots say while this process restarts is delivered afterwards; what is missing even
+Its event loop carries messages and never waits for anything else. Three threads wait: the recorder
+writes the record, the clockwork looks at visits, presence and signals, and a third keeps the beat
+that makes this process the only one. The connection to the broker is a persistent session at QoS 1,
+so that what robots say while this process restarts is delivered afterwards; what is missing even
 then is asked for again by its number (sessions/recording/sequence_tracker.py).
 
-A lease that the broker has kept from before a crash permits nothing (robots act only on a fresh copy) and is replaced at start-up.
+A lease that the broker has kept from before a crash permits nothing (robots act only on a fresh
+copy) and is replaced at start-up.
 
-`run` is a supervisor: whatever goes wrong with broker or database it reports and starts over. It ends when it is told to, or with an
-error when its recorder has died, for then nothing would be recorded any more.
+`run` is a supervisor: whatever goes wrong with broker or database it reports and starts over. It
+ends when it is told to, or with an error when its recorder has died, for then nothing would be
+recorded any more.
 """
 
 import asyncio
@@ -80,7 +83,13 @@ class SessionManager:
         clock: Unix seconds.
     """
 
-    def __init__(self, url: str, credentials: tuple[str, str], rng: random.Random, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        url: str,
+        credentials: tuple[str, str],
+        rng: random.Random,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
         self._address = broker_address.parse(url)
         self._credentials = credentials
         self._rng = rng
@@ -105,7 +114,8 @@ class SessionManager:
         self._stopping.set()
 
     async def run(self) -> None:
-        """Wait until no other session manager runs, then be it; and again, when another has taken over.
+        """Wait until no other session manager runs, then be it; and again, when another has taken
+        over.
 
         Raises:
             RecorderDied: nothing is recorded any more.
@@ -133,8 +143,15 @@ class SessionManager:
         self._homecoming = ReturnToDock()
         self._presence = PresenceWriter()
         self._loop = asyncio.get_running_loop()
-        self.recorder = Recorder(functools.partial(self._loop.call_soon_threadsafe, self._ask_again), clock=self._clock)
-        self._intake = Intake(self.recorder, self._clock, wake_signals=self._fresh.set, wake_clockwork=self._pressing.set)
+        self.recorder = Recorder(
+            functools.partial(self._loop.call_soon_threadsafe, self._ask_again), clock=self._clock
+        )
+        self._intake = Intake(
+            self.recorder,
+            self._clock,
+            wake_signals=self._fresh.set,
+            wake_clockwork=self._pressing.set,
+        )
         self.recorder.start()
         logger.info("session_manager_started holder=%s", self.holder)
         self._serving = True
@@ -146,7 +163,10 @@ class SessionManager:
             await cancel(serving)
             if not await asyncio.to_thread(self.recorder.stop, FLUSH_SECONDS):
                 logger.error("record_not_finished counts=%s", dict(self.recorder.counts))
-            logger.info("session_manager_stopped counts=%s", dict(self.recorder.counts + self._intake.counts))
+            logger.info(
+                "session_manager_stopped counts=%s",
+                dict(self.recorder.counts + self._intake.counts),
+            )
 
     async def _keep_beat(self, serving: "asyncio.Task[None]") -> None:
         """Return when this process is to stop, or is not the one any more."""
@@ -179,7 +199,9 @@ class SessionManager:
         return ours
 
     async def _in_beat(self, step: Callable[..., Any], *arguments: Any) -> Any:
-        """Do something with the beat's row; True when the database is away, for then nobody can take it either."""
+        """Do something with the beat's row; True when the database is away, for then nobody can
+        take it either.
+        """
         try:
             return await self._in_thread(self._beating, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
@@ -187,8 +209,12 @@ class SessionManager:
             logger.warning("session_manager_beat_missed reason=%s", error)
             return self.recorder is not None
 
-    async def _in_thread(self, pool: ThreadPoolExecutor, step: Callable[..., Any], *arguments: Any) -> Any:
-        return await asyncio.get_running_loop().run_in_executor(pool, functools.partial(self._watched, step, *arguments))
+    async def _in_thread(
+        self, pool: ThreadPoolExecutor, step: Callable[..., Any], *arguments: Any
+    ) -> Any:
+        return await asyncio.get_running_loop().run_in_executor(
+            pool, functools.partial(self._watched, step, *arguments)
+        )
 
     def _watched(self, step: Callable[..., Any], *arguments: Any) -> Any:
         """In a thread of ours; what waits for the thread does not wait for the database."""
@@ -206,7 +232,7 @@ class SessionManager:
         except TimeoutError:
             return
 
-    # --- the broker --------------------------------------------------------------------------------------------------
+    # --- the broker -------------------------------------------------------------------------------
 
     async def _serve_for_ever(self) -> None:
         attempt = 0
@@ -216,7 +242,9 @@ class SessionManager:
             except aiomqtt.MqttError as error:
                 logger.warning("session_manager_offline attempt=%d reason=%s", attempt, error)
             except (DatabaseError, InterfaceError) as error:
-                logger.warning("session_manager_without_database attempt=%d reason=%s", attempt, error)
+                logger.warning(
+                    "session_manager_without_database attempt=%d reason=%s", attempt, error
+                )
             attempt = 0 if self.connected.is_set() else attempt + 1
             self.connected.clear()
             if self._serving:
@@ -225,7 +253,13 @@ class SessionManager:
     async def _serve(self) -> None:
         """Serve one connection, until it is lost."""
         inbox = functools.partial(Inbox, self._intake.receive)
-        async with broker_address.client(self._address, self._credentials, server_client_id("session-manager"), inbox, clean_session=False) as client:
+        async with broker_address.client(
+            self._address,
+            self._credentials,
+            server_client_id("session-manager"),
+            inbox,
+            clean_session=False,
+        ) as client:
             read_quickly(client)
             client.pending_calls_threshold = 2 * TOGETHER
             self._client = client
@@ -234,13 +268,19 @@ class SessionManager:
             await self._in_thread(self._clockwork, self._timekeeper.begin)
             self._standing = DesiredState()
             self.connected.set()
-            logger.info("session_manager_connected host=%s port=%d", self._address.host, self._address.port)
+            logger.info(
+                "session_manager_connected host=%s port=%d", self._address.host, self._address.port
+            )
             await until_one_ends(
-                self._look_for_ever(), self._beat_for_ever(), self._signal_for_ever(), self._tell_status_for_ever(),
-                self._watch_disk_for_ever(), _end_of(client),
-            )  # fmt: skip
+                self._look_for_ever(),
+                self._beat_for_ever(),
+                self._signal_for_ever(),
+                self._tell_status_for_ever(),
+                self._watch_disk_for_ever(),
+                _end_of(client),
+            )
 
-    # --- what goes on while connected --------------------------------------------------------------------------------
+    # --- what goes on while connected -------------------------------------------------------------
 
     async def _look_for_ever(self) -> None:
         while True:
@@ -266,7 +306,9 @@ class SessionManager:
             await self._deliver()
 
     async def _try(self, step: Callable[..., Any], *arguments: Any) -> Any:
-        """Do a step of the clockwork; None when the database did not let it, which the next look does again."""
+        """Do a step of the clockwork; None when the database did not let it, which the next look
+        does again.
+        """
         try:
             return await self._in_thread(self._clockwork, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
@@ -280,11 +322,21 @@ class SessionManager:
         for news in self._intake.presence_news():
             change = self._presence.take(news.robot, news.message, now, retained=news.retained)
             if change is not None:
-                system_log.log("robot_online" if change.online else "robot_offline", robot=change.robot, at=now, state=change.state)
+                system_log.log(
+                    "robot_online" if change.online else "robot_offline",
+                    robot=change.robot,
+                    at=now,
+                    state=change.state,
+                )
                 send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
         send(signals.looked, now=now)
-        self._timekeeper.outbox.extend(ManagerMessage(topic, payload) for topic, payload in notices.drain())
-        links = {robot: heard.link(self._since, self._intake.signs) for robot, heard in list(self._intake.heard.items())}
+        self._timekeeper.outbox.extend(
+            ManagerMessage(topic, payload) for topic, payload in notices.drain()
+        )
+        links = {
+            robot: heard.link(self._since, self._intake.signs)
+            for robot, heard in list(self._intake.heard.items())
+        }
         closing = self._timekeeper.look(links, Link(since=self._since), now)
         self._timekeeper.outbox.extend(self._standing.look(now))
         self._timekeeper.outbox.extend(self._homecoming.look(dict(self._intake.heard), now))
@@ -293,10 +345,13 @@ class SessionManager:
     async def _deliver(self) -> None:
         """Publish what has gathered, in order; a letter leaves the box only when the broker has it.
 
-        Nobody waits for the letter before: the last of many leases would be a second old, and its visit over by then.
+        Nobody waits for the letter before: the last of many leases would be a second old, and its
+        visit over by then.
         """
         while outbound_messages := list(itertools.islice(self._timekeeper.outbox, TOGETHER)):
-            for outcome in await asyncio.gather(*map(self._tell, outbound_messages), return_exceptions=True):
+            for outcome in await asyncio.gather(
+                *map(self._tell, outbound_messages), return_exceptions=True
+            ):
                 if outcome is not None:
                     raise outcome
 
@@ -309,24 +364,35 @@ class SessionManager:
             for robot, heard in list(self._intake.heard.items()):
                 if heard.is_present(self._clock()):
                     heard.beats += 1
-                    message = messages.CommandHeartbeat(n=heard.beats, stamp=self._clock(), peer=PEER)
-                    await self._client.publish(topics.of(robot, "command/heartbeat"), codec.encode(message))
+                    message = messages.CommandHeartbeat(
+                        n=heard.beats, stamp=self._clock(), peer=PEER
+                    )
+                    await self._client.publish(
+                        topics.of(robot, "command/heartbeat"), codec.encode(message)
+                    )
             await asyncio.sleep(HEARTBEAT_SECONDS)
 
     async def _tell_status_for_ever(self) -> None:
-        """Say that this process lives and what it lacks; from the loop, which neither database nor disk holds up."""
+        """Say that this process lives and what it lacks; from the loop, which neither database nor
+        disk holds up.
+        """
         told, faults = -STATUS_SECONDS, self._faults()
         while True:
             before, faults, now = faults, self._faults(), time.monotonic()
             if faults != before or now - told >= STATUS_SECONDS:
                 told = now
-                await self._client.publish(topics.MANAGER_STATUS, codec.encode(messages.ManagerStatus(stamp=self._clock(), faults=faults)))
+                await self._client.publish(
+                    topics.MANAGER_STATUS,
+                    codec.encode(messages.ManagerStatus(stamp=self._clock(), faults=faults)),
+                )
             await asyncio.sleep(HEALTH_SECONDS)
 
     async def _watch_disk_for_ever(self) -> None:
         """In a thread of its own: a disk that dies may never answer."""
         while True:
-            self._disk_state = await asyncio.get_running_loop().run_in_executor(self._disk_watch, self._disk.state)
+            self._disk_state = await asyncio.get_running_loop().run_in_executor(
+                self._disk_watch, self._disk.state
+            )
             await asyncio.sleep(POLL_INTERVAL_S)
 
     def _faults(self) -> tuple[Fault, ...]:
@@ -338,23 +404,44 @@ class SessionManager:
             await asyncio.sleep(GATHER_SECONDS)  # many robots' states go to the thread together
             self._fresh.clear()
             items = self._intake.fresh()
-            if any(signal.has_listeners(Session) for signal in (signals.state_received, signals.state_recovered, signals.message_received)):
-                offsets = {robot: heard.offset.seconds for robot, heard in list(self._intake.heard.items())}
+            if any(
+                signal.has_listeners(Session)
+                for signal in (
+                    signals.state_received,
+                    signals.state_recovered,
+                    signals.message_received,
+                )
+            ):
+                offsets = {
+                    robot: heard.offset.seconds for robot, heard in list(self._intake.heard.items())
+                }
                 await self._in_thread(self._clockwork, send_all, items, offsets)
                 if notices.are_waiting():
                     self._pressing.set()
 
     def _ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
-        """Ask an agent for states; unanswered it is asked again, so that nothing has to be kept here."""
+        """Ask an agent for states; unanswered it is asked again, so that nothing has to be kept
+        here.
+        """
         if not self.connected.is_set():
             return
         action = messages.ResendStates(
-            action_id=f"resend-{secrets.token_hex(8)}", stamp=self._clock(), role="server", user=IDENTIFIER, boot=boot, first=first, last=last
+            action_id=f"resend-{secrets.token_hex(8)}",
+            stamp=self._clock(),
+            role="server",
+            user=IDENTIFIER,
+            boot=boot,
+            first=first,
+            last=last,
         )
-        asking = self._loop.create_task(self._publish_quietly(topics.of(robot, "command/action"), codec.encode(action)))
+        asking = self._loop.create_task(
+            self._publish_quietly(topics.of(robot, "command/action"), codec.encode(action))
+        )
         self._asking.add(asking)
         asking.add_done_callback(self._asking.discard)
-        logger.info("states_asked_again robot=%s boot=%s first=%d last=%d", robot, boot, first, last)
+        logger.info(
+            "states_asked_again robot=%s boot=%s first=%d last=%d", robot, boot, first, last
+        )
 
     async def _publish_quietly(self, topic: str, payload: bytes) -> None:
         try:
@@ -364,13 +451,16 @@ class SessionManager:
 
 
 async def _end_of(client: aiomqtt.Client) -> None:
-    """Return, or raise MqttError, when the connection ends; messages do not come this way (see robots/bridge/inbox.py)."""
+    """Return, or raise MqttError, when the connection ends; messages do not come this way (see
+    robots/bridge/inbox.py).
+    """
     async for _ in client.messages:
         pass
 
 
 def _with_fresh_connection(step: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a step in its thread; after a database error the thread's connection is not trusted any more.
+    """Run a step in its thread; after a database error the thread's connection is not trusted any
+    more.
 
     Unless the disk is full: then SQLite could not open another one, for which it needs room.
     """

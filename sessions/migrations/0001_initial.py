@@ -11,157 +11,345 @@ class Migration(migrations.Migration):
     initial = True
 
     dependencies = [
-        ('robots', '0001_initial'),
+        ("robots", "0001_initial"),
         migrations.swappable_dependency(settings.AUTH_USER_MODEL),
     ]
 
     operations = [
         migrations.CreateModel(
-            name='ManagerBeat',
+            name="ManagerBeat",
             fields=[
-                ('name', models.CharField(default='session_manager', max_length=20, primary_key=True, serialize=False)),
-                ('holder', models.CharField(blank=True, max_length=64)),
-                ('beat_at', models.DateTimeField()),
+                (
+                    "name",
+                    models.CharField(
+                        default="session_manager", max_length=20, primary_key=True, serialize=False
+                    ),
+                ),
+                ("holder", models.CharField(blank=True, max_length=64)),
+                ("beat_at", models.DateTimeField()),
             ],
             options={
-                'verbose_name': 'session manager',
-                'verbose_name_plural': 'session manager',
+                "verbose_name": "session manager",
+                "verbose_name_plural": "session manager",
             },
         ),
         migrations.CreateModel(
-            name='Session',
+            name="Session",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('state', models.CharField(choices=[('waiting', 'waiting'), ('connecting', 'connecting'), ('driving', 'driving'), ('reconnecting', 'reconnecting'), ('ended', 'ended')], db_index=True, default='waiting', max_length=12, verbose_name='state')),
-                ('outcome', models.CharField(blank=True, choices=[('completed', 'completed'), ('timed_out', 'timed out'), ('connection_refused', 'connection refused'), ('cancelled', 'cancelled'), ('stopped_by_operator', 'stopped by operator'), ('robot_fault', 'robot fault'), ('connection_lost', 'connection lost')], db_index=True, max_length=20, verbose_name='outcome')),
-                ('outcome_reason', models.CharField(blank=True, max_length=300, verbose_name='reason')),
-                ('live_key', models.CharField(editable=False, max_length=80, unique=True)),
-                ('queued_at', models.DateTimeField(verbose_name='queued')),
-                ('granted_at', models.DateTimeField(blank=True, null=True, verbose_name='granted')),
-                ('driving_at', models.DateTimeField(blank=True, null=True, verbose_name='first connected')),
-                ('lost_at', models.DateTimeField(blank=True, null=True, verbose_name='connection lost')),
-                ('turn_ends_at', models.DateTimeField(blank=True, null=True, verbose_name='turn ends')),
-                ('ended_at', models.DateTimeField(blank=True, null=True, verbose_name='ended')),
-                ('seen_at', models.DateTimeField(blank=True, null=True, verbose_name='page last seen')),
-                ('device', models.JSONField(blank=True, default=dict, verbose_name='device')),
-                ('robot', models.ForeignKey(on_delete=django.db.models.deletion.PROTECT, related_name='sessions', to='robots.robot', verbose_name='robot')),
-                ('visitor', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='robot_sessions', to=settings.AUTH_USER_MODEL, verbose_name='visitor')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                (
+                    "state",
+                    models.CharField(
+                        choices=[
+                            ("waiting", "waiting"),
+                            ("connecting", "connecting"),
+                            ("driving", "driving"),
+                            ("reconnecting", "reconnecting"),
+                            ("ended", "ended"),
+                        ],
+                        db_index=True,
+                        default="waiting",
+                        max_length=12,
+                        verbose_name="state",
+                    ),
+                ),
+                (
+                    "outcome",
+                    models.CharField(
+                        blank=True,
+                        choices=[
+                            ("completed", "completed"),
+                            ("timed_out", "timed out"),
+                            ("connection_refused", "connection refused"),
+                            ("cancelled", "cancelled"),
+                            ("stopped_by_operator", "stopped by operator"),
+                            ("robot_fault", "robot fault"),
+                            ("connection_lost", "connection lost"),
+                        ],
+                        db_index=True,
+                        max_length=20,
+                        verbose_name="outcome",
+                    ),
+                ),
+                (
+                    "outcome_reason",
+                    models.CharField(blank=True, max_length=300, verbose_name="reason"),
+                ),
+                ("live_key", models.CharField(editable=False, max_length=80, unique=True)),
+                ("queued_at", models.DateTimeField(verbose_name="queued")),
+                ("granted_at", models.DateTimeField(blank=True, null=True, verbose_name="granted")),
+                (
+                    "driving_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="first connected"),
+                ),
+                (
+                    "lost_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="connection lost"),
+                ),
+                (
+                    "turn_ends_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="turn ends"),
+                ),
+                ("ended_at", models.DateTimeField(blank=True, null=True, verbose_name="ended")),
+                (
+                    "seen_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="page last seen"),
+                ),
+                ("device", models.JSONField(blank=True, default=dict, verbose_name="device")),
+                (
+                    "robot",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.PROTECT,
+                        related_name="sessions",
+                        to="robots.robot",
+                        verbose_name="robot",
+                    ),
+                ),
+                (
+                    "visitor",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="robot_sessions",
+                        to=settings.AUTH_USER_MODEL,
+                        verbose_name="visitor",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'session',
-                'verbose_name_plural': 'sessions',
-                'ordering': ('-queued_at',),
+                "verbose_name": "session",
+                "verbose_name_plural": "sessions",
+                "ordering": ("-queued_at",),
             },
         ),
         migrations.CreateModel(
-            name='NetworkSample',
+            name="NetworkSample",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('stamp', models.FloatField(verbose_name='stamp')),
-                ('received_at', models.FloatField(verbose_name='received')),
-                ('data', models.JSONField(verbose_name='data')),
-                ('session', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='network_samples', to='telepresence_sessions.session', verbose_name='session')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("stamp", models.FloatField(verbose_name="stamp")),
+                ("received_at", models.FloatField(verbose_name="received")),
+                ("data", models.JSONField(verbose_name="data")),
+                (
+                    "session",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="network_samples",
+                        to="telepresence_sessions.session",
+                        verbose_name="session",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'network sample',
-                'verbose_name_plural': 'network samples',
-                'ordering': ('received_at',),
+                "verbose_name": "network sample",
+                "verbose_name_plural": "network samples",
+                "ordering": ("received_at",),
             },
         ),
         migrations.CreateModel(
-            name='Lease',
+            name="Lease",
             fields=[
-                ('robot', models.OneToOneField(on_delete=django.db.models.deletion.CASCADE, primary_key=True, related_name='lease', serialize=False, to='robots.robot', verbose_name='robot')),
-                ('epoch', models.BigIntegerField(default=0)),
-                ('peer', models.CharField(blank=True, max_length=64)),
-                ('renewal', models.BigIntegerField(default=0)),
-                ('changed_at', models.DateTimeField(verbose_name='changed')),
-                ('session', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='leases', to='telepresence_sessions.session', verbose_name='session')),
+                (
+                    "robot",
+                    models.OneToOneField(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        primary_key=True,
+                        related_name="lease",
+                        serialize=False,
+                        to="robots.robot",
+                        verbose_name="robot",
+                    ),
+                ),
+                ("epoch", models.BigIntegerField(default=0)),
+                ("peer", models.CharField(blank=True, max_length=64)),
+                ("renewal", models.BigIntegerField(default=0)),
+                ("changed_at", models.DateTimeField(verbose_name="changed")),
+                (
+                    "session",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.SET_NULL,
+                        related_name="leases",
+                        to="telepresence_sessions.session",
+                        verbose_name="session",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'lease',
-                'verbose_name_plural': 'leases',
+                "verbose_name": "lease",
+                "verbose_name_plural": "leases",
             },
         ),
         migrations.CreateModel(
-            name='SessionEvent',
+            name="SessionEvent",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('source', models.CharField(choices=[('robot', 'robot'), ('page', 'page'), ('server', 'server')], max_length=8, verbose_name='source')),
-                ('type', models.CharField(db_index=True, max_length=40, verbose_name='type')),
-                ('stamp', models.FloatField(verbose_name='stamp')),
-                ('received_at', models.FloatField(verbose_name='received')),
-                ('data', models.JSONField(default=dict, verbose_name='data')),
-                ('session', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='events', to='telepresence_sessions.session', verbose_name='session')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                (
+                    "source",
+                    models.CharField(
+                        choices=[("robot", "robot"), ("page", "page"), ("server", "server")],
+                        max_length=8,
+                        verbose_name="source",
+                    ),
+                ),
+                ("type", models.CharField(db_index=True, max_length=40, verbose_name="type")),
+                ("stamp", models.FloatField(verbose_name="stamp")),
+                ("received_at", models.FloatField(verbose_name="received")),
+                ("data", models.JSONField(default=dict, verbose_name="data")),
+                (
+                    "session",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="events",
+                        to="telepresence_sessions.session",
+                        verbose_name="session",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'event',
-                'verbose_name_plural': 'events',
-                'ordering': ('received_at',),
+                "verbose_name": "event",
+                "verbose_name_plural": "events",
+                "ordering": ("received_at",),
             },
         ),
         migrations.CreateModel(
-            name='Snapshot',
+            name="Snapshot",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('action_id', models.CharField(max_length=64)),
-                ('stamp', models.FloatField(verbose_name='stamp')),
-                ('sha256', models.CharField(max_length=64)),
-                ('jpeg', models.BinaryField()),
-                ('session', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='snapshots', to='telepresence_sessions.session', verbose_name='session')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("action_id", models.CharField(max_length=64)),
+                ("stamp", models.FloatField(verbose_name="stamp")),
+                ("sha256", models.CharField(max_length=64)),
+                ("jpeg", models.BinaryField()),
+                (
+                    "session",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="snapshots",
+                        to="telepresence_sessions.session",
+                        verbose_name="session",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'snapshot',
-                'verbose_name_plural': 'snapshots',
+                "verbose_name": "snapshot",
+                "verbose_name_plural": "snapshots",
             },
         ),
         migrations.CreateModel(
-            name='StateChunk',
+            name="StateChunk",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('boot', models.CharField(max_length=64)),
-                ('first_seq', models.BigIntegerField()),
-                ('last_seq', models.BigIntegerField()),
-                ('count', models.PositiveIntegerField()),
-                ('first_stamp', models.FloatField()),
-                ('last_stamp', models.FloatField()),
-                ('received_at', models.FloatField()),
-                ('clock_offset', models.FloatField(null=True)),
-                ('states', models.JSONField()),
-                ('session', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='chunks', to='telepresence_sessions.session')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("boot", models.CharField(max_length=64)),
+                ("first_seq", models.BigIntegerField()),
+                ("last_seq", models.BigIntegerField()),
+                ("count", models.PositiveIntegerField()),
+                ("first_stamp", models.FloatField()),
+                ("last_stamp", models.FloatField()),
+                ("received_at", models.FloatField()),
+                ("clock_offset", models.FloatField(null=True)),
+                ("states", models.JSONField()),
+                (
+                    "session",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="chunks",
+                        to="telepresence_sessions.session",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'states',
-                'verbose_name_plural': 'states',
+                "verbose_name": "states",
+                "verbose_name_plural": "states",
             },
         ),
         migrations.CreateModel(
-            name='SystemLog',
+            name="SystemLog",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('at', models.DateTimeField(db_index=True, verbose_name='at')),
-                ('level', models.CharField(choices=[('info', 'info'), ('warning', 'warning'), ('error', 'error')], default='info', max_length=8, verbose_name='level')),
-                ('event', models.CharField(db_index=True, max_length=60, verbose_name='event')),
-                ('fields', models.JSONField(default=dict, verbose_name='fields')),
-                ('robot', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.CASCADE, related_name='+', to='robots.robot', verbose_name='robot')),
-                ('session', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.CASCADE, related_name='+', to='telepresence_sessions.session', verbose_name='session')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("at", models.DateTimeField(db_index=True, verbose_name="at")),
+                (
+                    "level",
+                    models.CharField(
+                        choices=[("info", "info"), ("warning", "warning"), ("error", "error")],
+                        default="info",
+                        max_length=8,
+                        verbose_name="level",
+                    ),
+                ),
+                ("event", models.CharField(db_index=True, max_length=60, verbose_name="event")),
+                ("fields", models.JSONField(default=dict, verbose_name="fields")),
+                (
+                    "robot",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="+",
+                        to="robots.robot",
+                        verbose_name="robot",
+                    ),
+                ),
+                (
+                    "session",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="+",
+                        to="telepresence_sessions.session",
+                        verbose_name="session",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'system log entry',
-                'verbose_name_plural': 'system log',
-                'ordering': ('-at',),
+                "verbose_name": "system log entry",
+                "verbose_name_plural": "system log",
+                "ordering": ("-at",),
             },
         ),
         migrations.AddIndex(
-            model_name='session',
-            index=models.Index(fields=['robot', 'state', 'queued_at'], name='session_queue'),
+            model_name="session",
+            index=models.Index(fields=["robot", "state", "queued_at"], name="session_queue"),
         ),
         migrations.AddConstraint(
-            model_name='snapshot',
-            constraint=models.UniqueConstraint(fields=('session', 'action_id'), name='snapshot_once'),
+            model_name="snapshot",
+            constraint=models.UniqueConstraint(
+                fields=("session", "action_id"), name="snapshot_once"
+            ),
         ),
         migrations.AddConstraint(
-            model_name='statechunk',
-            constraint=models.UniqueConstraint(fields=('session', 'boot', 'first_seq'), name='states_once'),
+            model_name="statechunk",
+            constraint=models.UniqueConstraint(
+                fields=("session", "boot", "first_seq"), name="states_once"
+            ),
         ),
     ]

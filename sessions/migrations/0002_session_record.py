@@ -6,28 +6,32 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('telepresence_sessions', '0001_initial'),
+        ("telepresence_sessions", "0001_initial"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='session',
-            name='closed_at',
-            field=models.DateTimeField(blank=True, db_index=True, null=True, verbose_name='record closed'),
+            model_name="session",
+            name="closed_at",
+            field=models.DateTimeField(
+                blank=True, db_index=True, null=True, verbose_name="record closed"
+            ),
         ),
         migrations.AddField(
-            model_name='session',
-            name='first_motion_at',
-            field=models.DateTimeField(blank=True, null=True, verbose_name='first motion'),
+            model_name="session",
+            name="first_motion_at",
+            field=models.DateTimeField(blank=True, null=True, verbose_name="first motion"),
         ),
         migrations.AddField(
-            model_name='session',
-            name='offered_at',
-            field=models.DateTimeField(blank=True, null=True, verbose_name='turn offered'),
+            model_name="session",
+            name="offered_at",
+            field=models.DateTimeField(blank=True, null=True, verbose_name="turn offered"),
         ),
         migrations.AddField(
-            model_name='session',
-            name='summary',
-            field=models.JSONField(blank=True, default=dict, editable=False, verbose_name='summary'),
+            model_name="session",
+            name="summary",
+            field=models.JSONField(
+                blank=True, default=dict, editable=False, verbose_name="summary"
+            ),
         ),
     ]

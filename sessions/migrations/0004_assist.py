@@ -6,13 +6,22 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('telepresence_sessions', '0003_fast_states'),
+        ("telepresence_sessions", "0003_fast_states"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='session',
-            name='assist',
-            field=models.CharField(blank=True, choices=[('off', 'off'), ('slow', 'slows down and stops before obstacles'), ('steer', 'steers round obstacles and through doors')], max_length=5, verbose_name='assistance'),
+            model_name="session",
+            name="assist",
+            field=models.CharField(
+                blank=True,
+                choices=[
+                    ("off", "off"),
+                    ("slow", "slows down and stops before obstacles"),
+                    ("steer", "steers round obstacles and through doors"),
+                ],
+                max_length=5,
+                verbose_name="assistance",
+            ),
         ),
     ]

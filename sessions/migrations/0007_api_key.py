@@ -8,24 +8,41 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('robots', '0006_enrolment'),
-        ('telepresence_sessions', '0006_manager_report'),
+        ("robots", "0006_enrolment"),
+        ("telepresence_sessions", "0006_manager_report"),
     ]
 
     operations = [
         migrations.CreateModel(
-            name='ApiKey',
+            name="ApiKey",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('label', models.CharField(max_length=60, verbose_name='label')),
-                ('token_hash', models.CharField(editable=False, max_length=200)),
-                ('made_at', models.DateTimeField(verbose_name='made')),
-                ('robot', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='api_keys', to='robots.robot', verbose_name='robot')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("label", models.CharField(max_length=60, verbose_name="label")),
+                ("token_hash", models.CharField(editable=False, max_length=200)),
+                ("made_at", models.DateTimeField(verbose_name="made")),
+                (
+                    "robot",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="api_keys",
+                        to="robots.robot",
+                        verbose_name="robot",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'API key',
-                'verbose_name_plural': 'API keys',
-                'constraints': [models.UniqueConstraint(fields=('robot', 'label'), name='one_api_key_of_a_label')],
+                "verbose_name": "API key",
+                "verbose_name_plural": "API keys",
+                "constraints": [
+                    models.UniqueConstraint(
+                        fields=("robot", "label"), name="one_api_key_of_a_label"
+                    )
+                ],
             },
         ),
     ]

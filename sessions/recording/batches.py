@@ -9,11 +9,13 @@ Row = TypeVar("Row", bound=Model)
 
 
 def in_parts(rows: "QuerySet[Row]", size: int) -> Iterator[Row]:
-    """Yield rows in their order, `size` at a time, so that no cursor is open while the caller has one of them.
+    """Yield rows in their order, `size` at a time, so that no cursor is open while the caller has
+    one of them.
 
-    `QuerySet.iterator` keeps its cursor open. For SQLite that is one long read of an old snapshot: once another process has written,
-    nothing can be written over this connection until the cursor is closed ("database is locked", at once and at every try), and a connection that is
-    closed for that takes the cursor with it. Rows that go meanwhile are left out.
+    `QuerySet.iterator` keeps its cursor open. For SQLite that is one long read of an old snapshot:
+    once another process has written, nothing can be written over this connection until the cursor
+    is closed ("database is locked", at once and at every try), and a connection that is closed for
+    that takes the cursor with it. Rows that go meanwhile are left out.
     """
     keys = list(rows.values_list("pk", flat=True))
     for first in range(0, len(keys), size):

@@ -1,7 +1,8 @@
-"""Messages into rows of the record. Belongs to the recorder's thread, and does everything there but wait.
+"""Messages into rows of the record. Belongs to the recorder's thread, and does everything there but
+wait.
 
-`take` first reads what it needs from the database and only then changes anything, so that after a DatabaseError the same item can
-be taken again.
+`take` first reads what it needs from the database and only then changes anything, so that after a
+DatabaseError the same item can be taken again.
 """
 
 import datetime
@@ -19,7 +20,15 @@ from robots.api.messages import Event
 from sessions import protocol
 from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
 from sessions.recording.chunks import Chunk, Chunks
-from sessions.recording.items import ActionItem, CloseItem, EventItem, Item, PageItem, PhotoItem, StateItem
+from sessions.recording.items import (
+    ActionItem,
+    CloseItem,
+    EventItem,
+    Item,
+    PageItem,
+    PhotoItem,
+    StateItem,
+)
 from sessions.recording.photos import Photo, Photos
 from sessions.recording.sequence_tracker import Loss, SequenceTracker
 from sessions.recording.store import RecordStore, key_of, row_of
@@ -27,7 +36,13 @@ from sessions.recording.store import RecordStore, key_of, row_of
 logger = logging.getLogger(__name__)
 
 # Events of a robot that matter beyond the session in which they happen.
-LOGGED = {"estop": "warning", "estop_cleared": "info", "adapter_lost": "error", "adapter_back": "info", "localization_lost": "warning"}
+LOGGED = {
+    "estop": "warning",
+    "estop_cleared": "info",
+    "adapter_lost": "error",
+    "adapter_back": "info",
+    "localization_lost": "warning",
+}
 SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = 60.0
 PRESENT_SECONDS = 5.0
@@ -76,27 +91,44 @@ class RecordBuilder:
             case ActionItem():
                 self._action(item)
             case PhotoItem():
-                self._photo(self._photos.jpeg(item.robot, item.action_id, item.jpeg, item.received_at), item.received_at)
+                self._photo(
+                    self._photos.jpeg(item.robot, item.action_id, item.jpeg, item.received_at),
+                    item.received_at,
+                )
             case PageItem():
                 self._page(item)
             case CloseItem():
                 self._closing[item.session] = item
                 self.rows += [row_of(chunk) for chunk in self._chunks.close(item.session)]
 
-    # --- states ------------------------------------------------------------------------------------------------------
+    # --- states -----------------------------------------------------------------------------------
 
     def _state(self, item: StateItem) -> None:
         state = item.state
         session = self._own(item.robot, state.session, item.received_at)
         tracker = self._tracker(item.robot, state.boot, session, item.received_at)
-        self._hear(item.robot, state.boot, item.received_at, session=session, fresh=tracker.reached is None or state.seq > tracker.reached)
+        self._hear(
+            item.robot,
+            state.boot,
+            item.received_at,
+            session=session,
+            fresh=tracker.reached is None or state.seq > tracker.reached,
+        )
         if not tracker.arrive(state.seq, session, item.received_at):
             self.counts["duplicates"] += 1
         elif session is not None:
             self.counts["states"] += 1
             self.refused.update(state.refused)
             body = _storable(item.payload)
-            closed = self._chunks.add(session, state.boot, state.seq, state.stamp, body, item.received_at, item.clock_offset)
+            closed = self._chunks.add(
+                session,
+                state.boot,
+                state.seq,
+                state.stamp,
+                body,
+                item.received_at,
+                item.clock_offset,
+            )
             self._keep(closed)
 
     def _keep(self, chunk: Chunk | None) -> None:
@@ -105,14 +137,20 @@ class RecordBuilder:
             self.rows.append(row_of(chunk))
 
     def _own(self, robot: str, session: str | None, now: float) -> str | None:
-        """Return the session that a robot's message names, if it is this robot's; a robot cannot write into another one's record."""
+        """Return the session that a robot's message names, if it is this robot's; a robot cannot
+        write into another one's record.
+        """
         if session is None or self._store.robot_of(session, now) == robot:
             return session
         self.counts["foreign_session"] += 1
         return None
 
     def _tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
-        stored = [] if session is None or (session, boot) in self._restored else self._store.stored(session, boot)
+        stored = (
+            []
+            if session is None or (session, boot) in self._restored
+            else self._store.stored(session, boot)
+        )
         runs = self._ledgers.setdefault(robot, {})
         tracker = runs.setdefault(boot, SequenceTracker())
         for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
@@ -128,7 +166,7 @@ class RecordBuilder:
         if fresh:
             known.boot, known.session, known.session_at = boot, session, now
 
-    # --- events ------------------------------------------------------------------------------------------------------
+    # --- events -----------------------------------------------------------------------------------
 
     def _event(self, item: EventItem) -> None:
         event, now = item.event, item.received_at
@@ -142,30 +180,89 @@ class RecordBuilder:
                 tracker.ends(event.last_seq, session, now)
         if session is not None:
             self._session_event(
-                session, SessionEvent.Source.ROBOT, event.type, event.stamp, now, _fields_of(event), item.robot, event.boot, event.seq
+                session,
+                SessionEvent.Source.ROBOT,
+                event.type,
+                event.stamp,
+                now,
+                _fields_of(event),
+                item.robot,
+                event.boot,
+                event.seq,
             )
         if robot_key is not None:
-            self._log(event.type, LOGGED[event.type], robot_key, session, now, detail=event.detail, boot=event.boot)
+            self._log(
+                event.type,
+                LOGGED[event.type],
+                robot_key,
+                session,
+                now,
+                detail=event.detail,
+                boot=event.boot,
+            )
         if event.type == "photo":
             self._photo(self._photos.event(item.robot, event, now), now)
 
     def _action(self, item: ActionItem) -> None:
         session = self._own(item.robot, item.session, item.received_at)
         if session is not None:
-            data = _without_nul({name: value for name, value in msgspec.to_builtins(item.status).items() if name != "stamp"})
-            self._session_event(session, SessionEvent.Source.ROBOT, "action", item.status.stamp, item.received_at, data, item.robot)
+            data = _without_nul(
+                {
+                    name: value
+                    for name, value in msgspec.to_builtins(item.status).items()
+                    if name != "stamp"
+                }
+            )
+            self._session_event(
+                session,
+                SessionEvent.Source.ROBOT,
+                "action",
+                item.status.stamp,
+                item.received_at,
+                data,
+                item.robot,
+            )
 
     def _session_event(  # noqa: PLR0917 -- the columns
-        self, session: str, source: str, kind: str, stamp: float, now: float, data: dict[str, Any], *identity: object
+        self,
+        session: str,
+        source: str,
+        kind: str,
+        stamp: float,
+        now: float,
+        data: dict[str, Any],
+        *identity: object,
     ) -> None:
         key = key_of(session, source, kind, stamp, data, *identity)
-        self.rows.append(SessionEvent(pk=key, session_id=session, source=source, type=kind, stamp=stamp, received_at=now, data=data))
+        self.rows.append(
+            SessionEvent(
+                pk=key,
+                session_id=session,
+                source=source,
+                type=kind,
+                stamp=stamp,
+                received_at=now,
+                data=data,
+            )
+        )
 
-    def _log(self, event: str, level: str, robot: Any, session: str | None, now: float, **fields: Any) -> None:
+    def _log(
+        self, event: str, level: str, robot: Any, session: str | None, now: float, **fields: Any
+    ) -> None:
         logger.info("%s robot=%s session=%s %s", event, robot, session, fields)
         at = datetime.datetime.fromtimestamp(now, datetime.UTC)
         key = key_of(event, robot, session, fields, now)
-        self.rows.append(SystemLog(pk=key, at=at, level=level, event=event, robot_id=robot, session_id=session, fields=fields))
+        self.rows.append(
+            SystemLog(
+                pk=key,
+                at=at,
+                level=level,
+                event=event,
+                robot_id=robot,
+                session_id=session,
+                fields=fields,
+            )
+        )
 
     def _photo(self, photo: Photo | None, now: float) -> None:
         if photo is None:
@@ -175,11 +272,25 @@ class RecordBuilder:
         if session is None:
             return
         if not photo.intact:
-            self._log("photo_damaged", "error", self._store.robot_key(photo.robot), session, now, action=event.action_id)
+            self._log(
+                "photo_damaged",
+                "error",
+                self._store.robot_key(photo.robot),
+                session,
+                now,
+                action=event.action_id,
+            )
             return
         key = key_of(session, event.action_id, photo.sha256)
         self.rows.append(
-            Snapshot(pk=key, session_id=session, action_id=event.action_id or "", stamp=event.stamp, sha256=photo.sha256, jpeg=photo.jpeg)
+            Snapshot(
+                pk=key,
+                session_id=session,
+                action_id=event.action_id or "",
+                stamp=event.stamp,
+                sha256=photo.sha256,
+                jpeg=photo.jpeg,
+            )
         )
 
     def _page(self, item: PageItem) -> None:
@@ -194,14 +305,25 @@ class RecordBuilder:
             return
         if isinstance(message, protocol.PageEvent):
             data = _without_nul(dict(message.data))
-            self._session_event(report.session, SessionEvent.Source.PAGE, message.type[:40], message.stamp, now, data)
+            self._session_event(
+                report.session,
+                SessionEvent.Source.PAGE,
+                message.type[:40],
+                message.stamp,
+                now,
+                data,
+            )
             return
         data = _without_nul(msgspec.to_builtins(message))
         del data["stamp"]
         key = key_of(report.session, message.stamp, data)
-        self.rows.append(NetworkSample(pk=key, session_id=report.session, stamp=message.stamp, received_at=now, data=data))
+        self.rows.append(
+            NetworkSample(
+                pk=key, session_id=report.session, stamp=message.stamp, received_at=now, data=data
+            )
+        )
 
-    # --- what time does ----------------------------------------------------------------------------------------------
+    # --- what time does ---------------------------------------------------------------------------
 
     def settle(self, now: float) -> None:
         """Close the chunks that are due, ask for what is owed, write down what is lost."""
@@ -220,14 +342,23 @@ class RecordBuilder:
                 for loss in losses:
                     self._lose(boot, loss, now)
         for robot, action in self._photos.forgotten(now):
-            self._log("photo_incomplete", "warning", self._store.robot_key(robot), None, now, action=action)
+            self._log(
+                "photo_incomplete",
+                "warning",
+                self._store.robot_key(robot),
+                None,
+                now,
+                action=action,
+            )
 
     def _lose(self, boot: str, loss: Loss, now: float) -> None:
         data = {"boot": boot, "ranges": [list(pair) for pair in loss.ranges], "count": loss.count}
         for session in sorted(loss.sessions):
             logger.warning("states_missing session=%s boot=%s count=%d", session, boot, loss.count)
             self._touched.add(session)
-            self._session_event(session, SessionEvent.Source.SERVER, "states_missing", now, now, data)
+            self._session_event(
+                session, SessionEvent.Source.SERVER, "states_missing", now, now, data
+            )
 
     def close_all(self) -> None:
         """Make rows of everything, for the end of the process."""
@@ -235,7 +366,9 @@ class RecordBuilder:
             self._keep(chunk)
 
     def write(self, *, careful: bool = False) -> None:
-        """Store the rows that have gathered; they are kept when it fails. For `careful` see RecordStore.insert."""
+        """Store the rows that have gathered; they are kept when it fails. For `careful` see
+        RecordStore.insert.
+        """
         if self.rows:
             self._store.insert(self.rows, careful=careful)
             self.rows = []
@@ -253,19 +386,29 @@ class RecordBuilder:
         if now - item.ended_at > GIVE_UP_SECONDS:
             return True
         known = self._robots.get(item.robot)
-        later = known is not None and known.session != item.session and known.session_at > item.ended_at
-        owed = any(tracker.owes(item.session) for tracker in self._ledgers.get(item.robot, {}).values())
+        later = (
+            known is not None and known.session != item.session and known.session_at > item.ended_at
+        )
+        owed = any(
+            tracker.owes(item.session) for tracker in self._ledgers.get(item.robot, {}).values()
+        )
         return later and not owed and now - item.ended_at > SETTLE_SECONDS
 
 
 def _fields_of(event: Event) -> dict[str, Any]:
     fields: dict[str, Any] = msgspec.to_builtins(event)
-    return _without_nul({name: value for name, value in fields.items() if name not in {"session", "type", "stamp"}})
+    return _without_nul(
+        {name: value for name, value in fields.items() if name not in {"session", "type", "stamp"}}
+    )
 
 
 def _storable(payload: bytes) -> msgspec.Raw:
     """Return JSON that every database takes."""
-    return msgspec.Raw(msgspec.json.encode(_without_nul(msgspec.json.decode(payload))) if b"\\u0000" in payload else payload)
+    return msgspec.Raw(
+        msgspec.json.encode(_without_nul(msgspec.json.decode(payload)))
+        if b"\\u0000" in payload
+        else payload
+    )
 
 
 def _without_nul(value: Any) -> Any:

@@ -1,8 +1,9 @@
-"""States gathered into chunks: one row a second of a session, in order, without holes and without doubles.
+"""States gathered into chunks: one row a second of a session, in order, without holes and without
+doubles.
 
-Because a chunk has no holes, its first and last seq say exactly which states it holds, and a restarted session manager knows what is
-stored without reading any of it. States stay the JSON that they came as: taking them apart and writing them again would be most of the
-recorder's work.
+Because a chunk has no holes, its first and last seq say exactly which states it holds, and a
+restarted session manager knows what is stored without reading any of it. States stay the JSON that
+they came as: taking them apart and writing them again would be most of the recorder's work.
 """
 
 from collections.abc import Iterator
@@ -16,7 +17,9 @@ FULLEST = 64  # states
 
 @dataclass
 class Chunk:
-    """Some states of one session and one run of the agent, next to each other in seq; times in Unix seconds."""
+    """Some states of one session and one run of the agent, next to each other in seq; times in Unix
+    seconds.
+    """
 
     session: str
     boot: str
@@ -30,7 +33,11 @@ class Chunk:
 
     def takes(self, seq: int, stamp: float) -> bool:
         """Tell whether a state belongs into this chunk."""
-        return seq == self.last_seq + 1 and int(stamp) == int(self.first_stamp) and len(self.states) < FULLEST
+        return (
+            seq == self.last_seq + 1
+            and int(stamp) == int(self.first_stamp)
+            and len(self.states) < FULLEST
+        )
 
 
 class Chunks:
@@ -39,19 +46,34 @@ class Chunks:
     def __init__(self) -> None:
         self._open: dict[tuple[str, str], Chunk] = {}
 
-    def add(self, session: str, boot: str, seq: int, stamp: float, body: msgspec.Raw, received_at: float, offset: float | None) -> Chunk | None:  # noqa: PLR0917 -- the fields of a state
+    def add(
+        self,
+        session: str,
+        boot: str,
+        seq: int,
+        stamp: float,
+        body: msgspec.Raw,
+        received_at: float,
+        offset: float | None,
+    ) -> Chunk | None:  # noqa: PLR0917 -- the fields of a state
         """Take a state that was not there before; return the chunk that it closed."""
         chunk, closed = self._open.get((session, boot)), None
         if chunk is None or not chunk.takes(seq, stamp):
             closed = chunk
-            chunk = self._open[session, boot] = Chunk(session, boot, seq, stamp, received_at, offset, seq, stamp)
+            chunk = self._open[session, boot] = Chunk(
+                session, boot, seq, stamp, received_at, offset, seq, stamp
+            )
         chunk.states.append(body)
         chunk.last_seq, chunk.last_stamp = seq, stamp
         return closed
 
     def ripe(self, now: float) -> Iterator[Chunk]:
-        """Close and return the chunks that have waited long enough; `now` by the clock of `received_at`."""
-        yield from self._close([key for key, chunk in self._open.items() if now - chunk.received_at >= LONGEST])
+        """Close and return the chunks that have waited long enough; `now` by the clock of
+        `received_at`.
+        """
+        yield from self._close(
+            [key for key, chunk in self._open.items() if now - chunk.received_at >= LONGEST]
+        )
 
     def close(self, session: str | None = None) -> Iterator[Chunk]:
         """Close and return the chunks of a session, or all."""

@@ -1,4 +1,6 @@
-"""What the session manager hands to the recorder: messages with the time of their receipt (Unix seconds)."""
+"""What the session manager hands to the recorder: messages with the time of their receipt (Unix
+seconds).
+"""
 
 from dataclasses import dataclass
 
@@ -8,7 +10,9 @@ from sessions.protocol import PageReport
 
 @dataclass(frozen=True, slots=True)
 class StateItem:
-    """A state: decoded, and as it came; `clock_offset` is the robot's clock minus ours at that moment. A `late` one is not the newest."""
+    """A state: decoded, and as it came; `clock_offset` is the robot's clock minus ours at that
+    moment. A `late` one is not the newest.
+    """
 
     robot: str
     state: State
@@ -57,7 +61,9 @@ class PageItem:
 
 @dataclass(frozen=True, slots=True)
 class CloseItem:
-    """The session ended at `ended_at`: close its record when nothing is owed any more. Said again until `closed_at` is set."""
+    """The session ended at `ended_at`: close its record when nothing is owed any more. Said again
+    until `closed_at` is set.
+    """
 
     robot: str
     session: str

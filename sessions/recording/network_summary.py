@@ -9,7 +9,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class NetworkSummary:
-    """`round_trip` and `round_trip_95` in seconds, `loss` a share, `fps` frames a second; None where nothing was measured."""
+    """`round_trip` and `round_trip_95` in seconds, `loss` a share, `fps` frames a second; None
+    where nothing was measured.
+    """
 
     samples: int
     round_trip: float | None
@@ -44,6 +46,8 @@ def _mean(values: list[float]) -> float | None:
 
 
 def _percentile(values: list[float], share: float) -> float:
-    """Return the smallest value that at least this share of the values does not exceed (nearest rank)."""
+    """Return the smallest value that at least this share of the values does not exceed (nearest
+    rank).
+    """
     ordered = sorted(values)
     return ordered[max(0, -(-len(ordered) * round(share * 100) // 100) - 1)]

@@ -1,4 +1,6 @@
-"""A photo comes in two messages in either order: the JPEG, and the event that names its session and its SHA-256."""
+"""A photo comes in two messages in either order: the JPEG, and the event that names its session and
+its SHA-256.
+"""
 
 import hashlib
 from dataclasses import dataclass
@@ -54,7 +56,9 @@ class Photos:
         keys: list[tuple[str, str]] = []
         for halves in (self._events, self._jpegs):
             late = [key for key, (since, _) in halves.items() if now - since > PATIENCE]
-            late += [key for key in halves if key not in late][: max(0, len(halves) - len(late) - MOST)]
+            late += [key for key in halves if key not in late][
+                : max(0, len(halves) - len(late) - MOST)
+            ]
             keys += late
             for key in late:
                 del halves[key]

@@ -1,8 +1,9 @@
 """The recorder: a thread that writes the record, and the bounded buffer in front of it.
 
-The session manager's loop never waits for the database: it puts items into the buffer and goes on. While the database is away, or its
-disk full, the thread tries again and again with the same rows, and the buffer grows to its bound; what comes after that is counted,
-logged and not recorded. Of that, states are missed by their numbers and asked for again once there is room.
+The session manager's loop never waits for the database: it puts items into the buffer and goes on.
+While the database is away, or its disk full, the thread tries again and again with the same rows,
+and the buffer grows to its bound; what comes after that is counted, logged and not recorded. Of
+that, states are missed by their numbers and asked for again once there is room.
 """
 
 import logging
@@ -65,12 +66,19 @@ class Recorder:
     """Records what is put into it.
 
     Args:
-        ask: called in the recorder's thread with (robot, boot, first, last) for states that are to be sent again.
+        ask: called in the recorder's thread with (robot, boot, first, last) for states that are to
+            be sent again.
         limit: of items that wait.
         clock: Unix seconds.
     """
 
-    def __init__(self, ask: Callable[[str, str, int, int], None], *, limit: int = LIMIT, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        ask: Callable[[str, str, int, int], None],
+        *,
+        limit: int = LIMIT,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
         self._buffer = Buffer(limit)
         self._clock = clock
         self._store = RecordStore()
@@ -84,7 +92,9 @@ class Recorder:
 
     @property
     def counts(self) -> Counter[str]:
-        """What was done so far: rows by kind, states, duplicates, foreign sessions, refused rows, dropped items."""
+        """What was done so far: rows by kind, states, duplicates, foreign sessions, refused rows,
+        dropped items.
+        """
         return self._store.counts + self._transcript.counts + Counter(dropped=self._dropped)
 
     @property
@@ -127,7 +137,8 @@ class Recorder:
     def _run(self) -> None:
         try:
             while True:
-                last = self._stopping.is_set()  # asked before taking: what is put before `stop` is always taken
+                # asked before taking: what is put before `stop` is always taken
+                last = self._stopping.is_set()
                 for item in self._buffer.take(BATCH, 0.0 if last else LINGER):
                     self._insist(lambda item=item: self._transcript.take(item))
                 self._insist(lambda: self._transcript.settle(self._clock()))
@@ -153,7 +164,12 @@ class Recorder:
                 step()
             except (DatabaseError, InterfaceError) as error:
                 self._failures += 1
-                logger.error("record_not_written failures=%d waiting=%d reason=%s", self._failures, len(self._buffer), error)  # noqa: TRY400 -- the reason says it
+                logger.error(
+                    "record_not_written failures=%d waiting=%d reason=%s",
+                    self._failures,
+                    len(self._buffer),
+                    error,
+                )  # noqa: TRY400 -- the reason says it
                 time.sleep(pause)
                 pause = min(LAST_RETRY, pause * 2)
                 if not is_disk_full(error):  # without room SQLite could not open another one

@@ -1,8 +1,9 @@
 """Which states of one run of an agent have been seen, and which are owed.
 
-An agent numbers its states without holes, whatever session they belong to. So a hole that touches a session is a loss on the way,
-and the agent, which keeps its last minutes, is asked for it again. What nobody can know after a restart (the states before the
-first that is seen, holes that a stored record already had) is asked for once and not missed when it does not come.
+An agent numbers its states without holes, whatever session they belong to. So a hole that touches a
+session is a loss on the way, and the agent, which keeps its last minutes, is asked for it again.
+What nobody can know after a restart (the states before the first that is seen, holes that a stored
+record already had) is asked for once and not missed when it does not come.
 """
 
 from bisect import bisect_right
@@ -20,7 +21,9 @@ Range = tuple[int, int]
 
 
 class Intervals:
-    """A set of whole numbers, kept as disjoint ranges with both ends included; growing at the end is cheap."""
+    """A set of whole numbers, kept as disjoint ranges with both ends included; growing at the end
+    is cheap.
+    """
 
     def __init__(self) -> None:
         self._firsts: list[int] = []
@@ -63,7 +66,9 @@ class Intervals:
 
 @dataclass
 class Gap:
-    """States that were not seen; `certain` when they must exist, `sessions` whose record may lack them."""
+    """States that were not seen; `certain` when they must exist, `sessions` whose record may lack
+    them.
+    """
 
     first: int
     last: int
@@ -112,7 +117,9 @@ class SequenceTracker:
         if seq in self.seen:
             return False
         if self.reached is None and session is not None and seq > 0:
-            self.gaps.append(Gap(max(0, seq - HEAD), seq - 1, frozenset({session}), certain=False, found_at=now))
+            self.gaps.append(
+                Gap(max(0, seq - HEAD), seq - 1, frozenset({session}), certain=False, found_at=now)
+            )
         self.seen.add(seq, seq)
         self._reach(seq, session, now, to=seq - 1)
         return True
@@ -124,7 +131,9 @@ class SequenceTracker:
     def ends(self, seq: int, session: str, now: float) -> None:
         """Note that the session's last state is `seq`."""
         if self.reached is None:
-            self.gaps.append(Gap(max(0, seq - HEAD), seq, frozenset({session}), certain=False, found_at=now))
+            self.gaps.append(
+                Gap(max(0, seq - HEAD), seq, frozenset({session}), certain=False, found_at=now)
+            )
         self._reach(seq, session, now, to=seq)
 
     def _reach(self, seq: int, session: str | None, now: float, *, to: int) -> None:
@@ -142,7 +151,8 @@ class SequenceTracker:
         Args:
             now: any clock in seconds.
             present: the robot is heard of at this moment; otherwise asking waits.
-            alive: this run of the agent is the robot's newest; otherwise nobody has these states any more.
+            alive: this run of the agent is the robot's newest; otherwise nobody has these states
+                any more.
         """
         asks, losses, kept = [], [], []
         for gap in self.gaps:
@@ -153,7 +163,11 @@ class SequenceTracker:
                 losses += [Loss(tuple(missing), gap.sessions)] if gap.certain else []
                 continue
             kept.append(gap)
-            if present and now - gap.found_at >= PATIENCE and (gap.asked_at is None or now - gap.asked_at >= REPEAT):
+            if (
+                present
+                and now - gap.found_at >= PATIENCE
+                and (gap.asked_at is None or now - gap.asked_at >= REPEAT)
+            ):
                 gap.asked_at, gap.attempts = now, gap.attempts + 1
                 asks += missing
         self.gaps = kept
@@ -161,8 +175,14 @@ class SequenceTracker:
 
     @staticmethod
     def _is_hopeless(gap: Gap, now: float) -> bool:
-        return gap.attempts >= (ATTEMPTS if gap.certain else 1) and gap.asked_at is not None and now - gap.asked_at >= REPEAT
+        return (
+            gap.attempts >= (ATTEMPTS if gap.certain else 1)
+            and gap.asked_at is not None
+            and now - gap.asked_at >= REPEAT
+        )
 
     def owes(self, session: str) -> bool:
         """Tell whether states of a session may still come."""
-        return any(session in gap.sessions and self.seen.missing(gap.first, gap.last) for gap in self.gaps)
+        return any(
+            session in gap.sessions and self.seen.missing(gap.first, gap.last) for gap in self.gaps
+        )

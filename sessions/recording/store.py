@@ -1,7 +1,9 @@
-"""The record in the database: what is there already, and rows added to it. For the recorder's one thread.
+"""The record in the database: what is there already, and rows added to it. For the recorder's one
+thread.
 
-Rows that come from messages have keys made from their content, so that a message that is delivered twice is one row. What is known to
-be there is dropped before the insert, because not every supported database can ignore conflicts.
+Rows that come from messages have keys made from their content, so that a message that is delivered
+twice is one row. What is known to be there is dropped before the insert, because not every
+supported database can ignore conflicts.
 """
 
 import datetime
@@ -35,32 +37,71 @@ def key_of(*parts: object) -> uuid.UUID:
 
 
 def new_key(now: float) -> uuid.UUID:
-    """Return a key that sorts by time (RFC 9562, version 7): random ones make every insert touch another page of a large table's index."""
+    """Return a key that sorts by time (RFC 9562, version 7): random ones make every insert touch
+    another page of a large table's index.
+    """
     milliseconds, random = int(now * 1000) & (2**48 - 1), int.from_bytes(os.urandom(10), "big")
-    return uuid.UUID(int=milliseconds << 80 | 7 << 76 | (random >> 62 & 0xFFF) << 64 | 2 << 62 | random & (2**62 - 1))
+    return uuid.UUID(
+        int=milliseconds << 80
+        | 7 << 76
+        | (random >> 62 & 0xFFF) << 64
+        | 2 << 62
+        | random & (2**62 - 1)
+    )
 
 
 def row_of(chunk: Chunk) -> StateChunk:
     """Return the row of a chunk."""
     return StateChunk(
-        pk=new_key(chunk.received_at), session_id=chunk.session, boot=chunk.boot, first_seq=chunk.first_seq, last_seq=chunk.last_seq,
-        count=len(chunk.states), first_stamp=chunk.first_stamp, last_stamp=chunk.last_stamp, received_at=chunk.received_at,
-        clock_offset=chunk.clock_offset, states=_for_database(chunk.states),
-    )  # fmt: skip
+        pk=new_key(chunk.received_at),
+        session_id=chunk.session,
+        boot=chunk.boot,
+        first_seq=chunk.first_seq,
+        last_seq=chunk.last_seq,
+        count=len(chunk.states),
+        first_stamp=chunk.first_stamp,
+        last_stamp=chunk.last_stamp,
+        received_at=chunk.received_at,
+        clock_offset=chunk.clock_offset,
+        states=_for_database(chunk.states),
+    )
 
 
 def _for_database(states: list[msgspec.Raw]) -> list[Any]:
-    """Return what the JSON column takes: SQL databases are written JSON, which it is already; MongoDB takes the values themselves."""
-    return [msgspec.json.decode(state) for state in states] if connection.vendor == "mongodb" else list(states)
+    """Return what the JSON column takes: SQL databases are written JSON, which it is already;
+    MongoDB takes the values themselves.
+    """
+    return (
+        [msgspec.json.decode(state) for state in states]
+        if connection.vendor == "mongodb"
+        else list(states)
+    )
 
 
 def parts_of(row: StateChunk, missing: list[Range]) -> list[StateChunk]:
     """Return rows with only those states of a row, as `row_of` made it, that are in `missing`."""
     rows = []
     for first, last in missing:
-        states = [msgspec.Raw(msgspec.json.encode(state)) for state in row.states[first - row.first_seq : last - row.first_seq + 1]]
+        states = [
+            msgspec.Raw(msgspec.json.encode(state))
+            for state in row.states[first - row.first_seq : last - row.first_seq + 1]
+        ]
         stamps = [msgspec.json.decode(states[end])["stamp"] for end in (0, -1)]
-        rows.append(row_of(Chunk(str(row.session_id), row.boot, first, stamps[0], row.received_at, row.clock_offset, last, stamps[1], states)))
+        rows.append(
+            row_of(
+                Chunk(
+                    str(row.session_id),
+                    row.boot,
+                    first,
+                    stamps[0],
+                    row.received_at,
+                    row.clock_offset,
+                    last,
+                    stamps[1],
+                    states,
+                )
+            )
+        )
     return rows
 
 
@@ -79,7 +120,11 @@ class RecordStore:
             return self._robot_of_session[session]
         if now - self._unknown.get(session, -UNKNOWN_SECONDS) < UNKNOWN_SECONDS:
             return None
-        name = Session.objects.filter(pk=session).values_list("robot__name", flat=True).first() if _is_key(session) else None
+        name = (
+            Session.objects.filter(pk=session).values_list("robot__name", flat=True).first()
+            if _is_key(session)
+            else None
+        )
         if name is None:
             self._remember_unknown(session, now)
             return None
@@ -94,23 +139,33 @@ class RecordStore:
     def robot_key(self, name: str) -> uuid.UUID | None:
         """Return the key of a robot, None when there is none of this name."""
         if self._robot_keys.get(name) is None:
-            self._robot_keys[name] = Robot.objects.filter(name=name).values_list("pk", flat=True).first()
+            self._robot_keys[name] = (
+                Robot.objects.filter(name=name).values_list("pk", flat=True).first()
+            )
         return self._robot_keys[name]
 
     def stored(self, session: str, boot: str) -> list[Range]:
         """Return the seqs that are stored of a session."""
-        return list(StateChunk.objects.filter(session=session, boot=boot).order_by("first_seq").values_list("first_seq", "last_seq"))
+        return list(
+            StateChunk.objects.filter(session=session, boot=boot)
+            .order_by("first_seq")
+            .values_list("first_seq", "last_seq")
+        )
 
     def insert(self, rows: list[Model], *, careful: bool = False) -> None:
-        """Store rows; those that are there already, or that the database will never take, are counted and dropped.
+        """Store rows; those that are there already, or that the database will never take, are
+        counted and dropped.
 
-        `careful`: another session manager may have stored some of these states meanwhile, in chunks of its own.
+        `careful`: another session manager may have stored some of these states meanwhile, in chunks
+        of its own.
         """
         by_model: dict[type[Model], list[Model]] = {}
         for row in rows:
             by_model.setdefault(type(row), []).append(row)
         if careful:
-            by_model[StateChunk] = [part for row in by_model.get(StateChunk, []) for part in self._rest_of(row)]
+            by_model[StateChunk] = [
+                part for row in by_model.get(StateChunk, []) for part in self._rest_of(row)
+            ]
         for model, fresh in by_model.items():
             for start in range(0, len(fresh), BATCH):
                 self._insert_batch(model, fresh[start : start + BATCH])
@@ -138,7 +193,8 @@ class RecordStore:
         try:
             with transaction.atomic():
                 row.save(force_insert=True)
-                connection.check_constraints()  # a session that was deleted meanwhile shows here and not at some later commit
+                # a session that was deleted meanwhile shows here and not at some later commit
+                connection.check_constraints()
         except IntegrityError as error:
             if isinstance(row, StateChunk) and self._insert_rest(row):
                 return
@@ -149,7 +205,9 @@ class RecordStore:
             self.counts[type(row).__name__] += 1
 
     def _insert_rest(self, row: StateChunk) -> bool:
-        """Insert what is not stored of this row; False when nothing of it is, so that something else is wrong with it."""
+        """Insert what is not stored of this row; False when nothing of it is, so that something
+        else is wrong with it.
+        """
         rest = self._rest_of(row)
         if rest == [row]:
             return False
@@ -177,8 +235,15 @@ class RecordStore:
 
     def close(self, session: str, now: datetime.datetime) -> None:
         """Write the final summary of a session."""
-        chunks = StateChunk.objects.filter(session=session).order_by("first_stamp").values_list("boot", "states").iterator(chunk_size=200)
-        lost = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER, type="states_missing").values_list("data", flat=True)
+        chunks = (
+            StateChunk.objects.filter(session=session)
+            .order_by("first_stamp")
+            .values_list("boot", "states")
+            .iterator(chunk_size=200)
+        )
+        lost = SessionEvent.objects.filter(
+            session=session, source=SessionEvent.Source.SERVER, type="states_missing"
+        ).values_list("data", flat=True)
         summary = summarise(chunks, missing=sum(data["count"] for data in lost))
         summary["snapshots"] = Snapshot.objects.filter(session=session).count()
         summary["network_samples"] = NetworkSample.objects.filter(session=session).count()

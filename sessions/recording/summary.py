@@ -1,11 +1,15 @@
-"""A session in a few numbers, made once when its record is complete, so that no list has to read the states."""
+"""A session in a few numbers, made once when its record is complete, so that no list has to read
+the states.
+"""
 
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
 
-def summarise(runs: Iterable[tuple[str, list[dict[str, Any]]]], *, missing: int = 0) -> dict[str, Any]:
+def summarise(
+    runs: Iterable[tuple[str, list[dict[str, Any]]]], *, missing: int = 0
+) -> dict[str, Any]:
     """Return the summary of a session's states.
 
     Args:
@@ -13,8 +17,9 @@ def summarise(runs: Iterable[tuple[str, list[dict[str, Any]]]], *, missing: int 
         missing: how many states are known to be lost.
 
     Returns:
-        `states`, `missing`, `seconds` (first to last stamp), `distance` (m, by odometry), `commands`, `methods` and `ways` (commands by
-        input method and by way), `contacts`, `least_clearance` (m, None when never measured).
+        `states`, `missing`, `seconds` (first to last stamp), `distance` (m, by odometry),
+        `commands`, `methods` and `ways` (commands by input method and by way), `contacts`,
+        `least_clearance` (m, None when never measured).
     """
     total = _Total()
     for boot, states in runs:
@@ -52,7 +57,9 @@ class _Total:
     def fields(self) -> dict[str, Any]:
         return {
             "states": self.states,
-            "seconds": round(self.last - self.first, 3) if self.first is not None and self.last is not None else 0.0,
+            "seconds": round(self.last - self.first, 3)
+            if self.first is not None and self.last is not None
+            else 0.0,
             "distance": round(self.distance, 3),
             "commands": sum(self.methods.values()),
             "methods": dict(self.methods),

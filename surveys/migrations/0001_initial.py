@@ -16,73 +16,154 @@ class Migration(migrations.Migration):
 
     operations = [
         migrations.CreateModel(
-            name='Questionnaire',
+            name="Questionnaire",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('slug', models.SlugField(max_length=40, verbose_name='name')),
-                ('version', models.PositiveIntegerField(verbose_name='version')),
-                ('title', models.CharField(max_length=200, verbose_name='title')),
-                ('definition', models.JSONField(verbose_name='definition')),
-                ('sha256', models.CharField(editable=False, max_length=64)),
-                ('created_at', models.DateTimeField(verbose_name='imported')),
-                ('frozen_at', models.DateTimeField(blank=True, null=True, verbose_name='in use since')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("slug", models.SlugField(max_length=40, verbose_name="name")),
+                ("version", models.PositiveIntegerField(verbose_name="version")),
+                ("title", models.CharField(max_length=200, verbose_name="title")),
+                ("definition", models.JSONField(verbose_name="definition")),
+                ("sha256", models.CharField(editable=False, max_length=64)),
+                ("created_at", models.DateTimeField(verbose_name="imported")),
+                (
+                    "frozen_at",
+                    models.DateTimeField(blank=True, null=True, verbose_name="in use since"),
+                ),
             ],
             options={
-                'verbose_name': 'questionnaire',
-                'verbose_name_plural': 'questionnaires',
-                'ordering': ('slug', '-version'),
-                'constraints': [models.UniqueConstraint(fields=('slug', 'version'), name='questionnaire_version_once')],
+                "verbose_name": "questionnaire",
+                "verbose_name_plural": "questionnaires",
+                "ordering": ("slug", "-version"),
+                "constraints": [
+                    models.UniqueConstraint(
+                        fields=("slug", "version"), name="questionnaire_version_once"
+                    )
+                ],
             },
         ),
         migrations.CreateModel(
-            name='Response',
+            name="Response",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('respondent_key', models.CharField(blank=True, db_index=True, max_length=64, verbose_name='anonymous respondent')),
-                ('slot', models.CharField(editable=False, max_length=64, unique=True)),
-                ('context', models.CharField(db_index=True, max_length=200, verbose_name='context')),
-                ('context_label', models.CharField(blank=True, max_length=200, verbose_name='asked in')),
-                ('robot', models.JSONField(default=list, verbose_name='robot')),
-                ('outcome', models.CharField(blank=True, max_length=40, verbose_name='outcome')),
-                ('return_to', models.CharField(blank=True, editable=False, max_length=500)),
-                ('back_to', models.CharField(blank=True, editable=False, max_length=500)),
-                ('seed', models.BigIntegerField(verbose_name='seed of the order')),
-                ('language', models.CharField(max_length=16, verbose_name='language')),
-                ('reached', models.PositiveIntegerField(default=0, verbose_name='pages done')),
-                ('started_at', models.DateTimeField(db_index=True, verbose_name='started')),
-                ('seen_at', models.DateTimeField(verbose_name='last seen')),
-                ('finished_at', models.DateTimeField(blank=True, db_index=True, null=True, verbose_name='finished')),
-                ('questionnaire', models.ForeignKey(on_delete=django.db.models.deletion.PROTECT, related_name='responses', to='surveys.questionnaire', verbose_name='questionnaire')),
-                ('user', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.CASCADE, related_name='survey_responses', to=settings.AUTH_USER_MODEL, verbose_name='user')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                (
+                    "respondent_key",
+                    models.CharField(
+                        blank=True,
+                        db_index=True,
+                        max_length=64,
+                        verbose_name="anonymous respondent",
+                    ),
+                ),
+                ("slot", models.CharField(editable=False, max_length=64, unique=True)),
+                (
+                    "context",
+                    models.CharField(db_index=True, max_length=200, verbose_name="context"),
+                ),
+                (
+                    "context_label",
+                    models.CharField(blank=True, max_length=200, verbose_name="asked in"),
+                ),
+                ("robot", models.JSONField(default=list, verbose_name="robot")),
+                ("outcome", models.CharField(blank=True, max_length=40, verbose_name="outcome")),
+                ("return_to", models.CharField(blank=True, editable=False, max_length=500)),
+                ("back_to", models.CharField(blank=True, editable=False, max_length=500)),
+                ("seed", models.BigIntegerField(verbose_name="seed of the order")),
+                ("language", models.CharField(max_length=16, verbose_name="language")),
+                ("reached", models.PositiveIntegerField(default=0, verbose_name="pages done")),
+                ("started_at", models.DateTimeField(db_index=True, verbose_name="started")),
+                ("seen_at", models.DateTimeField(verbose_name="last seen")),
+                (
+                    "finished_at",
+                    models.DateTimeField(
+                        blank=True, db_index=True, null=True, verbose_name="finished"
+                    ),
+                ),
+                (
+                    "questionnaire",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.PROTECT,
+                        related_name="responses",
+                        to="surveys.questionnaire",
+                        verbose_name="questionnaire",
+                    ),
+                ),
+                (
+                    "user",
+                    models.ForeignKey(
+                        blank=True,
+                        null=True,
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="survey_responses",
+                        to=settings.AUTH_USER_MODEL,
+                        verbose_name="user",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'response',
-                'verbose_name_plural': 'responses',
-                'ordering': ('-started_at',),
+                "verbose_name": "response",
+                "verbose_name_plural": "responses",
+                "ordering": ("-started_at",),
             },
         ),
         migrations.CreateModel(
-            name='Answer',
+            name="Answer",
             fields=[
-                ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
-                ('item', models.CharField(max_length=40, verbose_name='question')),
-                ('value', models.JSONField(null=True, verbose_name='value')),
-                ('missing', models.CharField(blank=True, choices=[('skipped', 'skipped'), ('preferred_not', 'preferred not to answer'), ('not_applicable', 'not applicable')], max_length=16, verbose_name='missing')),
-                ('language', models.CharField(max_length=16, verbose_name='language')),
-                ('text_version', models.CharField(max_length=12, verbose_name='text version')),
-                ('position', models.PositiveIntegerField(verbose_name='position')),
-                ('seconds', models.FloatField(null=True, verbose_name='seconds')),
-                ('writer', models.CharField(blank=True, editable=False, max_length=32)),
-                ('writing', models.BigIntegerField(default=0, editable=False)),
-                ('first_at', models.DateTimeField(verbose_name='first answered')),
-                ('answered_at', models.DateTimeField(verbose_name='answered')),
-                ('response', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='answers', to='surveys.response', verbose_name='response')),
+                (
+                    "id",
+                    models.UUIDField(
+                        default=uuid.uuid4, editable=False, primary_key=True, serialize=False
+                    ),
+                ),
+                ("item", models.CharField(max_length=40, verbose_name="question")),
+                ("value", models.JSONField(null=True, verbose_name="value")),
+                (
+                    "missing",
+                    models.CharField(
+                        blank=True,
+                        choices=[
+                            ("skipped", "skipped"),
+                            ("preferred_not", "preferred not to answer"),
+                            ("not_applicable", "not applicable"),
+                        ],
+                        max_length=16,
+                        verbose_name="missing",
+                    ),
+                ),
+                ("language", models.CharField(max_length=16, verbose_name="language")),
+                ("text_version", models.CharField(max_length=12, verbose_name="text version")),
+                ("position", models.PositiveIntegerField(verbose_name="position")),
+                ("seconds", models.FloatField(null=True, verbose_name="seconds")),
+                ("writer", models.CharField(blank=True, editable=False, max_length=32)),
+                ("writing", models.BigIntegerField(default=0, editable=False)),
+                ("first_at", models.DateTimeField(verbose_name="first answered")),
+                ("answered_at", models.DateTimeField(verbose_name="answered")),
+                (
+                    "response",
+                    models.ForeignKey(
+                        on_delete=django.db.models.deletion.CASCADE,
+                        related_name="answers",
+                        to="surveys.response",
+                        verbose_name="response",
+                    ),
+                ),
             ],
             options={
-                'verbose_name': 'answer',
-                'verbose_name_plural': 'answers',
-                'ordering': ('position',),
-                'constraints': [models.UniqueConstraint(fields=('response', 'item'), name='answer_once')],
+                "verbose_name": "answer",
+                "verbose_name_plural": "answers",
+                "ordering": ("position",),
+                "constraints": [
+                    models.UniqueConstraint(fields=("response", "item"), name="answer_once")
+                ],
             },
         ),
     ]

@@ -35,7 +35,9 @@ class Child:
     started_at: datetime.datetime
 
     def output(self, last: int | None = None) -> str:
-        """Return what it has written, or the last so many bytes of that; nothing when somebody has removed its log."""
+        """Return what it has written, or the last so many bytes of that; nothing when somebody has
+        removed its log.
+        """
         with contextlib.suppress(OSError), self.log.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
             file.seek(self.log_start if last is None else max(self.log_start, size - last))
@@ -63,7 +65,9 @@ def _signal_name(number: int) -> str:
 
 
 class Part(NamedTuple):
-    """What is to be started: a Python child, how it shows that it is ready, and whether nothing works without it."""
+    """What is to be started: a Python child, how it shows that it is ready, and whether nothing
+    works without it.
+    """
 
     name: str
     arguments: list[str]
@@ -81,7 +85,9 @@ class Children:
     _logs: set[Path] = field(default_factory=set)
 
     def start(self, name: str, arguments: list[str]) -> Child:
-        """Start a Python child, its output in a log file of its name, behind what an earlier one of this name has left there."""
+        """Start a Python child, its output in a log file of its name, behind what an earlier one of
+        this name has left there.
+        """
         self.log_dir.mkdir(parents=True, exist_ok=True)
         log = self.log_dir / f"{name.replace(' ', '-')}.log"
         goes_on = log in self._logs and log.exists() and log.stat().st_size < LARGEST_LOG
@@ -95,7 +101,8 @@ class Children:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 env=self.environment,
-                start_new_session=True,  # Ctrl-C reaches the demo alone, which then ends them in order
+                # Ctrl-C reaches the demo alone, which then ends them in order
+                start_new_session=True,
                 preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
             )
             child = Child(name, process, log, log_start, started_at)
@@ -103,9 +110,14 @@ class Children:
         return child
 
     def start_together(
-        self, parts: Iterable[Part], *, within: float = 30.0, step: Callable[[str], AbstractContextManager[None]] = contextlib.nullcontext
+        self,
+        parts: Iterable[Part],
+        *,
+        within: float = 30.0,
+        step: Callable[[str], AbstractContextManager[None]] = contextlib.nullcontext,
     ) -> None:
-        """Start parts that look for each other until they find one another, and wait for each in turn.
+        """Start parts that look for each other until they find one another, and wait for each in
+        turn.
 
         Args:
             parts: in the order in which they are ended last.
@@ -124,9 +136,14 @@ class Children:
         while not ready(child):
             gone = self.ended()
             if gone is not None:
-                raise StartFailed(f"The {gone.name} ended at once: {gone.last_words()} (its log: {gone.log})")
+                raise StartFailed(
+                    f"The {gone.name} ended at once: {gone.last_words()} (its log: {gone.log})"
+                )
             if time.monotonic() > deadline:
-                raise StartFailed(f"The {child.name} was not ready in time: {child.last_words()} (its log: {child.log})")
+                raise StartFailed(
+                    f"The {child.name} was not ready in time: {child.last_words()} (its log:"
+                    f" {child.log})"
+                )
             time.sleep(0.05)
 
     def end(self, child: Child) -> None:

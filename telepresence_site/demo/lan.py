@@ -1,4 +1,6 @@
-"""What the demo needs to be opened from a phone: this machine's address, a certificate for it, and a QR code."""
+"""What the demo needs to be opened from a phone: this machine's address, a certificate for it, and
+a QR code.
+"""
 
 import datetime
 import ipaddress
@@ -16,12 +18,21 @@ DAYS = 397  # the longest that browsers accept
 
 
 def addresses() -> list[str]:
-    """Return this machine's IPv4 addresses that others can reach, the one towards the outside first."""
-    found = [ip.ip for adapter in ifaddr.get_adapters() for ip in adapter.ips if isinstance(ip.ip, str)]
-    reachable = [ip for ip in found if not (address := ipaddress.ip_address(ip)).is_loopback and not address.is_link_local]
+    """Return this machine's IPv4 addresses that others can reach, the one towards the outside
+    first.
+    """
+    found = [
+        ip.ip for adapter in ifaddr.get_adapters() for ip in adapter.ips if isinstance(ip.ip, str)
+    ]
+    reachable = [
+        ip
+        for ip in found
+        if not (address := ipaddress.ip_address(ip)).is_loopback and not address.is_link_local
+    ]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1", 9))  # a documentation address: nothing is sent, the kernel only picks a route
+            # a documentation address: nothing is sent, the kernel only picks a route
+            probe.connect(("192.0.2.1", 9))
             first = probe.getsockname()[0]
         except OSError:
             return reachable
@@ -29,7 +40,9 @@ def addresses() -> list[str]:
 
 
 def certificate(directory: Path, hosts: list[str]) -> tuple[Path, Path]:
-    """Return (key, certificate) files for these hosts, made anew when they differ or the old ones have run out."""
+    """Return (key, certificate) files for these hosts, made anew when they differ or the old ones
+    have run out.
+    """
     directory.mkdir(parents=True, exist_ok=True)
     key_file, certificate_file = directory / "lan.key", directory / "lan.crt"
     if not _is_good(certificate_file, hosts):
@@ -47,7 +60,9 @@ def _is_good(file: Path, hosts: list[str]) -> bool:
         return False
     known = x509.load_pem_x509_certificate(file.read_bytes())
     names = known.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    return set(names) == set(_names(hosts)) and known.not_valid_after_utc > datetime.datetime.now(datetime.UTC) + datetime.timedelta(days=1)
+    return set(names) == set(_names(hosts)) and known.not_valid_after_utc > datetime.datetime.now(
+        datetime.UTC
+    ) + datetime.timedelta(days=1)
 
 
 def _make(key_file: Path, certificate_file: Path, hosts: list[str]) -> None:
@@ -67,7 +82,13 @@ def _make(key_file: Path, certificate_file: Path, hosts: list[str]) -> None:
         .sign(key, hashes.SHA256())
     )
     key_file.touch(mode=0o600)
-    key_file.write_bytes(key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()))
+    key_file.write_bytes(
+        key.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.NoEncryption(),
+        )
+    )
     certificate_file.write_bytes(made.public_bytes(serialization.Encoding.PEM))
 
 

@@ -17,9 +17,12 @@ from telepresence_site.demo.seed import VISITOR
 def enter(request: HttpRequest, token: str, robot: str) -> HttpResponse:
     """Sign the demo's visitor in and go to the robot.
 
-    Signing in on GET is for the demo alone: the address exists only while DEMO_TOKEN is set, which `manage.py demo` makes anew at each start.
+    Signing in on GET is for the demo alone: the address exists only while DEMO_TOKEN is set, which
+    `manage.py demo` makes anew at each start.
     """
-    if not settings.DEMO_TOKEN or not secrets.compare_digest(token.encode(), settings.DEMO_TOKEN.encode()):
+    if not settings.DEMO_TOKEN or not secrets.compare_digest(
+        token.encode(), settings.DEMO_TOKEN.encode()
+    ):
         raise Http404
     visitor = User.objects.filter(username=VISITOR).first()
     if visitor is None:

@@ -1,4 +1,6 @@
-"""When a process that ended is started again: a decision on plain data, without processes or a clock."""
+"""When a process that ended is started again: a decision on plain data, without processes or a
+clock.
+"""
 
 from dataclasses import dataclass
 
@@ -7,13 +9,15 @@ from dataclasses import dataclass
 class RestartPolicy:
     """How a process is started again, in seconds and deaths.
 
-    A process that has lived shorter than `settled` died quickly; each quick death in a row doubles the delay before the next start.
+    A process that has lived shorter than `settled` died quickly; each quick death in a row doubles
+    the delay before the next start.
     """
 
     first_delay: float = 1.0
     longest_delay: float = 30.0
     settled: float = 20.0
-    quick_deaths: int = 5  # in a row, after which an essential process is given up; any other is tried for ever
+    # in a row, after which an essential process is given up; any other is tried for ever
+    quick_deaths: int = 5
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,9 @@ class GiveUp:
 
 
 def deaths_in_a_row(policy: RestartPolicy, before: int, lived: float) -> int:
-    """Return the number of quick deaths in a row, this one included; `before` is what it was, `lived` the seconds since the last start."""
+    """Return the number of quick deaths in a row, this one included; `before` is what it was,
+    `lived` the seconds since the last start.
+    """
     return 1 if lived >= policy.settled else before + 1
 
 

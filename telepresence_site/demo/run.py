@@ -1,4 +1,6 @@
-"""The demo from its first line to its last: check, migrate, seed, start everything, say where it is, and end it all."""
+"""The demo from its first line to its last: check, migrate, seed, start everything, say where it
+is, and end it all.
+"""
 
 import datetime
 import os
@@ -30,7 +32,8 @@ from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
 from telepresence_site.management.commands.run_practice import READY
 from telepresence_site.serving import APPLICATION, DAPHNE
 
-COMPANY = {"giraff": ["--option", "people=1"]}  # each robot lives in a simulated office of its own; somebody walks about in Giraff's
+# each robot lives in a simulated office of its own; somebody walks about in Giraff's
+COMPANY = {"giraff": ["--option", "people=1"]}
 START_SECONDS = 30.0  # that each part may need after the one before it is ready
 WATCH_SECONDS = 0.2
 
@@ -49,7 +52,9 @@ class Options:
 
 
 class Terminal:
-    """Prints steps, each with its time on the line of its name, and sentences, which begin a line of their own."""
+    """Prints steps, each with its time on the line of its name, and sentences, which begin a line
+    of their own.
+    """
 
     def __init__(self) -> None:
         self._line = ""  # begun and not ended
@@ -90,10 +95,14 @@ def require_free(host: str, port: int) -> None:
         try:
             probe.bind((host, port))
         except PermissionError as error:
-            raise DemoError(f"Port {port} needs more rights than this user has: choose one above 1023, such as make demo PORT=8000.") from error
+            raise DemoError(
+                f"Port {port} needs more rights than this user has: choose one above 1023, such as"
+                " make demo PORT=8000."
+            ) from error
         except (OSError, OverflowError) as error:
             raise DemoError(
-                f"Port {port} is in use: stop what listens there, or choose another one with make demo PORT={port % 64000 + 1}."
+                f"Port {port} is in use: stop what listens there, or choose another one with make"
+                f" demo PORT={port % 64000 + 1}."
             ) from error
 
 
@@ -104,7 +113,10 @@ class Demo:
         self.options = options
         self.hosts = lan.addresses() if options.lan else []
         if options.lan and not self.hosts:
-            raise DemoError("No network address was found that other devices could reach: connect to a network, or leave LAN=1 out.")
+            raise DemoError(
+                "No network address was found that other devices could reach: connect to a network,"
+                " or leave LAN=1 out."
+            )
         self.scheme, self.host = ("https", self.hosts[0]) if options.lan else ("http", LOOPBACK)
         self.token = secrets.token_urlsafe(12)
         self.mqtt_url = f"mqtt://{LOOPBACK}:{free_port()}"
@@ -126,7 +138,8 @@ class Demo:
             "HTTP_ONLY": "" if self.options.lan else "1",
             "HSTS_SECONDS": "0",  # a self-made certificate must not be remembered
             "ALLOWED_HOSTS": ",".join([LOOPBACK, "localhost", *self.hosts]),
-            "SOCKETS_PER_USER": str(settings.SOCKETS_PER_ADDRESS),  # whoever opens the link is the same visitor
+            # whoever opens the link is the same visitor
+            "SOCKETS_PER_USER": str(settings.SOCKETS_PER_ADDRESS),
             "PRACTICE_ROBOTS": str(settings.PRACTICE_ROBOTS or 1),
             "PYTHONUNBUFFERED": "1",
         }
@@ -144,15 +157,23 @@ class Demo:
             call_command("collectstatic", verbosity=0, interactive=False)
         with self.terminal.step("people, floor plan, robots"):
             self.password = seed(self.mqtt_url)
-            # What an earlier run left behind is not news: without this a robot would look online before it is started.
+            # What an earlier run left behind is not news: without this a robot would look online
+            # before it is started.
             Robot.objects.update(connection="OFFLINE", boot="")
 
     def _reset(self) -> None:
         var: Path = settings.VAR_DIR
         connection.close()
         if settings.DATABASES["default"]["ENGINE"] != "django.db.backends.sqlite3":
-            raise DemoError("RESET=1 empties the built-in database only: DATABASE_URL names another one, which is left alone.")
-        for name in ("telepresence.sqlite3", "telepresence.sqlite3-wal", "telepresence.sqlite3-shm"):
+            raise DemoError(
+                "RESET=1 empties the built-in database only: DATABASE_URL names another one, which"
+                " is left alone."
+            )
+        for name in (
+            "telepresence.sqlite3",
+            "telepresence.sqlite3-wal",
+            "telepresence.sqlite3-shm",
+        ):
             (var / name).unlink(missing_ok=True)
         for name in ("broker", "credentials", "log", "static", "media", "agent"):
             shutil.rmtree(var / name, ignore_errors=True)
@@ -163,15 +184,39 @@ class Demo:
         manage = str(settings.BASE_DIR / "manage.py")
         run_broker = [manage, "run_broker", "--host", LOOPBACK, "--port", mqtt_port]
         parts = [
-            Part("broker", run_broker, lambda child: "broker listening" in child.output(), is_essential=True),
-            Part("session manager", [manage, "run_session_manager"], _session_manager_beats, is_essential=True),
-            Part("web server", self._daphne(), lambda _child: self._web_answers(), is_essential=True),
+            Part(
+                "broker",
+                run_broker,
+                lambda child: "broker listening" in child.output(),
+                is_essential=True,
+            ),
+            Part(
+                "session manager",
+                [manage, "run_session_manager"],
+                _session_manager_beats,
+                is_essential=True,
+            ),
+            Part(
+                "web server", self._daphne(), lambda _child: self._web_answers(), is_essential=True
+            ),
         ]
         for name, title, *_ in ROBOTS:
             run_robot = [manage, "run_robot", name, *COMPANY.get(name, [])]
-            parts.append(Part(f"simulated {title}", run_robot, lambda child, name=name: _robot_is_online(name, child.started_at)))
+            parts.append(
+                Part(
+                    f"simulated {title}",
+                    run_robot,
+                    lambda child, name=name: _robot_is_online(name, child.started_at),
+                )
+            )
         # Its robots come when somebody waits.
-        parts.append(Part("practice supervisor", [manage, "run_practice"], lambda child: READY in child.output()))
+        parts.append(
+            Part(
+                "practice supervisor",
+                [manage, "run_practice"],
+                lambda child: READY in child.output(),
+            )
+        )
         self.supervisor.start(parts, within=START_SECONDS, step=self.terminal.step)
         with self.terminal.step("a study, ready to take part in"):
             self._publish()
@@ -186,11 +231,14 @@ class Demo:
         if not self.options.lan:
             return [*DAPHNE, "-b", LOOPBACK, "-p", str(self.options.port), APPLICATION]
         key, certificate = lan.certificate(settings.VAR_DIR / "secrets", self.hosts)
-        endpoint = f"ssl:{self.options.port}:privateKey={key}:certKey={certificate}:interface=0.0.0.0"
+        endpoint = (
+            f"ssl:{self.options.port}:privateKey={key}:certKey={certificate}:interface=0.0.0.0"
+        )
         return [*DAPHNE, "-e", endpoint, APPLICATION]
 
     def _web_answers(self) -> bool:
-        if self.options.lan:  # the certificate is nobody's to check here; that the port answers is enough
+        # the certificate is nobody's to check here; that the port answers is enough
+        if self.options.lan:
             return listening(self.options.port)
         return answers(self.address)
 
@@ -204,11 +252,17 @@ class Demo:
         print(f"  Everybody else:    {self.address}/")
         if self.study:
             self._say_where_to_take_part()
-        print(f"  Researcher:        {self.address}/admin/   name {RESEARCHER}   password {self.password}")
+        print(
+            f"  Researcher:        {self.address}/admin/   name {RESEARCHER}   password"
+            f" {self.password}"
+        )
         print(f"\n  Logs: {self.children.log_dir}    Ctrl-C ends everything.\n", flush=True)
 
     def _say_where_to_take_part(self) -> None:
-        print(f"  Take part:         {self.address}/studies/{self.study}/   (the paper's study)", flush=True)
+        print(
+            f"  Take part:         {self.address}/studies/{self.study}/   (the paper's study)",
+            flush=True,
+        )
 
     def watch(self) -> None:
         """Start again what ends, for ever.
@@ -242,13 +296,19 @@ def _robot_is_online(name: str, since: datetime.datetime) -> bool:
 
     def is_online() -> bool:
         robot = Robot.objects.get(name=name)
-        return robot.factsheet is not None and _boot_time(robot.boot) >= since.timestamp() - 0.001 and robot.is_online(timezone.now())
+        return (
+            robot.factsheet is not None
+            and _boot_time(robot.boot) >= since.timestamp() - 0.001
+            and robot.is_online(timezone.now())
+        )
 
     return _in_database(is_online)
 
 
 def _boot_time(boot: str) -> float:
-    """Return when a run of an agent began, in Unix seconds, from its id (robots.agent.agent.new_boot); 0 without one."""
+    """Return when a run of an agent began, in Unix seconds, from its id
+    (robots.agent.agent.new_boot); 0 without one.
+    """
     return int(boot.partition("-")[0] or "0", 16) / 1000.0
 
 

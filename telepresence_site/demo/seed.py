@@ -1,4 +1,6 @@
-"""The demo's people, place and robots. Everything is made once and kept: a second start finds it again."""
+"""The demo's people, place and robots. Everything is made once and kept: a second start finds it
+again.
+"""
 
 from pathlib import Path
 
@@ -13,8 +15,18 @@ from telepresence_site.local_credentials import keep_credentials_here
 OFFICE = Path(settings.BASE_DIR) / "robots" / "agent" / "world" / "plans" / "office"
 VISITOR, RESEARCHER = "visitor", "researcher"
 ROBOTS = (
-    ("giraff", "Giraff", "A slender robot with a tilting head, at home in rooms and corridors.", Robot.Access.OPEN),
-    ("rhodon", "Rhodon", "A sturdy PatrolBot with an arm, for drivers who know the way.", Robot.Access.OPEN),
+    (
+        "giraff",
+        "Giraff",
+        "A slender robot with a tilting head, at home in rooms and corridors.",
+        Robot.Access.OPEN,
+    ),
+    (
+        "rhodon",
+        "Rhodon",
+        "A sturdy PatrolBot with an arm, for drivers who know the way.",
+        Robot.Access.OPEN,
+    ),
 )
 
 
@@ -26,7 +38,14 @@ def seed(mqtt_url: str) -> str:
     owner = _researcher(password)
     for name, title, description, access in ROBOTS:
         robot, _ = Robot.objects.get_or_create(
-            name=name, defaults={"title": title, "description": description, "access": access, "owner": owner, "floor_plan": plan}
+            name=name,
+            defaults={
+                "title": title,
+                "description": description,
+                "access": access,
+                "owner": owner,
+                "floor_plan": plan,
+            },
         )
         keep_credentials_here(robot, mqtt_url)
     return password
@@ -37,7 +56,9 @@ def _office() -> FloorPlan:
 
 
 def _visitor() -> User:
-    visitor, made = User.objects.get_or_create(username=VISITOR, defaults={"display_name": "Demo visitor"})
+    visitor, made = User.objects.get_or_create(
+        username=VISITOR, defaults={"display_name": "Demo visitor"}
+    )
     if made:
         visitor.set_unusable_password()  # the one-click link is the only way in
         visitor.save(update_fields=["password"])
@@ -46,7 +67,8 @@ def _visitor() -> User:
 
 def _researcher(password: str) -> User:
     researcher, made = User.objects.get_or_create(
-        username=RESEARCHER, defaults={"display_name": "Researcher", "is_staff": True, "is_superuser": True}
+        username=RESEARCHER,
+        defaults={"display_name": "Researcher", "is_staff": True, "is_superuser": True},
     )
     if made or not researcher.check_password(password):
         researcher.set_password(password)

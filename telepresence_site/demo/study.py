@@ -1,4 +1,6 @@
-"""The demo's ready study: the paper's, published, so that its link works and its figures can be drawn the same hour."""
+"""The demo's ready study: the paper's, published, so that its link works and its figures can be
+drawn the same hour.
+"""
 
 import datetime
 
@@ -26,6 +28,8 @@ def publish_study(now: datetime.datetime) -> str:
         researcher = User.objects.get(username=RESEARCHER)
         with transaction.atomic():  # what cannot be published yet is not left behind as a draft
             row = publishing.store(shipped()[SLUG], now)
-            StudyMember.objects.get_or_create(slug=SLUG, user=researcher, defaults={"role": StudyMember.Role.OWNER})
+            StudyMember.objects.get_or_create(
+                slug=SLUG, user=researcher, defaults={"role": StudyMember.Role.OWNER}
+            )
             publishing.publish(row, researcher, REASON, now)
     return SLUG

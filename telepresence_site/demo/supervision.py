@@ -1,4 +1,6 @@
-"""Keeps the demo's processes running: one that ends is named and started again, and only one that nothing works without ends the demo."""
+"""Keeps the demo's processes running: one that ends is named and started again, and only one that
+nothing works without ends the demo.
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -6,7 +8,13 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from telepresence_site.demo.children import Child, Children, Part, StartFailed
-from telepresence_site.demo.restart import GiveUp, Restart, RestartPolicy, after_death, deaths_in_a_row
+from telepresence_site.demo.restart import (
+    GiveUp,
+    Restart,
+    RestartPolicy,
+    after_death,
+    deaths_in_a_row,
+)
 
 POLL_INTERVAL_S = 0.1  # between two looks at a part that is started
 
@@ -17,7 +25,9 @@ class PartLostError(Exception):
 
 @dataclass
 class _Service:
-    """A part and its present process. All times are of the supervisor's clock; None: that does not apply now."""
+    """A part and its present process. All times are of the supervisor's clock; None: that does not
+    apply now.
+    """
 
     part: Part
     child: Child
@@ -43,22 +53,37 @@ class ServiceSupervisor:
     """
 
     def __init__(
-        self, children: Children, tell: Callable[[str], None], policy: RestartPolicy | None = None, clock: Callable[[], float] = time.monotonic
+        self,
+        children: Children,
+        tell: Callable[[str], None],
+        policy: RestartPolicy | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._children, self._tell, self._clock = children, tell, clock
         self._policy = policy or RestartPolicy()
         self._services: list[_Service] = []
 
-    def start(self, parts: Sequence[Part], *, within: float, step: Callable[[str], AbstractContextManager[None]]) -> None:
-        """Start parts that look for each other until they find one another, and wait for each in turn.
+    def start(
+        self,
+        parts: Sequence[Part],
+        *,
+        within: float,
+        step: Callable[[str], AbstractContextManager[None]],
+    ) -> None:
+        """Start parts that look for each other until they find one another, and wait for each in
+        turn.
 
-        One that is not essential and needs longer than `within` seconds is waited for no more, and told.
+        One that is not essential and needs longer than `within` seconds is waited for no more, and
+        told.
 
         Raises:
             PartLostError: an essential one does not live.
             StartFailed: an essential one was not ready in time.
         """
-        self._services += [_Service(part, self._children.start(part.name, part.arguments), self._clock()) for part in parts]
+        self._services += [
+            _Service(part, self._children.start(part.name, part.arguments), self._clock())
+            for part in parts
+        ]
         for service in self._services:
             try:
                 with step(service.part.name):
@@ -72,12 +97,16 @@ class ServiceSupervisor:
     def _wait(self, service: _Service, deadline: float) -> None:
         while service.restart_at is not None or not service.part.ready(service.child):
             if self._clock() > deadline:
-                raise StartFailed(f"The {service.part.name} is not ready yet: {service.child.last_words()} (its log: {service.child.log}).")
+                raise StartFailed(
+                    f"The {service.part.name} is not ready yet: {service.child.last_words()} (its"
+                    f" log: {service.child.log})."
+                )
             time.sleep(POLL_INTERVAL_S)
             self.look()
 
     def look(self) -> bool:
-        """Start again what ended and is due; say what ended, and what is back. Return whether anything is.
+        """Start again what ended and is due; say what ended, and what is back. Return whether
+        anything is.
 
         Raises:
             PartLostError: an essential part does not live.
@@ -89,7 +118,10 @@ class ServiceSupervisor:
             if service.restart_at is not None and now >= service.restart_at:
                 self._restart(service, now)
             if service.is_back and service.died_at is not None:
-                self._tell(f"The {service.part.name} is {'back' if service.deaths else 'ready'} after {now - service.died_at:.1f} s.")
+                self._tell(
+                    f"The {service.part.name} is {'back' if service.deaths else 'ready'} after"
+                    f" {now - service.died_at:.1f} s."
+                )
                 service.died_at, some_are_back = None, True
         return some_are_back
 
@@ -98,10 +130,17 @@ class ServiceSupervisor:
         try:
             service.child = self._children.start(service.part.name, service.part.arguments)
         except OSError as error:  # no memory, or no room for its log
-            self._plan_restart(service, now, f"The {service.part.name} could not be started: {error.strerror or error}.")
+            self._plan_restart(
+                service,
+                now,
+                f"The {service.part.name} could not be started: {error.strerror or error}.",
+            )
 
     def _bury(self, service: _Service, now: float) -> None:
-        ended = f"The {service.part.name} ended: {service.child.cause_of_death()} (its log: {service.child.log})."
+        ended = (
+            f"The {service.part.name} ended: {service.child.cause_of_death()} (its log:"
+            f" {service.child.log})."
+        )
         self._children.end(service.child)
         self._plan_restart(service, now, ended)
 
@@ -110,7 +149,10 @@ class ServiceSupervisor:
         service.died_at = service.died_at or now
         match after_death(self._policy, service.deaths, is_essential=service.part.is_essential):
             case GiveUp():
-                raise PartLostError(f"{what} It ended {service.deaths} times in a row, and nothing works without it.")
+                raise PartLostError(
+                    f"{what} It ended {service.deaths} times in a row, and nothing works"
+                    " without it."
+                )
             case Restart(delay):
                 service.restart_at = now + delay
                 self._tell(f"{what} Starting it again in {delay:g} s.")

@@ -1,7 +1,8 @@
-"""What differs when DATABASE_URL names a MongoDB: keys are ObjectIds, where ours are not UUIDs, and apps of others have migrations of ours.
+"""What differs when DATABASE_URL names a MongoDB: keys are ObjectIds, where ours are not UUIDs, and
+apps of others have migrations of ours.
 
-Their own migrations make integer keys, which MongoDB does not count out. Ours make UUIDs and serve every database.
-docs/howto/mongodb.md says what works.
+Their own migrations make integer keys, which MongoDB does not count out. Ours make UUIDs and serve
+every database. docs/howto/mongodb.md says what works.
 """
 
 from typing import Any
@@ -11,12 +12,17 @@ SCHEMES = ("mongodb://", "mongodb+srv://")
 KEY = "django_mongodb_backend.fields.ObjectIdAutoField"
 NAME = "telepresence"  # of the database, when the address does not say
 _APPS = {
-    "telepresence_site.web.administration.AdminConfig": "telepresence_site.mongodb.apps.AdminConfig",
+    "telepresence_site.web.administration.AdminConfig": (
+        "telepresence_site.mongodb.apps.AdminConfig"
+    ),
     "django.contrib.auth": "telepresence_site.mongodb.apps.AuthConfig",
     "django.contrib.contenttypes": "telepresence_site.mongodb.apps.ContentTypesConfig",
     "allauth.account": "telepresence_site.mongodb.apps.AccountConfig",
 }
-MIGRATION_MODULES = {label: f"telepresence_site.mongodb.migrations.{label}" for label in ("admin", "auth", "contenttypes", "account")}
+MIGRATION_MODULES = {
+    label: f"telepresence_site.mongodb.migrations.{label}"
+    for label in ("admin", "auth", "contenttypes", "account")
+}
 
 
 def is_address(url: str) -> bool:
@@ -26,7 +32,11 @@ def is_address(url: str) -> bool:
 
 def database(url: str) -> dict[str, Any]:
     """Return Django's description of the database at an address, which pymongo reads itself."""
-    return {"ENGINE": "django_mongodb_backend", "HOST": url, "NAME": urlsplit(url).path.strip("/") or NAME}
+    return {
+        "ENGINE": "django_mongodb_backend",
+        "HOST": url,
+        "NAME": urlsplit(url).path.strip("/") or NAME,
+    }
 
 
 def apps(installed: list[str]) -> list[str]:

@@ -1,8 +1,9 @@
 """Whether this web process can do its work now, and with it the parts that it cannot do without.
 
-`/healthz` says that the process reaches database and broker (a supervisor restarts what does not). `/readyz` says whether visitors should
-be sent here, and looks at everything: 200, or 503 with a word for every part; of the disk also while there is still room. Neither says
-anything that is not everybody's business.
+`/healthz` says that the process reaches database and broker (a supervisor restarts what does not).
+`/readyz` says whether visitors should be sent here, and looks at everything: 200, or 503 with a
+word for every part; of the disk also while there is still room. Neither says anything that is not
+everybody's business.
 """
 
 import asyncio
@@ -46,7 +47,9 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
     }
     ready = all(word == WELL for word in parts.values() if word != LOW)
     if any(word != WELL for word in parts.values()):
-        log.warning("not_ready parts=%s", {part: word for part, word in parts.items() if word != WELL})
+        log.warning(
+            "not_ready parts=%s", {part: word for part, word in parts.items() if word != WELL}
+        )
     return JsonResponse({"ready": ready, **parts}, status=200 if ready else 503)
 
 
@@ -60,7 +63,9 @@ def _of_the_database(now: datetime.datetime) -> tuple[str, str]:
 
 
 def manager_state(row: ManagerBeat | None, now: datetime.datetime) -> str:
-    """Return `ok`, or what is wrong with the session manager: `none`, `silent`, `without_broker` or `behind`."""
+    """Return `ok`, or what is wrong with the session manager: `none`, `silent`, `without_broker` or
+    `behind`.
+    """
     if row is None or not row.holder:
         return "none"
     if (now - row.beat_at).total_seconds() > STALE_SECONDS:

@@ -1,10 +1,13 @@
-"""`/metrics`: how the site does, in figures, as Prometheus reads them. No label names a person, an address or a session.
+"""`/metrics`: how the site does, in figures, as Prometheus reads them. No label names a person, an
+address or a session.
 
-A web process tells its own figures (its pages, its share of the relaying, its HTTP requests), and what the database knows of the whole
-site (sessions, robots, queues, and what the session manager reports with its beat), which is therefore the same from every web process.
+A web process tells its own figures (its pages, its share of the relaying, its HTTP requests), and
+what the database knows of the whole site (sessions, robots, queues, and what the session manager
+reports with its beat), which is therefore the same from every web process.
 
-It answers 404 unless its bearer token (METRICS_TOKEN) comes along, or the connection comes straight from an address of METRICS_ALLOWED.
-A connection through a proxy, recognized by X-Forwarded-For, never counts as one of those: behind a proxy everybody has its address.
+It answers 404 unless its bearer token (METRICS_TOKEN) comes along, or the connection comes straight
+from an address of METRICS_ALLOWED. A connection through a proxy, recognized by X-Forwarded-For,
+never counts as one of those: behind a proxy everybody has its address.
 """
 
 import datetime
@@ -45,13 +48,17 @@ async def metrics(request: HttpRequest) -> HttpResponse:
     families = [*_of_this_process(), *await database_sync_to_async(_of_the_site)(timezone.now())]
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Ready(families))
-    return HttpResponse(generate_latest(REGISTRY) + generate_latest(registry), content_type=CONTENT_TYPE_LATEST)
+    return HttpResponse(
+        generate_latest(REGISTRY) + generate_latest(registry), content_type=CONTENT_TYPE_LATEST
+    )
 
 
 def may_read(request: HttpRequest) -> bool:
     """Tell whether whoever asks has the token, or one of the addresses."""
     given = request.headers.get("Authorization", "")
-    if settings.METRICS_TOKEN and hmac.compare_digest(given.encode(), f"Bearer {settings.METRICS_TOKEN}".encode()):
+    if settings.METRICS_TOKEN and hmac.compare_digest(
+        given.encode(), f"Bearer {settings.METRICS_TOKEN}".encode()
+    ):
         return True
     if "X-Forwarded-For" in request.headers or "Forwarded" in request.headers:
         return False
@@ -59,7 +66,10 @@ def may_read(request: HttpRequest) -> bool:
         address = ipaddress.ip_address(request.META.get("REMOTE_ADDR", ""))
     except ValueError:
         return False
-    return any(address in ipaddress.ip_network(network, strict=False) for network in settings.METRICS_ALLOWED)
+    return any(
+        address in ipaddress.ip_network(network, strict=False)
+        for network in settings.METRICS_ALLOWED
+    )
 
 
 class _Ready(Collector):
@@ -74,49 +84,128 @@ class _Ready(Collector):
 
 def _of_this_process() -> Iterator[Metric]:
     bridge = mqtt_bridge.current()
-    yield _gauge("broker_connected", "Whether this web process reaches the broker.", float(bridge.connected))
-    yield _gauge("disk_free_bytes", "Room on the disk of VAR_DIR.", float(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).free()))
-    yield _counter("bridge", "Messages between broker and pages by what became of them.", "what", dict(bridge.counts))
-    yield _gauges("pages", "Open drive pages by what they do.", "standing", dict(peers.counts_by_role()))
-    yield _counter("refused_frames", "What pages said and may not say, by reason.", "reason", dict(peers.refusals()))
+    yield _gauge(
+        "broker_connected", "Whether this web process reaches the broker.", float(bridge.connected)
+    )
+    yield _gauge(
+        "disk_free_bytes",
+        "Room on the disk of VAR_DIR.",
+        float(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).free()),
+    )
+    yield _counter(
+        "bridge",
+        "Messages between broker and pages by what became of them.",
+        "what",
+        dict(bridge.counts),
+    )
+    yield _gauges(
+        "pages", "Open drive pages by what they do.", "standing", dict(peers.counts_by_role())
+    )
+    yield _counter(
+        "refused_frames",
+        "What pages said and may not say, by reason.",
+        "reason",
+        dict(peers.refusals()),
+    )
 
 
 def _of_the_site(now: datetime.datetime) -> list[Metric]:
-    return [*_sessions(), *_robots(now), *_manager(ManagerBeat.objects.filter(name=NAME).first(), now)]
+    return [
+        *_sessions(),
+        *_robots(now),
+        *_manager(ManagerBeat.objects.filter(name=NAME).first(), now),
+    ]
 
 
 def _sessions() -> Iterator[Metric]:
-    ended = Session.objects.filter(state=Session.State.ENDED).order_by().values_list("outcome").annotate(n=Count("pk"))
-    live = dict(Session.objects.exclude(state=Session.State.ENDED).order_by().values_list("state").annotate(n=Count("pk")))
+    ended = (
+        Session.objects.filter(state=Session.State.ENDED)
+        .order_by()
+        .values_list("outcome")
+        .annotate(n=Count("pk"))
+    )
+    live = dict(
+        Session.objects.exclude(state=Session.State.ENDED)
+        .order_by()
+        .values_list("state")
+        .annotate(n=Count("pk"))
+    )
     outcomes = dict.fromkeys(Session.Outcome.values, 0) | dict(ended)
-    states = {state: live.get(state, 0) for state in Session.State.values if state != Session.State.ENDED}
+    states = {
+        state: live.get(state, 0) for state in Session.State.values if state != Session.State.ENDED
+    }
     yield _gauges("sessions_ended", "Sessions in the database by outcome.", "outcome", outcomes)
     yield _gauges("sessions_live", "Sessions that go on, by state.", "state", states)
-    yield _gauge("records_open", "Ended sessions whose record is not complete yet.", Session.objects.filter(state="ended", closed_at=None).count())
+    yield _gauge(
+        "records_open",
+        "Ended sessions whose record is not complete yet.",
+        Session.objects.filter(state="ended", closed_at=None).count(),
+    )
 
 
 def _robots(now: datetime.datetime) -> Iterator[Metric]:
     robots = list(Robot.objects.filter(enabled=True))
     waiting = Count("sessions", filter=Q(sessions__state=Session.State.WAITING))
-    queues = dict(Robot.objects.filter(enabled=True).order_by().annotate(n=waiting).values_list("name", "n"))
+    queues = dict(
+        Robot.objects.filter(enabled=True).order_by().annotate(n=waiting).values_list("name", "n")
+    )
     held = set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
-    charges = {robot.name: (robot.report or {}).get("battery", {}).get("charge") for robot in robots}
-    yield _gauges("robot_online", "Whether a robot is there.", "robot", {robot.name: robot.is_online(now) for robot in robots})
-    yield _gauges("robot_leased", "Whether somebody has a robot.", "robot", {robot.name: robot.pk in held for robot in robots})
+    charges = {
+        robot.name: (robot.report or {}).get("battery", {}).get("charge") for robot in robots
+    }
+    yield _gauges(
+        "robot_online",
+        "Whether a robot is there.",
+        "robot",
+        {robot.name: robot.is_online(now) for robot in robots},
+    )
+    yield _gauges(
+        "robot_leased",
+        "Whether somebody has a robot.",
+        "robot",
+        {robot.name: robot.pk in held for robot in robots},
+    )
     yield _gauges("robot_queue_length", "How many wait for a robot.", "robot", queues)
-    yield _gauges("robot_charge", "A robot's charge, 0 to 1.", "robot", {name: charge for name, charge in charges.items() if charge is not None})
+    yield _gauges(
+        "robot_charge",
+        "A robot's charge, 0 to 1.",
+        "robot",
+        {name: charge for name, charge in charges.items() if charge is not None},
+    )
 
 
 def _manager(row: ManagerBeat | None, now: datetime.datetime) -> Iterator[Metric]:
-    yield _gauge("session_manager_well", "Whether the session manager does its work.", float(manager_state(row, now) == WELL))
+    yield _gauge(
+        "session_manager_well",
+        "Whether the session manager does its work.",
+        float(manager_state(row, now) == WELL),
+    )
     if row is None:
         return
     report = row.report
-    yield _gauge("session_manager_beat_age_seconds", "Since the session manager's last beat.", (now - row.beat_at).total_seconds())
-    yield _gauge("recorder_waiting", "What is still to be written into the record.", report.get("waiting", 0))
-    yield _counter("recorded", "What the recorder did, since it started.", "what", report.get("counts", {}))
-    yield _counter("robot_refused_commands", "Commands that robots refused during sessions, by reason.", "reason", report.get("refused", {}))
-    yield _counter("rejected_messages", "Messages to the session manager that were none.", "reason", report.get("rejected", {}))
+    yield _gauge(
+        "session_manager_beat_age_seconds",
+        "Since the session manager's last beat.",
+        (now - row.beat_at).total_seconds(),
+    )
+    yield _gauge(
+        "recorder_waiting", "What is still to be written into the record.", report.get("waiting", 0)
+    )
+    yield _counter(
+        "recorded", "What the recorder did, since it started.", "what", report.get("counts", {})
+    )
+    yield _counter(
+        "robot_refused_commands",
+        "Commands that robots refused during sessions, by reason.",
+        "reason",
+        report.get("refused", {}),
+    )
+    yield _counter(
+        "rejected_messages",
+        "Messages to the session manager that were none.",
+        "reason",
+        report.get("rejected", {}),
+    )
 
 
 def _gauge(name: str, says: str, value: float) -> Metric:

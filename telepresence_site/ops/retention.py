@@ -1,7 +1,8 @@
-"""What is forgotten when: by kind, as settings.RETENTION_DAYS says. What belongs to a study is kept as long as the study; its addresses are not.
+"""What is forgotten when: by kind, as settings.RETENTION_DAYS says. What belongs to a study is kept
+as long as the study; its addresses are not.
 
-Every kind is a question for rows that are old enough and what becomes of them, a part at a time, so that a database with years in it
-is not locked for long.
+Every kind is a question for rows that are old enough and what becomes of them, a part at a time, so
+that a database with years in it is not locked for long.
 """
 
 import datetime
@@ -24,7 +25,9 @@ PART = 200
 
 @dataclass(frozen=True)
 class Kind:
-    """Something that is kept for so many days: how to count, and how to forget, what is older than a moment."""
+    """Something that is kept for so many days: how to count, and how to forget, what is older than
+    a moment.
+    """
 
     name: str
     count: Callable[[datetime.datetime], int]
@@ -32,7 +35,9 @@ class Kind:
 
 
 def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, int]]:
-    """Yield (kind, how many) for every kind that is not kept for ever, after forgetting them or, dry, only counting."""
+    """Yield (kind, how many) for every kind that is not kept for ever, after forgetting them or,
+    dry, only counting.
+    """
     for kind in KINDS:
         days = settings.RETENTION_DAYS[kind.name]
         if days > 0.0:
@@ -44,10 +49,14 @@ def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, 
 
 def _of_no_study(before: datetime.datetime) -> "QuerySet[Session]":
     """Return sessions whose record is closed, that ended so long ago, and that are no study's."""
-    return Session.objects.filter(state=Session.State.ENDED, closed_at__isnull=False, ended_at__lt=before, drive=None)
+    return Session.objects.filter(
+        state=Session.State.ENDED, closed_at__isnull=False, ended_at__lt=before, drive=None
+    )
 
 
-def _rows(of: Callable[[datetime.datetime], "QuerySet[Any]"]) -> tuple[Callable[[datetime.datetime], int], Callable[[datetime.datetime], int]]:
+def _rows(
+    of: Callable[[datetime.datetime], "QuerySet[Any]"],
+) -> tuple[Callable[[datetime.datetime], int], Callable[[datetime.datetime], int]]:
     """Return how to count and how to delete what `of` finds."""
 
     def forget(before: datetime.datetime) -> int:
@@ -60,24 +69,33 @@ def _rows(of: Callable[[datetime.datetime], "QuerySet[Any]"]) -> tuple[Callable[
     return lambda before: of(before).count(), forget
 
 
-# --- addresses -------------------------------------------------------------------------------------------------------
+# --- addresses ------------------------------------------------------------------------------------
 
 
 def _with_address(before: datetime.datetime) -> Iterator[Session]:
     """Yield sessions that still tell a network or a user agent; only these two columns are read."""
-    rows = Session.objects.filter(state=Session.State.ENDED, ended_at__lt=before).exclude(device={}).only("device").order_by("pk")
+    rows = (
+        Session.objects.filter(state=Session.State.ENDED, ended_at__lt=before)
+        .exclude(device={})
+        .only("device")
+        .order_by("pk")
+    )
     for row in in_parts(rows, PART):
         if row.device.get("user_agent") or "/" in row.device.get("network", ""):
             yield row
 
 
 def _forget_addresses(before: datetime.datetime) -> int:
-    secrets: dict[Any, str] = dict(Drive.objects.values_list("session_id", "participant__study__secret"))
+    secrets: dict[Any, str] = dict(
+        Drive.objects.values_list("session_id", "participant__study__secret")
+    )
     total = 0
     for row in _with_address(before):
         secret = secrets.get(row.pk)
         network = Pseudonyms(secret).network(row.device.get("network", "")) if secret else ""
-        Session.objects.filter(pk=row.pk).update(device=row.device | {"network": network, "user_agent": ""})
+        Session.objects.filter(pk=row.pk).update(
+            device=row.device | {"network": network, "user_agent": ""}
+        )
         total += 1
     return total
 
@@ -85,8 +103,13 @@ def _forget_addresses(before: datetime.datetime) -> int:
 # In this order: what goes with its session need not be forgotten before.
 KINDS = (
     Kind("sessions", *_rows(_of_no_study)),
-    Kind("photos", *_rows(lambda before: Snapshot.objects.filter(session__in=_of_no_study(before)))),
-    Kind("network_samples", *_rows(lambda before: NetworkSample.objects.filter(session__in=_of_no_study(before)))),
+    Kind(
+        "photos", *_rows(lambda before: Snapshot.objects.filter(session__in=_of_no_study(before)))
+    ),
+    Kind(
+        "network_samples",
+        *_rows(lambda before: NetworkSample.objects.filter(session__in=_of_no_study(before))),
+    ),
     Kind("addresses", lambda before: sum(1 for _ in _with_address(before)), _forget_addresses),
     Kind("system_log", *_rows(lambda before: SystemLog.objects.filter(at__lt=before))),
     Kind("audit_log", lambda before: audit.forget(before, dry_run=True), audit.forget),

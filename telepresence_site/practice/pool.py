@@ -1,8 +1,10 @@
-"""How many practice robots run, and which: a decision on plain data, without processes or a database.
+"""How many practice robots run, and which: a decision on plain data, without processes or a
+database.
 
-A simulated robot costs a good part of a core, so it runs only when somebody may want it: one for everybody who practises, and one more
-while somebody waits. It is started anew after each visitor, so that everybody finds it in its charging station. When all are taken the
-next visitor waits in the queue of one of them, whose turns are short: a full house delays and never blocks.
+A simulated robot costs a good part of a core, so it runs only when somebody may want it: one for
+everybody who practises, and one more while somebody waits. It is started anew after each visitor,
+so that everybody finds it in its charging station. When all are taken the next visitor waits in the
+queue of one of them, whose turns are short: a full house delays and never blocks.
 
 Times are Unix seconds.
 """
@@ -11,7 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 LINGER = 60.0  # how long a robot that nobody needs stays ready for the next one who waits
-AGAIN = 5.0  # between two starts of the same robot, so that one that cannot live does not eat the computer
+# between two starts of the same robot, so that one that cannot live does not eat the computer
+AGAIN = 5.0
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,8 @@ class Process:
 
 @dataclass(frozen=True)
 class Demand:
-    """Who is there: `wanted_at` is when somebody last waited for a real robot, `taken` the practice robots with living visits.
+    """Who is there: `wanted_at` is when somebody last waited for a real robot, `taken` the practice
+    robots with living visits.
 
     `left_at` says when the last visitor of each left, of those that had one.
     """
@@ -48,7 +52,9 @@ class Stop:
     name: str
 
 
-def decide(names: Sequence[str], demand: Demand, processes: Mapping[str, Process], now: float) -> list[Start | Stop]:
+def decide(
+    names: Sequence[str], demand: Demand, processes: Mapping[str, Process], now: float
+) -> list[Start | Stop]:
     """Return what is to be done now.
 
     Args:
@@ -58,13 +64,18 @@ def decide(names: Sequence[str], demand: Demand, processes: Mapping[str, Process
         now: Unix seconds.
     """
     alive = [name for name in names if name in processes and processes[name].alive]
-    used = {name for name in alive if name not in demand.taken and demand.left_at.get(name, 0.0) > processes[name].started_at}
+    used = {
+        name
+        for name in alive
+        if name not in demand.taken and demand.left_at.get(name, 0.0) > processes[name].started_at
+    }
     kept = [name for name in alive if name not in used]
     spare = demand.wanted_at is not None and now - demand.wanted_at < LINGER
     needed = min(len(names), len(demand.taken) + spare)
     acts: list[Start | Stop] = [Stop(name) for name in sorted(used)]
     missing = [name for name in names if name not in alive and _may_start(processes.get(name), now)]
-    missing.sort(key=lambda name: name not in demand.taken)  # whoever practises first: theirs has died
+    # whoever practises first: theirs has died
+    missing.sort(key=lambda name: name not in demand.taken)
     acts += [Start(name) for name in missing[: max(0, needed - len(kept))]]
     idle = [name for name in reversed(kept) if name not in demand.taken]
     return acts + [Stop(name) for name in idle[: max(0, len(kept) - needed)]]

@@ -18,13 +18,27 @@ PROFILE = "giraff"  # the simulated robot that is driven
 
 
 def prepare(count: int, mqtt_url: str) -> list[str]:
-    """Make `count` practice robots and their credentials, close those beyond, and return their names."""
+    """Make `count` practice robots and their credentials, close those beyond, and return their
+    names.
+    """
     names = [f"practice-{number}" for number in range(1, count + 1)]
-    plan = FloorPlan.objects.filter(name=PLACE).first() or store_floor_plan(settings.BASE_DIR / "robots" / "agent" / "world" / "plans" / PLACE)
+    plan = FloorPlan.objects.filter(name=PLACE).first() or store_floor_plan(
+        settings.BASE_DIR / "robots" / "agent" / "world" / "plans" / PLACE
+    )
     Robot.objects.filter(practice=True).exclude(name__in=names).update(enabled=False)
     for name in names:
-        fields = {"title": "Practice", "practice": True, "enabled": True, "access": Robot.Access.OPEN, "floor_plan": plan}
-        fields |= {"returns_home": False, "observers_allowed": False, "turn_minutes": settings.PRACTICE_MINUTES}
+        fields = {
+            "title": "Practice",
+            "practice": True,
+            "enabled": True,
+            "access": Robot.Access.OPEN,
+            "floor_plan": plan,
+        }
+        fields |= {
+            "returns_home": False,
+            "observers_allowed": False,
+            "turn_minutes": settings.PRACTICE_MINUTES,
+        }
         robot, _ = Robot.objects.update_or_create(name=name, defaults=fields)
         keep_credentials_here(robot, mqtt_url)
     return names
@@ -33,9 +47,16 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
 def demand(wanted_at: float | None, now: datetime.datetime) -> Demand:
     """Return who is there; `wanted_at` is what was known of it before."""
     recent = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
-    waiting = Session.objects.filter(state=Session.State.WAITING, robot__practice=False, seen_at__gte=recent)
+    waiting = Session.objects.filter(
+        state=Session.State.WAITING, robot__practice=False, seen_at__gte=recent
+    )
     practising = Session.objects.filter(robot__practice=True)
-    ended = practising.filter(granted_at__isnull=False, ended_at__isnull=False).order_by().values("robot__name").annotate(at=Max("ended_at"))
+    ended = (
+        practising.filter(granted_at__isnull=False, ended_at__isnull=False)
+        .order_by()
+        .values("robot__name")
+        .annotate(at=Max("ended_at"))
+    )
     return Demand(
         wanted_at=now.timestamp() if waiting.exists() else wanted_at,
         taken=frozenset(practising.filter(state__in=LIVE).values_list("robot__name", flat=True)),

@@ -1,6 +1,8 @@
-"""Runs the practice robots: looks every second at who is there, starts what is needed, ends what is not.
+"""Runs the practice robots: looks every second at who is there, starts what is needed, ends what is
+not.
 
-Children die with this process. A new one finds in the database who practises, and starts their robots again.
+Children die with this process. A new one finds in the database who practises, and starts their
+robots again.
 """
 
 import logging
@@ -37,12 +39,15 @@ class Supervisor:
         command: what runs a robot of this name.
     """
 
-    def __init__(self, names: list[str], log_dir: Path, command: Callable[[str], list[str]] = robot_command) -> None:
+    def __init__(
+        self, names: list[str], log_dir: Path, command: Callable[[str], list[str]] = robot_command
+    ) -> None:
         self._names = names
         self._command = command
         self._children = Children(log_dir, dict(os.environ))
         self._running: dict[str, Child] = {}  # a robot that was ended is in here no more
-        self._started_at: dict[str, float] = {}  # Unix seconds, of every robot that was ever started
+        # Unix seconds, of every robot that was ever started
+        self._started_at: dict[str, float] = {}
         self._wanted_at: float | None = None
 
     def run(self, stopping: threading.Event) -> None:
@@ -62,7 +67,9 @@ class Supervisor:
         demand = robots.demand(self._wanted_at, timezone.now())
         self._wanted_at = demand.wanted_at
         self._forget_dead()
-        processes = {name: Process(at, alive=name in self._running) for name, at in self._started_at.items()}
+        processes = {
+            name: Process(at, alive=name in self._running) for name, at in self._started_at.items()
+        }
         for act in decide(self._names, demand, processes, time.time()):
             match act:
                 case Start(name):
@@ -74,7 +81,12 @@ class Supervisor:
         """Name every robot that ended by itself, and forget its process."""
         for name, child in list(self._running.items()):
             if child.process.poll() is not None:
-                log.warning("practice_robot_died robot=%s reason=%r log=%s", name, child.cause_of_death(), child.log)
+                log.warning(
+                    "practice_robot_died robot=%s reason=%r log=%s",
+                    name,
+                    child.cause_of_death(),
+                    child.log,
+                )
                 self._end(name)
 
     def _start(self, name: str) -> None:

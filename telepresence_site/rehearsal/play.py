@@ -1,6 +1,8 @@
-"""A play of bots in a sandbox: orders in a file, a process that carries them out at its own pace, findings in a file.
+"""A play of bots in a sandbox: orders in a file, a process that carries them out at its own pace,
+findings in a file.
 
-The first half runs in the process that a command was given to, at real time and beside the site; the second in the one that it starts.
+The first half runs in the process that a command was given to, at real time and beside the site;
+the second in the one that it starts.
 """
 
 import asyncio
@@ -46,7 +48,9 @@ class PlayFailed(Exception):  # noqa: N818 -- the command's word for it
 
 @dataclass(frozen=True)
 class Orders:
-    """What is to be played. `endings` are values of Ending, `effects` as they are written on a command line."""
+    """What is to be played. `endings` are values of Ending, `effects` as they are written on a
+    command line.
+    """
 
     endings: list[str]
     seed: int
@@ -68,10 +72,12 @@ class Played:
     real_seconds: float
 
 
-# --- beside the site -------------------------------------------------------------------------------------------------
+# --- beside the site ------------------------------------------------------------------------------
 
 
-def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None] = lambda _line: None) -> Played:
+def play(
+    study: Study, orders: Orders, folder: Path, told: Callable[[str], None] = lambda _line: None
+) -> Played:
     """Play a study in a sandbox and return what was found; `told` hears of each bot.
 
     Raises:
@@ -83,12 +89,21 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
     sandbox.pack(study, folder)
     (folder / ORDERS).write_text(json.dumps(asdict(orders)), encoding="utf-8")
     pace = Pace(folder / PACE)
-    environment = pace.environment(sandbox.environment(folder, {**os.environ, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}))
+    environment = pace.environment(
+        sandbox.environment(
+            folder, {**os.environ, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+        )
+    )
     command = [sys.executable, str(settings.BASE_DIR / "manage.py"), "play_in_sandbox"]
     process = subprocess.Popen(  # noqa: S603 -- our own command
-        command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        command,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
         preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
-    )  # fmt: skip
+    )
     last = ""
     try:
         for line in process.stdout or ():
@@ -97,12 +112,16 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
     finally:
         _end(process)
     if process.returncode != 0 or not (folder / FINDINGS).exists():
-        raise PlayFailed(f"The sandbox ended: {last or 'it said nothing'} (its logs: {folder / 'log'})")
+        raise PlayFailed(
+            f"The sandbox ended: {last or 'it said nothing'} (its logs: {folder / 'log'})"
+        )
     return msgspec.json.decode((folder / FINDINGS).read_bytes(), type=Played)
 
 
 def _end(process: "subprocess.Popen[str]") -> None:
-    """End the sandbox's process, whose own children end before it, or with it when it does not listen."""
+    """End the sandbox's process, whose own children end before it, or with it when it does not
+    listen.
+    """
     if process.poll() is None:
         process.terminate()
     try:
@@ -112,7 +131,7 @@ def _end(process: "subprocess.Popen[str]") -> None:
         process.wait()
 
 
-# --- in the sandbox --------------------------------------------------------------------------------------------------
+# --- in the sandbox -------------------------------------------------------------------------------
 
 
 def carry_out(told: Callable[[str], None]) -> None:
@@ -130,7 +149,9 @@ def carry_out(told: Callable[[str], None]) -> None:
     (settings.VAR_DIR / FINDINGS).write_bytes(msgspec.json.encode(played))
 
 
-def _perform(study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace) -> tuple[list[Diary], Report]:
+def _perform(
+    study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace
+) -> tuple[list[Diary], Report]:
     """Let the bots play, unless what the sandbox has makes it impossible."""
     definition = study.as_definition()
     wrong = obstacles_here(definition)
@@ -142,29 +163,55 @@ def _perform(study: Study, orders: Orders, site: str, told: Callable[[str], None
     return diaries, judge(definition, diaries, rehearsed.findings(study))
 
 
-def crowd_of(study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace | None = None) -> BotGroup:
-    """Return the bots of some orders, each with a link of its own: to open conditions and to those by invitation in turn."""
+def crowd_of(
+    study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace | None = None
+) -> BotGroup:
+    """Return the bots of some orders, each with a link of its own: to open conditions and to those
+    by invitation in turn.
+    """
     endings = [Ending(name) for name in orders.endings]
     effects = [effect(text) for text in orders.effects]
-    plan = Plan(site, bot_links(study, endings), endings, orders.seed, orders.at_once, effects, orders.explore, orders.visits)
+    plan = Plan(
+        site,
+        bot_links(study, endings),
+        endings,
+        orders.seed,
+        orders.at_once,
+        effects,
+        orders.explore,
+        orders.visits,
+    )
     return BotGroup(plan, lambda diary: told(line_of(diary)), pace, orders.speed)
 
 
 def bot_links(study: Study, endings: Sequence[Ending]) -> list[str]:
-    """Make links that make bots of who redeems them, one for each ending, and return their paths: no other way leads to being a bot."""
+    """Make links that make bots of who redeems them, one for each ending, and return their paths:
+    no other way leads to being a bot.
+    """
     now = timezone.now()
     ways = ways_in(study.as_definition(), endings)
-    made = [links.make(study, label=f"bot {number}", access=way, kind=Kind.BOT, now=now) for number, way in enumerate(ways)]
+    made = [
+        links.make(study, label=f"bot {number}", access=way, kind=Kind.BOT, now=now)
+        for number, way in enumerate(ways)
+    ]
     return [f"/studies/link/{token}/" for _row, token in made]
 
 
 def ways_in(definition: Definition, endings: Sequence[Ending]) -> list[str]:
-    """Return how each bot comes in: as often by each way as there are conditions for it, and by turns, so that no robot waits long.
+    """Return how each bot comes in: as often by each way as there are conditions for it, and by
+    turns, so that no robot waits long.
 
     Whose ending is about the photo comes by a way on which there is one.
     """
-    with_photo = [one for one in definition.conditions if (course := definition.course_of(one)) is not None and course.photo is not None]
-    usual, photo = cycle(_by_turns(definition.conditions)), cycle(_by_turns(with_photo or definition.conditions))
+    with_photo = [
+        one
+        for one in definition.conditions
+        if (course := definition.course_of(one)) is not None and course.photo is not None
+    ]
+    usual, photo = (
+        cycle(_by_turns(definition.conditions)),
+        cycle(_by_turns(with_photo or definition.conditions)),
+    )
     return [next(photo if ending in ABOUT_PHOTO else usual) for ending in endings]
 
 
@@ -176,12 +223,24 @@ def _by_turns(conditions: Sequence[Condition]) -> list[str]:
 
 def line_of(diary: Diary) -> str:
     """Return a bot's diary in one line."""
-    drives = ", ".join(f"{leg.outcome or leg.reason or 'no drive'} in {leg.seconds:.0f} s" for leg in diary.legs) or "no drive"
-    return f"bot {diary.number:3} {diary.ending:<22} {drives}{' · stuck: ' + diary.stuck if diary.stuck else ''}"
+    drives = (
+        ", ".join(
+            f"{leg.outcome or leg.reason or 'no drive'} in {leg.seconds:.0f} s"
+            for leg in diary.legs
+        )
+        or "no drive"
+    )
+    return (
+        f"bot {diary.number:3} {diary.ending:<22}"
+        f" {drives}{' · stuck: ' + diary.stuck if diary.stuck else ''}"
+    )
 
 
 def _settle(study: Study) -> None:
     """Wait until the session manager has settled the last drives."""
     deadline = time.monotonic() + SETTLE_SECONDS
-    while Drive.objects.filter(participant__study=study, settled_at=None).exists() and time.monotonic() < deadline:
+    while (
+        Drive.objects.filter(participant__study=study, settled_at=None).exists()
+        and time.monotonic() < deadline
+    ):
         time.sleep(1.0)

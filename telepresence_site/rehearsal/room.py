@@ -13,7 +13,9 @@ KEPT = 3
 
 @contextmanager
 def sandbox_folder(name: str) -> Iterator[Path]:
-    """Yield a new folder in the site's run-time data; of older ones only the last few stay, to look into when something went wrong."""
+    """Yield a new folder in the site's run-time data; of older ones only the last few stay, to look
+    into when something went wrong.
+    """
     home: Path = settings.VAR_DIR / "sandboxes"
     home.mkdir(parents=True, exist_ok=True)
     for old in sorted(home.iterdir(), key=lambda path: path.stat().st_mtime)[: -KEPT + 1 or None]:

@@ -1,7 +1,9 @@
-"""A whole system for bots alone, in a folder of its own: database, broker, session manager, web server, one simulated robot of each kind.
+"""A whole system for bots alone, in a folder of its own: database, broker, session manager, web
+server, one simulated robot of each kind.
 
-Nothing in it touches the site that it was made from: a study goes in as a file, and what was found comes out as one. It is run by
-processes that may keep a quick pace (experiments/bots/pace.py), which the site's own processes must never do.
+Nothing in it touches the site that it was made from: a study goes in as a file, and what was found
+comes out as one. It is run by processes that may keep a quick pace (experiments/bots/pace.py),
+which the site's own processes must never do.
 """
 
 import copy
@@ -51,29 +53,57 @@ LEFT_BEHIND = (
 def pack(row: Study, folder: Path) -> None:
     """Write a study, its questionnaires and the plans of its sites into a folder."""
     definition = row.as_definition()
-    asked = {(step.questionnaire, step.version) for step in definition.steps if isinstance(step, Form | Questionnaire)}
-    questionnaires = [one for one in QuestionnaireRow.objects.all() if (one.slug, one.version) in asked]
-    plans = FloorPlan.objects.filter(name__in={condition.site for condition in definition.conditions})
+    asked = {
+        (step.questionnaire, step.version)
+        for step in definition.steps
+        if isinstance(step, Form | Questionnaire)
+    }
+    questionnaires = [
+        one for one in QuestionnaireRow.objects.all() if (one.slug, one.version) in asked
+    ]
+    plans = FloorPlan.objects.filter(
+        name__in={condition.site for condition in definition.conditions}
+    )
     alone = copy.copy(row)
     alone.published_by = None  # who did it is nobody in there
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / STUDY_FILE).write_text(serializers.serialize("json", [*plans, *questionnaires, alone]), encoding="utf-8")
+    (folder / STUDY_FILE).write_text(
+        serializers.serialize("json", [*plans, *questionnaires, alone]), encoding="utf-8"
+    )
 
 
 def environment(folder: Path, given: dict[str, str]) -> dict[str, str]:
-    """Return the environment of the sandbox's processes: nothing leads out of its folder, nor is what a robot's agent is told here for its robots."""
-    kept = {name: value for name, value in given.items() if name not in LEFT_BEHIND and not name.startswith(ENVIRONMENT)}
+    """Return the environment of the sandbox's processes: nothing leads out of its folder, nor is
+    what a robot's agent is told here for its robots.
+    """
+    kept = {
+        name: value
+        for name, value in given.items()
+        if name not in LEFT_BEHIND and not name.startswith(ENVIRONMENT)
+    }
     ours = {
-        "VAR_DIR": str(folder), "HTTP_ONLY": "1", "PLAIN_STATIC": "1", "PYTHONUNBUFFERED": "1", "SIGNUP_OPEN": "1", "EMAIL_VERIFICATION": "none",
-        "MQTT_URL": f"mqtt://{LOOPBACK}:{free_port()}", "ALLOWED_HOSTS": LOOPBACK, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1",
-    }  # fmt: skip
+        "VAR_DIR": str(folder),
+        "HTTP_ONLY": "1",
+        "PLAIN_STATIC": "1",
+        "PYTHONUNBUFFERED": "1",
+        "SIGNUP_OPEN": "1",
+        "EMAIL_VERIFICATION": "none",
+        "MQTT_URL": f"mqtt://{LOOPBACK}:{free_port()}",
+        "ALLOWED_HOSTS": LOOPBACK,
+        "OPENBLAS_NUM_THREADS": "1",
+        "OMP_NUM_THREADS": "1",
+    }
     return {**kept, **ours}
 
 
 def unpack() -> Study:
-    """Make the sandbox's database, in the process that runs it, and return the study, which is a draft in it."""
+    """Make the sandbox's database, in the process that runs it, and return the study, which is a
+    draft in it.
+    """
     call_command("migrate", verbosity=0)
-    for loaded in serializers.deserialize("json", (settings.VAR_DIR / STUDY_FILE).read_text(encoding="utf-8")):
+    for loaded in serializers.deserialize(
+        "json", (settings.VAR_DIR / STUDY_FILE).read_text(encoding="utf-8")
+    ):
         loaded.save()
     Study.objects.update(status=Study.Status.DRAFT, opening_hours=[])
     row = Study.objects.get()
@@ -85,41 +115,68 @@ def _make_robots(definition: Definition) -> None:
     owner = User.objects.create(username="sandbox", is_staff=True, is_superuser=True)
     for name, (series, site) in _robots(definition).items():
         plan = FloorPlan.objects.filter(name=site).first() or store_floor_plan(OFFICE.parent / site)
-        robot = Robot.objects.create(name=name, title=f"{series} at {site}", access=Robot.Access.OPEN, owner=owner, floor_plan=plan)
+        robot = Robot.objects.create(
+            name=name,
+            title=f"{series} at {site}",
+            access=Robot.Access.OPEN,
+            owner=owner,
+            floor_plan=plan,
+        )
         kept = credentials.make_credentials(robot, timezone.now())
-        credentials.keep_credentials(kept, settings.CREDENTIALS_DIR / f"{name}.toml", mqtt_url=settings.MQTT_URL)
+        credentials.keep_credentials(
+            kept, settings.CREDENTIALS_DIR / f"{name}.toml", mqtt_url=settings.MQTT_URL
+        )
 
 
 def problems(definition: Definition) -> list[str]:
-    """Return why a study cannot be played in a sandbox, in sentences: it needs robots that nobody simulates."""
+    """Return why a study cannot be played in a sandbox, in sentences: it needs robots that nobody
+    simulates.
+    """
     series = sorted({condition.robot for condition in definition.conditions} - set(MODELS))
-    return [f"There is no simulation of {name}: bots can rehearse with {' and '.join(sorted(MODELS))} alone." for name in series]
+    return [
+        f"There is no simulation of {name}: bots can rehearse with {' and '.join(sorted(MODELS))}"
+        " alone."
+        for name in series
+    ]
 
 
 def _robots(definition: Definition) -> dict[str, tuple[str, str]]:
-    """Return series and site of each robot by its name: the series, with a number where there are several (a site's name may be none for a robot)."""
-    pairs = list(dict.fromkeys((condition.robot, condition.site) for condition in definition.conditions))
+    """Return series and site of each robot by its name: the series, with a number where there are
+    several (a site's name may be none for a robot).
+    """
+    pairs = list(
+        dict.fromkeys((condition.robot, condition.site) for condition in definition.conditions)
+    )
     series = [name for name, _site in pairs]
-    return {(name if series.count(name) == 1 else f"{name}-{number}"): (name, site) for number, (name, site) in enumerate(pairs, 1)}
+    return {
+        (name if series.count(name) == 1 else f"{name}-{number}"): (name, site)
+        for number, (name, site) in enumerate(pairs, 1)
+    }
 
 
 @contextmanager
 def running(definition: Definition, sites: Path) -> Iterator[str]:
-    """Run the sandbox's servers and robots, and yield where its site is; everything is ended afterwards.
+    """Run the sandbox's servers and robots, and yield where its site is; everything is ended
+    afterwards.
 
     Args:
         definition: the study.
-        sites: where the plans of sites that do not come with the project are kept, as simulators take them.
+        sites: where the plans of sites that do not come with the project are kept, as simulators
+            take them.
 
     Raises:
-        telepresence_site.demo.children.StartFailed: one of them did not come up, or ended meanwhile; one sentence.
+        telepresence_site.demo.children.StartFailed: one of them did not come up, or ended
+        meanwhile; one sentence.
     """
     children = Children(settings.VAR_DIR / "log", {**os.environ})
     try:
         yield _start(children, definition, sites)
         gone = children.ended()
         if gone is not None:  # what bots met after that says nothing of the study
-            raise StartFailed(f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_words()} (its log: {gone.log})")
+            raise StartFailed(
+                f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_words()}"
+                f" (its log: {gone.log})"
+            )
     finally:
         children.stop()
 
@@ -129,17 +186,37 @@ def _start(children: Children, definition: Definition, sites: Path) -> str:
     mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), free_port()
     site = f"http://{LOOPBACK}:{web_port}"
     parts = [
-        Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda _child: listening(mqtt_port)),
-        Part("session manager", [manage, "run_session_manager"], lambda _child: ManagerBeat.objects.exists()),
-        Part("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda _child: answers(site)),
+        Part(
+            "broker",
+            [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)],
+            lambda _child: listening(mqtt_port),
+        ),
+        Part(
+            "session manager",
+            [manage, "run_session_manager"],
+            lambda _child: ManagerBeat.objects.exists(),
+        ),
+        Part(
+            "web server",
+            [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION],
+            lambda _child: answers(site),
+        ),
     ]
     for name, (series, plan) in _robots(definition).items():
         where = plan if plan in shipped_sites() else str(sites / plan)
         options = [f"--option={key}={value}" for key, value in (("plan", where), ("fps", FPS))]
-        parts.append(Part(f"simulated {name}", [manage, "run_robot", name, "--profile", series, *options], _online(name)))
+        parts.append(
+            Part(
+                f"simulated {name}",
+                [manage, "run_robot", name, "--profile", series, *options],
+                _online(name),
+            )
+        )
     children.start_together(parts, within=START_SECONDS)
     return site
 
 
 def _online(name: str) -> Callable[[Child], bool]:
-    return lambda _child: Robot.objects.filter(name=name, connection="ONLINE").exclude(factsheet=None).exists()
+    return lambda _child: (
+        Robot.objects.filter(name=name, connection="ONLINE").exclude(factsheet=None).exists()
+    )

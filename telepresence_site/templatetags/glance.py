@@ -30,7 +30,11 @@ def site_at_a_glance() -> Glance:
     """Return how the site is now."""
     now = timezone.now()
     robots = list(Robot.objects.filter(enabled=True).only("enabled", "connection", "last_seen_at"))
-    states = list(Session.objects.exclude(state=Session.State.ENDED).order_by().values_list("state", flat=True))
+    states = list(
+        Session.objects.exclude(state=Session.State.ENDED)
+        .order_by()
+        .values_list("state", flat=True)
+    )
     waiting = states.count(Session.State.WAITING)
     midnight = timezone.localtime(now).replace(hour=0, minute=0, second=0, microsecond=0)
     return Glance(

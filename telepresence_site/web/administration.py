@@ -1,7 +1,7 @@
 """Django's administration, loaded by those who serve its pages only.
 
-Its modules bring forms that read floor plans, with everything that computes on them: half a second of a process's start. Broker, session
-manager and robots need none of it.
+Its modules bring forms that read floor plans, with everything that computes on them: half a second
+of a process's start. Broker, session manager and robots need none of it.
 """
 
 from collections.abc import Sequence

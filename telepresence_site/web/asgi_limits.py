@@ -1,4 +1,6 @@
-"""What never reaches Django: bodies that are larger than any form, WebSockets of pages that are not ours, and too many at once."""
+"""What never reaches Django: bodies that are larger than any form, WebSockets of pages that are not
+ours, and too many at once.
+"""
 
 import collections
 import logging
@@ -14,15 +16,19 @@ log = logging.getLogger(__name__)
 
 Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 
-# The largest form is a floor plan: its image, YAML and plan (robots/floorplans.py), and what multipart adds.
+# The largest form is a floor plan: its image, YAML and plan (robots/floorplans.py), and what
+# multipart adds.
 MAX_BODY = 10 * 1024 * 1024
 TOO_LARGE = 413
-CONNECTS_A_SECOND, CONNECTS_AT_ONCE, ADDRESSES = 5.0, 200.0, 4096  # a class behind one address reloads its pages together
+# a class behind one address reloads its pages together
+CONNECTS_A_SECOND, CONNECTS_AT_ONCE, ADDRESSES = 5.0, 200.0, 4096
 DEFAULT_PORTS = {"http": 80, "https": 443, "ws": 80, "wss": 443}
 
 
 class BodyLimit:
-    """ASGI middleware for HTTP: a body that says it is too large, or turns out to be, is answered with 413 and read no further."""
+    """ASGI middleware for HTTP: a body that says it is too large, or turns out to be, is answered
+    with 413 and read no further.
+    """
 
     def __init__(self, application: Application, limit: int = MAX_BODY) -> None:
         self._application, self._limit = application, limit
@@ -38,7 +44,9 @@ class BodyLimit:
 
 
 class _Counted:
-    """`receive` that counts; past the limit it refuses, and the client is gone as far as the application knows."""
+    """`receive` that counts; past the limit it refuses, and the client is gone as far as the
+    application knows.
+    """
 
     def __init__(self, receive: Any, send: Any, limit: int) -> None:
         self._receive, self._send, self._left, self._refused = receive, send, limit, False
@@ -63,23 +71,36 @@ def _declared(scope: dict[str, Any]) -> int:
 async def _refuse(send: Any) -> None:
     headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
     await send({"type": "http.response.start", "status": TOO_LARGE, "headers": headers})
-    await send({"type": "http.response.body", "body": b"This is larger than anything that is sent here.\n"})
+    await send(
+        {"type": "http.response.body", "body": b"This is larger than anything that is sent here.\n"}
+    )
 
 
 class SameOrigin:
-    """ASGI middleware for WebSockets: the page that opens one comes from this very host and port, or from a trusted origin.
+    """ASGI middleware for WebSockets: the page that opens one comes from this very host and port,
+    or from a trusted origin.
 
-    Stricter than the host alone: a browser sends our cookies also to whatever else listens on another port of the same host. With
-    `secure_only` the page came by HTTPS: anybody on the network between can make one up that came by plain http. It is the page's own word
-    that counts, which a proxy that speaks TLS for us passes on, and not how the socket arrives here.
+    Stricter than the host alone: a browser sends our cookies also to whatever else listens on
+    another port of the same host. With `secure_only` the page came by HTTPS: anybody on the network
+    between can make one up that came by plain http. It is the page's own word that counts, which a
+    proxy that speaks TLS for us passes on, and not how the socket arrives here.
     """
 
-    def __init__(self, application: Application, trusted: list[str], *, secure_only: bool = False) -> None:
-        self._application, self._trusted, self._secure_only = application, {origin.lower().rstrip("/") for origin in trusted}, secure_only
+    def __init__(
+        self, application: Application, trusted: list[str], *, secure_only: bool = False
+    ) -> None:
+        self._application, self._trusted, self._secure_only = (
+            application,
+            {origin.lower().rstrip("/") for origin in trusted},
+            secure_only,
+        )
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         """Go on, or close before anything is said."""
-        origin, host = _header(scope, b"origin").lower().rstrip("/"), _header(scope, b"host").lower()
+        origin, host = (
+            _header(scope, b"origin").lower().rstrip("/"),
+            _header(scope, b"host").lower(),
+        )
         is_ours = is_same(origin, host) and (not self._secure_only or origin.startswith("https://"))
         if is_ours or origin in self._trusted:
             await self._application(scope, receive, send)
@@ -88,12 +109,19 @@ class SameOrigin:
 
 
 class ConnectLimit:
-    """ASGI middleware for WebSockets: an address opens so many at once, and so many a second; the page tries again by itself, later.
+    """ASGI middleware for WebSockets: an address opens so many at once, and so many a second; the
+    page tries again by itself, later.
 
-    Counted in this process alone, because to ask a shared cache would keep everybody else's commands waiting.
+    Counted in this process alone, because to ask a shared cache would keep everybody else's
+    commands waiting.
     """
 
-    def __init__(self, application: Application, trusted_proxies: list[str], now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        application: Application,
+        trusted_proxies: list[str],
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._application, self._proxies, self._now = application, trusted_proxies, now
         self._buckets: collections.OrderedDict[str, Bucket] = collections.OrderedDict()
 
@@ -114,12 +142,16 @@ class ConnectLimit:
 
 
 class OpenLimit:
-    """ASGI middleware for WebSockets: each has so many open at a time in this process, an address, a user, or whomever `who` names.
+    """ASGI middleware for WebSockets: each has so many open at a time in this process, an address,
+    a user, or whomever `who` names.
 
-    Of whom it names by the empty string nothing is known, and nothing counted. A page that is refused tries again by itself, later.
+    Of whom it names by the empty string nothing is known, and nothing counted. A page that is
+    refused tries again by itself, later.
     """
 
-    def __init__(self, application: Application, limit: int, who: Callable[[dict[str, Any]], str]) -> None:
+    def __init__(
+        self, application: Application, limit: int, who: Callable[[dict[str, Any]], str]
+    ) -> None:
         self._application, self._limit, self._who = application, limit, who
         self._open: collections.Counter[str] = collections.Counter()
 
@@ -145,24 +177,41 @@ class OpenLimit:
 
 
 def address_of(scope: dict[str, Any], trusted_proxies: list[str]) -> str:
-    """Return for whom a socket counts, by where our proxies say that it comes from; the empty string when nobody does."""
-    return counted(visitor_address(_header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], trusted_proxies))
+    """Return for whom a socket counts, by where our proxies say that it comes from; the empty
+    string when nobody does.
+    """
+    return counted(
+        visitor_address(
+            _header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], trusted_proxies
+        )
+    )
 
 
 def user_of(scope: dict[str, Any]) -> str:
-    """Return the key of whoever opened a socket, the empty string for somebody who has not signed in."""
+    """Return the key of whoever opened a socket, the empty string for somebody who has not signed
+    in.
+    """
     return str(scope["user"].pk) if scope["user"].is_authenticated else ""
 
 
 def is_same(origin: str, host: str) -> bool:
-    """Tell whether an Origin header is of the host that was asked; a port that is not written is the scheme's own."""
+    """Tell whether an Origin header is of the host that was asked; a port that is not written is
+    the scheme's own.
+    """
     try:
         page, asked = urlsplit(origin), urlsplit(f"//{host}")
         default = DEFAULT_PORTS.get(page.scheme)
-        return bool(page.hostname) and page.hostname == asked.hostname and (page.port or default) == (asked.port or default)
+        return (
+            bool(page.hostname)
+            and page.hostname == asked.hostname
+            and (page.port or default) == (asked.port or default)
+        )
     except ValueError:  # a port that is none
         return False
 
 
 def _header(scope: dict[str, Any], name: bytes) -> str:
-    return next((value.decode("latin-1") for key, value in scope.get("headers", ()) if key.lower() == name), "")
+    return next(
+        (value.decode("latin-1") for key, value in scope.get("headers", ()) if key.lower() == name),
+        "",
+    )

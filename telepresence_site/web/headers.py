@@ -5,18 +5,42 @@ from collections.abc import Callable
 from django.http import HttpRequest
 from django.http.response import HttpResponseBase
 
-# Camera, microphone and screen are for what a visitor shows of themselves, and for no page within ours; of the rest nothing is used.
+# Camera, microphone and screen are for what a visitor shows of themselves, and for no page within
+# ours; of the rest nothing is used.
 UNUSED = (
-    "accelerometer", "bluetooth", "browsing-topics", "geolocation", "gyroscope", "hid", "idle-detection", "local-fonts",
-    "magnetometer", "midi", "payment", "publickey-credentials-get", "serial", "usb", "xr-spatial-tracking",
-)  # fmt: skip
-PERMISSIONS = ", ".join(["camera=(self)", "microphone=(self)", "display-capture=(self)", "fullscreen=(self)", *(f"{name}=()" for name in UNUSED)])
+    "accelerometer",
+    "bluetooth",
+    "browsing-topics",
+    "geolocation",
+    "gyroscope",
+    "hid",
+    "idle-detection",
+    "local-fonts",
+    "magnetometer",
+    "midi",
+    "payment",
+    "publickey-credentials-get",
+    "serial",
+    "usb",
+    "xr-spatial-tracking",
+)
+PERMISSIONS = ", ".join(
+    [
+        "camera=(self)",
+        "microphone=(self)",
+        "display-capture=(self)",
+        "fullscreen=(self)",
+        *(f"{name}=()" for name in UNUSED),
+    ]
+)
 
 
 class PrivateAnswers:
-    """Middleware, the outermost: no other site embeds our answers, and what is somebody's own is kept by no cache.
+    """Middleware, the outermost: no other site embeds our answers, and what is somebody's own is
+    kept by no cache.
 
-    A view that says itself how long its answer may be kept (photos, maps) is left alone; static files are no view's.
+    A view that says itself how long its answer may be kept (photos, maps) is left alone; static
+    files are no view's.
     """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
@@ -33,6 +57,8 @@ class PrivateAnswers:
 
 
 def _is_personal(request: HttpRequest) -> bool:
-    """Tell whether the session was looked at: then the answer may hold what only this browser is to see."""
+    """Tell whether the session was looked at: then the answer may hold what only this browser is to
+    see.
+    """
     session = getattr(request, "session", None)
     return session is not None and session.accessed

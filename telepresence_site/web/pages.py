@@ -1,4 +1,6 @@
-"""Pages of the whole site: the robots and who drives them, what is recorded, and the manifest for home screens."""
+"""Pages of the whole site: the robots and who drives them, what is recorded, and the manifest for
+home screens.
+"""
 
 import datetime
 from dataclasses import asdict, dataclass, replace
@@ -25,7 +27,8 @@ from sessions.leases.policy import Hold, Scene, Visit, minutes_until_turn, place
 from sessions.leases.store import rules_of, visit_of
 from sessions.models import Session
 
-LISTS = Attempts("robots-json", limit=1200)  # a page asks every few seconds, and a class of visitors has one address
+# a page asks every few seconds, and a class of visitors has one address
+LISTS = Attempts("robots-json", limit=1200)
 AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 
 
@@ -42,7 +45,11 @@ class Invitation:
 def home(request: HttpRequest) -> HttpResponse:
     """Show what this is, and every robot with its state."""
     cards = cards_for(request.user, timezone.now())
-    context = {"cards": cards, "invitation": _invitation(request.user, cards), "studies": invitations(get_language() or "", timezone.now())}
+    context = {
+        "cards": cards,
+        "invitation": _invitation(request.user, cards),
+        "studies": invitations(get_language() or "", timezone.now()),
+    }
     return render(request, "site/home.html", context)
 
 
@@ -64,7 +71,12 @@ def about(request: HttpRequest) -> HttpResponse:
 def manifest(_request: HttpRequest) -> JsonResponse:
     """Return the web app manifest; a view, because the icons' addresses hold their hashes."""
     icons = [
-        {"src": static(f"img/icons/{name}.png"), "sizes": size, "type": "image/png", "purpose": purpose}
+        {
+            "src": static(f"img/icons/{name}.png"),
+            "sizes": size,
+            "type": "image/png",
+            "purpose": purpose,
+        }
         for name, size, purpose in (
             ("icon-192", "192x192", "any"),
             ("icon-512", "512x512", "any"),
@@ -72,9 +84,26 @@ def manifest(_request: HttpRequest) -> JsonResponse:
         )
     ]
     home = reverse("home")
-    words = {"name": _("Telepresence"), "short_name": _("Telepresence"), "description": _("Drive a real robot somewhere else.")}
-    looks = {"display": "standalone", "orientation": "any", "background_color": "#fbf7f0", "theme_color": "#0b6662", "icons": icons}
-    place = {"id": home, "start_url": home, "scope": home, "lang": get_language(), "dir": "ltr", "categories": ["utilities", "social"]}
+    words = {
+        "name": _("Telepresence"),
+        "short_name": _("Telepresence"),
+        "description": _("Drive a real robot somewhere else."),
+    }
+    looks = {
+        "display": "standalone",
+        "orientation": "any",
+        "background_color": "#fbf7f0",
+        "theme_color": "#0b6662",
+        "icons": icons,
+    }
+    place = {
+        "id": home,
+        "start_url": home,
+        "scope": home,
+        "lang": get_language(),
+        "dir": "ltr",
+        "categories": ["utilities", "social"],
+    }
     more = {"shortcuts": _shortcuts(home), "screenshots": _screenshots()}
     return JsonResponse(words | looks | place | more, content_type="application/manifest+json")
 
@@ -86,24 +115,48 @@ def _shortcuts(home: str) -> list[dict[str, Any]]:
 
 
 def _screenshots() -> list[dict[str, str]]:
-    """Return the pictures that browsers show to whoever installs the page; tests/support/screenshots.py takes them."""
-    seen = (("wide", "1280x800", _("Driving, on a large screen")), ("narrow", "390x844", _("Driving, on a phone")))
+    """Return the pictures that browsers show to whoever installs the page;
+    tests/support/screenshots.py takes them.
+    """
+    seen = (
+        ("wide", "1280x800", _("Driving, on a large screen")),
+        ("narrow", "390x844", _("Driving, on a phone")),
+    )
     return [
-        {"src": static(f"img/screens/drive-{form}.webp"), "sizes": size, "type": "image/webp", "form_factor": form, "label": label}
+        {
+            "src": static(f"img/screens/drive-{form}.webp"),
+            "sizes": size,
+            "type": "image/webp",
+            "form_factor": form,
+            "label": label,
+        }
         for form, size, label in seen
     ]
 
 
 def cards_for(user: Any, now: datetime.datetime) -> list[Card]:
-    """Return a card for every robot that `user`, signed in or not, may know of; those that can be driven now come first."""
+    """Return a card for every robot that `user`, signed in or not, may know of; those that can be
+    driven now come first.
+    """
     visits = _living_visits()
     robots = robots_visible_to(user).filter(practice=False).select_related("floor_plan")
-    cards = [_for_visitor(_card(robot, traffic_at(robot, visits.get(robot.pk, []), now), user, now), user) for robot in robots]
+    cards = [
+        _for_visitor(
+            _card(robot, traffic_at(robot, visits.get(robot.pk, []), now), user, now), user
+        )
+        for robot in robots
+    ]
     return sorted(cards, key=lambda c: STATES.index(c.state))
 
 
 def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> Card:
-    return card(robot, traffic, barred=_barred(user, robot), url=reverse("drive", args=[robot.name]), now=now)
+    return card(
+        robot,
+        traffic,
+        barred=_barred(user, robot),
+        url=reverse("drive", args=[robot.name]),
+        now=now,
+    )
 
 
 def _living_visits() -> dict[Any, list[Visit]]:
@@ -114,7 +167,9 @@ def _living_visits() -> dict[Any, list[Visit]]:
 
 
 def traffic_at(robot: Robot, visits: list[Visit], now: datetime.datetime) -> Traffic:
-    """Return who is at a robot, given its living visits, and how long somebody who came now would wait."""
+    """Return who is at a robot, given its living visits, and how long somebody who came now would
+    wait.
+    """
     holder = next((visit.id for visit in visits if visit.state in AT_THE_WHEEL), None)
     scene = Scene(Hold(0, holder), tuple(visits))
     place = place_in_queue(scene, None)
@@ -136,5 +191,7 @@ def _for_visitor(built: Card, user: Any) -> Card:
 def _invitation(user: Any, cards: list[Card]) -> Invitation:
     free = next((c for c in cards if c.state == "available"), None)
     if free is not None:
-        return Invitation(label=free.action if user.is_authenticated else _("Sign up and drive"), url=free.url)
+        return Invitation(
+            label=free.action if user.is_authenticated else _("Sign up and drive"), url=free.url
+        )
     return Invitation(label=_("See the robots"), url="#robots")

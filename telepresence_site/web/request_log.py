@@ -1,7 +1,9 @@
-"""A request's id, its line in the log, and its figures: ASGI middleware around HTTP and WebSockets alike.
+"""A request's id, its line in the log, and its figures: ASGI middleware around HTTP and WebSockets
+alike.
 
-A line names the route and never the path: paths hold one-time links, and who visits what is nobody's business. daphne's own access log,
-which has paths, is turned off (telepresence_site/serving.py).
+A line names the route and never the path: paths hold one-time links, and who visits what is
+nobody's business. daphne's own access log, which has paths, is turned off
+(telepresence_site/serving.py).
 """
 
 import logging
@@ -30,12 +32,16 @@ Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 
 
 def route_of(path: str) -> str:
-    """Return the pattern that a path matches, which holds no id and no key; `elsewhere` when there is none."""
+    """Return the pattern that a path matches, which holds no id and no key; `elsewhere` when there
+    is none.
+    """
     return _found(path)[0]
 
 
 class RequestLog:
-    """Gives every request and every socket an id (its proxy's, when that sent a plain one), which the answer bears as X-Request-ID."""
+    """Gives every request and every socket an id (its proxy's, when that sent a plain one), which
+    the answer bears as X-Request-ID.
+    """
 
     def __init__(self, application: Application) -> None:
         self._application = application
@@ -60,14 +66,19 @@ class RequestLog:
         finally:
             SOCKETS.labels(kind).dec()
 
-    async def _serve_request(self, scope: dict[str, Any], receive: Any, send: Any, request: str, route: str) -> None:
+    async def _serve_request(
+        self, scope: dict[str, Any], receive: Any, send: Any, request: str, route: str
+    ) -> None:
         began, status = time.monotonic(), 0
 
         async def answer(message: dict[str, Any]) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                message = {**message, "headers": [*message.get("headers", ()), (HEADER, request.encode())]}
+                message = {
+                    **message,
+                    "headers": [*message.get("headers", ()), (HEADER, request.encode())],
+                }
             await send(message)
 
         try:
@@ -82,7 +93,9 @@ def _found(path: str) -> tuple[str, dict[str, object]]:
         found = resolve(path)
     except Resolver404:
         return ELSEWHERE, {}
-    return found.route or "/", {name: str(found.kwargs[name]) for name in ("robot", "session") if name in found.kwargs}
+    return found.route or "/", {
+        name: str(found.kwargs[name]) for name in ("robot", "session") if name in found.kwargs
+    }
 
 
 def _note(asked: str, route: str, status: int, seconds: float) -> None:
@@ -90,4 +103,11 @@ def _note(asked: str, route: str, status: int, seconds: float) -> None:
     REQUESTS.labels(method, str(status)).inc()
     SECONDS.observe(seconds)
     level = logging.DEBUG if route in QUIET else logging.INFO
-    log.log(level, "request_done method=%s route=%s status=%d milliseconds=%.1f", method, route, status, 1000.0 * seconds)
+    log.log(
+        level,
+        "request_done method=%s route=%s status=%d milliseconds=%.1f",
+        method,
+        route,
+        status,
+        1000.0 * seconds,
+    )

@@ -1,7 +1,9 @@
-"""Static files straight from the event loop: a drive page asks for a hundred of them at once, and each would otherwise wait for a thread.
+"""Static files straight from the event loop: a drive page asks for a hundred of them at once, and
+each would otherwise wait for a thread.
 
-Which files there are, under which names, compressed how and kept for how long, WhiteNoise knows (whitenoise.middleware); what it does not
-find, or Django would first send to HTTPS, goes on to Django as before, and so does everything where files are looked for anew each time.
+Which files there are, under which names, compressed how and kept for how long, WhiteNoise knows
+(whitenoise.middleware); what it does not find, or Django would first send to HTTPS, goes on to
+Django as before, and so does everything where files are looked for anew each time.
 """
 
 from collections.abc import Awaitable, Callable, Mapping
@@ -11,7 +13,11 @@ from telepresence_site.web.headers import PERMISSIONS
 
 Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 # What Django's security middleware and telepresence_site.web.headers say with every answer.
-SAME = ((b"x-content-type-options", b"nosniff"), (b"cross-origin-resource-policy", b"same-origin"), (b"permissions-policy", PERMISSIONS.encode()))
+SAME = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"permissions-policy", PERMISSIONS.encode()),
+)
 METHODS = frozenset({"GET", "HEAD"})
 
 
@@ -31,12 +37,22 @@ class StaticAnswers:
         secure_only: whether a request that did not come by HTTPS is left to `application`.
     """
 
-    def __init__(self, application: Application, files: Mapping[str, StaticFile], *, secure_only: bool = False) -> None:
+    def __init__(
+        self,
+        application: Application,
+        files: Mapping[str, StaticFile],
+        *,
+        secure_only: bool = False,
+    ) -> None:
         self._application, self._files, self._secure_only = application, files, secure_only
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         """Answer a request for a file that is known."""
-        file = self._files.get(scope["path"]) if scope["type"] == "http" and scope["method"] in METHODS else None
+        file = (
+            self._files.get(scope["path"])
+            if scope["type"] == "http" and scope["method"] in METHODS
+            else None
+        )
         if file is None or (self._secure_only and scope["scheme"] != "https"):
             await self._application(scope, receive, send)
             return
@@ -46,10 +62,19 @@ class StaticAnswers:
             with answer.file:
                 body = answer.file.read()
         headers = [(name.lower().encode(), value.encode()) for name, value in answer.headers]
-        await send({"type": "http.response.start", "status": int(answer.status), "headers": [*headers, *SAME]})
+        await send(
+            {
+                "type": "http.response.start",
+                "status": int(answer.status),
+                "headers": [*headers, *SAME],
+            }
+        )
         await send({"type": "http.response.body", "body": body})
 
 
 def _environ(scope: dict[str, Any]) -> dict[str, str]:
     """Return the request's headers under the names that WhiteNoise looks for."""
-    return {f"HTTP_{name.decode('latin-1').upper().replace('-', '_')}": value.decode("latin-1") for name, value in scope["headers"]}
+    return {
+        f"HTTP_{name.decode('latin-1').upper().replace('-', '_')}": value.decode("latin-1")
+        for name, value in scope["headers"]
+    }

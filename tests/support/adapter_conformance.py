@@ -1,6 +1,8 @@
-"""What every adapter must do. A test module of an adapter subclasses `AdapterConformance` and says how to make one.
+"""What every adapter must do. A test module of an adapter subclasses `AdapterConformance` and says
+how to make one.
 
-Written against contract.Adapter alone: the same sentences hold for a simulator, for ROS and for MOOS.
+Written against contract.Adapter alone: the same sentences hold for a simulator, for ROS and for
+MOOS.
 """
 
 import asyncio
@@ -69,7 +71,9 @@ class AdapterConformance:
         """Return a new adapter of a robot that stands where it can drive a metre ahead."""
 
     def obeyed_at(self, adapter: Adapter) -> float:
-        """Return when the last velocity that moves reached the robot, Unix seconds; 0 where nobody knows."""
+        """Return when the last velocity that moves reached the robot, Unix seconds; 0 where nobody
+        knows.
+        """
         return 0.0
 
     @pytest.fixture
@@ -106,7 +110,9 @@ class AdapterConformance:
             await some(adapter.states(), 1)
         await adapter.close()
 
-    async def test_states_come_at_ten_hertz_and_more_stamped_now_and_in_order(self, adapter: Adapter, computer: HostJitter) -> None:
+    async def test_states_come_at_ten_hertz_and_more_stamped_now_and_in_order(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
         begun = time.time()
         states = await some(adapter.states(), 21)
         now = time.time()
@@ -121,32 +127,47 @@ class AdapterConformance:
 
         # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
         def goes_steadily(state: RcaState) -> bool:
-            return state.distance > start.distance + 0.17 and abs(state.velocity.linear - 0.2) < 0.05
+            return (
+                state.distance > start.distance + 0.17 and abs(state.velocity.linear - 0.2) < 0.05
+            )
 
         await drive(adapter, Velocity(linear=0.2, angular=0.0), goes_steadily)
 
     async def test_it_never_sends_more_than_its_limits(self, adapter: Adapter) -> None:
         limits = adapter.profile.limits
-        assert adapter.apply(Velocity(linear=9.0, angular=19.0)) == Velocity(linear=limits.linear, angular=limits.angular)
-        assert adapter.apply(Velocity(linear=-9.0, angular=-19.0)) == Velocity(linear=-limits.reverse, angular=-limits.angular)
+        assert adapter.apply(Velocity(linear=9.0, angular=19.0)) == Velocity(
+            linear=limits.linear, angular=limits.angular
+        )
+        assert adapter.apply(Velocity(linear=-9.0, angular=-19.0)) == Velocity(
+            linear=-limits.reverse, angular=-limits.angular
+        )
         adapter.apply(STILL)
 
     async def test_zeros_brake(self, adapter: Adapter) -> None:
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
         await drive(adapter, STILL, stands, 3.0)
 
-    async def test_silence_brakes_within_the_watchdog_and_the_braking_time(self, adapter: Adapter, computer: HostJitter) -> None:
+    async def test_silence_brakes_within_the_watchdog_and_the_braking_time(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
         limits = adapter.profile.limits
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
         adapter.apply(Velocity(linear=0.2, angular=0.0))
         silent = time.time()
         seen: list[RcaState] = []
         stood = await wait_for(adapter, lambda s: seen.append(s) or stands(s), 5.0)
-        kept_waiting = max(0.0, self.obeyed_at(adapter) - silent) + pauses((state.stamp for state in seen), SELDOM)
+        kept_waiting = max(0.0, self.obeyed_at(adapter) - silent) + pauses(
+            (state.stamp for state in seen), SELDOM
+        )
         excuse = computer.excuse(silent, stood.stamp) + min(kept_waiting, LONGEST_DELAY)
-        assert stood.stamp - silent <= adapter.profile.watchdog + 0.2 / limits.linear_braking + 0.25 + excuse
+        assert (
+            stood.stamp - silent
+            <= adapter.profile.watchdog + 0.2 / limits.linear_braking + 0.25 + excuse
+        )
 
-    async def test_an_action_that_it_cannot_do_is_refused_with_a_sentence(self, adapter: Adapter) -> None:
+    async def test_an_action_that_it_cannot_do_is_refused_with_a_sentence(
+        self, adapter: Adapter
+    ) -> None:
         if "goto" in adapter.profile.capabilities:
             action: object = Goto(action_id="g", stamp=0.0, place="a place that nobody knows")
         else:
@@ -158,7 +179,9 @@ class AdapterConformance:
         await adapter.cancel("never-started")
         assert await some(adapter.states(), 1)
 
-    async def test_a_head_tilts_to_the_angle_and_says_when_it_is_there(self, adapter: Adapter) -> None:
+    async def test_a_head_tilts_to_the_angle_and_says_when_it_is_there(
+        self, adapter: Adapter
+    ) -> None:
         tilt = adapter.profile.tilt
         if tilt is None:
             with pytest.raises(AdapterError):
@@ -173,11 +196,15 @@ class AdapterConformance:
                 if news.status == "FINISHED":
                     break
         assert found == [("t", "RUNNING"), ("t", "FINISHED")]
-        assert (await wait_for(adapter, lambda s: s.tilt is not None)).tilt == pytest.approx(goal, abs=0.02)
+        assert (await wait_for(adapter, lambda s: s.tilt is not None)).tilt == pytest.approx(
+            goal, abs=0.02
+        )
         with pytest.raises(AdapterError):
             await adapter.start(Tilt(action_id="far", stamp=0.0, angle=tilt.maximum + 1.0))
 
-    async def test_its_camera_gives_pictures_of_the_promised_size_in_order(self, adapter: Adapter, computer: HostJitter) -> None:
+    async def test_its_camera_gives_pictures_of_the_promised_size_in_order(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
         source, camera = adapter.video(), adapter.profile.camera
         assert (source is not None) == ("video" in adapter.profile.capabilities)
         if source is None or camera is None:
@@ -194,13 +221,18 @@ class AdapterConformance:
         now = time.time()
         source.stop()
         source.stop()
-        assert all(video_frame(frame).to_ndarray(format="rgb24").shape == (camera.height, camera.width, 3) for frame in frames)
+        assert all(
+            video_frame(frame).to_ndarray(format="rgb24").shape == (camera.height, camera.width, 3)
+            for frame in frames
+        )
         assert all(b.stamp > a.stamp for a, b in pairwise(frames))
         assert abs(frames[-1].stamp - now) < patient(1.0) + computer.excuse(begun, now)
         assert frames[0].image.std() > 5
         assert await asyncio.to_thread(source.read, 0.05) is None
 
-    async def test_its_microphone_gives_blocks_of_twenty_milliseconds(self, adapter: Adapter) -> None:
+    async def test_its_microphone_gives_blocks_of_twenty_milliseconds(
+        self, adapter: Adapter
+    ) -> None:
         source = adapter.audio()
         if source is None:
             return
@@ -214,13 +246,17 @@ class AdapterConformance:
         source.stop()
         assert all(block.shape == (960,) and block.dtype == np.int16 for block in blocks)
 
-    async def test_configuration_is_taken_or_ignored_and_never_raises(self, adapter: Adapter) -> None:
+    async def test_configuration_is_taken_or_ignored_and_never_raises(
+        self, adapter: Adapter
+    ) -> None:
         adapter.configure(Config(stamp=1.0, doors={"no-such-door": "closed"}))
         adapter.configure(None)
         adapter.configure({"doors": 7})
         assert await some(adapter.states(), 2)
 
-    async def test_closed_it_refuses_to_drive_and_may_be_closed_again(self, adapter: Adapter) -> None:
+    async def test_closed_it_refuses_to_drive_and_may_be_closed_again(
+        self, adapter: Adapter
+    ) -> None:
         await adapter.close()
         with pytest.raises(AdapterError):
             adapter.apply(STILL)

@@ -1,4 +1,6 @@
-"""A simulated robot that finds its way or helps its driver, and what the control loop does with its wishes."""
+"""A simulated robot that finds its way or helps its driver, and what the control loop does with its
+wishes.
+"""
 
 import asyncio
 import time
@@ -12,20 +14,27 @@ from tests.support.patience import patient
 
 
 def made(profile: str = "giraff", **options: str) -> AutonomyAdapter:
-    adapter = registry.autonomous(registry.create("simulator", profile, {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"} | options))
+    adapter = registry.autonomous(
+        registry.create(
+            "simulator", profile, {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"} | options
+        )
+    )
     assert isinstance(adapter, AutonomyAdapter)
     return adapter
 
 
 class Drive:
-    """A robot whose wishes reach its wheels, as the agent's control loop does it, with everything that it says."""
+    """A robot whose wishes reach its wheels, as the agent's control loop does it, with everything
+    that it says.
+    """
 
     def __init__(self, adapter: AutonomyAdapter) -> None:
         self.adapter = adapter
         self.monitor = monitor_of(adapter.profile)
         self.state = None
         self.news = []
-        self.complaints = set()  # of all states: what is wrong for a moment is gone before a busy tester looks
+        # of all states: what is wrong for a moment is gone before a busy tester looks
+        self.complaints = set()
         self.driver = None
         self.told = ZERO
         self._changed = asyncio.Condition()
@@ -63,7 +72,13 @@ class Drive:
         return next((n for n in reversed(self.news) if n.action_id == action_id), None)
 
     async def ended(self, action_id, seconds=60.0):
-        await self.until(lambda: (n := self.last(action_id)) is not None and n.status in {"FINISHED", "FAILED", "CANCELLED"}, seconds)
+        await self.until(
+            lambda: (
+                (n := self.last(action_id)) is not None
+                and n.status in {"FINISHED", "FAILED", "CANCELLED"}
+            ),
+            seconds,
+        )
         return self.last(action_id)
 
     async def moving(self):

@@ -25,14 +25,29 @@ class Rig(Site):
     def start_web(self):
         self.prepare()
         self.django(
-            "from django.utils import timezone; from robots.models import Robot; Robot.objects.update(connection='ONLINE', last_seen_at=timezone.now() + timezone.timedelta(days=1))"
+            "from django.utils import timezone; from robots.models import Robot;"
+            " Robot.objects.update(connection='ONLINE', last_seen_at=timezone.now() +"
+            " timezone.timedelta(days=1))"
         )
         self.start_broker()
         self.web("web", self.web_port)
         wait_for(self.web_answers, 20, "the web server")
 
     def web(self, name, port):
-        self.start(name, ["-m", "daphne", "-v", "1", "-b", LOOPBACK, "-p", str(port), "telepresence_site.asgi:application"])
+        self.start(
+            name,
+            [
+                "-m",
+                "daphne",
+                "-v",
+                "1",
+                "-b",
+                LOOPBACK,
+                "-p",
+                str(port),
+                "telepresence_site.asgi:application",
+            ],
+        )
 
     def second_web(self):
         """Start another web process of the same site and return its port."""
@@ -49,13 +64,24 @@ class RobotDouble:
         self.site, self.name, self.got = site, name, []
 
     async def __aenter__(self):
-        token = tomllib.loads((self.site.var / "credentials" / f"{self.name}.toml").read_text())["token"]
+        token = tomllib.loads((self.site.var / "credentials" / f"{self.name}.toml").read_text())[
+            "token"
+        ]
         self.client = aiomqtt.Client(
-            LOOPBACK, self.site.mqtt_port, username=self.name, password=token, max_inflight_messages=1000, max_queued_outgoing_messages=0
-        )  # fmt: skip
+            LOOPBACK,
+            self.site.mqtt_port,
+            username=self.name,
+            password=token,
+            max_inflight_messages=1000,
+            max_queued_outgoing_messages=0,
+        )
         self.client.pending_calls_threshold = 10_000
         await self.client.__aenter__()
-        inputs = [pair for pair in topics.subscriptions(self.name) if not pair[0].endswith(("/connection", "/floorplan"))]
+        inputs = [
+            pair
+            for pair in topics.subscriptions(self.name)
+            if not pair[0].endswith(("/connection", "/floorplan"))
+        ]
         await self.client.subscribe(inputs)
         self.reading = asyncio.create_task(self._read())
         return self
@@ -70,17 +96,23 @@ class RobotDouble:
         with contextlib.suppress(aiomqtt.MqttError):
             async for message in self.client.messages:
                 _, suffix = topics.parse(str(message.topic))
-                self.got.append((suffix, codec.decode(suffix, message.payload) if message.payload else None))
+                self.got.append(
+                    (suffix, codec.decode(suffix, message.payload) if message.payload else None)
+                )
 
     async def say(self, suffix, message, *, qos=1, retain=False):
-        await self.client.publish(topics.of(self.name, suffix), codec.encode(message), qos=qos, retain=retain)
+        await self.client.publish(
+            topics.of(self.name, suffix), codec.encode(message), qos=qos, retain=retain
+        )
 
     def commands(self, suffix):
         return [message for sent, message in self.got if sent == suffix]
 
 
 class SocketPage(Expecting):
-    """A page on a real WebSocket. `slow`: its machine takes little and reads nothing until it is asked to."""
+    """A page on a real WebSocket. `slow`: its machine takes little and reads nothing until it is
+    asked to.
+    """
 
     PATIENCE = 2 * SECONDS
 
@@ -94,7 +126,7 @@ class SocketPage(Expecting):
             "compression": None,
             "proxy": None,
             "open_timeout": patient(SECONDS),
-        }  # fmt: skip
+        }
         self.seen = []
         self.slow = slow
 
@@ -104,7 +136,8 @@ class SocketPage(Expecting):
             small.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
             small.setblocking(False)
             await asyncio.get_running_loop().sock_connect(small, (LOOPBACK, self.port))
-            self.options |= {"sock": small, "max_queue": 1, "ping_interval": None}  # nor an answer to its own pings
+            # nor an answer to its own pings
+            self.options |= {"sock": small, "max_queue": 1, "ping_interval": None}
         self.socket = await connect(self.url, **self.options)
         return self
 
@@ -123,11 +156,19 @@ class SocketPage(Expecting):
         return suffix, message
 
     async def settle(self, robot):
-        """Wait until everything said so far has arrived or been refused: a stop comes last, and always passes."""
+        """Wait until everything said so far has arrived or been refused: a stop comes last, and
+        always passes.
+        """
         mark = uuid.uuid4().hex
         await self.say("command/action", Stop(action_id=mark, stamp=0.0))
-        await until(lambda: any(stop.action_id == mark for stop in robot.commands("command/action")))
-        robot.got = [(suffix, message) for suffix, message in robot.got if getattr(message, "action_id", "") != mark]
+        await until(
+            lambda: any(stop.action_id == mark for stop in robot.commands("command/action"))
+        )
+        robot.got = [
+            (suffix, message)
+            for suffix, message in robot.got
+            if getattr(message, "action_id", "") != mark
+        ]
 
 
 async def until(condition):

@@ -1,4 +1,6 @@
-"""A real broker of either kind with users that the test makes, a client for each user, and a client that breaks rules."""
+"""A real broker of either kind with users that the test makes, a client for each user, and a client
+that breaks rules.
+"""
 
 import asyncio
 import contextlib
@@ -34,20 +36,27 @@ async def until_thrown_out(client: aiomqtt.Client) -> None:
 
 @dataclass
 class BrokerRig:
-    """Start with `start`, end with `stop`. `web` is a server's user; robots are made by `robot(name)`."""
+    """Start with `start`, end with `stop`. `web` is a server's user; robots are made by
+    `robot(name)`.
+    """
 
     kind: str
     directory: Path
     users: dict[str, BrokerUser] = field(default_factory=dict)
     tokens: dict[str, str] = field(default_factory=dict)
-    port: int = field(default_factory=free_port)  # nobody else is given it while a broker that starts again is away
+    # nobody else is given it while a broker that starts again is away
+    port: int = field(default_factory=free_port)
 
     async def start(self):
         self.add("web", of_server())
         await self._start()
 
     async def _start(self):
-        self.broker = EmbeddedBroker(self._read, poll=POLL) if self.kind == "embedded" else MosquittoBroker(self._read, self.directory, poll=POLL)
+        self.broker = (
+            EmbeddedBroker(self._read, poll=POLL)
+            if self.kind == "embedded"
+            else MosquittoBroker(self._read, self.directory, poll=POLL)
+        )
         self.port = await self.broker.start(HOST, self.port)
         self._running = asyncio.create_task(self.broker.wait())
 
@@ -80,14 +89,28 @@ class BrokerRig:
     def client(self, user, *, token=None, client_id=None, **options):
         """Return an aiomqtt client of a user, to be used with `async with`."""
         return aiomqtt.Client(
-            HOST, self.port, username=user, password=token or self.tokens[user], identifier=client_id, timeout=SECONDS,
-            max_queued_outgoing_messages=0, max_inflight_messages=200, **options,
-        )  # fmt: skip
+            HOST,
+            self.port,
+            username=user,
+            password=token or self.tokens[user],
+            identifier=client_id,
+            timeout=SECONDS,
+            max_queued_outgoing_messages=0,
+            max_inflight_messages=200,
+            **options,
+        )
 
     async def is_let_in(self, user, token=None):
         raw = await RawClient.open(self.port)
         try:
-            return await raw.connect(user, token or self.tokens.get(user, "?"), client_id=f"probe-{time.monotonic_ns()}") == packets.ACCEPTED
+            return (
+                await raw.connect(
+                    user,
+                    token or self.tokens.get(user, "?"),
+                    client_id=f"probe-{time.monotonic_ns()}",
+                )
+                == packets.ACCEPTED
+            )
         finally:
             raw.abort()
 
@@ -112,7 +135,9 @@ class RawClient:
 
     async def connect(self, user, token, *, client_id="raw", clean=True, keep_alive=60, will=None):
         """Send a CONNECT and return the code of the CONNACK, or None when the broker hung up."""
-        self.writer.write(connect_packet(client_id, user, token, clean=clean, keep_alive=keep_alive, will=will))
+        self.writer.write(
+            connect_packet(client_id, user, token, clean=clean, keep_alive=keep_alive, will=will)
+        )
         answer = await self.read(4)
         return answer[3] if answer is not None else None
 
@@ -163,21 +188,31 @@ def framed(first, body):
             return bytes(header) + body
 
 
-def connect_packet(client_id, user=None, token=None, *, clean=True, keep_alive=60, will=None, level=4):
+def connect_packet(
+    client_id, user=None, token=None, *, clean=True, keep_alive=60, will=None, level=4
+):
     """Return a CONNECT; `will` is (topic, payload, qos, retain)."""
-    flags = (2 if clean else 0) | (0x80 if user is not None else 0) | (0x40 if token is not None else 0)
+    flags = (
+        (2 if clean else 0) | (0x80 if user is not None else 0) | (0x40 if token is not None else 0)
+    )
     payload = text(client_id)
     if will is not None:
         topic, message, qos, retain = will
         flags |= 4 | (qos << 3) | (0x20 if retain else 0)
         payload += text(topic) + text(message)
     payload += b"".join(text(part) for part in (user, token) if part is not None)
-    return framed(0x10, text("MQTT") + bytes([level, flags]) + keep_alive.to_bytes(2, "big") + payload)
+    return framed(
+        0x10, text("MQTT") + bytes([level, flags]) + keep_alive.to_bytes(2, "big") + payload
+    )
 
 
 def subscribe_packet(packet_id, *filters):
     """Return a SUBSCRIBE of (filter, QoS) pairs."""
-    return framed(0x82, packet_id.to_bytes(2, "big") + b"".join(text(filter_) + bytes([qos]) for filter_, qos in filters))
+    return framed(
+        0x82,
+        packet_id.to_bytes(2, "big")
+        + b"".join(text(filter_) + bytes([qos]) for filter_, qos in filters),
+    )
 
 
 class ReceivedPacket:
@@ -210,4 +245,6 @@ class ReceivedPacket:
     async def payload(self, topic, payload):
         """Wait for a payload on a topic and return the message."""
         await self.until(lambda _: payload in self.payloads(topic))
-        return next(m for m in self.messages if str(m.topic) == topic and bytes(m.payload) == payload)
+        return next(
+            m for m in self.messages if str(m.topic) == topic and bytes(m.payload) == payload
+        )

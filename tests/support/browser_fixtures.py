@@ -19,13 +19,16 @@ expect_of_async.set_options(timeout=patient(5.0) * 1000)
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     # Every address, so that a browser in a namespace of its own reaches it too.
-    with running_site(tmp_path_factory.mktemp("site"), bind="0.0.0.0", ALLOWED_HOSTS=f"{LOOPBACK},{HERE}") as site:
+    with running_site(
+        tmp_path_factory.mktemp("site"), bind="0.0.0.0", ALLOWED_HOSTS=f"{LOOPBACK},{HERE}"
+    ) as site:
         yield site
 
 
 @pytest.fixture(scope="module")
 def playwright():
-    # Its synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
+    # Its synchronous interface runs an event loop in this thread, which Django takes for
+    # asynchronous code.
     with pytest.MonkeyPatch.context() as patch, sync_playwright() as playwright:
         patch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
         yield playwright

@@ -1,4 +1,6 @@
-"""A real Chromium that watches a robot: a static page, and the signalling that a server would carry."""
+"""A real Chromium that watches a robot: a static page, and the signalling that a server would
+carry.
+"""
 
 import threading
 from collections.abc import AsyncIterator
@@ -38,11 +40,28 @@ async def chromium() -> AsyncIterator[tuple[Browser, str]]:
 class BrowserPage:
     """One page in Chromium as a peer of a MediaSide."""
 
-    def __init__(self, page: Page, media: MediaSide, exchange: Exchange, peer: str, role: Role) -> None:
-        self.page, self.media, self.exchange, self.peer, self.role = page, media, exchange, peer, role
+    def __init__(
+        self, page: Page, media: MediaSide, exchange: Exchange, peer: str, role: Role
+    ) -> None:
+        self.page, self.media, self.exchange, self.peer, self.role = (
+            page,
+            media,
+            exchange,
+            peer,
+            role,
+        )
 
     @classmethod
-    async def open(cls, browser: Browser, address: str, media: MediaSide, exchange: Exchange, peer: str, *, role: Role = "observer") -> "BrowserPage":
+    async def open(
+        cls,
+        browser: Browser,
+        address: str,
+        media: MediaSide,
+        exchange: Exchange,
+        peer: str,
+        *,
+        role: Role = "observer",
+    ) -> "BrowserPage":
         """Open the page; it does not offer before `watch`."""
         self = cls(await (await browser.new_context()).new_page(), media, exchange, peer, role)
         await self.page.expose_function("sendOffer", self._offer)
@@ -66,12 +85,20 @@ class BrowserPage:
     async def _offer(self, sdp: str) -> str | None:
         answered = len(self.exchange.answers(self.peer))
         self.media.signal(self.peer, Offer(sdp=sdp, role=self.role))
-        await until(lambda: len(self.exchange.answers(self.peer)) > answered or self.exchange.byes(self.peer))
+        await until(
+            lambda: (
+                len(self.exchange.answers(self.peer)) > answered or self.exchange.byes(self.peer)
+            )
+        )
         answers = self.exchange.answers(self.peer)
         return answers[-1] if len(answers) > answered else None
 
     def _candidate(self, candidate: dict[str, Any]) -> None:
-        message = Candidate(candidate=candidate["candidate"], sdp_mid=candidate.get("sdpMid"), sdp_m_line_index=candidate.get("sdpMLineIndex"))
+        message = Candidate(
+            candidate=candidate["candidate"],
+            sdp_mid=candidate.get("sdpMid"),
+            sdp_m_line_index=candidate.get("sdpMLineIndex"),
+        )
         self.media.signal(self.peer, message)
 
 

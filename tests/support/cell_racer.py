@@ -1,7 +1,8 @@
-"""One of several processes that assign participants at the same instant: `python -m tests.support.cell_racer`.
+"""One of several processes that assign participants at the same instant: `python -m
+tests.support.cell_racer`.
 
-Reads a line for each round from its standard input, `<start> <participant>`, waits until `start` (Unix seconds), assigns, and answers
-with the cell.
+Reads a line for each round from its standard input, `<start> <participant>`, waits until `start`
+(Unix seconds), assigns, and answers with the cell.
 """
 
 import os

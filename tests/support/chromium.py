@@ -1,8 +1,11 @@
-"""The Chromium of the tests: Debian's, without a window. Another is named by the environment variable CHROMIUM."""
+"""The Chromium of the tests: Debian's, without a window. Another is named by the environment
+variable CHROMIUM.
+"""
 
 import os
 
-# The same engine as chromium's own, without the parts of a desktop's browser: half of the work to start one, two thirds of it to play a video.
+# The same engine as chromium's own, without the parts of a desktop's browser: half of the work to
+# start one, two thirds of it to play a video.
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium-headless-shell")
 FLAGS = [
     "--no-sandbox",

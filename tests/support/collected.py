@@ -1,4 +1,6 @@
-"""The static files as a user has them: what `collectstatic` makes, under its names. Every page of the tests is given these."""
+"""The static files as a user has them: what `collectstatic` makes, under its names. Every page of
+the tests is given these.
+"""
 
 import fcntl
 import functools
@@ -31,7 +33,8 @@ def collected_files() -> Path:
         folder = kept / _digest()
         if not folder.is_dir():
             for old in kept.glob("*/"):
-                if time.time() - old.stat().st_mtime > FORGOTTEN_S:  # another run may still use a newer one
+                # another run may still use a newer one
+                if time.time() - old.stat().st_mtime > FORGOTTEN_S:
                     shutil.rmtree(old, ignore_errors=True)
             _collect(folder)
     return folder
@@ -40,15 +43,25 @@ def collected_files() -> Path:
 def _digest() -> str:
     """Return what changes when the files or the way they are collected change."""
     sources = [path for path in (ROOT / "static").rglob("*") if path.is_file()]
-    sources += [ROOT / "telepresence_site" / name for name in ("settings.py", "web/static_files.py")]
+    sources += [
+        ROOT / "telepresence_site" / name for name in ("settings.py", "web/static_files.py")
+    ]
     entries = sorted(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in sources)
     return hashlib.sha256("\n".join(entries).encode()).hexdigest()[:16]
 
 
 def _collect(folder: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="telepresence-static-") as var:
-        kept = {name: value for name, value in os.environ.items() if name not in {"STATIC_ROOT", "DEBUG"}}
-        ours = {"VAR_DIR": var, "HTTP_ONLY": "1", "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+        kept = {
+            name: value
+            for name, value in os.environ.items()
+            if name not in {"STATIC_ROOT", "DEBUG"}
+        }
+        ours = {
+            "VAR_DIR": var,
+            "HTTP_ONLY": "1",
+            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
+        }
         command = [sys.executable, "manage.py", "collectstatic", "--noinput", "-v", "0"]
         subprocess.run(command, cwd=ROOT, env={**kept, **ours}, check=True, timeout=300)
         unfinished = folder.with_suffix(".new")
@@ -57,7 +70,9 @@ def _collect(folder: Path) -> None:
 
 
 class CollectedFiles(HashedModules):
-    """The names of the collected files, for the pages that are rendered in the tests' own process; a file that is not there is an error."""
+    """The names of the collected files, for the pages that are rendered in the tests' own process;
+    a file that is not there is an error.
+    """
 
     def __init__(self) -> None:
         super().__init__(location=collected_files())

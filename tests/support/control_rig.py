@@ -1,4 +1,6 @@
-"""A control loop with a scripted robot, a broker in memory, and a media side that only listens; and a driver who does not tire."""
+"""A control loop with a scripted robot, a broker in memory, and a media side that only listens; and
+a driver who does not tire.
+"""
 
 import random
 
@@ -25,7 +27,9 @@ class ListeningMedia:
 
     def __init__(self):
         self.signals, self.drivers, self.told, self.wanted, self.pointed = [], [], [], [], []
-        self.picture = Frame(np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8), 123.0)
+        self.picture = Frame(
+            np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8), 123.0
+        )
         self.connected, self.screens, self.passing, self.network = 0, 0, [], None
         self.camera_status, self.errors = None, ()
 
@@ -61,19 +65,31 @@ class ListeningMedia:
 
 
 class ControlRig:
-    """Use as a context manager. Time is virtual: it passes only while the test waits. `ThreadedControlRig` is the one in real time."""
+    """Use as a context manager. Time is virtual: it passes only while the test waits.
+    `ThreadedControlRig` is the one in real time.
+    """
 
     def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
         self.time = self.clock()
         self.robot = robot or ScriptedRobot()
         if isinstance(self.robot, ScriptedRobot):
             self.robot.times = self.time.times
-        self.link, self.media, self.store = MemoryLink(self.time), media or ListeningMedia(), Store(directory)
+        self.link, self.media, self.store = (
+            MemoryLink(self.time),
+            media or ListeningMedia(),
+            Store(directory),
+        )
         capabilities = frozenset((*self.robot.profile.capabilities, "photo", "say", "call"))
         self.control = ControlLoop(
-            adapter=self.robot, capabilities=capabilities, link=self.link, store=self.store, boot=boot, rng=random.Random(1),
-            times=self.time.times, networks=networks,
-        )  # fmt: skip
+            adapter=self.robot,
+            capabilities=capabilities,
+            link=self.link,
+            store=self.store,
+            boot=boot,
+            rng=random.Random(1),
+            times=self.time.times,
+            networks=networks,
+        )
         self.seq = 0
         self._beats = 0
 
@@ -117,7 +133,15 @@ class ControlRig:
 
     def lease(self, *, renewal=0, session="s1", epoch=1, peer="p1", retained=False, **fields):
         fields = {"video": "none"} | fields
-        lease = m.Lease(session=session, epoch=epoch, peer=peer, who="Ada", renewal=renewal, stamp=self.unix(), **fields)
+        lease = m.Lease(
+            session=session,
+            epoch=epoch,
+            peer=peer,
+            who="Ada",
+            renewal=renewal,
+            stamp=self.unix(),
+            **fields,
+        )
         self.link.say("lease", lease, retained=retained)
 
     def grant(self, **fields):
@@ -125,11 +149,18 @@ class ControlRig:
         self.lease(**fields)
         self.wait(lambda: self.kernel.leases.live(self.now()) is not None)
         self.know_clock(fields.get("peer", "p1"))
-        self.push(0.0, peer=fields.get("peer", "p1"), epoch=fields.get("epoch", 1), session=fields.get("session", "s1"))
+        self.push(
+            0.0,
+            peer=fields.get("peer", "p1"),
+            epoch=fields.get("epoch", 1),
+            session=fields.get("session", "s1"),
+        )
         self.wait(lambda: not self.kernel.held)
 
     def know_clock(self, peer="p1", within=5.0):
-        """Echo the robot's beats until it knows a clock well: an echo that a busy machine kept waiting makes every command look old."""
+        """Echo the robot's beats until it knows a clock well: an echo that a busy machine kept
+        waiting makes every command look old.
+        """
         begun = self.now()
         while True:
             beat = self.link.wait("heartbeat", since=self.link.count)
@@ -145,7 +176,12 @@ class ControlRig:
         beat = of or self.link.wait("heartbeat")
         self._beats += 1
         now = self.unix()
-        answer = m.CommandHeartbeat(n=self._beats, stamp=now, peer=peer, echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now))
+        answer = m.CommandHeartbeat(
+            n=self._beats,
+            stamp=now,
+            peer=peer,
+            echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now),
+        )
         if way == "mqtt":
             self.link.say("command/heartbeat", answer)
         else:
@@ -156,7 +192,13 @@ class ControlRig:
 
     def command(self, linear=0.5, angular=0.0, **fields):
         self.seq += 1
-        values = {"session": "s1", "epoch": 1, "seq": self.seq, "stamp": self.unix(), "method": "keyboard"} | fields
+        values = {
+            "session": "s1",
+            "epoch": 1,
+            "seq": self.seq,
+            "stamp": self.unix(),
+            "method": "keyboard",
+        } | fields
         return m.VelocityCommand(linear=linear, angular=angular, **values)
 
     def push(self, linear=0.5, *, peer="p1", role="driver", way="datachannel", **fields):
@@ -172,7 +214,9 @@ class ControlRig:
         until = until or (lambda: abs(self.robot.told.linear - linear) < 1e-6)
         begun = self.now()
         while not until():
-            assert self.now() < begun + patient(within), f"never so: {self.robot.velocities()[-3:]} {self.kernel.refused}"
+            assert self.now() < begun + patient(within), (
+                f"never so: {self.robot.velocities()[-3:]} {self.kernel.refused}"
+            )
             self.push(linear, way=way, **fields)
             self.sleep(every)
 
@@ -185,7 +229,9 @@ class ControlRig:
             self.frame("command/action", action, peer=peer)
 
     def status(self, action_id, status, within=5.0):
-        return self.link.wait("action", lambda a: a.action_id == action_id and a.status == status, within=within)
+        return self.link.wait(
+            "action", lambda a: a.action_id == action_id and a.status == status, within=within
+        )
 
 
 class ThreadedControlRig(ControlRig):

@@ -1,4 +1,6 @@
-"""The real coturn on this computer's loopback: UDP, TCP and TLS, with credentials from a shared secret."""
+"""The real coturn on this computer's loopback: UDP, TCP and TLS, with credentials from a shared
+secret.
+"""
 
 import shutil
 import socket
@@ -19,19 +21,34 @@ SECRET = "shared-with-the-site"
 
 
 def deployed_limits() -> tuple[str, ...]:
-    """Return what the relay of a real server refuses, as options: peers in inner networks, more than a share for each."""
+    """Return what the relay of a real server refuses, as options: peers in inner networks, more
+    than a share for each.
+    """
     lines = (ROOT / "deploy/coturn/turnserver.conf").read_text().splitlines()
-    return tuple(f"--{line}" for line in lines if line.startswith(("denied-peer-ip", "no-multicast-peers", "user-quota", "total-quota", "max-bps")))
+    return tuple(
+        f"--{line}"
+        for line in lines
+        if line.startswith(
+            ("denied-peer-ip", "no-multicast-peers", "user-quota", "total-quota", "max-bps")
+        )
+    )
 
 
 class Coturn:
-    """A relay. `address` is where it listens and relays; `ca` is the certificate that it shows for TLS; `user` is whose process it is.
+    """A relay. `address` is where it listens and relays; `ca` is the certificate that it shows for
+    TLS; `user` is whose process it is.
 
-    `limits` are more of its options, such as those of deploy/coturn, see `deployed_limits`; without any it relays to wherever asked.
+    `limits` are more of its options, such as those of deploy/coturn, see `deployed_limits`; without
+    any it relays to wherever asked.
     """
 
     def __init__(
-        self, directory: Path, address: str = "127.0.0.1", user: str | None = None, ports: tuple[int, int] | None = None, limits: tuple[str, ...] = ()
+        self,
+        directory: Path,
+        address: str = "127.0.0.1",
+        user: str | None = None,
+        ports: tuple[int, int] | None = None,
+        limits: tuple[str, ...] = (),
     ) -> None:
         self.directory, self.address, self.user = directory, address, user
         self.port, self.tls_port = ports or (free_port(), free_port())
@@ -46,13 +63,30 @@ class Coturn:
                 shutil.chown(file, self.user, self.user)
         self.process = subprocess.Popen(
             [
-                PROGRAM, "-n", "--no-cli", "--log-file=stdout", f"--listening-ip={self.address}", f"--relay-ip={self.address}",
-                f"--listening-port={self.port}", f"--tls-listening-port={self.tls_port}", "--realm=tests", "--use-auth-secret",
-                f"--static-auth-secret={SECRET}", f"--cert={self.ca}", f"--pkey={key}", *self.limits, "--fingerprint",
-                f"--pidfile={self.directory}/turn.pid", f"--userdb={self.directory}/turn.db",
+                PROGRAM,
+                "-n",
+                "--no-cli",
+                "--log-file=stdout",
+                f"--listening-ip={self.address}",
+                f"--relay-ip={self.address}",
+                f"--listening-port={self.port}",
+                f"--tls-listening-port={self.tls_port}",
+                "--realm=tests",
+                "--use-auth-secret",
+                f"--static-auth-secret={SECRET}",
+                f"--cert={self.ca}",
+                f"--pkey={key}",
+                *self.limits,
+                "--fingerprint",
+                f"--pidfile={self.directory}/turn.pid",
+                f"--userdb={self.directory}/turn.db",
             ],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, user=self.user, group=self.user, extra_groups=[] if self.user else None,
-        )  # fmt: skip
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            user=self.user,
+            group=self.user,
+            extra_groups=[] if self.user else None,
+        )
         deadline = time.monotonic() + patient(10.0)
         while not (self._listens(self.port) and self._listens(self.tls_port)):
             assert self.process.poll() is None, "coturn ended"
@@ -73,7 +107,9 @@ class Coturn:
             "tls": f"turns:{self.address}:{self.tls_port}?transport=tcp",
         }
         username, credential = turn_credentials("ada", secret, time.time())
-        return IceServer(urls=tuple(urls[way] for way in ways), username=username, credential=credential)
+        return IceServer(
+            urls=tuple(urls[way] for way in ways), username=username, credential=credential
+        )
 
     def trust(self, monkeypatch) -> None:
         """Let this process trust its certificate, as a system trusts one that was bought."""

@@ -1,4 +1,6 @@
-"""Visitors of a running demo: one who drives a robot, and one who waits for it and practises meanwhile."""
+"""Visitors of a running demo: one who drives a robot, and one who waits for it and practises
+meanwhile.
+"""
 
 import contextlib
 import math
@@ -55,12 +57,16 @@ class People:
         self._leaves_the_dock(self.ana)
 
     def ana_drives(self, within: float = 30.0) -> float:
-        """Ana turns her robot by its keys, and presses them again as long as nothing moves; return the seconds that it took."""
+        """Ana turns her robot by its keys, and presses them again as long as nothing moves; return
+        the seconds that it took.
+        """
         return self._turns(self.ana, "simulated-Giraff", within)
 
     def _leaves_the_dock(self, visitor: Visitor) -> None:
         visitor.page.get_by_role("button", name="Leave the dock", exact=True).click()
-        expect(visitor.page.locator("#offer")).to_have_attribute("data-word", "task.done.undock", timeout=patient(25) * 1000)
+        expect(visitor.page.locator("#offer")).to_have_attribute(
+            "data-word", "task.done.undock", timeout=patient(25) * 1000
+        )
 
     def _turns(self, visitor: Visitor, log: str, within: float) -> float:
         began, deadline = time.monotonic(), time.monotonic() + patient(within)
@@ -70,13 +76,19 @@ class People:
             for _ in range(HELD_LOOKS):
                 now = self._theta(log)
                 before = now if before is None else before  # a robot that was started anew
-                if now is not None and before is not None and abs(math.remainder(now - before, math.tau)) > TURN:
+                if (
+                    now is not None
+                    and before is not None
+                    and abs(math.remainder(now - before, math.tau)) > TURN
+                ):
                     visitor.page.keyboard.up("ArrowLeft")
                     return time.monotonic() - began
                 visitor.page.wait_for_timeout(100)
             visitor.page.keyboard.up("ArrowLeft")
         state = {name: visitor.cockpit(name) for name in ("phase", "link", "way")}
-        raise AssertionError(f"no turn within {within} s: {state}; the demo said: {self.demo.said()}")
+        raise AssertionError(
+            f"no turn within {within} s: {state}; the demo said: {self.demo.said()}"
+        )
 
     def _theta(self, log: str) -> float | None:
         """Return where a simulated robot really looks; None while it is not there."""
@@ -99,11 +111,15 @@ class People:
         return self.cy.page.frame_locator("#practice-frame")
 
     def cy_practises(self) -> float:
-        """Cy asks for a practice robot, drives it, and goes back to the queue; return the seconds until it moved."""
+        """Cy asks for a practice robot, drives it, and goes back to the queue; return the seconds
+        until it moved.
+        """
         began = time.monotonic()
         self.cy_begins_to_practise()
         self._frame.get_by_role("button", name="Leave the dock", exact=True).click()
-        moving = self._frame.locator("#offer[data-word='task.undock'], #offer[data-word='task.done.undock']")
+        moving = self._frame.locator(
+            "#offer[data-word='task.undock'], #offer[data-word='task.done.undock']"
+        )
         expect(moving).to_be_visible(timeout=patient(15) * 1000)
         took = time.monotonic() - began
         self.cy_stops_practising()
@@ -119,15 +135,21 @@ class People:
         self.cy_sees_the_practice_robot()
 
     def cy_sees_the_practice_robot(self) -> None:
-        expect(self._frame.locator("#cockpit[data-playing]")).to_be_visible(timeout=patient(40) * 1000)
+        expect(self._frame.locator("#cockpit[data-playing]")).to_be_visible(
+            timeout=patient(40) * 1000
+        )
 
     def cy_sees_no_practice_robot(self) -> None:
-        expect(self._frame.locator("#cockpit:not([data-playing])")).to_be_visible(timeout=patient(20) * 1000)
+        expect(self._frame.locator("#cockpit:not([data-playing])")).to_be_visible(
+            timeout=patient(20) * 1000
+        )
 
     # --- who is killed ---
 
     def kill(self, *parts: str) -> list[str]:
-        """Kill parts of the demo at once, and return what its terminal says of each death, when all are back."""
+        """Kill parts of the demo at once, and return what its terminal says of each death, when all
+        are back.
+        """
         return self.kill_members({part: self.demo.member(*PARTS[part]) for part in parts})
 
     def kill_members(self, members: dict[str, psutil.Process]) -> list[str]:
@@ -135,7 +157,12 @@ class People:
         said = len(self.demo.said())
         for process in members.values():
             process.kill()
-        deaths = [self.demo.waits_to_say(rf"The {part} ended: .*Starting it again in .* s\.", 10, said).group(0) for part in members]
+        deaths = [
+            self.demo.waits_to_say(
+                rf"The {part} ended: .*Starting it again in .* s\.", 10, said
+            ).group(0)
+            for part in members
+        ]
         for part in members:
             self.demo.waits_to_say(rf"The {part} is back after .* s\.", 40, said)
         return deaths

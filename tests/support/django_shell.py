@@ -1,6 +1,8 @@
-"""A process with a site's settings that runs Python for a test. Django is set up once there, not for every question (2 s of processor each).
+"""A process with a site's settings that runs Python for a test. Django is set up once there, not
+for every question (2 s of processor each).
 
-`python -m tests.support.django_shell` reads one JSON string of code a line, runs it, and answers {"said": what it printed, "error": traceback or ""}.
+`python -m tests.support.django_shell` reads one JSON string of code a line, runs it, and answers
+{"said": what it printed, "error": traceback or ""}.
 """
 
 import contextlib
@@ -17,11 +19,18 @@ class DjangoShell:
 
     def __init__(self, root: Path, environment: dict[str, str]) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.support.django_shell"], cwd=root, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-m", "tests.support.django_shell"],
+            cwd=root,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
 
     def ask(self, code: str) -> str:
-        """Run Python with Django set up, and return what it prints; AssertionError with the traceback of what it raises."""
+        """Run Python with Django set up, and return what it prints; AssertionError with the
+        traceback of what it raises.
+        """
         assert self._process.stdin, "a pipe was asked for"
         assert self._process.stdout, "a pipe was asked for"
         self._process.stdin.write(json.dumps(code) + "\n")
@@ -37,7 +46,9 @@ class DjangoShell:
 
 
 def main() -> None:
-    """Answer until the input ends. What is answered keeps no connection: the test may replace the database."""
+    """Answer until the input ends. What is answered keeps no connection: the test may replace the
+    database.
+    """
     import django
 
     django.setup()

@@ -6,7 +6,19 @@ from robots.models import FloorPlan
 
 
 def report_in_dock(plan: FloorPlan, series: str, **changes: Any) -> dict[str, Any]:
-    """Return a state as `Robot.report` keeps it; a site without a station for the robot has it at its origin."""
-    dock = next((dock for dock in plan.plan.get("docks", ()) if dock["type"] == series), {"x": 0.0, "y": 0.0, "theta": 0.0})
+    """Return a state as `Robot.report` keeps it; a site without a station for the robot has it at
+    its origin.
+    """
+    dock = next(
+        (dock for dock in plan.plan.get("docks", ()) if dock["type"] == series),
+        {"x": 0.0, "y": 0.0, "theta": 0.0},
+    )
     pose = {"x": dock["x"], "y": dock["y"], "theta": dock["theta"]}
-    return {"boot": "", "seq": 1, "docked": True, "chargerContact": True, "pose": pose, "battery": {"charge": 0.9}} | changes
+    return {
+        "boot": "",
+        "seq": 1,
+        "docked": True,
+        "chargerContact": True,
+        "pose": pose,
+        "battery": {"charge": 0.9},
+    } | changes

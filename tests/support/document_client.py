@@ -1,7 +1,9 @@
-"""A program that drives a robot, written from docs/reference/robot-api.md alone: WebSocket, JSON, pictures through the server, no WebRTC.
+"""A program that drives a robot, written from docs/reference/robot-api.md alone: WebSocket, JSON,
+pictures through the server, no WebRTC.
 
-It imports nothing of the project on purpose: what it needs and the document does not say is a fault of the document. Times are those of
-this process; `moved` is when the robot's states last said that it turns by our commands.
+It imports nothing of the project on purpose: what it needs and the document does not say is a fault
+of the document. Times are those of this process; `moved` is when the robot's states last said that
+it turns by our commands.
 """
 
 import asyncio
@@ -24,7 +26,8 @@ PICTURE = b"picture\n"
 
 
 class DocumentClient:
-    """Use with `async with`; drives by itself as soon as it is granted the robot, turning on the spot at `angular` rad/s.
+    """Use with `async with`; drives by itself as soon as it is granted the robot, turning on the
+    spot at `angular` rad/s.
 
     Args:
         url: of the site, http://.
@@ -40,7 +43,9 @@ class DocumentClient:
         self.epoch = self.seq = self.beats = 0
         self.socket = self.echo = self.frame = self.state = None
         self.driving = self.online = False
-        self.moved = self.last_received_at = self.hasty_until = self.asked_at = self.zero_until = 0.0
+        self.moved = self.last_received_at = self.hasty_until = self.asked_at = self.zero_until = (
+            0.0
+        )
         self.state_seq = -1
         self.take_at = float("inf")
         self.heard, self.denied = Counter(), Counter()
@@ -62,12 +67,20 @@ class DocumentClient:
     # --- the connection ---
 
     async def _stay(self):
-        """Connect for ever: at once, then after pauses that double up to a second, each shortened by chance."""
+        """Connect for ever: at once, then after pauses that double up to a second, each shortened
+        by chance.
+        """
         pause = 0.0
         while True:
             await asyncio.sleep(pause * random.uniform(0.5, 1.0))
             try:
-                async with connect(self.url, additional_headers=self.headers, origin=self.origin, open_timeout=2.0, close_timeout=0.2) as socket:
+                async with connect(
+                    self.url,
+                    additional_headers=self.headers,
+                    origin=self.origin,
+                    open_timeout=2.0,
+                    close_timeout=0.2,
+                ) as socket:
                     pause = 0.0
                     await self._talk(socket)
             except (WebSocketException, OSError, TimeoutError):
@@ -76,7 +89,9 @@ class DocumentClient:
             pause = min(LONGEST_PAUSE, pause * 2) or FIRST_PAUSE
 
     async def _talk(self, socket):
-        """Hear until the socket ends or says nothing for too long; an open one brings `server/status` once a second."""
+        """Hear until the socket ends or says nothing for too long; an open one brings
+        `server/status` once a second.
+        """
         self.socket, self.last_received_at = socket, time.time()
         await self._take()
         self._hurry()
@@ -107,7 +122,11 @@ class DocumentClient:
         if suffix == "session/granted":
             if (message["session"], message["epoch"]) != (self.session, self.epoch):
                 self.seq = 0
-            self.session, self.epoch, self.peer = message["session"], message["epoch"], message["peer"]
+            self.session, self.epoch, self.peer = (
+                message["session"],
+                message["epoch"],
+                message["peer"],
+            )
             self.driving = True
             self._hurry()
         elif suffix == "session/turn":
@@ -115,7 +134,12 @@ class DocumentClient:
         elif suffix in {"session/ended", "session/refused"}:
             self.ended, self.driving, self.session, self.peer = message, False, None, None
         elif suffix == "heartbeat":
-            self.echo = {"peer": "robot", "n": message["n"], "stamp": message["stamp"], "received": now}
+            self.echo = {
+                "peer": "robot",
+                "n": message["n"],
+                "stamp": message["stamp"],
+                "received": now,
+            }
         elif suffix == "state":
             self._state(message, now)
         elif suffix in {"hello", "robot"}:
@@ -140,7 +164,9 @@ class DocumentClient:
         self.state, self.state_seq = state, state["seq"]
         if (state.get("safety") or {}).get("inhibited") == "stopped":
             self.zero_until = now + 0.2
-        if state.get("session") == self.session and any(command.get("angular") for command in state.get("applied", ())):
+        if state.get("session") == self.session and any(
+            command.get("angular") for command in state.get("applied", ())
+        ):
             self.moved = now
 
     def _hurry(self):
@@ -152,7 +178,10 @@ class DocumentClient:
 
     async def _ask(self):
         self.asked_at = time.time()
-        await self._say("command/picture", {"stamp": self.asked_at} | ({"seen": self.frame} if self.frame else {}))
+        await self._say(
+            "command/picture",
+            {"stamp": self.asked_at} | ({"seen": self.frame} if self.frame else {}),
+        )
 
     # --- what is said ---
 
@@ -170,13 +199,29 @@ class DocumentClient:
                     continue
                 if now - beat_at >= (HASTY_BEAT if now < self.hasty_until else BEAT) - TICK / 2:
                     beat_at, self.beats = now, self.beats + 1
-                    await self._say("command/heartbeat", {"n": self.beats, "stamp": now} | ({"echo": self.echo} if self.echo else {}))
+                    await self._say(
+                        "command/heartbeat",
+                        {"n": self.beats, "stamp": now}
+                        | ({"echo": self.echo} if self.echo else {}),
+                    )
                 if now - self.asked_at >= PICTURE_AGAIN:
                     await self._ask()
                 self.seq += 1
                 angular = 0.0 if now < self.zero_until else self.angular
-                velocity = {"session": self.session, "epoch": self.epoch, "seq": self.seq, "stamp": now, "linear": 0.0, "angular": angular}
-                await self._say("command/velocity", velocity | {"method": "keyboard"} | ({"frame": self.frame} if self.frame else {}))
+                velocity = {
+                    "session": self.session,
+                    "epoch": self.epoch,
+                    "seq": self.seq,
+                    "stamp": now,
+                    "linear": 0.0,
+                    "angular": angular,
+                }
+                await self._say(
+                    "command/velocity",
+                    velocity
+                    | {"method": "keyboard"}
+                    | ({"frame": self.frame} if self.frame else {}),
+                )
 
     # --- what a test asks ---
 
@@ -184,7 +229,10 @@ class DocumentClient:
         """Wait for a condition; fail saying what never came, and what was heard instead."""
         deadline = time.monotonic() + seconds
         while not condition():
-            why = f"heard {dict(self.heard)}, faults {self.faults}, ended {self.ended}, denied {dict(self.denied)}, refused {(self.state or {}).get('refused')}"
+            why = (
+                f"heard {dict(self.heard)}, faults {self.faults}, ended {self.ended}, denied"
+                f" {dict(self.denied)}, refused {(self.state or {}).get('refused')}"
+            )
             assert time.monotonic() < deadline, f"{what} did not come within {seconds} s: {why}"
             await asyncio.sleep(0.02)
 
@@ -196,5 +244,9 @@ class DocumentClient:
 
     async def names(self, part, seconds):
         """Wait until a part is said to fail; return the fault."""
-        await self.until(lambda: part in [fault["part"] for fault in self.faults], seconds, f"the word that {part} fails")
+        await self.until(
+            lambda: part in [fault["part"] for fault in self.faults],
+            seconds,
+            f"the word that {part} fails",
+        )
         return next(fault for fault in self.faults if fault["part"] == part)

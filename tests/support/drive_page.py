@@ -1,4 +1,6 @@
-"""The drive page in a Chromium: to open it, to drive with it, and to see what it said and what the robot did."""
+"""The drive page in a Chromium: to open it, to drive with it, and to see what it said and what the
+robot did.
+"""
 
 import asyncio
 import time
@@ -16,14 +18,25 @@ WIDE, UPRIGHT, LOW = (1280, 800), (390, 844), (844, 390)
 
 
 @asynccontextmanager
-async def opened(browser: Browser, site: FakeRobotPage, size: tuple[int, int] = WIDE, *, query: str = "") -> AsyncIterator[Page]:
+async def opened(
+    browser: Browser, site: FakeRobotPage, size: tuple[int, int] = WIDE, *, query: str = ""
+) -> AsyncIterator[Page]:
     """Open the page; what it complains about, its content policy included, fails the test."""
     touch = size != WIDE
-    context = await browser.new_context(viewport={"width": size[0], "height": size[1]}, has_touch=touch, is_mobile=touch)
+    context = await browser.new_context(
+        viewport={"width": size[0], "height": size[1]}, has_touch=touch, is_mobile=touch
+    )
     page = await context.new_page()
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("console", lambda line: complaints.append(line.text) if line.type == "error" and "WebSocket connection" not in line.text else None)
+    page.on(
+        "console",
+        lambda line: (
+            complaints.append(line.text)
+            if line.type == "error" and "WebSocket connection" not in line.text
+            else None
+        ),
+    )
     await page.goto(site.url + query)
     yield page
     await context.close()
@@ -44,7 +57,9 @@ async def until(condition: Callable[[], Any], seconds: float = 10.0) -> Any:
 
 
 async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: float = 10.0) -> Any:
-    """Hold a key until a condition gives something, and on; return that. A link that is replaced lets go of every key, and people press again."""
+    """Hold a key until a condition gives something, and on; return that. A link that is replaced
+    lets go of every key, and people press again.
+    """
     deadline = time.monotonic() + patient(seconds)
     while True:
         await page.keyboard.down(key)
@@ -62,7 +77,9 @@ def stops(site: FakeRobotPage, way: str | None = None) -> list[Stop]:
 
 
 def stands(site: FakeRobotPage) -> bool:
-    """Whether the page said so last, which the robot may be held up for too long to believe, and it is so."""
+    """Whether the page said so last, which the robot may be held up for too long to believe, and it
+    is so.
+    """
     last, motion = site.said("command/velocity")[-1], site.simulation.motion
     return last.linear == last.angular == motion.linear == motion.angular == 0.0
 

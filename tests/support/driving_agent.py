@@ -1,4 +1,5 @@
-"""`python -m tests.support.driving_agent ADDRESS LINEAR drive|media`: the smallest agent, made to be killed.
+"""`python -m tests.support.driving_agent ADDRESS LINEAR drive|media`: the smallest agent, made to
+be killed.
 
 ADDRESS is where a simulator runs, or `child` for one of its own.
 """
@@ -39,5 +40,7 @@ async def drive(address: str, linear: float, media: bool) -> None:
 
 
 if __name__ == "__main__":
-    simulator.SILENCE = 30.0  # it is stopped and let go on, and its robot may have to wait for the processor: neither is a robot that is gone
+    # it is stopped and let go on, and its robot may have to wait for the processor: neither is a
+    # robot that is gone
+    simulator.SILENCE = 30.0
     asyncio.run(drive(sys.argv[1], float(sys.argv[2]), sys.argv[3] == "media"))

@@ -1,7 +1,8 @@
-"""The drive page alone: a server and a robot in one thread, without database, broker or agent processes.
+"""The drive page alone: a server and a robot in one thread, without database, broker or agent
+processes.
 
-The page, the safety kernel, the media side and the simulated robot are the real ones; what stands between them is a few lines here, so
-that a test can cut, mute and end things at will.
+The page, the safety kernel, the media side and the simulated robot are the real ones; what stands
+between them is a few lines here, so that a test can cut, mute and end things at will.
 """
 
 import asyncio
@@ -48,37 +49,65 @@ ROBOT = "giraff"
 STEP = "/study/step/"  # where a study goes on
 PRACTICE = "/practice/robot/"
 TICK = 0.02
-SUFFIXES = {m.VelocityCommand: "command/velocity", m.CommandHeartbeat: "command/heartbeat", m.PointCommand: "command/point"}
+SUFFIXES = {
+    m.VelocityCommand: "command/velocity",
+    m.CommandHeartbeat: "command/heartbeat",
+    m.PointCommand: "command/point",
+}
 RENEWAL, STATUS = 500, 50  # ticks
 FPS = 6.0  # of the robot's camera: what a computer without a graphics card plays beside other tests
-POLICY = "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src 'self' blob:; connect-src 'self'; object-src 'none'"
+POLICY = (
+    "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src"
+    " 'self' blob:; connect-src 'self'; object-src 'none'"
+)
 
 
 class FakeRobotPage:
     """Serves one robot's drive page at `url` and is that robot.
 
-    `heard` holds what the pages said: (page number, way, suffix, message). `applied` the accepted velocity commands.
+    `heard` holds what the pages said: (page number, way, suffix, message). `applied` the accepted
+    velocity commands.
     """
 
-    def __init__(self, camera: Any = None, *, start: str = "lab-before-door", study: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        camera: Any = None,
+        *,
+        start: str = "lab-before-door",
+        study: dict[str, Any] | None = None,
+    ) -> None:
         self.plan = floorplan.decode((OFFICE / "plan.json").read_bytes())
         model = model_of("giraff")
         self.simulation = Simulation(model, self.plan, seed=1, start=start)
         self.limits = model.limits
         self.kernel = Kernel(model.limits, 0.3, frozenset({"velocity", "video"}))
         self.model = model
-        self.factsheet: dict[str, Any] = {"name": ROBOT, "limits": self.limits, "footprint": model.footprint, "camera": model.camera}
-        self.factsheet |= {"tilt": model.tilt, "laser": m.Laser(x=model.laser.x), "series": "Giraff", "capabilities": ("velocity", "video")}
+        self.factsheet: dict[str, Any] = {
+            "name": ROBOT,
+            "limits": self.limits,
+            "footprint": model.footprint,
+            "camera": model.camera,
+        }
+        self.factsheet |= {
+            "tilt": model.tilt,
+            "laser": m.Laser(x=model.laser.x),
+            "series": "Giraff",
+            "capabilities": ("velocity", "video"),
+        }
         self.camera = camera or SyntheticCamera(fps=FPS)
         if isinstance(self.camera, SceneSource):
             self.camera.simulation = self.simulation
-        self.media = MediaSide(video=self.camera, audio=None, viewers=4, on_command=self._on_channel, reply=self._reply)
+        self.media = MediaSide(
+            video=self.camera, audio=None, viewers=4, on_command=self._on_channel, reply=self._reply
+        )
         self.heard: list[tuple[int, str, str, Any]] = []
         self.applied: list[tuple[str, m.VelocityCommand]] = []
         self.study = study  # what experiments.tasks.page tells a page
         self.terms: protocol.GrantedTerms | None = None
-        self.photos: dict[str, bytes] = {}  # action id to JPEG: what the server has of what was photographed
-        self.practice: dict[str, Any] | None = None  # where to practise, as the server says it; PRACTICE is a page for it
+        # action id to JPEG: what the server has of what was photographed
+        self.photos: dict[str, bytes] = {}
+        # where to practise, as the server says it; PRACTICE is a page for it
+        self.practice: dict[str, Any] | None = None
         self.still: bytes | None = None  # the JPEG that comes through the server
         self.battery = m.Battery(charge=0.82)
         self.errors: tuple[str, ...] = ()
@@ -117,11 +146,15 @@ class FakeRobotPage:
         self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(10)
 
-    # --- for tests ---------------------------------------------------------------------------------------------------
+    # --- for tests --------------------------------------------------------------------------------
 
     def said(self, suffix: str, way: str | None = None) -> list[Any]:
         """Return every message of a suffix that pages said."""
-        return [message for _, on, said, message in list(self.heard) if said == suffix and way in (None, on)]
+        return [
+            message
+            for _, on, said, message in list(self.heard)
+            if said == suffix and way in (None, on)
+        ]
 
     def do(self, call: Any, *arguments: Any) -> None:
         """Run something on the server's loop."""
@@ -149,7 +182,7 @@ class FakeRobotPage:
         """Say something to every page."""
         self.do(self._tell, suffix, message)
 
-    # --- the server --------------------------------------------------------------------------------------------------
+    # --- the server -------------------------------------------------------------------------------
 
     async def _main(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -160,15 +193,20 @@ class FakeRobotPage:
         robot = asyncio.create_task(self._robot())
         await self._ended.wait()
         robot.cancel()
-        server.close()  # and nobody is waited for: a browser keeps connections on which it has not asked for anything yet
+        # and nobody is waited for: a browser keeps connections on which it has not asked for
+        # anything yet
+        server.close()
 
     def _http(self, _connection: ServerConnection, request: Request) -> Response | None:
         path = urlsplit(request.path).path
         if path in {"/socket", f"/{protocol.CHECK_PATH}"}:
             return Response(503, "busy", Headers()) if self.closed_to_sockets else None
         file = collected_files() / path.removeprefix("/static/")
-        if path.startswith("/static/") and file.is_file():  # first, for there are a hundred of them a page
-            return _response(file.read_bytes(), mimetypes.guess_type(path)[0] or "application/octet-stream")
+        # first, for there are a hundred of them a page
+        if path.startswith("/static/") and file.is_file():
+            return _response(
+                file.read_bytes(), mimetypes.guess_type(path)[0] or "application/octet-stream"
+            )
         if path in (made := self._made()):
             return _response(*made[path])
         return Response(http.HTTPStatus.NOT_FOUND, "Not Found", Headers([("Content-Length", "0")]))
@@ -183,18 +221,37 @@ class FakeRobotPage:
             "/snapshots": (json.dumps({"snapshots": listed}).encode(), "application/json"),
             **{f"/snapshots/{name}": (jpeg, "image/jpeg") for name, jpeg in self.photos.items()},
             "/practice": (json.dumps(self.practice).encode(), "application/json"),
-            PRACTICE: (b'<link rel="icon" href="data:,"><h1>Another robot</h1>', "text/html; charset=utf-8"),
-            STEP: (b'<link rel="icon" href="data:,"><h1>The next step</h1>', "text/html; charset=utf-8"),
+            PRACTICE: (
+                b'<link rel="icon" href="data:,"><h1>Another robot</h1>',
+                "text/html; charset=utf-8",
+            ),
+            STEP: (
+                b'<link rel="icon" href="data:,"><h1>The next step</h1>',
+                "text/html; charset=utf-8",
+            ),
         }
 
     def html(self, language: str = "en") -> str:
         """Return the page as Django renders it."""
         factsheet = msgspec.to_builtins(self.factsheet)
-        config = {"robot": ROBOT, "title": "Giraff", "socket": "/socket", "floorplan": "/floorplan.json", "factsheet": factsheet}
-        config |= {"snapshots": "/snapshots", "study": self.study, "check": f"/{protocol.CHECK_PATH}"}
+        config = {
+            "robot": ROBOT,
+            "title": "Giraff",
+            "socket": "/socket",
+            "floorplan": "/floorplan.json",
+            "factsheet": factsheet,
+        }
+        config |= {
+            "snapshots": "/snapshots",
+            "study": self.study,
+            "check": f"/{protocol.CHECK_PATH}",
+        }
         config["practice"] = "/practice" if self.practice else None
         with translation.override(language):
-            return render_to_string("sessions/drive.html", {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config})
+            return render_to_string(
+                "sessions/drive.html",
+                {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config},
+            )
 
     def _plan_json(self) -> bytes:
         grid = {"resolution": 0.05, "origin": [-0.3, -0.3, 0.0], "width": 252, "height": 164}
@@ -209,7 +266,15 @@ class FakeRobotPage:
         page = _Page(connection, f"p{secrets.token_hex(4)}", self._count, lambda: self.stopped)
         self._pages[page.peer] = page
         page.say(
-            "hello", protocol.Hello(peer=page.peer, stamp=time.time(), robot=ROBOT, online=self.online, may_drive=self.may_drive, may_observe=True)
+            "hello",
+            protocol.Hello(
+                peer=page.peer,
+                stamp=time.time(),
+                robot=ROBOT,
+                online=self.online,
+                may_drive=self.may_drive,
+                may_observe=True,
+            ),
         )
         self._tell_room()
         try:
@@ -224,7 +289,11 @@ class FakeRobotPage:
     def _hear(self, page: "_Page", frame: str) -> None:
         suffix, _, payload = frame.partition("\n")
         try:
-            message = codec.decode(suffix, payload) if suffix.startswith("command/") else protocol.decode(suffix, payload)
+            message = (
+                codec.decode(suffix, payload)
+                if suffix.startswith("command/")
+                else protocol.decode(suffix, payload)
+            )
         except Rejection as rejection:
             page.say("denied", protocol.Denied(suffix=suffix, reason=rejection.reason))
             self.heard.append((page.number, "mqtt", "rejected", rejection))
@@ -259,19 +328,46 @@ class FakeRobotPage:
             self._pages[page.peer] = page
             self._grant(page, lease.session, lease.epoch, resumed=True)
         elif lease is None or take.session == lease.session:
-            self._grant(page, take.session or secrets.token_hex(8), lease.epoch + 1 if lease else 1, resumed=False)
+            self._grant(
+                page,
+                take.session or secrets.token_hex(8),
+                lease.epoch + 1 if lease else 1,
+                resumed=False,
+            )
         else:
             self._queue.append(page)
-            page.say("session/queued", protocol.Queued(session=page.peer, place=len(self._queue), minutes=4.0))
+            page.say(
+                "session/queued",
+                protocol.Queued(session=page.peer, place=len(self._queue), minutes=4.0),
+            )
 
     def _grant(self, page: "_Page", session: str, epoch: int, *, resumed: bool) -> None:
         limits = m.LeaseLimits()
         page.watches = False
         renewal = self._lease.renewal + 1 if self._lease else 0
-        self._lease = m.Lease(session=session, epoch=epoch, peer=page.peer, who="Ana", renewal=renewal, stamp=time.time(), ttl=60.0, limits=limits)
+        self._lease = m.Lease(
+            session=session,
+            epoch=epoch,
+            peer=page.peer,
+            who="Ana",
+            renewal=renewal,
+            stamp=time.time(),
+            ttl=60.0,
+            limits=limits,
+        )
         self.kernel.take_lease(self._lease, retained=False, now=time.monotonic())
         self.media.lease_changed(page.peer)
-        page.say("session/granted", protocol.Granted(session=session, epoch=epoch, peer=page.peer, resumed=resumed, limits=limits, terms=self.terms))
+        page.say(
+            "session/granted",
+            protocol.Granted(
+                session=session,
+                epoch=epoch,
+                peer=page.peer,
+                resumed=resumed,
+                limits=limits,
+                terms=self.terms,
+            ),
+        )
 
     def _holds(self, page: "_Page") -> bool:
         return self._lease is not None and self._lease.peer == page.peer
@@ -281,7 +377,9 @@ class FakeRobotPage:
         self.kernel.take_lease(None, retained=False, now=time.monotonic())
         self.media.lease_changed(None)
         if lease is not None and lease.peer in self._pages:
-            self._pages[lease.peer].say("session/ended", protocol.Ended(session=lease.session, outcome=outcome))
+            self._pages[lease.peer].say(
+                "session/ended", protocol.Ended(session=lease.session, outcome=outcome)
+            )
         self._tell_room()
 
     def _offer_turn(self, seconds: float) -> None:
@@ -296,9 +394,17 @@ class FakeRobotPage:
     def _tell_room(self) -> None:
         driver = "Ana" if self._lease else None
         others = sum(page.watches for page in self._pages.values())
-        self._tell("room", protocol.Room(driver=driver, driving=driver is not None, observers=others, waiting=len(self._queue)))
+        self._tell(
+            "room",
+            protocol.Room(
+                driver=driver,
+                driving=driver is not None,
+                observers=others,
+                waiting=len(self._queue),
+            ),
+        )
 
-    # --- the robot ---------------------------------------------------------------------------------------------------
+    # --- the robot --------------------------------------------------------------------------------
 
     def _reply(self, peer: str, message: m.SignalReply) -> None:
         self.answers.wait(10)
@@ -330,7 +436,12 @@ class FakeRobotPage:
         elif suffix == "command/picture" and self.still is not None:
             self._pages[peer].show(picture.frame(picture.pack(unix, self.still)))
         elif isinstance(message, m.Photo):
-            self._say("action", m.ActionStatus(action_id=message.action_id, status="FINISHED", stamp=unix, type="photo"))
+            self._say(
+                "action",
+                m.ActionStatus(
+                    action_id=message.action_id, status="FINISHED", stamp=unix, type="photo"
+                ),
+            )
         elif isinstance(message, m.Stop):
             self.kernel.stop(message, sender, now)
             self._say("state", self._state())
@@ -351,13 +462,23 @@ class FakeRobotPage:
             if tick % 12 == 0 and self.online:
                 self._say("state", self._state())
             if tick % 4 == 0 and self.online:
-                self._say("pose", m.PoseUpdate(stamp=time.time(), pose=self._pose(), velocity=self._velocity(), tilt=self.simulation.tilt))
+                self._say(
+                    "pose",
+                    m.PoseUpdate(
+                        stamp=time.time(),
+                        pose=self._pose(),
+                        velocity=self._velocity(),
+                        tilt=self.simulation.tilt,
+                    ),
+                )
             if tick % 15 == 0 and self.online:
                 self._say("scan", self._scan())
             if tick % STATUS == 0:
                 self._tell("server/status", protocol.ServerStatus(faults=self.faults))
             if tick % RENEWAL == 0 and self._lease is not None:
-                self._lease = msgspec.structs.replace(self._lease, renewal=self._lease.renewal + 1, stamp=time.time())
+                self._lease = msgspec.structs.replace(
+                    self._lease, renewal=self._lease.renewal + 1, stamp=time.time()
+                )
                 self.kernel.take_lease(self._lease, retained=False, now=now)
             await asyncio.sleep(TICK)
 
@@ -366,13 +487,24 @@ class FakeRobotPage:
         return m.Pose(x=x, y=y, theta=theta)
 
     def _velocity(self) -> m.Velocity:
-        return m.Velocity(linear=self.simulation.motion.linear, angular=self.simulation.motion.angular)
+        return m.Velocity(
+            linear=self.simulation.motion.linear, angular=self.simulation.motion.angular
+        )
 
     def _scan(self) -> m.Scan:
         laser = self.model.laser
-        ranges = tuple(round(found, 3) if math.isfinite(found) else None for found in self.simulation.scan().tolist())
+        ranges = tuple(
+            round(found, 3) if math.isfinite(found) else None
+            for found in self.simulation.scan().tolist()
+        )
         step = laser.angle_increment
-        return m.Scan(stamp=time.time(), angle_min=laser.angle_min, angle_increment=step, range_max=laser.range_max, ranges=ranges)
+        return m.Scan(
+            stamp=time.time(),
+            angle_min=laser.angle_min,
+            angle_increment=step,
+            range_max=laser.range_max,
+            ranges=ranges,
+        )
 
     def _state(self) -> m.State:
         self._seq += 1
@@ -396,7 +528,11 @@ class FakeRobotPage:
             refused=refused,
             applied=applied,
             distance=self.simulation.distance,
-            safety=m.Safety(stop_seq=self.kernel.stop_seq, stop_id=self.kernel.stop_id, inhibited=self.kernel.inhibited(time.monotonic())),
+            safety=m.Safety(
+                stop_seq=self.kernel.stop_seq,
+                stop_id=self.kernel.stop_id,
+                inhibited=self.kernel.inhibited(time.monotonic()),
+            ),
         )
 
     def _say(self, suffix: str, message: m.Message) -> None:
@@ -408,8 +544,19 @@ class FakeRobotPage:
 class _Page:
     """One WebSocket."""
 
-    def __init__(self, connection: ServerConnection, peer: str, number: int, is_stopped: Callable[[], bool] = lambda: False) -> None:
-        self.connection, self.peer, self.number, self.is_stopped = connection, peer, number, is_stopped
+    def __init__(
+        self,
+        connection: ServerConnection,
+        peer: str,
+        number: int,
+        is_stopped: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.connection, self.peer, self.number, self.is_stopped = (
+            connection,
+            peer,
+            number,
+            is_stopped,
+        )
         self.watches = False
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -430,12 +577,23 @@ class _Page:
 
 def _applied(command: m.VelocityCommand, way: m.Way, age: float) -> m.AppliedCommand:
     return m.AppliedCommand(
-        seq=command.seq, stamp=command.stamp, method=command.method, way=way, age=age, linear=command.linear, angular=command.angular
+        seq=command.seq,
+        stamp=command.stamp,
+        method=command.method,
+        way=way,
+        age=age,
+        linear=command.linear,
+        angular=command.angular,
     )
 
 
 def _response(body: bytes, kind: str) -> Response:
-    kept = [("Content-Type", kind), ("Content-Length", str(len(body))), ("Content-Security-Policy", POLICY), ("Cache-Control", "no-store")]
+    kept = [
+        ("Content-Type", kind),
+        ("Content-Length", str(len(body))),
+        ("Content-Security-Policy", POLICY),
+        ("Cache-Control", "no-store"),
+    ]
     headers = Headers(kept)
     return Response(http.HTTPStatus.OK, "OK", headers, body)
 

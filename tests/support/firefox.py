@@ -1,4 +1,6 @@
-"""Debian's Firefox ESR, headless, driven over WebDriver BiDi: just enough of the protocol for a visitor (w3c.github.io/webdriver-bidi)."""
+"""Debian's Firefox ESR, headless, driven over WebDriver BiDi: just enough of the protocol for a
+visitor (w3c.github.io/webdriver-bidi).
+"""
 
 import contextlib
 import itertools
@@ -48,21 +50,36 @@ class Firefox:
                 return answer["result"]
 
     def set_cookie(self, name: str, value: str, domain: str) -> None:
-        self.command("storage.setCookie", cookie={"name": name, "value": {"type": "string", "value": value}, "domain": domain, "path": "/"})
+        self.command(
+            "storage.setCookie",
+            cookie={
+                "name": name,
+                "value": {"type": "string", "value": value},
+                "domain": domain,
+                "path": "/",
+            },
+        )
 
     def goto(self, url: str) -> None:
         self.command("browsingContext.navigate", context=self.context, url=url, wait="complete")
 
     def evaluate(self, expression: str) -> Any:
         """Return the value of a JavaScript expression that gives something simple."""
-        result = self.command("script.evaluate", expression=f"JSON.stringify({expression})", target={"context": self.context}, awaitPromise=True)
+        result = self.command(
+            "script.evaluate",
+            expression=f"JSON.stringify({expression})",
+            target={"context": self.context},
+            awaitPromise=True,
+        )
         assert result["type"] == "success", result
         return json.loads(result["result"].get("value", "null"))
 
     def key(self, kind: str, value: str) -> None:
         """Press ("keyDown") or release ("keyUp") a key, by its WebDriver code."""
         self.command(
-            "input.performActions", context=self.context, actions=[{"type": "key", "id": "keys", "actions": [{"type": kind, "value": value}]}]
+            "input.performActions",
+            context=self.context,
+            actions=[{"type": "key", "id": "keys", "actions": [{"type": kind, "value": value}]}],
         )
 
     def hold(self, value: str, reached: Callable[[], Any], within: float, what: str) -> None:
@@ -78,8 +95,16 @@ class Firefox:
 
     def click(self, x: float, y: float) -> None:
         """Press the mouse there, in CSS pixels of the page, and let go."""
-        press = [{"type": "pointerDown", "button": 0}, {"type": "pause", "duration": 150}, {"type": "pointerUp", "button": 0}]
-        mouse = {"type": "pointer", "id": "mouse", "actions": [{"type": "pointerMove", "x": round(x), "y": round(y)}, *press]}
+        press = [
+            {"type": "pointerDown", "button": 0},
+            {"type": "pause", "duration": 150},
+            {"type": "pointerUp", "button": 0},
+        ]
+        mouse = {
+            "type": "pointer",
+            "id": "mouse",
+            "actions": [{"type": "pointerMove", "x": round(x), "y": round(y)}, *press],
+        }
         self.command("input.performActions", context=self.context, actions=[mouse])
 
     def close(self) -> None:
@@ -93,15 +118,35 @@ def firefox() -> Iterator[Firefox]:
     with tempfile.TemporaryDirectory(prefix="firefox-", ignore_cleanup_errors=True) as folder:
         profile = Path(folder) / "profile"
         profile.mkdir()
-        (profile / "user.js").write_text("".join(f"user_pref({json.dumps(name)}, {json.dumps(value)});\n" for name, value in PREFERENCES.items()))
+        (profile / "user.js").write_text(
+            "".join(
+                f"user_pref({json.dumps(name)}, {json.dumps(value)});\n"
+                for name, value in PREFERENCES.items()
+            )
+        )
         log = Path(folder) / "log"
         with log.open("wb") as output:
             process = subprocess.Popen(
-                [FIREFOX, "--headless", "--no-remote", "--profile", str(profile), "--remote-debugging-port=0"],
-                stdout=output, stderr=subprocess.STDOUT, env={"HOME": folder, "PATH": "/usr/bin:/bin", "LIBGL_ALWAYS_SOFTWARE": "1"},
-            )  # fmt: skip
+                [
+                    FIREFOX,
+                    "--headless",
+                    "--no-remote",
+                    "--profile",
+                    str(profile),
+                    "--remote-debugging-port=0",
+                ],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env={"HOME": folder, "PATH": "/usr/bin:/bin", "LIBGL_ALWAYS_SOFTWARE": "1"},
+            )
         try:
-            address = wait_for(lambda: re.search(r"WebDriver BiDi listening on (\S+)", log.read_text(errors="replace")), 60, "Firefox")
+            address = wait_for(
+                lambda: re.search(
+                    r"WebDriver BiDi listening on (\S+)", log.read_text(errors="replace")
+                ),
+                60,
+                "Firefox",
+            )
             browser = Firefox(address.group(1))
             yield browser
             browser.close()

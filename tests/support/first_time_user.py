@@ -1,8 +1,10 @@
-"""Somebody new on the drive page of a study: where the robot is they see on the map, what is next in the words on the screen.
+"""Somebody new on the drive page of a study: where the robot is they see on the map, what is next
+in the words on the screen.
 
-They look ten times a second and have slow hands: keys that are up or down, or a finger on the stick. Where the way leads they read off the
-map, which has walls, doors and furniture; that a door is closed they notice when the page says that the robot is touching something
-there. Nobody tells them what the simulated robot or the server knows.
+They look ten times a second and have slow hands: keys that are up or down, or a finger on the
+stick. Where the way leads they read off the map, which has walls, doors and furniture; that a door
+is closed they notice when the page says that the robot is touching something there. Nobody tells
+them what the simulated robot or the server knows.
 """
 
 import contextlib
@@ -25,22 +27,39 @@ from sessions import protocol
 from tests.support.patience import patient
 
 CUES = {
-    "Well done!": "completed", "Drive backwards out": "leave_station", "Go to checkpoint": "go_to_checkpoint", "This one comes later": "wrong_checkpoint",
-    "turn left": "photo_turn_left", "turn right": "photo_turn_right", "drive until you stand": "photo_move", "Do you see the robot": "photo_ready",
-    "keep it, or take another": "photo_review", "Return to the charging station": "return_home", "Drive slowly into": "dock_now", "Let go and wait": "dock_hold", "Contact lost": "dock_again",
-    "Not home yet": "docked_early", "does not know where it is": "lost", "Done!": "completed", "The time is up": "timed_out", "The task is over": "ended",
-}  # fmt: skip
+    "Well done!": "completed",
+    "Drive backwards out": "leave_station",
+    "Go to checkpoint": "go_to_checkpoint",
+    "This one comes later": "wrong_checkpoint",
+    "turn left": "photo_turn_left",
+    "turn right": "photo_turn_right",
+    "drive until you stand": "photo_move",
+    "Do you see the robot": "photo_ready",
+    "keep it, or take another": "photo_review",
+    "Return to the charging station": "return_home",
+    "Drive slowly into": "dock_now",
+    "Let go and wait": "dock_hold",
+    "Contact lost": "dock_again",
+    "Not home yet": "docked_early",
+    "does not know where it is": "lost",
+    "Done!": "completed",
+    "The time is up": "timed_out",
+    "The task is over": "ended",
+}
 OVER = {"completed", "timed_out", "ended"}
 LOOK = """() => ({
   ...document.getElementById('map').dataset, width: document.getElementById('map').clientWidth, height: document.getElementById('map').clientHeight,
   cue: document.getElementById('task-cue').innerText, photo: document.getElementById('photo').innerText, alert: document.getElementById('alert').innerText,
   card: document.getElementById('card').hidden ? '' : document.getElementById('card-title').innerText,
 })"""
-AHEAD = 0.25  # seconds that people think ahead of what they see, because the robot goes on for a moment
-ENOUGH = {"ArrowUp": 0.05, "ArrowDown": 0.05, "ArrowLeft": 0.13, "ArrowRight": 0.13}  # m/s and rad/s that are worth a key
+# seconds that people think ahead of what they see, because the robot goes on for a moment
+AHEAD = 0.25
+# m/s and rad/s that are worth a key
+ENOUGH = {"ArrowUp": 0.05, "ArrowDown": 0.05, "ArrowLeft": 0.13, "ArrowRight": 0.13}
 FULL = {"Slow": Speed(0.28, 0.44), "Normal": Speed(0.49, 0.58)}  # what the steps feel like
 BACK = 0.3  # m/s, the most backwards
-DEAD, LEAST = 0.14, 0.12  # of a stick's radius and of full speed: as far as a finger must move, and what it then does
+# of a stick's radius and of full speed: as far as a finger must move, and what it then does
+DEAD, LEAST = 0.14, 0.12
 AT_A_DOOR = 0.9  # metres from its middle
 
 
@@ -62,7 +81,12 @@ class Keys:
     down: set[str] = field(default_factory=set)
 
     def steer(self, speed: Speed, step: str) -> None:
-        wanted = {"ArrowUp": speed.linear, "ArrowDown": -speed.linear, "ArrowLeft": speed.angular, "ArrowRight": -speed.angular}
+        wanted = {
+            "ArrowUp": speed.linear,
+            "ArrowDown": -speed.linear,
+            "ArrowLeft": speed.angular,
+            "ArrowRight": -speed.angular,
+        }
         for key, amount in wanted.items():
             held = amount > ENOUGH[key]
             if held != (key in self.down):
@@ -74,11 +98,17 @@ class Keys:
 
 
 def push(share: float, other: float) -> float:
-    """How far a finger pushes the stick along one axis for a share of full speed, when the other axis asks for another."""
+    """How far a finger pushes the stick along one axis for a share of full speed, when the other
+    axis asks for another.
+    """
     size = min(1.0, math.hypot(share, other))
     if size < LEAST:
         return 0.0
-    return share / math.hypot(share, other) * (DEAD + (1.0 - DEAD) * math.sqrt((size - LEAST) / (1.0 - LEAST)))
+    return (
+        share
+        / math.hypot(share, other)
+        * (DEAD + (1.0 - DEAD) * math.sqrt((size - LEAST) / (1.0 - LEAST)))
+    )
 
 
 @dataclass
@@ -91,7 +121,10 @@ class Finger:
 
     def steer(self, speed: Speed, step: str) -> None:
         full = FULL[step]
-        ahead, left = speed.linear / (full.linear if speed.linear > 0.0 else BACK), speed.angular / full.angular
+        ahead, left = (
+            speed.linear / (full.linear if speed.linear > 0.0 else BACK),
+            speed.angular / full.angular,
+        )
         x, y = -push(left, ahead), -push(ahead, left)
         if not self.is_down and (x or y):
             self._send("touchStart", 0.0, 0.0)
@@ -107,14 +140,19 @@ class Finger:
         box = self.page.locator("#stick").bounding_box()
         if box is None:
             return  # the page has something else to say just now: a finger finds nothing to push
-        at = {"x": box["x"] + box["width"] / 2 * (1 + x), "y": box["y"] + box["height"] / 2 * (1 + y)}
+        at = {
+            "x": box["x"] + box["width"] / 2 * (1 + x),
+            "y": box["y"] + box["height"] / 2 * (1 + y),
+        }
         self.touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [at]})
         self.is_down = True
 
 
 @dataclass
 class Mind:
-    """What somebody makes of what they see: a wish for the hands, at which step of speed. Knows no page."""
+    """What somebody makes of what they see: a wish for the hands, at which step of speed. Knows no
+    page.
+    """
 
     driver: Driver
     seen: tuple[float, Pose2D] | None = None
@@ -149,7 +187,11 @@ class Mind:
 
     def _step_for(self, cue: str, pose: Pose2D) -> str:
         dock = self.driver.guide.dock
-        if cue.startswith("photo_") or cue in {"dock_now", "dock_again"} or math.dist((dock.x, dock.y), (pose.x, pose.y)) < 1.6:
+        if (
+            cue.startswith("photo_")
+            or cue in {"dock_now", "dock_again"}
+            or math.dist((dock.x, dock.y), (pose.x, pose.y)) < 1.6
+        ):
             return "Slow"
         return "Normal"
 
@@ -172,7 +214,9 @@ class FirstTimeUser:
 
     def drive(self, within: float) -> list[str]:
         """Drive until the task is over, and return the cues that were shown, in order."""
-        study: dict[str, Any] = json.loads(self.page.locator("#config").text_content() or "{}")["study"]
+        study: dict[str, Any] = json.loads(self.page.locator("#config").text_content() or "{}")[
+            "study"
+        ]
         plan, _ = load_plan("office")
         guide = Guide.of(study, plan, "giraff")
         node, step = Mind(Driver(plan, guide, Speed(0.6, 0.6))), "Normal"
@@ -200,9 +244,22 @@ class FirstTimeUser:
         words = f"{seen['card']} {seen['photo']} {seen['cue']}"
         cue = next((name for said, name in CUES.items() if said in words), "")
         number = re.search(r"checkpoint (\d+)", seen["cue"])
-        at = guide.stops.get(int(number[1])) if number else guide.stops.get(1) if cue == "leave_station" else None
+        at = (
+            guide.stops.get(int(number[1]))
+            if number
+            else guide.stops.get(1)
+            if cue == "leave_station"
+            else None
+        )
         view = View(pose=pose_on(seen), localized=cue != "lost")
-        view.task = protocol.Task(session="seen", stamp=0.0, cue=cue, number=int(number[1]) if number else None, x=at and at[0], y=at and at[1])
+        view.task = protocol.Task(
+            session="seen",
+            stamp=0.0,
+            cue=cue,
+            number=int(number[1]) if number else None,
+            x=at and at[0],
+            y=at and at[1],
+        )
         return view, "touching something" in seen["alert"]
 
     def _do(self, intent: Intent, step: str) -> None:
@@ -214,7 +271,9 @@ class FirstTimeUser:
 
     @staticmethod
     def press(button: Locator) -> None:
-        """Press a button if it is there to be pressed; between a look and a press the window may have gone on."""
+        """Press a button if it is there to be pressed; between a look and a press the window may
+        have gone on.
+        """
         with contextlib.suppress(PlaywrightTimeout):
             if button.is_visible() and button.is_enabled(timeout=500):
                 button.click(timeout=500)

@@ -8,7 +8,9 @@ from sessions.leases import terms
 
 
 class FixedTerms:
-    """`terms` are given to every visit, `reason` is against every visit, `lacks` has them wait, `refusal` ends it when it is granted; `asked` counts grants."""
+    """`terms` are given to every visit, `reason` is against every visit, `lacks` has them wait,
+    `refusal` ends it when it is granted; `asked` counts grants.
+    """
 
     def __init__(self) -> None:
         self.terms: terms.Terms | None = None

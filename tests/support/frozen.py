@@ -1,4 +1,6 @@
-"""A server in a process of its own, which can be frozen, let go on, and killed: what it has not read then lies in its sockets."""
+"""A server in a process of its own, which can be frozen, let go on, and killed: what it has not
+read then lies in its sockets.
+"""
 
 import contextlib
 import os
@@ -30,7 +32,10 @@ class ServerProcess:
             time.sleep(0.02)
 
     def _answers(self):
-        with contextlib.suppress(OSError), socket.create_connection((self.host, self.port), timeout=1.0):
+        with (
+            contextlib.suppress(OSError),
+            socket.create_connection((self.host, self.port), timeout=1.0),
+        ):
             return True
         return False
 

@@ -1,4 +1,6 @@
-"""A simulated robot with its own autonomy, stepped as fast as the computer can: no process, no clock."""
+"""A simulated robot with its own autonomy, stepped as fast as the computer can: no process, no
+clock.
+"""
 
 import math
 
@@ -21,13 +23,19 @@ def office() -> Area:
 
 
 class HeadlessRobot:
-    """`sim` is the truth, `autonomy` what drives; `placed` tells it at the beginning where it stands."""
+    """`sim` is the truth, `autonomy` what drives; `placed` tells it at the beginning where it
+    stands.
+    """
 
     def __init__(self, series="giraff", *, start="dock", seed=1, area=None, placed=True, people=0):
         self.area = area or office()
         model = model_of(series)
-        self.sim = Simulation(model, load_site("office").plan, seed=seed, start=start, people=people)
-        self.autonomy = Headless(Body(series, model.footprint, model.limits), self.area, np.random.default_rng(seed))
+        self.sim = Simulation(
+            model, load_site("office").plan, seed=seed, start=start, people=people
+        )
+        self.autonomy = Headless(
+            Body(series, model.footprint, model.limits), self.area, np.random.default_rng(seed)
+        )
         if placed:
             self.autonomy.place(self.sim.pose)
         self.look_at = 0.0
@@ -35,13 +43,17 @@ class HeadlessRobot:
         self.fastest = 0.0
 
     def step(self, driver=None, level="off"):
-        """One tick; a `driver`'s velocity goes through the assistance instead of what an action wants."""
+        """One tick; a `driver`'s velocity goes through the assistance instead of what an action
+        wants.
+        """
         if self.sim.time + 1e-9 >= self.look_at:
             self.look_at += 1.0 / self.sim.model.laser.rate
             self.beams = self.sim.beams() or self.beams
         motion = self.sim.motion
         velocity = Velocity(linear=motion.linear, angular=motion.angular)
-        wanted = self.autonomy.step(SensorSnapshot(self.sim.time, self.sim.odometry, velocity, self.sim.docked, self.beams))
+        wanted = self.autonomy.step(
+            SensorSnapshot(self.sim.time, self.sim.odometry, velocity, self.sim.docked, self.beams)
+        )
         if driver is not None:
             wanted = self.autonomy.assist(driver, level)
         self.sim.command(wanted.linear, wanted.angular)
@@ -59,18 +71,29 @@ class HeadlessRobot:
     def do(self, action, seconds=180.0):
         """Begin an action and return its last news."""
         self.autonomy.begin(action)
-        assert self.run(seconds, lambda: self.last(action.action_id) is not None), f"{self.last_words(action.action_id)}"
+        assert self.run(seconds, lambda: self.last(action.action_id) is not None), (
+            f"{self.last_words(action.action_id)}"
+        )
         return self.last(action.action_id)
 
     def last(self, action_id):
-        return next((n for n in reversed(self.autonomy.news) if n.action_id == action_id and n.status in ENDED), None)
+        return next(
+            (
+                n
+                for n in reversed(self.autonomy.news)
+                if n.action_id == action_id and n.status in ENDED
+            ),
+            None,
+        )
 
     def last_words(self, action_id):
         return [n for n in self.autonomy.news if n.action_id == action_id][-3:]
 
     def error(self):
         """How far the believed pose is from the truth, metres."""
-        return math.hypot(self.autonomy.pose.x - self.sim.pose.x, self.autonomy.pose.y - self.sim.pose.y)
+        return math.hypot(
+            self.autonomy.pose.x - self.sim.pose.x, self.autonomy.pose.y - self.sim.pose.y
+        )
 
     def stands(self):
         return abs(self.sim.motion.linear) < 1e-6 and abs(self.sim.motion.angular) < 1e-6

@@ -1,7 +1,8 @@
-"""How late the computer itself is: what a bound in seconds may be missed by when others keep the processor busy.
+"""How late the computer itself is: what a bound in seconds may be missed by when others keep the
+processor busy.
 
-A thread sleeps for a moment over and over, and notes how much later than asked it woke up. A safety bound is held against what the
-program does beyond that: on an idle computer the bound itself.
+A thread sleeps for a moment over and over, and notes how much later than asked it woke up. A safety
+bound is held against what the program does beyond that: on an idle computer the bound itself.
 """
 
 import contextlib
@@ -24,8 +25,17 @@ class HostJitter:
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def excuse(self, since: float, until: float) -> float:
-        """Return the seconds by which a bound may be missed between two moments: page, agent and base take part, and each may be late."""
-        return 3.0 * max((late for at, late in list(self._late) if at >= since - AROUND and at - late <= until + AROUND), default=0.0)
+        """Return the seconds by which a bound may be missed between two moments: page, agent and
+        base take part, and each may be late.
+        """
+        return 3.0 * max(
+            (
+                late
+                for at, late in list(self._late)
+                if at >= since - AROUND and at - late <= until + AROUND
+            ),
+            default=0.0,
+        )
 
     def _watch(self) -> None:
         while not self._over.is_set():
@@ -34,11 +44,15 @@ class HostJitter:
             late = time.monotonic() - before - STEP
             if late > STEP:
                 now = time.time()
-                self._late = [(at, value) for at, value in self._late if now - at < KEPT] + [(now, late)]
+                self._late = [(at, value) for at, value in self._late if now - at < KEPT] + [
+                    (now, late)
+                ]
 
 
 def pauses(stamps: Iterable[float], usual: float) -> float:
-    """Return the seconds for which another process was kept waiting: what is missing between its stamps, `usual` apart at most."""
+    """Return the seconds for which another process was kept waiting: what is missing between its
+    stamps, `usual` apart at most.
+    """
     return sum(max(0.0, after - before - usual) for before, after in pairwise(stamps))
 
 

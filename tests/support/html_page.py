@@ -5,7 +5,21 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from itertools import pairwise
 
-VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
+VOID = {
+    "area",
+    "base",
+    "br",
+    "col",
+    "embed",
+    "hr",
+    "img",
+    "input",
+    "link",
+    "meta",
+    "source",
+    "track",
+    "wbr",
+}
 CONTROLS = {"input", "select", "textarea"}
 
 
@@ -57,7 +71,9 @@ def read(response) -> Page:
 
 
 def faults(page: Page) -> list[str]:
-    """Return what is wrong with a page for those who cannot see it, and for a policy without inline code."""
+    """Return what is wrong with a page for those who cannot see it, and for a policy without inline
+    code.
+    """
     found = [f"<{element.tag}> stays open" for element in page.open]
     ids = [e.attributes["id"] for e in page.elements if "id" in e.attributes]
     found += [f"id {i} stands twice" for i in set(ids) if ids.count(i) > 1]
@@ -75,7 +91,12 @@ def faults(page: Page) -> list[str]:
         found += [f"<{e.tag} {name}>" for name in a if name == "style" or name.startswith("on")]
         if e.tag == "img" and "alt" not in a:
             found.append(f"img {a.get('src')} without alt")
-        if e.tag in CONTROLS and a.get("type") != "hidden" and a.get("id") not in labelled and "aria-label" not in a:
+        if (
+            e.tag in CONTROLS
+            and a.get("type") != "hidden"
+            and a.get("id") not in labelled
+            and "aria-label" not in a
+        ):
             found.append(f"{a.get('name')} without label")
         if e.tag in {"a", "button"} and not (e.text.strip() or a.get("aria-label")):
             found.append(f"{e.tag} without a name")
@@ -84,5 +105,9 @@ def faults(page: Page) -> list[str]:
         if e.tag == "style":
             found.append("inline style sheet")
         for name in ("aria-describedby", "aria-labelledby", "aria-controls"):
-            found += [f"{name} points at {i}, which is not there" for i in a.get(name, "").split() if i not in ids]
+            found += [
+                f"{name} points at {i}, which is not there"
+                for i in a.get(name, "").split()
+                if i not in ids
+            ]
     return found

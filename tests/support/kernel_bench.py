@@ -1,4 +1,6 @@
-"""A safety kernel on a bench: time that the test turns, a driver whose clock is off by a known amount, and a record of every output."""
+"""A safety kernel on a bench: time that the test turns, a driver whose clock is off by a known
+amount, and a record of every output.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,7 +18,9 @@ LIMITS = m.Limits(
     linear_braking=1.2,
     angular_braking=3.0,
 )
-CAPABILITIES = frozenset({"velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "photo", "say", "call"})
+CAPABILITIES = frozenset(
+    {"velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "photo", "say", "call"}
+)
 UNIX = 1_700_000_000.0
 DRIVER_CLOCK = 37.25  # the driver's Unix time is that much ahead of the robot's
 TICK = 0.02
@@ -38,14 +42,24 @@ class Bench:
     outputs: list[tuple[float, Decision]] = field(default_factory=list)
 
     def __post_init__(self):
-        self.kernel = Kernel(self.limits, self.watchdog, self.capabilities, latch=self.latch, monitor=self.monitor)
+        self.kernel = Kernel(
+            self.limits, self.watchdog, self.capabilities, latch=self.latch, monitor=self.monitor
+        )
 
     @property
     def unix(self):
         return UNIX + self.now
 
     def lease(self, *, session="s1", epoch=1, peer="p1", renewal=0, retained=False, **fields):
-        lease = m.Lease(session=session, epoch=epoch, peer=peer, who="Ada", renewal=renewal, stamp=self.unix, **fields)
+        lease = m.Lease(
+            session=session,
+            epoch=epoch,
+            peer=peer,
+            who="Ada",
+            renewal=renewal,
+            stamp=self.unix,
+            **fields,
+        )
         return self.kernel.take_lease(lease, retained=retained, now=self.now)
 
     def know_clock(self, peer="p1", *, offset=DRIVER_CLOCK, echoes=3, every=0.02):
@@ -53,7 +67,12 @@ class Bench:
             beat = self.kernel.clocks.beat(self.now, self.unix)
             there = self.unix + 0.01 + offset
             self.now += every
-            answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer=peer, echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there))
+            answer = m.CommandHeartbeat(
+                n=beat.n,
+                stamp=there,
+                peer=peer,
+                echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there),
+            )
             self.kernel.clocks.heard(peer, "mqtt", answer, now=self.now, unix=self.unix)
             self.kernel.heard(peer, "mqtt", self.now)
 
@@ -61,21 +80,36 @@ class Bench:
         values = {"session": "s1", "epoch": 1, "seq": self.seq + 1, "method": "keyboard"} | fields
         self.seq = max(self.seq, values["seq"])
         frame = None if frame_age is None else self.unix - frame_age
-        return m.VelocityCommand(stamp=self.unix - age + DRIVER_CLOCK, linear=linear, angular=angular, frame=frame, **values)
+        return m.VelocityCommand(
+            stamp=self.unix - age + DRIVER_CLOCK,
+            linear=linear,
+            angular=angular,
+            frame=frame,
+            **values,
+        )
 
     def drive(self, linear=0.5, angular=0.0, *, sender=None, **fields) -> Verdict:
-        verdict = self.kernel.velocity(self.command(linear, angular, **fields), sender or Sender("datachannel", "p1"), now=self.now, unix=self.unix)
+        verdict = self.kernel.velocity(
+            self.command(linear, angular, **fields),
+            sender or Sender("datachannel", "p1"),
+            now=self.now,
+            unix=self.unix,
+        )
         self.tick()
         return verdict
 
     def tick(self) -> Decision:
-        self.kernel.measured(self.kernel.commanded if self.motion is None else self.motion, self.now)
+        self.kernel.measured(
+            self.kernel.commanded if self.motion is None else self.motion, self.now
+        )
         decision = self.kernel.tick(self.now, self.wanted)
         self.outputs.append((self.now, decision))
         return decision
 
     def run(self, seconds, *, every=None, beats=None, **command):
-        """Tick at 50 Hz; with `every` (s) send a command that often; with `beats` the driver is heard on that way five times a second."""
+        """Tick at 50 Hz; with `every` (s) send a command that often; with `beats` the driver is
+        heard on that way five times a second.
+        """
         for step in range(1, round(seconds / TICK) + 1):
             self.now += TICK
             if beats and step % 10 == 0:
@@ -101,7 +135,9 @@ class Bench:
 
     def stop(self, *, action_id="stop-1", seq=0, way="datachannel", peer="p1", **fields):
         action = m.Stop(action_id=action_id, stamp=0.0, seq=seq, **fields)
-        acted = self.kernel.stop(action, Sender(way, peer if way == "datachannel" else None), self.now)
+        acted = self.kernel.stop(
+            action, Sender(way, peer if way == "datachannel" else None), self.now
+        )
         self.tick()
         return acted
 

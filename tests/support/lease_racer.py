@@ -1,7 +1,9 @@
-"""One of several processes that ask for the same robot at the same instant: `python -m tests.support.lease_racer`.
+"""One of several processes that ask for the same robot at the same instant: `python -m
+tests.support.lease_racer`.
 
-Reads a line for each round from its standard input, `<start> <robot> <visitor> <peer>`, waits until `start` (Unix seconds, so that all
-of them fall on the same instant), asks, and answers with one line of JSON.
+Reads a line for each round from its standard input, `<start> <robot> <visitor> <peer>`, waits until
+`start` (Unix seconds, so that all of them fall on the same instant), asks, and answers with one
+line of JSON.
 """
 
 import datetime
@@ -28,7 +30,11 @@ def main() -> None:
         while time.time() < float(start):
             pass  # a sleep wakes up late, and then nobody races
         taken = take(robot, visitor, peer, now=datetime.datetime.now(datetime.UTC))
-        answer = {"kind": type(taken).__name__, "epoch": getattr(taken, "epoch", None), "session": str(taken.session)}
+        answer = {
+            "kind": type(taken).__name__,
+            "epoch": getattr(taken, "epoch", None),
+            "session": str(taken.session),
+        }
         print(json.dumps(answer), flush=True)  # noqa: T201
 
 

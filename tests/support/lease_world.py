@@ -1,9 +1,36 @@
-"""A robot, its queue and its visitors in memory: carries out the decisions of sessions.leases.policy and sessions.leases.transitions without a database."""
+"""A robot, its queue and its visitors in memory: carries out the decisions of
+sessions.leases.policy and sessions.leases.transitions without a database.
+"""
 
 from dataclasses import dataclass, field, replace
 
-from sessions.leases.policy import Ask, Deny, Grant, Hold, Resume, Rules, Scene, Visit, Wait, decide_take
-from sessions.leases.transitions import AskThere, Drove, End, FoundThere, Free, Link, Lose, Move, Offer, SetTurn, Warn, Withdraw, decide_tick
+from sessions.leases.policy import (
+    Ask,
+    Deny,
+    Grant,
+    Hold,
+    Resume,
+    Rules,
+    Scene,
+    Visit,
+    Wait,
+    decide_take,
+)
+from sessions.leases.transitions import (
+    AskThere,
+    Drove,
+    End,
+    FoundThere,
+    Free,
+    Link,
+    Lose,
+    Move,
+    Offer,
+    SetTurn,
+    Warn,
+    Withdraw,
+    decide_tick,
+)
 
 RULES = Rules(turn=60.0, warning=20.0, start=15.0, grace=10.0)
 ASKING = replace(RULES, idle=120.0)
@@ -14,7 +41,8 @@ class World:
     now: float = 1000.0
     hold: Hold = field(default_factory=lambda: Hold(0))
     visits: dict[str, Visit] = field(default_factory=dict)
-    ended: dict[str, tuple[str, str, str]] = field(default_factory=dict)  # session: visitor, outcome, reason
+    # session: visitor, outcome, reason
+    ended: dict[str, tuple[str, str, str]] = field(default_factory=dict)
     grants: list[tuple[int, str]] = field(default_factory=list)  # epoch, visitor
     online: bool = True
     enabled: bool = True
@@ -28,23 +56,42 @@ class World:
 
     @property
     def scene(self) -> Scene:
-        return Scene(self.hold, tuple(self.visits.values()), enabled=self.enabled, online=self.online)
+        return Scene(
+            self.hold, tuple(self.visits.values()), enabled=self.enabled, online=self.online
+        )
 
     @property
     def link(self) -> Link:
         if not self.online:
-            return Link(0.0, self.offline_since, self.offline_since, self.hold.session, self.hold.epoch, 0.1)
+            return Link(
+                0.0, self.offline_since, self.offline_since, self.hold.session, self.hold.epoch, 0.1
+            )
         holder = self.scene.holder
         silence = None if holder is None else (0.1 if holder.visitor in self.connected else 60.0)
-        known = {"moved": False, "active_at": self.active_at, "asked": self.asked, "signs": self.signs}
+        known = {
+            "moved": False,
+            "active_at": self.active_at,
+            "asked": self.asked,
+            "signs": self.signs,
+        }
         return Link(0.0, self.now, self.now, self.hold.session, self.hold.epoch, silence, **known)
 
     def visit_of(self, visitor: str) -> Visit | None:
         return next((visit for visit in self.visits.values() if visit.visitor == visitor), None)
 
-    def take(self, visitor: str, *, peer: str = "", session: str | None = None, old_peer: str | None = None, takeover: bool = False):
+    def take(
+        self,
+        visitor: str,
+        *,
+        peer: str = "",
+        session: str | None = None,
+        old_peer: str | None = None,
+        takeover: bool = False,
+    ):
         peer = peer or f"peer-of-{visitor}"
-        decision = decide_take(self.scene, Ask(visitor, peer, session, old_peer, takeover), self.rules, self.now)
+        decision = decide_take(
+            self.scene, Ask(visitor, peer, session, old_peer, takeover), self.rules, self.now
+        )
         match decision:
             case Grant(None):
                 self._give(self._join(visitor), decision, peer)
@@ -53,7 +100,11 @@ class World:
             case Wait(None):
                 self._join(visitor)
             case Wait(session) | Resume(session):
-                self.change(session, seen_at=self.now, lost_at=None if isinstance(decision, Wait) else self.visits[session].lost_at)
+                self.change(
+                    session,
+                    seen_at=self.now,
+                    lost_at=None if isinstance(decision, Wait) else self.visits[session].lost_at,
+                )
             case Deny():
                 pass
         return decision
@@ -62,7 +113,9 @@ class World:
         self.made += 1
         session = f"s{self.made:04d}"
         assert self.visit_of(visitor) is None
-        self.visits[session] = Visit(session, visitor, "waiting", self.now + self.made * 1e-6, seen_at=self.now)
+        self.visits[session] = Visit(
+            session, visitor, "waiting", self.now + self.made * 1e-6, seen_at=self.now
+        )
         return session
 
     def _give(self, session: str, grant: Grant, peer: str) -> None:
@@ -88,7 +141,11 @@ class World:
     def pages_say_they_are_open(self, visitors) -> None:
         for visit in list(self.visits.values()):
             if visit.visitor in visitors:
-                self.change(visit.id, seen_at=self.now, lost_at=None if visit.state == "waiting" else visit.lost_at)
+                self.change(
+                    visit.id,
+                    seen_at=self.now,
+                    lost_at=None if visit.state == "waiting" else visit.lost_at,
+                )
 
     def tick(self, link: Link | None = None):
         acts = decide_tick(self.scene, link or self.link, self.rules, self.now)

@@ -1,4 +1,6 @@
-"""A computer without any network: the test itself, and every process that it starts meanwhile, in a namespace where only lo is up."""
+"""A computer without any network: the test itself, and every process that it starts meanwhile, in a
+namespace where only lo is up.
+"""
 
 import contextlib
 import os
@@ -19,9 +21,11 @@ class LoopbackOnly:
     name: str
 
     def plug(self) -> None:
-        """Give the computer a network after all: a cable from itself to itself, with an address at each end, and a way out that leads nowhere.
+        """Give the computer a network after all: a cable from itself to itself, with an address at
+        each end, and a way out that leads nowhere.
 
-        Without a way out Chromium tells nobody its address; and one that was started before never notices.
+        Without a way out Chromium tells nobody its address; and one that was started before never
+        notices.
         """
         ip("-n", self.name, "link", "add", "cable0", "type", "veth", "peer", "name", "cable1")
         for interface, address in (("cable0", FIRST), ("cable1", SECOND)):
@@ -30,16 +34,43 @@ class LoopbackOnly:
         ip("-n", self.name, "route", "add", "default", "via", GATEWAY, "dev", "cable0")
 
     def close_udp(self) -> None:
-        """Let no datagram reach this computer, as a firewall in front of it would. A rule of routing, since not every kernel can filter."""
+        """Let no datagram reach this computer, as a firewall in front of it would. A rule of
+        routing, since not every kernel can filter.
+        """
         ip("-n", self.name, "rule", "add", "pref", "5", "lookup", "local")
         for network in NETWORKS:
-            ip("-n", self.name, "rule", "add", "pref", "1", "ipproto", "udp", "to", network, "blackhole")
+            ip(
+                "-n",
+                self.name,
+                "rule",
+                "add",
+                "pref",
+                "1",
+                "ipproto",
+                "udp",
+                "to",
+                network,
+                "blackhole",
+            )
         ip("-n", self.name, "rule", "del", "pref", "0")
 
     def let_through(self, user: str) -> None:
-        """Let datagrams of one user's programs through all the same: those of a relay, which stands outside of the firewall."""
+        """Let datagrams of one user's programs through all the same: those of a relay, which stands
+        outside of the firewall.
+        """
         number = pwd.getpwnam(user).pw_uid
-        ip("-n", self.name, "rule", "add", "pref", "0", "uidrange", f"{number}-{number}", "lookup", "local")
+        ip(
+            "-n",
+            self.name,
+            "rule",
+            "add",
+            "pref",
+            "0",
+            "uidrange",
+            f"{number}-{number}",
+            "lookup",
+            "local",
+        )
 
     def open_udp(self) -> None:
         """Let datagrams through again."""
@@ -49,7 +80,9 @@ class LoopbackOnly:
 
 @contextlib.contextmanager
 def loopback_only() -> Iterator[LoopbackOnly]:
-    """Put this thread, and all that it starts, into a network namespace of its own until the end of the block."""
+    """Put this thread, and all that it starts, into a network namespace of its own until the end of
+    the block.
+    """
     name = f"lo-{os.getpid() % 100000}"
     ip("netns", "add", name)
     try:

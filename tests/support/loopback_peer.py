@@ -1,4 +1,6 @@
-"""A page without a browser: an aiortc connection that offers as our pages do and notes what it gets."""
+"""A page without a browser: an aiortc connection that offers as our pages do and notes what it
+gets.
+"""
 
 import asyncio
 import time
@@ -40,21 +42,35 @@ class Exchange:
         self.loop.call_soon_threadsafe(self.heard.append, (peer, role, heard))
 
     def byes(self, peer: str) -> list[str]:
-        return [message.reason for name, message in self.replies if name == peer and isinstance(message, Bye)]
+        return [
+            message.reason
+            for name, message in self.replies
+            if name == peer and isinstance(message, Bye)
+        ]
 
     def answers(self, peer: str) -> list[str]:
-        return [message.sdp for name, message in self.replies if name == peer and isinstance(message, Answer)]
+        return [
+            message.sdp
+            for name, message in self.replies
+            if name == peer and isinstance(message, Answer)
+        ]
 
 
 class LoopbackPage:
-    """One page. `pictures` are (RTP timestamp, is key frame) as they arrive, `images` the decoded pictures' arrays."""
+    """One page. `pictures` are (RTP timestamp, is key frame) as they arrive, `images` the decoded
+    pictures' arrays.
+    """
 
-    def __init__(self, media: MediaSide, exchange: Exchange, peer: str, *, decode: bool = True) -> None:
+    def __init__(
+        self, media: MediaSide, exchange: Exchange, peer: str, *, decode: bool = True
+    ) -> None:
         self.media, self.exchange, self.peer = media, exchange, peer
         self.connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
         self.video = self.connection.addTransceiver("video", direction="recvonly")
         self.audio = self.connection.addTransceiver("audio", direction="recvonly")
-        self.channel: RTCDataChannel = self.connection.createDataChannel("control", ordered=False, maxRetransmits=0)
+        self.channel: RTCDataChannel = self.connection.createDataChannel(
+            "control", ordered=False, maxRetransmits=0
+        )
         self.messages: list[tuple[str, Any]] = []
         self.pictures: list[tuple[int, bool]] = []
         self.images: list[Any] = []
@@ -79,9 +95,14 @@ class LoopbackPage:
 
     async def take_answer(self) -> None:
         """Take the newest answer, and begin to watch and listen."""
-        await self.connection.setRemoteDescription(RTCSessionDescription(self.exchange.answers(self.peer)[-1], "answer"))
+        await self.connection.setRemoteDescription(
+            RTCSessionDescription(self.exchange.answers(self.peer)[-1], "answer")
+        )
         if self._decode:
-            self._tasks = [asyncio.ensure_future(self._watch()), asyncio.ensure_future(self._listen())]
+            self._tasks = [
+                asyncio.ensure_future(self._watch()),
+                asyncio.ensure_future(self._listen()),
+            ]
 
     async def lose_a_picture(self) -> None:
         """Send a PLI, as a decoder does that misses something."""
@@ -99,7 +120,13 @@ class LoopbackPage:
     def ssrc(self) -> int:
         """The stream that the robot's picture comes on."""
         return self.connection.remoteDescription and int(
-            next(line for line in self.connection.remoteDescription.sdp.splitlines() if line.startswith("a=ssrc:")).split(":")[1].split()[0]
+            next(
+                line
+                for line in self.connection.remoteDescription.sdp.splitlines()
+                if line.startswith("a=ssrc:")
+            )
+            .split(":")[1]
+            .split()[0]
         )
 
     def clocks(self) -> list[Any]:
@@ -116,7 +143,8 @@ class LoopbackPage:
         handle = receiver._handle_rtp_packet
 
         async def note(packet: Any, arrival_time_ms: int) -> None:
-            # RFC 7741: S = 1 and partition 0 begin a picture, whose first byte has P = 0 when it is a key frame.
+            # RFC 7741: S = 1 and partition 0 begin a picture, whose first byte has P = 0 when it is
+            # a key frame.
             if len(packet.payload) > 4 and packet.payload[0] == 0x10:
                 self.pictures.append((packet.timestamp, packet.payload[1] & 1 == 0))
             if self._decode:

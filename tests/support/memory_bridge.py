@@ -1,4 +1,6 @@
-"""A bridge without a broker: what pages send is kept in lists, what a robot says is brought at once."""
+"""A bridge without a broker: what pages send is kept in lists, what a robot says is brought at
+once.
+"""
 
 import asyncio
 import collections
@@ -9,14 +11,23 @@ from robots.bridge.delivery import LINK, Delivery, ReceivedMessage
 
 
 class MemoryBridge:
-    """Stands in for robots.bridge.bridge.Bridge. `sent` holds (robot, suffix, message), `leases` (robot, lease or None)."""
+    """Stands in for robots.bridge.bridge.Bridge. `sent` holds (robot, suffix, message), `leases`
+    (robot, lease or None).
+    """
 
     def __init__(self):
         self.delivery = Delivery()
         self.connected = True
         self.stored = {}
         self.counts = collections.Counter()
-        self.sent, self.stops, self.leases, self.retained, self.news, self.reports = [], [], [], [], [], []
+        self.sent, self.stops, self.leases, self.retained, self.news, self.reports = (
+            [],
+            [],
+            [],
+            [],
+            [],
+            [],
+        )
 
     def serves(self, _loop):
         return True
@@ -48,7 +59,9 @@ class MemoryBridge:
     def send(self, robot, suffix, message):
         if self.connected:
             # As it would arrive, so that what cannot be encoded fails here.
-            self.sent.append((robot, suffix, codec.decode(suffix, codec.encode(message), "to_robot")))
+            self.sent.append(
+                (robot, suffix, codec.decode(suffix, codec.encode(message), "to_robot"))
+            )
         return self.connected
 
     def send_stop(self, robot, action):
@@ -81,7 +94,9 @@ class MemoryBridge:
 
     def say_picture(self, robot, stamp, jpeg, peer=None):
         """The robot sends a picture through the server, for one peer or for all who have asked."""
-        self.delivery.arrive(topics.of(robot, picture.suffix_for(peer)), picture.pack(stamp, jpeg), time.monotonic())
+        self.delivery.arrive(
+            topics.of(robot, picture.suffix_for(peer)), picture.pack(stamp, jpeg), time.monotonic()
+        )
 
     def lose_broker(self):
         self.connected = False

@@ -1,6 +1,8 @@
-"""A broker in memory: what an agent publishes is decoded and kept in order, and a test speaks for the server.
+"""A broker in memory: what an agent publishes is decoded and kept in order, and a test speaks for
+the server.
 
-The agent's end lives on its control loop, the test's wherever the test is: messages may cross threads, as they do in reality.
+The agent's end lives on its control loop, the test's wherever the test is: messages may cross
+threads, as they do in reality.
 """
 
 import asyncio
@@ -11,17 +13,20 @@ from tests.support.virtual_time import RealTime
 
 
 class MemoryLink:
-    """The agent's end (ways_out.Link): connects at once, can be cut and mended, keeps what must not be lost meanwhile."""
+    """The agent's end (ways_out.Link): connects at once, can be cut and mended, keeps what must not
+    be lost meanwhile.
+    """
 
     def __init__(self, time=RealTime):
         self.connected = False
         self.outbox = Outbox()
-        self.sent = []  # (suffix, message), decoded; only ever appended to, so that any thread may read it
+        # (suffix, message), decoded; only ever appended to, so that any thread may read it
+        self.sent = []
         self._time = time
         self._loop = self._inbox = None
         self._closing = None
 
-    # --- the agent's side ----------------------------------------------------------------------------------------------
+    # --- the agent's side -------------------------------------------------------------------------
 
     def publish(self, suffix, payload):
         self.outbox.put(outbound(suffix, payload), connected=self.connected)
@@ -44,24 +49,34 @@ class MemoryLink:
         while self.connected and len(self.outbox):
             message = self.outbox.take()
             self.outbox.acknowledged(message)
-            self.sent.append((message.suffix, codec.decode(message.suffix, message.payload, "from_robot")))
+            self.sent.append(
+                (message.suffix, codec.decode(message.suffix, message.payload, "from_robot"))
+            )
 
-    # --- the server's side ---------------------------------------------------------------------------------------------
+    # --- the server's side ------------------------------------------------------------------------
 
     def cut(self, *, mend=False):
         self._loop.call_soon_threadsafe(self._set_connected, mend)
 
     def say(self, suffix, message, *, retained=False):
-        """Publish to the robot; a message of None takes back what was retained. Raises Rejection where the wire would."""
-        decoded = None if message is None else codec.decode(suffix, codec.encode(message), "to_robot")
-        self._loop.call_soon_threadsafe(lambda: self._inbox.arrived(suffix, decoded, retained=retained))
+        """Publish to the robot; a message of None takes back what was retained. Raises Rejection
+        where the wire would.
+        """
+        decoded = (
+            None if message is None else codec.decode(suffix, codec.encode(message), "to_robot")
+        )
+        self._loop.call_soon_threadsafe(
+            lambda: self._inbox.arrived(suffix, decoded, retained=retained)
+        )
 
     def say_bytes(self, suffix, payload):
         """Publish bytes of any kind, as MqttLink would take them."""
 
         def take():
             try:
-                self._inbox.arrived(suffix, codec.decode(suffix, payload, "to_robot"), retained=False)
+                self._inbox.arrived(
+                    suffix, codec.decode(suffix, payload, "to_robot"), retained=False
+                )
             except codec.Rejection as rejection:
                 self._inbox.rejected(rejection.reason)
 
@@ -71,17 +86,27 @@ class MemoryLink:
         return [message for name, message in self.sent if name == suffix]
 
     def wait(self, suffix, wanted=lambda _: True, *, since=0, within=5.0):
-        """Wait for a message of the robot that `wanted` accepts, the `since`-th or later of all, and return it."""
+        """Wait for a message of the robot that `wanted` accepts, the `since`-th or later of all,
+        and return it.
+        """
         found = []
 
         def has_come():
             nonlocal since
             until = len(self.sent)
-            found.extend(message for name, message in self.sent[since:until] if name == suffix and wanted(message))
+            found.extend(
+                message
+                for name, message in self.sent[since:until]
+                if name == suffix and wanted(message)
+            )
             since = until
             return found
 
-        self._time.wait(has_come, within, lambda: f"such a {suffix} (the last of {len(self.sent)}: {self.sent[-5:]})")
+        self._time.wait(
+            has_come,
+            within,
+            lambda: f"such a {suffix} (the last of {len(self.sent)}: {self.sent[-5:]})",
+        )
         return found[0]
 
     @property

@@ -1,9 +1,11 @@
-"""OpenMORA with the simulated robot behind it, as one client of a MOOSDB: a double, or a real one by its address.
+"""OpenMORA with the simulated robot behind it, as one client of a MOOSDB: a double, or a real one
+by its address.
 
-What it obeys and says is what the modules do: RobotControlManager/CRobotControllerApp.cpp (modes, cancelling, nodes),
-MobileRobot_Giraff/CRobotGiraffApp.cpp (velocities in autonomous mode alone, the head's angle when asked, charging when it changes),
-NavigatorReactivePTG/CReacNavPTGApp.cpp (goals and their events), Executor/TExecutor.cpp and Planner/HPWA.cpp (plans),
-WorldModel/CAHGraphApp.cpp (the nearest place), and those named in openmora_rules.py.
+What it obeys and says is what the modules do: RobotControlManager/CRobotControllerApp.cpp (modes,
+cancelling, nodes), MobileRobot_Giraff/CRobotGiraffApp.cpp (velocities in autonomous mode alone, the
+head's angle when asked, charging when it changes), NavigatorReactivePTG/CReacNavPTGApp.cpp (goals
+and their events), Executor/TExecutor.cpp and Planner/HPWA.cpp (plans), WorldModel/CAHGraphApp.cpp
+(the nearest place), and those named in openmora_rules.py.
 """
 
 import asyncio
@@ -19,9 +21,18 @@ from tests.support.patience import patient
 from tests.support.rca_world import RcaRig
 
 HEARD = (
-    "MOTION_REQUEST", "NAVIGATE_TARGET", "GO_TO_NODE", "GO_TO_RECHARGE", "PARKING", "CANCEL_NAVIGATION", "NEW_TASK", "TILT_SET_ANGLE_FROM_HOME",
-    "RELOCALIZE_IN_AREA", "TILT_GET_ANGLE_FROM_HOME", "CLIENT_MQTT_ACK",
-)  # fmt: skip
+    "MOTION_REQUEST",
+    "NAVIGATE_TARGET",
+    "GO_TO_NODE",
+    "GO_TO_RECHARGE",
+    "PARKING",
+    "CANCEL_NAVIGATION",
+    "NEW_TASK",
+    "TILT_SET_ANGLE_FROM_HOME",
+    "RELOCALIZE_IN_AREA",
+    "TILT_GET_ANGLE_FROM_HOME",
+    "CLIENT_MQTT_ACK",
+)
 MANUAL, AUTONOMOUS = 0, 2
 CLIENT_ACK_INTERVAL = 2.0  # max_client_ack_interval, with use_client_alive_ack
 NODES = {"Sofa": (6.4, 1.0), "Door": (5.9, 1.0)}
@@ -94,7 +105,8 @@ class MoosRig(RcaRig):
                 world.dock()
             case "NEW_TASK":
                 assert value == "ROBOT_CONTROLLER 1 UNDOCK"
-                if self._mode == AUTONOMOUS:  # it is a MOTION_CMD_V, which the base obeys in no other mode
+                # it is a MOTION_CMD_V, which the base obeys in no other mode
+                if self._mode == AUTONOMOUS:
                     world.undock()
             case "CANCEL_NAVIGATION":
                 self._cancel()
@@ -128,7 +140,9 @@ class MoosRig(RcaRig):
     def _say_angle(self):
         sim = self.world.sim
         if sim.model.tilt:
-            self._client.notify("TILT_CURRENT_ANGLE_FROM_HOME", math.degrees(sim.tilt - sim.model.tilt.home))
+            self._client.notify(
+                "TILT_CURRENT_ANGLE_FROM_HOME", math.degrees(sim.tilt - sim.model.tilt.home)
+            )
 
     async def say(self, count):
         with contextlib.suppress(AdapterError):
@@ -140,10 +154,16 @@ class MoosRig(RcaRig):
             self._cancel()
         if count % 3 == 0:
             suffix, pose = "deg" if count % 2 else "", self.world.believed
-            notify("LOCALIZATION", f"[{pose.x:.4f} {pose.y:.4f} {math.degrees(pose.theta):.3f}{suffix}]")
+            notify(
+                "LOCALIZATION",
+                f"[{pose.x:.4f} {pose.y:.4f} {math.degrees(pose.theta):.3f}{suffix}]",
+            )
         if count % 10 == 0:
             notify("BATTERY_V_FLOAT", sim.voltage())
-            notify("ROBOT_TOPOLOGICAL_PLACE", min(NODES, key=lambda node: math.dist(NODES[node], sim.pose[:2])))
+            notify(
+                "ROBOT_TOPOLOGICAL_PLACE",
+                min(NODES, key=lambda node: math.dist(NODES[node], sim.pose[:2])),
+            )
         if sim.docked != self._charging:
             self._charging = sim.docked
             notify("BATTERY_IS_CHARGING", float(sim.docked))
@@ -157,7 +177,11 @@ class MoosRig(RcaRig):
             return
         self._told = journey
         if kind == "goto":
-            event = {"running": "NAV_EVENT_START", "done": "NAV_EVENT_END", "failed": "NAV_EVENT_ERROR"}.get(journey)
+            event = {
+                "running": "NAV_EVENT_START",
+                "done": "NAV_EVENT_END",
+                "failed": "NAV_EVENT_ERROR",
+            }.get(journey)
             if event:
                 notify(event, "")
             if journey == "done" and self._plan:

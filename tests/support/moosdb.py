@@ -1,7 +1,9 @@
-"""A MOOSDB that speaks the real wire: greeting, registration, the last value on registration, clients that fall silent, names taken.
+"""A MOOSDB that speaks the real wire: greeting, registration, the last value on registration,
+clients that fall silent, names taken.
 
-As core-moos has it: a message of timing is answered when it leads its packet, and only then, after the packets of before
-(Core/libMOOS/Comms/ThreadedCommServer.cpp, ProcessClient). `python -m tests.support.moosdb HOST PORT` is one in a process of its own.
+As core-moos has it: a message of timing is answered when it leads its packet, and only then, after
+the packets of before (Core/libMOOS/Comms/ThreadedCommServer.cpp, ProcessClient). `python -m
+tests.support.moosdb HOST PORT` is one in a process of its own.
 """
 
 import asyncio
@@ -69,14 +71,30 @@ class MoosDb:
             (hello,) = await self._packet(reader)
         name = hello.value
         if hello.type != wire.DATA or name in self.clients:
-            writer.write(wire.pack([Mail(wire.POISON, value=f'A client of this name ("{name}") already exists')]))
+            writer.write(
+                wire.pack(
+                    [Mail(wire.POISON, value=f'A client of this name ("{name}") already exists')]
+                )
+            )
             with contextlib.suppress(OSError):
                 await writer.drain()
             return None
         self.clients[name] = writer
         skew = time.time() - hello.time
         writer.write(
-            wire.pack([Mail(wire.WELCOME, "", skew, time.time(), helper="hostname=localhost", community=self.community, text="asynchronous")])
+            wire.pack(
+                [
+                    Mail(
+                        wire.WELCOME,
+                        "",
+                        skew,
+                        time.time(),
+                        helper="hostname=localhost",
+                        community=self.community,
+                        text="asynchronous",
+                    )
+                ]
+            )
         )
         return name
 
@@ -96,7 +114,9 @@ class MoosDb:
 
     def _matches(self, name, mail):
         variable, application = self._wild[name]
-        return fnmatch.fnmatchcase(mail.key, variable) and fnmatch.fnmatchcase(mail.source, application)
+        return fnmatch.fnmatchcase(mail.key, variable) and fnmatch.fnmatchcase(
+            mail.source, application
+        )
 
     def _notify(self, mail):
         before = self.values.get(mail.key)
@@ -104,7 +124,9 @@ class MoosDb:
             return  # a variable keeps its type
         mail = self.values[mail.key] = replace(mail, community=self.community)
         packet = wire.pack([mail])
-        for name in self._registered.get(mail.key, set()) | {name for name in self._wild if self._matches(name, mail)}:
+        for name in self._registered.get(mail.key, set()) | {
+            name for name in self._wild if self._matches(name, mail)
+        }:
             if name in self.clients:
                 self.clients[name].write(packet)
 

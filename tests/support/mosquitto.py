@@ -1,4 +1,5 @@
-"""A real Mosquitto on a free port of the loopback, anonymous, in memory: started, killed, stopped in its tracks, started again.
+"""A real Mosquitto on a free port of the loopback, anonymous, in memory: started, killed, stopped
+in its tracks, started again.
 
 Besides plain MQTT it speaks MQTT over WebSocket, and with a certificate both of them over TLS.
 """
@@ -18,16 +19,32 @@ BINARY = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 
 
 class Mosquitto:
-    """Use as a context manager. `ports` are by the scheme of the address; `certificate` is (key, certificate) in PEM files."""
+    """Use as a context manager. `ports` are by the scheme of the address; `certificate` is (key,
+    certificate) in PEM files.
+    """
 
     def __init__(self, directory, certificate=None, host="127.0.0.1"):
         self.host = host
-        self.ports = {scheme: free_port() for scheme in ("mqtt", "ws", *(("mqtts", "wss") if certificate else ()))}
+        self.ports = {
+            scheme: free_port()
+            for scheme in ("mqtt", "ws", *(("mqtts", "wss") if certificate else ()))
+        }
         self.port = self.ports["mqtt"]
-        lines = ["allow_anonymous true", "persistence false", "max_queued_messages 0", f"user {getpass.getuser()}"]
+        lines = [
+            "allow_anonymous true",
+            "persistence false",
+            "max_queued_messages 0",
+            f"user {getpass.getuser()}",
+        ]
         for scheme, port in self.ports.items():
-            lines += [f"listener {port} {host}"] + (["protocol websockets"] if scheme.startswith("ws") else [])
-            lines += [f"keyfile {certificate[0]}", f"certfile {certificate[1]}"] if scheme in {"mqtts", "wss"} else []
+            lines += [f"listener {port} {host}"] + (
+                ["protocol websockets"] if scheme.startswith("ws") else []
+            )
+            lines += (
+                [f"keyfile {certificate[0]}", f"certfile {certificate[1]}"]
+                if scheme in {"mqtts", "wss"}
+                else []
+            )
         self._config = directory / "mosquitto.conf"
         self._config.write_text("\n".join(lines) + "\n")
         self._process = None
@@ -47,7 +64,9 @@ class Mosquitto:
         return f"{scheme}://{self.host}:{self.ports[scheme]}"
 
     def start(self):
-        self._process = subprocess.Popen([BINARY, "-c", str(self._config)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._process = subprocess.Popen(
+            [BINARY, "-c", str(self._config)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         deadline = time.monotonic() + patient(10.0)
         while not all(map(self._answers, self.ports.values())):
             assert self._process.poll() is None, "mosquitto ended"

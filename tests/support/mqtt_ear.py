@@ -1,4 +1,6 @@
-"""A server's client of a real broker, in a thread of its own: hears everything of one robot, and says what the test wants."""
+"""A server's client of a real broker, in a thread of its own: hears everything of one robot, and
+says what the test wants.
+"""
 
 import threading
 import time
@@ -48,7 +50,9 @@ class Ear:
 
     def say(self, suffix, message, *, retain=False, raw=None):
         payload = raw if raw is not None else b"" if message is None else codec.encode(message)
-        self._client.publish(topics.of(self.robot, suffix), payload, qos=1, retain=retain).wait_for_publish(patient(10.0))
+        self._client.publish(
+            topics.of(self.robot, suffix), payload, qos=1, retain=retain
+        ).wait_for_publish(patient(10.0))
 
     def all(self, suffix):
         with self._news:
@@ -66,5 +70,10 @@ class Ear:
                 for name, message, _ in self.heard[since:]:
                     if name == suffix and wanted(message):
                         return message
-                if not self._news.wait(deadline - time.monotonic()) and time.monotonic() >= deadline:
-                    raise AssertionError(f"no such {suffix}; heard {[name for name, *_ in self.heard[-30:]]}")
+                if (
+                    not self._news.wait(deadline - time.monotonic())
+                    and time.monotonic() >= deadline
+                ):
+                    raise AssertionError(
+                        f"no such {suffix}; heard {[name for name, *_ in self.heard[-30:]]}"
+                    )

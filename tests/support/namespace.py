@@ -49,8 +49,20 @@ def namespace() -> Iterator[Namespace]:
     made = Namespace(f"tele-{tag}", f"tv{tag}a")
     ip("netns", "add", made.name)
     try:
-        ip("link", "add", made.cable, "type", "veth", "peer", "name", f"tv{tag}b", "netns", made.name)
-        # An address that IPv6 gives itself a second later is a change of network, upon which Chromium drops what it is loading.
+        ip(
+            "link",
+            "add",
+            made.cable,
+            "type",
+            "veth",
+            "peer",
+            "name",
+            f"tv{tag}b",
+            "netns",
+            made.name,
+        )
+        # An address that IPv6 gives itself a second later is a change of network, upon which
+        # Chromium drops what it is loading.
         ip("link", "set", made.cable, "addrgenmode", "none")
         ip("-n", made.name, "link", "set", f"tv{tag}b", "addrgenmode", "none")
         ip("addr", "add", f"{HERE}/24", "dev", made.cable)

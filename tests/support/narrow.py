@@ -1,4 +1,6 @@
-"""A narrow way to a server: a TCP relay that lets only so many bytes a second through to the browser, and has no deep queue to hide them in."""
+"""A narrow way to a server: a TCP relay that lets only so many bytes a second through to the
+browser, and has no deep queue to hide them in.
+"""
 
 import asyncio
 import contextlib
@@ -13,7 +15,9 @@ BUFFER = 8192
 
 
 class Narrow:
-    """Relays `port` to a server on this computer; `rate` is in bytes a second towards the client, None lets everything pass at once."""
+    """Relays `port` to a server on this computer; `rate` is in bytes a second towards the client,
+    None lets everything pass at once.
+    """
 
     def __init__(self, target: int) -> None:
         self.target = target
@@ -32,7 +36,11 @@ class Narrow:
         self._thread.join(5)
 
     async def _main(self) -> None:
-        self._loop, self._ended, self._gate = asyncio.get_running_loop(), asyncio.Event(), asyncio.Lock()
+        self._loop, self._ended, self._gate = (
+            asyncio.get_running_loop(),
+            asyncio.Event(),
+            asyncio.Lock(),
+        )
         async with await asyncio.start_server(self._serve, "127.0.0.1", 0) as server:
             self.port = server.sockets[0].getsockname()[1]
             self._ready.set()
@@ -45,9 +53,14 @@ class Narrow:
         await self._loop.sock_connect(upstream, ("127.0.0.1", self.target))
         there_reader, there_writer = await asyncio.open_connection(sock=upstream, limit=BUFFER)
         with contextlib.suppress(asyncio.CancelledError):
-            await asyncio.gather(self._pipe(reader, there_writer, narrow=False), self._pipe(there_reader, writer, narrow=True))
+            await asyncio.gather(
+                self._pipe(reader, there_writer, narrow=False),
+                self._pipe(there_reader, writer, narrow=True),
+            )
 
-    async def _pipe(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, narrow: bool) -> None:
+    async def _pipe(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, narrow: bool
+    ) -> None:
         with contextlib.suppress(ConnectionError):
             while data := await reader.read(PIECE):
                 if narrow and self.rate is not None:

@@ -1,7 +1,9 @@
-"""A simulated robot that navigates by itself, without an agent: simulation, obstacle memory, localization and navigator, stepped.
+"""A simulated robot that navigates by itself, without an agent: simulation, obstacle memory,
+localization and navigator, stepped.
 
-The robot's own belief of where it is comes from the real localizer, or is the truth with an error of a given size that changes
-slowly. The simulation goes at 50 Hz, laser, localizer and navigator at 10 Hz.
+The robot's own belief of where it is comes from the real localizer, or is the truth with an error
+of a given size that changes slowly. The simulation goes at 50 Hz, laser, localizer and navigator at
+10 Hz.
 """
 
 import math
@@ -27,7 +29,9 @@ MOVING = 0.02  # m/s of the fastest corner from which a contact is a collision
 
 @dataclass
 class Wander:
-    """An error of a pose that changes slowly: `metres` and `radians` are standard deviations, `seconds` how long it remembers itself."""
+    """An error of a pose that changes slowly: `metres` and `radians` are standard deviations,
+    `seconds` how long it remembers itself.
+    """
 
     rng: np.random.Generator
     metres: float = 0.05
@@ -43,16 +47,24 @@ class Wander:
         self.error = keep * self.error + math.sqrt(1.0 - keep * keep) * self.rng.standard_normal(3)
         x, y, turn = self.error
         axis = self.metres / math.sqrt(2.0)
-        return Pose2D(truth.x + axis * x, truth.y + axis * y, wrap_angle(truth.theta + self.radians * turn))
+        return Pose2D(
+            truth.x + axis * x, truth.y + axis * y, wrap_angle(truth.theta + self.radians * turn)
+        )
 
 
 class Rig:
-    """`sim` and the `navigator` that drives it. `collisions` counts contacts that began while the robot moved;
-    `bumps` how often somebody walked into it meanwhile; `seen_collisions` those of both that happened before the eyes of its laser."""
+    """`sim` and the `navigator` that drives it. `collisions` counts contacts that began while the
+    robot moved; `bumps` how often somebody walked into it meanwhile; `seen_collisions` those of
+    both that happened before the eyes of its laser.
+    """
 
-    def __init__(self, sim: Simulation, grid: OccupancyGrid, seed: int, *, localizer: bool = False) -> None:
+    def __init__(
+        self, sim: Simulation, grid: OccupancyGrid, seed: int, *, localizer: bool = False
+    ) -> None:
         self.sim = sim
-        self.navigator = Navigator(grid, sim.plan, sim.footprint, sim.model.limits, sim.model.series)
+        self.navigator = Navigator(
+            grid, sim.plan, sim.footprint, sim.model.limits, sim.model.series
+        )
         self.memory = RollingObstacleMap()
         self.wander = Wander(np.random.default_rng([seed, 1]))
         self.localizer = Localizer(grid, np.random.default_rng([seed, 2])) if localizer else None
@@ -72,9 +84,14 @@ class Rig:
         """Let a tenth of a second pass."""
         self._sense()
         done = self.navigator.step(
-            estimate=self._estimate(), odometry=self.sim.odometry, velocity=self._measured(), beams=self.beams,
-            points=self.memory.near(self.sim.odometry, 3.0), charger_contact=self.sim.docked, now=self.sim.time,
-        )  # fmt: skip
+            estimate=self._estimate(),
+            odometry=self.sim.odometry,
+            velocity=self._measured(),
+            beams=self.beams,
+            points=self.memory.near(self.sim.odometry, 3.0),
+            charger_contact=self.sim.docked,
+            now=self.sim.time,
+        )
         if done.reason and (not self.reasons or self.reasons[-1] != done.reason):
             self.reasons.append(done.reason)
         if done.velocity is not None:
@@ -101,7 +118,10 @@ class Rig:
 
     def _tick(self) -> None:
         before, bumped, touching = self.sim.contacts, self.sim.bumped, self.sim.touching
-        moving = abs(self.sim.motion.linear) + self.sim.model.radius * abs(self.sim.motion.angular) > MOVING
+        moving = (
+            abs(self.sim.motion.linear) + self.sim.model.radius * abs(self.sim.motion.angular)
+            > MOVING
+        )
         self.sim.step(DT)
         if not moving or (self.sim.contacts == before and self.sim.bumped == bumped):
             return
@@ -127,7 +147,14 @@ class Rig:
         if self.laser_works:
             laser = self.sim.model.laser
             mount = Pose2D(laser.x, 0.0, 0.0)
-            self.beams = LaserScan(self.sim.time, laser.angle_min, laser.angle_increment, laser.range_max, self.sim.scan(), mount)
+            self.beams = LaserScan(
+                self.sim.time,
+                laser.angle_min,
+                laser.angle_increment,
+                laser.range_max,
+                self.sim.scan(),
+                mount,
+            )
             self.memory.update(self.sim.odometry, self.beams)
 
     def _estimate(self) -> Estimate:
@@ -135,7 +162,13 @@ class Rig:
             return self.localizer.update(self.sim.time, self.sim.odometry, self.beams)
         score = 0.9 if self.knows_where else 0.1
         covariance = (0.002, 0.0, 0.0, 0.002, 0.0, 0.0003)
-        return Estimate(self.sim.time, self.wander.of(self.sim.pose, DT * TICKS), covariance, score, self.knows_where)
+        return Estimate(
+            self.sim.time,
+            self.wander.of(self.sim.pose, DT * TICKS),
+            covariance,
+            score,
+            self.knows_where,
+        )
 
     def _measured(self) -> Velocity:
         return Velocity(linear=self.sim.motion.linear, angular=self.sim.motion.angular)

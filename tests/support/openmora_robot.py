@@ -1,7 +1,9 @@
-"""OpenMORA's MQTTMosquitto module with the simulated robot behind it: its topics, its time-outs, its habits.
+"""OpenMORA's MQTTMosquitto module with the simulated robot behind it: its topics, its time-outs,
+its habits.
 
-From MQTTMosquitto/CMQTTMosquitto.cpp and RobotControlManager/CRobotControllerApp.cpp: a journey to a point leaves the robot in
-autonomous mode when it is over, one to a node ends in manual mode; a variable that nobody has said yet is 0.00.
+From MQTTMosquitto/CMQTTMosquitto.cpp and RobotControlManager/CRobotControllerApp.cpp: a journey to
+a point leaves the robot in autonomous mode when it is over, one to a node ends in manual mode; a
+variable that nobody has said yet is 0.00.
 """
 
 import asyncio
@@ -137,21 +139,35 @@ class OpenMoraRig(RcaRig):
         if count % 25 == 0:
             await self._publish("RobotACK", f"1 0|{count} {EPOCH_MS}|0 0")
         if count % 50 == 0:
-            await self._publish("Topology", "Graph" + "#".join(f"{label} Place {x} {y}" for label, (x, y) in PLACES.items()))
+            await self._publish(
+                "Topology",
+                "Graph" + "#".join(f"{label} Place {x} {y}" for label, (x, y) in PLACES.items()),
+            )
         if self.error:
             await self._publish("ErrorMsg", self.error)
             self.error = ""
 
     async def _publish(self, topic, text):
         with contextlib.suppress(MqttError):
-            await self._client.publish(f"{self.name}/{topic}", f"{round(time.time() * 1000) + EPOCH_MS}|{text}")
+            await self._client.publish(
+                f"{self.name}/{topic}", f"{round(time.time() * 1000) + EPOCH_MS}|{text}"
+            )
 
     def _status(self):
         sim, world, here = self.world.sim, self.world, self.world.believed
-        plan_ended = world.journey != "running" and (self._destination != "NULL" or world.kind == "dock")
+        plan_ended = world.journey != "running" and (
+            self._destination != "NULL" or world.kind == "dock"
+        )
         if plan_ended and self._motion_at is None:
             self._destination, self._mode = "NULL", "Manual"
-        place = next((label for label, (x, y) in PLACES.items() if math.hypot(x - sim.pose.x, y - sim.pose.y) < 0.5), "NULL")
+        place = next(
+            (
+                label
+                for label, (x, y) in PLACES.items()
+                if math.hypot(x - sim.pose.x, y - sim.pose.y) < 0.5
+            ),
+            "NULL",
+        )
         pose = f"[{here.x:.4f} {here.y:.4f} {math.degrees(here.theta):.3f}]"
         return f"{pose}|{place}|{self._destination}|{self._mode}|{sim.voltage():.2f}|{int(sim.docked)}|0|0|0"
 

@@ -1,9 +1,12 @@
-"""A driver whose every order says when it was given: the angular velocity grows by a step every 50 ms, and tells its age when it arrives."""
+"""A driver whose every order says when it was given: the angular velocity grows by a step every 50
+ms, and tells its age when it arrives.
+"""
 
 import time
 
 STEP = 0.05  # s
-TURN = 0.0005  # rad/s a step: three digits behind the point are enough for OpenMORA to tell two steps apart
+# rad/s a step: three digits behind the point are enough for OpenMORA to tell two steps apart
+TURN = 0.0005
 FIRST = -0.25
 LINEAR = 0.12
 OLD = 0.3
@@ -11,7 +14,9 @@ TOGETHER = 0.1  # s
 
 
 class DatedOrders:
-    """Good for fifty seconds. Ages are as exact as a step of two and the robot's clock, which is ours."""
+    """Good for fifty seconds. Ages are as exact as a step of two and the robot's clock, which is
+    ours.
+    """
 
     def __init__(self, began=None):
         self.began = time.monotonic() if began is None else began
@@ -21,16 +26,26 @@ class DatedOrders:
         return LINEAR, FIRST + TURN * int((time.monotonic() - self.began) / STEP)
 
     def age(self, at, linear, angular):
-        """Return how old an order was that reached the robot at a monotonic time; None for one that does not move or was not at full speed."""
+        """Return how old an order was that reached the robot at a monotonic time; None for one that
+        does not move or was not at full speed.
+        """
         if abs(linear - LINEAR) > 1e-3:
             return None
         return at - self.began - (round((angular - FIRST) / TURN) + 1) * STEP
 
 
 def caught_at_most_one(old, commands):
-    """Tell whether of orders that were obeyed late, by their times, there is at most one, and a zero came with it.
+    """Tell whether of orders that were obeyed late, by their times, there is at most one, and a
+    zero came with it.
 
-    An architecture that hangs after it has answered that it is there, and before it reads the order that this answer set free, gets that
-    one order late: velocity_gate.py says so, and nobody can do better without a clock of its own at the other end.
+    An architecture that hangs after it has answered that it is there, and before it reads the order
+    that this answer set free, gets that one order late: velocity_gate.py says so, and nobody can do
+    better without a clock of its own at the other end.
     """
-    return len(old) <= 1 and all(any(at <= then < at + TOGETHER and linear == angular == 0.0 for then, linear, angular in commands) for at in old)
+    return len(old) <= 1 and all(
+        any(
+            at <= then < at + TOGETHER and linear == angular == 0.0
+            for then, linear, angular in commands
+        )
+        for at in old
+    )

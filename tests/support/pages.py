@@ -27,7 +27,8 @@ def cookie_of(user):
 
 
 def decode(frame):
-    """Return (suffix, message) of a frame for pages; media and telemetry are of the Robot API, the rest of sessions/protocol.py.
+    """Return (suffix, message) of a frame for pages; media and telemetry are of the Robot API, the
+    rest of sessions/protocol.py.
 
     A binary frame is a picture: its message is (stamp, JPEG).
     """
@@ -43,7 +44,9 @@ def decode(frame):
 
 
 class Expecting:
-    """What a test's page waits for; a subclass says with `next` what comes, notes it in `seen`, and sets `PATIENCE` in seconds."""
+    """What a test's page waits for; a subclass says with `next` what comes, notes it in `seen`, and
+    sets `PATIENCE` in seconds.
+    """
 
     PATIENCE = 2 * SECONDS
 
@@ -60,7 +63,9 @@ class Expecting:
 
 
 class Page(Expecting):
-    """Use with `async with`. What arrives is kept in `seen`; `expect` waits for a suffix, whatever comes before it."""
+    """Use with `async with`. What arrives is kept in `seen`; `expect` waits for a suffix, whatever
+    comes before it.
+    """
 
     def __init__(self, robot, user=None, *, origin=ORIGIN, cookie=None):
         self.robot, self.user, self.origin, self.cookie = robot, user, origin, cookie
@@ -76,14 +81,22 @@ class Page(Expecting):
     async def open(self):
         from telepresence_site.asgi import application
 
-        headers = [(b"host", b"127.0.0.1"), (b"user-agent", b"Mozilla/5.0 (X11; Linux x86_64; rv:153.0) Gecko/20100101 Firefox/153.0")]
+        headers = [
+            (b"host", b"127.0.0.1"),
+            (
+                b"user-agent",
+                b"Mozilla/5.0 (X11; Linux x86_64; rv:153.0) Gecko/20100101 Firefox/153.0",
+            ),
+        ]
         if self.origin is not None:
             headers.append((b"origin", self.origin.encode()))
         if self.user is not None and self.cookie is None:
             self.cookie = await sync_to_async(cookie_of)(self.user)
         if self.cookie is not None:
             headers.append((b"cookie", f"{settings.SESSION_COOKIE_NAME}={self.cookie}".encode()))
-        self.socket = WebsocketCommunicator(application, f"/ws/robots/{self.robot}/", headers=headers)
+        self.socket = WebsocketCommunicator(
+            application, f"/ws/robots/{self.robot}/", headers=headers
+        )
         self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
         return self.accepted
 
@@ -95,7 +108,9 @@ class Page(Expecting):
         await self.say_frame(codec.encode_frame(suffix, message))
 
     async def say_frame(self, frame):
-        await self.socket.send_to(text_data=frame) if isinstance(frame, str) else await self.socket.send_to(bytes_data=frame)
+        await self.socket.send_to(text_data=frame) if isinstance(
+            frame, str
+        ) else await self.socket.send_to(bytes_data=frame)
 
     async def next(self):
         suffix, message = decode(await self.socket.receive_from(timeout=patient(SECONDS)))
@@ -118,7 +133,9 @@ class Page(Expecting):
         return [message for seen, message in self.seen if seen == suffix]
 
     async def settle(self, bridge):
-        """Wait until everything said so far has been dealt with: a stop, which always passes, comes last."""
+        """Wait until everything said so far has been dealt with: a stop, which always passes, comes
+        last.
+        """
         mark = Stop(action_id=uuid.uuid4().hex, stamp=0.0)
         await self.say("command/action", mark)
         await until(lambda: any(stop.action_id == mark.action_id for _, stop in bridge.stops))

@@ -1,4 +1,6 @@
-"""Pictures of pages on which a test has just looked, for people to look at: kept where SCREENSHOTS names a folder, and only then."""
+"""Pictures of pages on which a test has just looked, for people to look at: kept where SCREENSHOTS
+names a folder, and only then.
+"""
 
 import os
 from pathlib import Path
@@ -7,7 +9,8 @@ from playwright.async_api import Page as AsyncPage
 from playwright.sync_api import Page
 
 FOLDER = os.environ.get("SCREENSHOTS", "")
-LANGUAGE = os.environ.get("SCREENSHOTS_LANGUAGE", "en")  # that tests which know a page by more than its words ask for
+# that tests which know a page by more than its words ask for
+LANGUAGE = os.environ.get("SCREENSHOTS_LANGUAGE", "en")
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
 SETTLED = 400  # ms in which a page that has changed its size comes to rest
 

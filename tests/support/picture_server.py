@@ -1,4 +1,6 @@
-"""A camera of the network: pictures as multipart JPEG over HTTP, which can be unplugged and plugged in again."""
+"""A camera of the network: pictures as multipart JPEG over HTTP, which can be unplugged and plugged
+in again.
+"""
 
 import io
 import threading
@@ -14,7 +16,9 @@ def jpeg_of(grey: int, width: int = 160, height: int = 120) -> bytes:
     with av.open(kept, "w", format="image2pipe") as container:
         stream = container.add_stream("mjpeg", rate=25)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuvj420p"
-        frame = av.VideoFrame.from_ndarray(np.full((height, width, 3), grey, np.uint8), format="rgb24")
+        frame = av.VideoFrame.from_ndarray(
+            np.full((height, width, 3), grey, np.uint8), format="rgb24"
+        )
         for packet in (*stream.encode(frame), *stream.encode()):
             container.mux(packet)
     return kept.getvalue()
@@ -54,7 +58,10 @@ class PictureServer:
         while self.plugged.is_set() and not self._over.wait(0.04):
             picture = self.pictures[number // 5 % 2]
             try:
-                file.write(b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%b\r\n" % (len(picture), picture))
+                file.write(
+                    b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n%b\r\n"
+                    % (len(picture), picture)
+                )
             except OSError:
                 return
             number += 1

@@ -1,4 +1,5 @@
-"""A real PostgreSQL server for one test: in a directory of its own, on an unused port, gone afterwards.
+"""A real PostgreSQL server for one test: in a directory of its own, on an unused port, gone
+afterwards.
 
 PostgreSQL refuses to run as root, so that root's tests run it as the user `postgres`.
 """
@@ -37,13 +38,31 @@ class Postgres:
         return str(self.directory / "data")
 
     def start(self) -> None:
-        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.directory} -c fsync=off -c max_connections=40"
+        options = (
+            f"-p {self.port} -c listen_addresses=127.0.0.1 -c"
+            f" unix_socket_directories={self.directory} -c fsync=off -c max_connections=40"
+        )
         log = str(self.directory / "log")
-        _run(program("pg_ctl"), "-D", self.data, "-l", log, "-w", "-t", "60", "-o", options, "start", cwd=self.directory)
+        _run(
+            program("pg_ctl"),
+            "-D",
+            self.data,
+            "-l",
+            log,
+            "-w",
+            "-t",
+            "60",
+            "-o",
+            options,
+            "start",
+            cwd=self.directory,
+        )
 
     def stop(self) -> None:
         """End it as a crash does: without asking its clients."""
-        _run(program("pg_ctl"), "-D", self.data, "-m", "immediate", "-w", "stop", cwd=self.directory)
+        _run(
+            program("pg_ctl"), "-D", self.data, "-m", "immediate", "-w", "stop", cwd=self.directory
+        )
 
     def hold(self) -> None:
         """Stop every process of it, which keeps all connections."""
@@ -56,13 +75,19 @@ class Postgres:
             process.resume()
 
     def _processes(self) -> list[psutil.Process]:
-        postmaster = psutil.Process(int((self.directory / "data" / "postmaster.pid").read_text().split()[0]))
+        postmaster = psutil.Process(
+            int((self.directory / "data" / "postmaster.pid").read_text().split()[0])
+        )
         return [postmaster, *postmaster.children(recursive=True)]
 
 
 def program(name: str) -> str:
-    """Return the path of a PostgreSQL program; a missing one is an error and never a reason to skip."""
-    found = sorted(PROGRAMS.glob(f"*/bin/{name}"), key=lambda path: int(path.parts[-3])) or [Path(shutil.which(name) or "")]
+    """Return the path of a PostgreSQL program; a missing one is an error and never a reason to
+    skip.
+    """
+    found = sorted(PROGRAMS.glob(f"*/bin/{name}"), key=lambda path: int(path.parts[-3])) or [
+        Path(shutil.which(name) or "")
+    ]
     assert found[-1].is_file(), f"{name} is not installed: apt-get install postgresql"
     return str(found[-1])
 
@@ -75,7 +100,9 @@ def _identity() -> dict[str, int]:
 
 
 def _run(*command: str, cwd: Path) -> None:
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False, **_identity())
+    done = subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False, **_identity()
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -86,7 +113,18 @@ def running_postgres() -> Iterator[Postgres]:
         shutil.chown(directory, OWNER)
     server = Postgres(directory, free_port())
     try:
-        _run(program("initdb"), "-D", server.data, "-U", OWNER, "--auth=trust", "-E", "UTF8", "--no-sync", cwd=directory)
+        _run(
+            program("initdb"),
+            "-D",
+            server.data,
+            "-U",
+            OWNER,
+            "--auth=trust",
+            "-E",
+            "UTF8",
+            "--no-sync",
+            cwd=directory,
+        )
         server.start()
         try:
             yield server

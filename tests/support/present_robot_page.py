@@ -1,4 +1,6 @@
-"""The drive page and the page of the robot's own display, both real, against a robot whose loudspeaker and display can be measured."""
+"""The drive page and the page of the robot's own display, both real, against a robot whose
+loudspeaker and display can be measured.
+"""
 
 import json
 import secrets
@@ -31,28 +33,40 @@ SCREEN = "/screen-socket"
 
 
 class PresentRobotPage(FakeRobotPage):
-    """As FakeRobotPage, with a head, a voice and a display; `screen_url` is the page of its screen. `asked` holds permitted actions.
+    """As FakeRobotPage, with a head, a voice and a display; `screen_url` is the page of its screen.
+    `asked` holds permitted actions.
 
     `pointed` holds the dots that it has passed on, each with the way it came.
 
     `from_page`: the robot has no camera and no microphone, and its screen's page gives them.
     """
 
-    def __init__(self, *, from_page: bool = False, capabilities: tuple[str, ...] = CAPABILITIES, **options: Any) -> None:
+    def __init__(
+        self,
+        *,
+        from_page: bool = False,
+        capabilities: tuple[str, ...] = CAPABILITIES,
+        **options: Any,
+    ) -> None:
         super().__init__(**options)
         self.capabilities = capabilities
         self.kernel.capabilities = frozenset(capabilities)
         self.speaker, self.display, self.calls = MeasuringSpeaker(), MeasuringDisplay(), Calls()
         self.media = MediaSide(
-            video=FROM_PAGE if from_page else self.camera, audio=FROM_PAGE if from_page else SyntheticMicrophone(), viewers=4, on_command=self._on_channel, reply=self._reply,
+            video=FROM_PAGE if from_page else self.camera,
+            audio=FROM_PAGE if from_page else SyntheticMicrophone(),
+            viewers=4,
+            on_command=self._on_channel,
+            reply=self._reply,
             outputs=(self.speaker, self.display),
-        )  # fmt: skip
+        )
         self.pointing = Pointing()
         self.pointed: list[tuple[str, m.Pointer]] = []
         self.tilt = 0.0
         self.asked: list[Any] = []
         self.is_study = False
-        self._rendered: dict[str, str] = {}  # pages by language: there are a hundred requests a page
+        # pages by language: there are a hundred requests a page
+        self._rendered: dict[str, str] = {}
         self._screens: dict[str, tuple[_Page, ScreenAuthorization]] = {}
 
     @property
@@ -63,19 +77,28 @@ class PresentRobotPage(FakeRobotPage):
         if language not in self._rendered:
             page, told = super().html(language), '"capabilities": ["velocity", "video"]'
             assert told in page
-            self._rendered[language] = page.replace(told, f'"capabilities": {json.dumps(self.capabilities)}')
+            self._rendered[language] = page.replace(
+                told, f'"capabilities": {json.dumps(self.capabilities)}'
+            )
         return self._rendered[language]
 
     def screen_html(self, language: str = "en") -> str:
         config = {"robot": ROBOT, "socket": SCREEN, "key": "/key", "csrf": "x"}
         with translation.override(language):
-            return render_to_string("sessions/screen.html", {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config})
+            return render_to_string(
+                "sessions/screen.html",
+                {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config},
+            )
 
     def _http(self, connection: ServerConnection, request: Request) -> Response | None:
         path = urlsplit(request.path).path
         if path == SCREEN:
             return None
-        pages = {"/screen": self.screen_html, "/spanish-screen": lambda: self.screen_html("es"), "/spanish": lambda: self.html("es")}
+        pages = {
+            "/screen": self.screen_html,
+            "/spanish-screen": lambda: self.screen_html("es"),
+            "/spanish": lambda: self.html("es"),
+        }
         if path in pages:
             return _response(pages[path]().encode(), "text/html; charset=utf-8")
         return super()._http(connection, request)
@@ -87,7 +110,17 @@ class PresentRobotPage(FakeRobotPage):
         room = ScreenAuthorization(f"screen{secrets.token_hex(4)}", "Giraff")
         page = _Page(connection, room.peer, 0)
         self._screens[room.peer] = (page, room)
-        page.say("hello", protocol.Hello(peer=room.peer, stamp=time.time(), robot=ROBOT, online=True, may_drive=False, may_observe=False))
+        page.say(
+            "hello",
+            protocol.Hello(
+                peer=room.peer,
+                stamp=time.time(),
+                robot=ROBOT,
+                online=True,
+                may_drive=False,
+                may_observe=False,
+            ),
+        )
         self._tell_room()
         try:
             async for frame in connection:
@@ -104,14 +137,21 @@ class PresentRobotPage(FakeRobotPage):
                 self.media.signal(room.peer, effect.message)
             elif isinstance(effect, Publish):
                 message = effect.message
-                stamped = msgspec.structs.replace(message, stamp=time.time()) if isinstance(message, m.Action) else message
+                stamped = (
+                    msgspec.structs.replace(message, stamp=time.time())
+                    if isinstance(message, m.Action)
+                    else message
+                )
                 self._command(effect.suffix, stamped, Sender("mqtt"), room.peer)
 
     def _tell_room(self) -> None:
         super()._tell_room()
         lease = self._lease
         shown = protocol.Screen(
-            title="Giraff", session=lease.session if lease else None, visitor="Ana" if lease else None, study=bool(lease) and self.is_study
+            title="Giraff",
+            session=lease.session if lease else None,
+            visitor="Ana" if lease else None,
+            study=bool(lease) and self.is_study,
         )
         for page, _ in self._screens.values():
             page.say("screen", shown)
@@ -124,7 +164,11 @@ class PresentRobotPage(FakeRobotPage):
 
     def _reply(self, peer: str, message: m.SignalReply) -> None:
         if peer in self._screens:
-            self.do(lambda: peer in self._screens and self._screens[peer][0].say("signal/reply", message))
+            self.do(
+                lambda: (
+                    peer in self._screens and self._screens[peer][0].say("signal/reply", message)
+                )
+            )
         else:
             super()._reply(peer, message)
 
@@ -141,7 +185,12 @@ class PresentRobotPage(FakeRobotPage):
                 self.asked.append(message)
                 self._obey(message, now)
             if not isinstance(message, m.Photo):
-                status = m.ActionStatus(action_id=message.action_id, status="FAILED" if reason else "FINISHED", stamp=unix, reason=reason or "")
+                status = m.ActionStatus(
+                    action_id=message.action_id,
+                    status="FAILED" if reason else "FINISHED",
+                    stamp=unix,
+                    reason=reason or "",
+                )
                 self._say("action", status)
                 return
             super()._command(suffix, message, sender, peer)
@@ -150,14 +199,22 @@ class PresentRobotPage(FakeRobotPage):
 
     def _point(self, command: m.PointCommand, sender: Sender, peer: str, now: float) -> None:
         lease = self.kernel.leases.live(now)
-        by = self.pointing.take(peer, command, sender, lease, shown=self.calls.shows_screen(lease, now), now=now)
+        by = self.pointing.take(
+            peer, command, sender, lease, shown=self.calls.shows_screen(lease, now), now=now
+        )
         if by is None or lease is None:
             return
         pointer = m.Pointer(stamp=time.time(), by=by, at=command.at)
         self.pointed.append((sender.way, pointer))
         self.media.point(pointer)
         driver = self._pages.get(lease.peer)
-        for page in [page for page, _ in self._screens.values()] if by == "driver" else [driver] if driver else []:
+        for page in (
+            [page for page, _ in self._screens.values()]
+            if by == "driver"
+            else [driver]
+            if driver
+            else []
+        ):
             page.say("pointer", pointer)
 
     def _obey(self, message: Any, now: float) -> None:
@@ -174,9 +231,15 @@ class PresentRobotPage(FakeRobotPage):
             case m.Say() if lease:
                 here = message.role == "screen"
                 words = m.Words(
-                    stamp=time.time(), action_id=message.action_id, session=lease.session, by="screen" if here else "driver",
-                    who=message.user if here else lease.who, text=message.text, language=message.language, aloud=message.aloud and not here,
-                )  # fmt: skip
+                    stamp=time.time(),
+                    action_id=message.action_id,
+                    session=lease.session,
+                    by="screen" if here else "driver",
+                    who=message.user if here else lease.who,
+                    text=message.text,
+                    language=message.language,
+                    aloud=message.aloud and not here,
+                )
                 self._tell("words", words)
         self._say("state", self._state())
 
@@ -187,5 +250,13 @@ class PresentRobotPage(FakeRobotPage):
         self.media.let_through(audio=passing.audio, video=passing.video, volume=passing.volume)
         latch = self.kernel.latch
         state = super()._state()
-        safety = msgspec.structs.replace(state.safety, estop=latch is not None, estop_source=latch.label if latch else None)
-        return msgspec.structs.replace(state, call=self.calls.state(lease, now), screens=self.media.screens, tilt=self.tilt, safety=safety)
+        safety = msgspec.structs.replace(
+            state.safety, estop=latch is not None, estop_source=latch.label if latch else None
+        )
+        return msgspec.structs.replace(
+            state,
+            call=self.calls.state(lease, now),
+            screens=self.media.screens,
+            tilt=self.tilt,
+            safety=safety,
+        )

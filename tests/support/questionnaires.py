@@ -7,8 +7,13 @@ from surveys.definition import Definition
 from surveys.problems import parse
 
 NOW = datetime.datetime(2026, 3, 4, 12, 0, tzinfo=datetime.UTC)
-AGREE = [{"value": value, "label": {"en": label}} for value, label in ((-1, "No"), (0, "Maybe"), (1, "Yes"))]
-OPTIONS = [{"value": name, "label": {"en": name.upper()}} for name in ("a", "b", "c", "d", "e", "f")]
+AGREE = [
+    {"value": value, "label": {"en": label}}
+    for value, label in ((-1, "No"), (0, "Maybe"), (1, "Yes"))
+]
+OPTIONS = [
+    {"value": name, "label": {"en": name.upper()}} for name in ("a", "b", "c", "d", "e", "f")
+]
 
 
 def item(kind: str, key: str, **more) -> dict:
@@ -20,7 +25,13 @@ def item(kind: str, key: str, **more) -> dict:
         "multiple": {"options": OPTIONS},
         "slider": {"low": {"en": "Low"}, "high": {"en": "High"}},
     }
-    return {"kind": kind, "key": key, "text": {"en": f"Text of {key}"}, **needs.get(kind, {}), **more}
+    return {
+        "kind": kind,
+        "key": key,
+        "text": {"en": f"Text of {key}"},
+        **needs.get(kind, {}),
+        **more,
+    }
 
 
 def rows(*keys: str) -> list[dict]:
@@ -30,7 +41,14 @@ def rows(*keys: str) -> list[dict]:
 def document(*pages: list[dict], **more) -> dict:
     """Return a whole questionnaire with these items a page."""
     written = [{"key": f"page{n}", "items": items} for n, items in enumerate(pages, start=1)]
-    about = {"format": 1, "slug": "test", "version": 1, "title": {"en": "A test"}, "languages": ["en"], "scales": {"agree": AGREE}}
+    about = {
+        "format": 1,
+        "slug": "test",
+        "version": 1,
+        "title": {"en": "A test"},
+        "languages": ["en"],
+        "scales": {"agree": AGREE},
+    }
     return {**about, "pages": written, **more}
 
 

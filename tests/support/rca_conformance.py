@@ -1,4 +1,5 @@
-"""What every adapter of an outside RCA must do besides `AdapterConformance`: the same simulated robot stands behind each protocol.
+"""What every adapter of an outside RCA must do besides `AdapterConformance`: the same simulated
+robot stands behind each protocol.
 
 A test module subclasses `RcaConformance` and gives a rig (tests/support/rca_world.py) once a class.
 """
@@ -48,7 +49,9 @@ async def heard(adapter: Adapter, until, seconds: float = 10.0):
 
 
 def ended(action_id):
-    return lambda news: news.action_id == action_id and news.status in {"FINISHED", "FAILED", "CANCELLED"}
+    return lambda news: (
+        news.action_id == action_id and news.status in {"FINISHED", "FAILED", "CANCELLED"}
+    )
 
 
 async def lost(adapter: Adapter, velocity: Velocity, seconds: float = 8.0) -> str:
@@ -97,13 +100,17 @@ class RcaConformance(AdapterConformance):
         return moves[-1] + time.time() - time.monotonic() if moves else 0.0
 
     def error_of(self, state: RcaState) -> tuple[float, float]:
-        """Return how far a state is from the truth, metres and radians: as the robot counted, or as it knows where it is."""
+        """Return how far a state is from the truth, metres and radians: as the robot counted, or as
+        it knows where it is.
+        """
         told = state.odometry or Pose2D(state.pose.x, state.pose.y, state.pose.theta)
         really = self.rig.world.truth if state.odometry is None else self.rig.world.sim.odometry
         return told.distance(really), abs(wrap_angle(told.theta - really.theta))
 
     async def here(self, adapter: Adapter) -> RcaState:
-        """Return a state of this place: the first may still be one of before the robot was put here, kept or on its way."""
+        """Return a state of this place: the first may still be one of before the robot was put
+        here, kept or on its way.
+        """
         return await wait_for(adapter, lambda s: max(self.error_of(s)) < 0.02)
 
     @pytest.fixture
@@ -117,7 +124,11 @@ class RcaConformance(AdapterConformance):
 
         # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
         def goes_as_told(state: RcaState) -> bool:
-            return state.distance > 0.17 and abs(state.velocity.linear - 0.2) < 0.06 and abs(state.velocity.angular - 0.2) < 0.08
+            return (
+                state.distance > 0.17
+                and abs(state.velocity.linear - 0.2) < 0.06
+                and abs(state.velocity.angular - 0.2) < 0.08
+            )
 
         await drive(adapter, Velocity(linear=0.2, angular=0.2), goes_as_told)
         await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
@@ -127,7 +138,11 @@ class RcaConformance(AdapterConformance):
         if told.odometry is not None:
             counted = began.odometry.inverse().compose(told.odometry)
         else:
-            counted = Pose2D(began.pose.x, began.pose.y, began.pose.theta).inverse().compose(Pose2D(told.pose.x, told.pose.y, told.pose.theta))
+            counted = (
+                Pose2D(began.pose.x, began.pose.y, began.pose.theta)
+                .inverse()
+                .compose(Pose2D(told.pose.x, told.pose.y, told.pose.theta))
+            )
         assert math.hypot(counted.x - moved.x, counted.y - moved.y) < 0.12
         assert abs(wrap_angle(counted.theta - moved.theta)) < 0.15
 
@@ -139,13 +154,24 @@ class RcaConformance(AdapterConformance):
         def is_right(state: RcaState) -> bool:
             truth = self.rig.world.truth
             near = math.hypot(state.pose.x - truth.x, state.pose.y - truth.y) < 0.05
-            return state.pose.localized and near and abs(wrap_angle(state.pose.theta - truth.theta)) < 0.05
+            return (
+                state.pose.localized
+                and near
+                and abs(wrap_angle(state.pose.theta - truth.theta)) < 0.05
+            )
 
-        # The first pose may still be one of before the robot was put here, which the architecture keeps for whoever comes.
+        # The first pose may still be one of before the robot was put here, which the architecture
+        # keeps for whoever comes.
         await wait_for(adapter, is_right)
         await drive(adapter, AHEAD, lambda s: s.distance > 0.12)
         stood = await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
-        here = await wait_for(adapter, lambda s: math.hypot(s.pose.x - self.rig.world.truth.x, s.pose.y - self.rig.world.truth.y) < 0.06)
+        here = await wait_for(
+            adapter,
+            lambda s: (
+                math.hypot(s.pose.x - self.rig.world.truth.x, s.pose.y - self.rig.world.truth.y)
+                < 0.06
+            ),
+        )
         assert stood.distance > 0.12
         assert here.pose.localized
 
@@ -160,7 +186,11 @@ class RcaConformance(AdapterConformance):
         now = time.time()
         assert abs(scan.stamp - now) < patient(0.5) + computer.excuse(scan.stamp, now)
         really = self.rig.world.ranges()
-        pairs = [(told, true) for told, true in zip(scan.ranges, really, strict=True) if told is not None and true < laser.range_max]
+        pairs = [
+            (told, true)
+            for told, true in zip(scan.ranges, really, strict=True)
+            if told is not None and true < laser.range_max
+        ]
         assert sum(abs(told - true) < 0.08 for told, true in pairs) > 0.9 * len(pairs) > 50
 
     async def test_its_battery_is_told(self, adapter: Adapter) -> None:
@@ -201,7 +231,9 @@ class RcaConformance(AdapterConformance):
         assert last.status == "FAILED"
         assert last.reason
 
-    async def test_it_docks_and_undocks_where_its_architecture_can(self, near_dock: Adapter) -> None:
+    async def test_it_docks_and_undocks_where_its_architecture_can(
+        self, near_dock: Adapter
+    ) -> None:
         own = near_dock.profile.capabilities
         if "dock" in own:
             await near_dock.start(Dock(action_id="d", stamp=0.0))
@@ -219,17 +251,28 @@ class RcaConformance(AdapterConformance):
                 await adapter.start(Relocalize(action_id="r", stamp=0.0, x=1.0, y=1.0, theta=0.0))
             return
         truth = self.rig.world.truth
-        await adapter.start(Relocalize(action_id="r", stamp=0.0, x=truth.x, y=truth.y, theta=truth.theta))
+        await adapter.start(
+            Relocalize(action_id="r", stamp=0.0, x=truth.x, y=truth.y, theta=truth.theta)
+        )
         assert (await heard(adapter, ended("r")))[-1].status == "FINISHED"
 
-    async def test_told_where_it_is_it_says_so_itself_when_it_has_been_relocalized(self, adapter: Adapter) -> None:
+    async def test_told_where_it_is_it_says_so_itself_when_it_has_been_relocalized(
+        self, adapter: Adapter
+    ) -> None:
         if "relocalize" not in adapter.profile.capabilities:
             return
         await self.here(adapter)
         for number, aside in enumerate((2.5, -2.0)):
             place = self.rig.world.truth.compose(Pose2D(aside, 0.0, 0.0))
-            await adapter.start(Relocalize(action_id=f"r{number}", stamp=0.0, x=place.x, y=place.y, theta=place.theta))
-            assert [news.status for news in await heard(adapter, ended(f"r{number}"), 15.0)] == ["RUNNING", "FINISHED"]
+            await adapter.start(
+                Relocalize(
+                    action_id=f"r{number}", stamp=0.0, x=place.x, y=place.y, theta=place.theta
+                )
+            )
+            assert [news.status for news in await heard(adapter, ended(f"r{number}"), 15.0)] == [
+                "RUNNING",
+                "FINISHED",
+            ]
             told = (await some(adapter.states(), 1))[0].pose
             assert math.hypot(told.x - place.x, told.y - place.y) < 0.1
 
@@ -243,7 +286,9 @@ class RcaConformance(AdapterConformance):
             monkeypatch.setattr(module, "LONGEST_RELOCALIZATION", 3.0)
         self.rig.world.deaf = True
         place = self.rig.world.truth.compose(Pose2D(2.5, 0.0, 0.0))
-        await adapter.start(Relocalize(action_id="r", stamp=0.0, x=place.x, y=place.y, theta=place.theta))
+        await adapter.start(
+            Relocalize(action_id="r", stamp=0.0, x=place.x, y=place.y, theta=place.theta)
+        )
         last = (await heard(adapter, ended("r")))[-1]
         assert last.status == "FAILED"
         assert "itself there" in last.reason or "does not answer" in last.reason
@@ -304,11 +349,15 @@ async def again(adapter: Adapter, seconds: float = 15.0) -> None:
 
 
 async def sees_grey(adapter: Adapter) -> None:
-    """The pictures of the robot's topic come out of the adapter's camera, stamped when they were made."""
+    """The pictures of the robot's topic come out of the adapter's camera, stamped when they were
+    made.
+    """
     async with connected(adapter):
         camera = adapter.video()
         camera.start()
-        frame = await asyncio.to_thread(lambda: next(filter(None, (camera.read(1.0) for _ in range(60)))))
+        frame = await asyncio.to_thread(
+            lambda: next(filter(None, (camera.read(1.0) for _ in range(60))))
+        )
         camera.stop()
     assert (frame.width, frame.height) == (160, 120)
     assert frame.image[:120].mean() == pytest.approx(16 + 128 * 219 / 255, abs=2.0)

@@ -1,6 +1,8 @@
-"""The simulated robot behind an architecture of its own: it obeys velocities, finds short ways by itself, and docks.
+"""The simulated robot behind an architecture of its own: it obeys velocities, finds short ways by
+itself, and docks.
 
-Stands for ROS, MOOS and the like in the tests of their adapters; `RcaRig` runs it in a thread beside the test.
+Stands for ROS, MOOS and the like in the tests of their adapters; `RcaRig` runs it in a thread
+beside the test.
 """
 
 import asyncio
@@ -25,9 +27,11 @@ BEFORE_DOCK = {"giraff": "0.8,6.3,3.14159", "rhodon": "11.26,1.0,0.0"}
 
 
 class RcaWorld:
-    """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by hand ends it.
+    """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by
+    hand ends it.
 
-    `believed` is where its localization takes it to be; `deaf` is one that does not listen when it is told.
+    `believed` is where its localization takes it to be; `deaf` is one that does not listen when it
+    is told.
     """
 
     watchdog = None  # seconds, where it is another one than the simulated robot's
@@ -77,7 +81,11 @@ class RcaWorld:
 
     def dock(self):
         place = self.sim.plan.dock_of(self.series)
-        self.journey, self.goal, self.kind = "running", Pose2D(place.x, place.y, place.theta), "dock"
+        self.journey, self.goal, self.kind = (
+            "running",
+            Pose2D(place.x, place.y, place.theta),
+            "dock",
+        )
 
     def undock(self):
         back = self.sim.pose.compose(Pose2D(-0.3, 0.0, 0.0))
@@ -105,16 +113,21 @@ class RcaWorld:
         elif abs(bearing) > 0.3:
             self.sim.command(0.0, math.copysign(0.6, bearing))
         else:
-            self.sim.command(0.2 if self.kind == "dock" else min(0.5, 0.15 + distance), 0.8 * wrap_angle(bearing) if distance > NEAR else 0.0)
+            self.sim.command(
+                0.2 if self.kind == "dock" else min(0.5, 0.15 + distance),
+                0.8 * wrap_angle(bearing) if distance > NEAR else 0.0,
+            )
 
     def ranges(self):
         return np.nan_to_num(self.sim.scan(), posinf=self.sim.model.laser.range_max + 1.0)
 
 
 class RcaRig:
-    """A world and an RCA before it. A subclass says how the RCA is brought `up`, what it says each tick, and how it goes `down`.
+    """A world and an RCA before it. A subclass says how the RCA is brought `up`, what it says each
+    tick, and how it goes `down`.
 
-    Runs in a thread with a loop of its own, so that one rig serves many tests; use as a context manager.
+    Runs in a thread with a loop of its own, so that one rig serves many tests; use as a context
+    manager.
     """
 
     series = "giraff"

@@ -1,6 +1,8 @@
-"""`python -m tests.support.readme_pictures`: the three pictures of the README, taken on a whole site and written small into docs/img.
+"""`python -m tests.support.readme_pictures`: the three pictures of the README, taken on a whole
+site and written small into docs/img.
 
-The drive page while somebody drives, with a mouse and on a phone, and the analysis of a study whose drives are made up.
+The drive page while somebody drives, with a mouse and on a phone, and the analysis of a study whose
+drives are made up.
 """
 
 import shutil
@@ -61,12 +63,18 @@ def driving(browser: Browser, site: Site, name: str, size: dict[str, int], folde
 
 
 def is_on_its_way(page: Page) -> bool:
-    """Hold a key for some seconds, and tell whether the robot goes; a page that was held up lets go of keys, and people press again."""
+    """Hold a key for some seconds, and tell whether the robot goes; a page that was held up lets go
+    of keys, and people press again.
+    """
     page.keyboard.down("ArrowUp")
     for _ in range(30):
         page.wait_for_timeout(100)
         speed = page.locator("#dial-speed").text_content() or "–"
-        if speed != "–" and float(speed) > FAST and page.get_attribute("#overlay", "data-shows") == "held":
+        if (
+            speed != "–"
+            and float(speed) > FAST
+            and page.get_attribute("#overlay", "data-shows") == "held"
+        ):
             return True
     return False
 
@@ -77,7 +85,9 @@ def analysis(browser: Browser, site: Site, folder: Path) -> None:
     vera = Visitor(browser, site, "vera", viewport=WIDE)
     vera.page.goto(f"/studies/{slug}/analysis/", timeout=300_000)
     vera.page.locator("#figure-7").scroll_into_view_if_needed()
-    vera.page.locator("#figure-7").evaluate("(figure) => scrollTo(0, figure.getBoundingClientRect().top + scrollY - 12)")
+    vera.page.locator("#figure-7").evaluate(
+        "(figure) => scrollTo(0, figure.getBoundingClientRect().top + scrollY - 12)"
+    )
     vera.screenshot(folder / "analysis.png")
     vera.close()
 

@@ -1,4 +1,6 @@
-"""A recorder on the database of DATABASE_URL, told by its parent when to go on: `python -m tests.support.record_exercise`."""
+"""A recorder on the database of DATABASE_URL, told by its parent when to go on: `python -m
+tests.support.record_exercise`.
+"""
 
 import json
 import logging
@@ -28,9 +30,15 @@ BROKEN = b',"said":"\xff\xfe"}'
 
 def item(session: Session, seq: int, tail: bytes = b"}") -> StateItem:
     state = messages.State(
-        stamp=seq * 0.25, boot="b", seq=seq, session=str(session.pk), epoch=1, pose=messages.Pose(x=0, y=0, theta=0),
-        velocity=messages.Velocity(linear=0, angular=0), battery=messages.Battery(charge=1),
-    )  # fmt: skip
+        stamp=seq * 0.25,
+        boot="b",
+        seq=seq,
+        session=str(session.pk),
+        epoch=1,
+        pose=messages.Pose(x=0, y=0, theta=0),
+        velocity=messages.Velocity(linear=0, angular=0),
+        battery=messages.Battery(charge=1),
+    )
     return StateItem("giraff", state, codec.encode(state)[:-1] + tail, time.time(), None)
 
 
@@ -41,9 +49,15 @@ def say(**words: object) -> None:
 def main() -> None:
     logging.disable(logging.CRITICAL)
     call_command("migrate", verbosity=0)
-    robot, visitors = Robot.objects.create(name="giraff", title="g"), [User.objects.create(username=name) for name in ("ana", "ben")]
+    robot, visitors = (
+        Robot.objects.create(name="giraff", title="g"),
+        [User.objects.create(username=name) for name in ("ana", "ben")],
+    )
     kept, deleted = (
-        Session.objects.create(robot=robot, visitor=visitor, live_key=visitor.username, queued_at=timezone.now()) for visitor in visitors
+        Session.objects.create(
+            robot=robot, visitor=visitor, live_key=visitor.username, queued_at=timezone.now()
+        )
+        for visitor in visitors
     )
     recorder = Recorder(lambda *_: None)
     recorder.start()
@@ -62,7 +76,11 @@ def main() -> None:
     sys.stdin.readline()  # and back
     stopped = recorder.stop(30)
     django.db.connection.close()
-    states = [state for chunk in StateChunk.objects.filter(session=kept).order_by("first_seq") for state in chunk.states]
+    states = [
+        state
+        for chunk in StateChunk.objects.filter(session=kept).order_by("first_seq")
+        for state in chunk.states
+    ]
     say(
         stopped=stopped,
         seqs=[state["seq"] for state in states],

@@ -1,4 +1,6 @@
-"""A real Mosquitto, a scripted robot, and session managers that can be killed, for tests of the record."""
+"""A real Mosquitto, a scripted robot, and session managers that can be killed, for tests of the
+record.
+"""
 
 import asyncio
 import contextlib
@@ -29,11 +31,24 @@ from tests.support.patience import patient
 from tests.support.site import free_port
 
 HOST = "127.0.0.1"
-MOSQUITTO = next((path for path in ("/usr/sbin/mosquitto", "/usr/local/sbin/mosquitto", "/opt/homebrew/sbin/mosquitto") if Path(path).is_file()), "")
+MOSQUITTO = next(
+    (
+        path
+        for path in (
+            "/usr/sbin/mosquitto",
+            "/usr/local/sbin/mosquitto",
+            "/opt/homebrew/sbin/mosquitto",
+        )
+        if Path(path).is_file()
+    ),
+    "",
+)
 
 
 async def wait_for(condition: Callable[[], Any], within: float = 10.0, what: str = "") -> Any:
-    """Return the first truthy value of `condition()`, which runs in a thread where the ORM may be used."""
+    """Return the first truthy value of `condition()`, which runs in a thread where the ORM may be
+    used.
+    """
     deadline = time.monotonic() + patient(within)
     while not (value := await sync_to_async(condition)()):
         assert time.monotonic() < deadline, f"{what or condition} did not come within {within} s"
@@ -43,7 +58,9 @@ async def wait_for(condition: Callable[[], Any], within: float = 10.0, what: str
 
 @dataclass
 class Mosquitto:
-    """A broker without passwords; `forget` makes a restart lose everything, as one without persistence does."""
+    """A broker without passwords; `forget` makes a restart lose everything, as one without
+    persistence does.
+    """
 
     directory: Path
     port: int = field(default_factory=free_port)
@@ -59,9 +76,15 @@ class Mosquitto:
         if forget:
             stored.unlink(missing_ok=True)
         lines = (
-            f"listener {self.port} {HOST}", "allow_anonymous true", "persistence true", f"persistence_location {self.directory}/",
-            "max_queued_messages 0", "set_tcp_nodelay true", "log_dest none", *(["user root"] if os.geteuid() == 0 else []),
-        )  # fmt: skip
+            f"listener {self.port} {HOST}",
+            "allow_anonymous true",
+            "persistence true",
+            f"persistence_location {self.directory}/",
+            "max_queued_messages 0",
+            "set_tcp_nodelay true",
+            "log_dest none",
+            *(["user root"] if os.geteuid() == 0 else []),
+        )
         (self.directory / "mosquitto.conf").write_text("\n".join(lines) + "\n")
         self.process = subprocess.Popen([MOSQUITTO, "-c", str(self.directory / "mosquitto.conf")])
         self._wait_until_open()
@@ -93,13 +116,22 @@ def running_mosquitto() -> Iterator[Mosquitto]:
 
 
 class ScriptedRobot:
-    """Speaks as an agent does: states by the number, heartbeats with echoes, and what is asked for again from its buffer.
+    """Speaks as an agent does: states by the number, heartbeats with echoes, and what is asked for
+    again from its buffer.
 
-    `loses(seq)` names states that do not reach the broker the first time. `silence` is what it says of its visitor.
+    `loses(seq)` names states that do not reach the broker the first time. `silence` is what it says
+    of its visitor.
     """
 
     def __init__(
-        self, name: str, url: str, *, boot: str = "boot-1", clock_ahead: float = 0.0, period: float = 0.05, login: tuple[str, str] = ("", "")
+        self,
+        name: str,
+        url: str,
+        *,
+        boot: str = "boot-1",
+        clock_ahead: float = 0.0,
+        period: float = 0.05,
+        login: tuple[str, str] = ("", ""),
     ) -> None:
         self.name, self.boot, self.period, self._ahead = name, boot, period, clock_ahead
         self._login = {"username": login[0], "password": login[1]} if login[0] else {}
@@ -139,12 +171,20 @@ class ScriptedRobot:
     async def _run(self, ready: asyncio.Event) -> None:
         while not self._leaving:
             try:
-                async with aiomqtt.Client(HOST, self._port, identifier=f"{self.name}-{random.random()}", timeout=3, **self._login) as client:
+                async with aiomqtt.Client(
+                    HOST,
+                    self._port,
+                    identifier=f"{self.name}-{random.random()}",
+                    timeout=3,
+                    **self._login,
+                ) as client:
                     self._client = client
                     await client.subscribe(topics.of(self.name, "lease"), 1)
                     await client.subscribe(topics.of(self.name, "command/#"), 1)
                     online = messages.Connection(boot=self.boot, state="ONLINE", stamp=self.now())
-                    await client.publish(topics.of(self.name, "connection"), codec.encode(online), 1, retain=True)
+                    await client.publish(
+                        topics.of(self.name, "connection"), codec.encode(online), 1, retain=True
+                    )
                     ready.set()
                     await until_one_ends(self._speak(), self._listen(client))
             except aiomqtt.MqttError:
@@ -163,21 +203,50 @@ class ScriptedRobot:
         while True:
             if self.speaks:
                 await self.state()
-                echoes = () if self._beat is None else (messages.Echo(peer="server", n=self._beat.n, stamp=self._beat.stamp, received=self._beat_at),)
-                await self.publish("heartbeat", messages.Heartbeat(n=self.seq, stamp=self.now(), echoes=echoes), 0)
+                echoes = (
+                    ()
+                    if self._beat is None
+                    else (
+                        messages.Echo(
+                            peer="server",
+                            n=self._beat.n,
+                            stamp=self._beat.stamp,
+                            received=self._beat_at,
+                        ),
+                    )
+                )
+                await self.publish(
+                    "heartbeat", messages.Heartbeat(n=self.seq, stamp=self.now(), echoes=echoes), 0
+                )
             await asyncio.sleep(self.period)
 
     async def state(self, **changes: Any) -> messages.State:
         self.seq += 1
         applied = ()
         if self.drives and self.session:
-            command = messages.AppliedCommand(seq=self.seq, stamp=self.now(), method="keyboard", way="datachannel", age=0.01, linear=0.3, angular=0.0)
+            command = messages.AppliedCommand(
+                seq=self.seq,
+                stamp=self.now(),
+                method="keyboard",
+                way="datachannel",
+                age=0.01,
+                linear=0.3,
+                angular=0.0,
+            )
             applied = (command,)
         state = messages.State(
-            stamp=self.now(), boot=self.boot, seq=self.seq, session=self.session, epoch=self.epoch, pose=messages.Pose(x=1.0, y=2.0, theta=0.0),
-            velocity=messages.Velocity(linear=0.0, angular=0.0), battery=messages.Battery(charge=0.9), distance=self.seq * 0.01,
-            visitor_silence=self.silence if self.session else None, applied=applied,
-        )  # fmt: skip
+            stamp=self.now(),
+            boot=self.boot,
+            seq=self.seq,
+            session=self.session,
+            epoch=self.epoch,
+            pose=messages.Pose(x=1.0, y=2.0, theta=0.0),
+            velocity=messages.Velocity(linear=0.0, angular=0.0),
+            battery=messages.Battery(charge=0.9),
+            distance=self.seq * 0.01,
+            visitor_silence=self.silence if self.session else None,
+            applied=applied,
+        )
         state = msgspec.structs.replace(state, **changes)
         self.buffer[state.seq] = codec.encode(state)
         if state.session is not None:
@@ -188,7 +257,11 @@ class ScriptedRobot:
 
     async def event(self, kind: str, **fields: Any) -> messages.Event:
         event = messages.Event(
-            stamp=self.now(), boot=self.boot, seq=self.seq + 1, type=kind, **{"session": self.session, "epoch": self.epoch, **fields}
+            stamp=self.now(),
+            boot=self.boot,
+            seq=self.seq + 1,
+            type=kind,
+            **{"session": self.session, "epoch": self.epoch, **fields},
         )
         await self.publish("event", event)
         return event
@@ -212,7 +285,9 @@ class ScriptedRobot:
     async def _hear_lease(self, payload: bytes, retained: bool) -> None:
         lease = codec.decode("lease", payload) if payload else None
         self.leases.append(lease)
-        if retained or (lease is not None and (lease.session, lease.epoch) == (self.session, self.epoch)):
+        if retained or (
+            lease is not None and (lease.session, lease.epoch) == (self.session, self.epoch)
+        ):
             return
         if self.session is not None:
             ended, last = self.session, max(self.sent.get(self.session, [0]))
@@ -242,19 +317,32 @@ class ManagerProcess:
     def __init__(self, url: str) -> None:
         name = settings.DATABASES["default"]["NAME"]
         environment = {
-            **os.environ, "MQTT_URL": url, "DATABASE_URL": f"sqlite:///{name}", "DJANGO_SETTINGS_MODULE": "tests.settings", "LOG_LEVEL": "INFO",
-        }  # fmt: skip
+            **os.environ,
+            "MQTT_URL": url,
+            "DATABASE_URL": f"sqlite:///{name}",
+            "DJANGO_SETTINGS_MODULE": "tests.settings",
+            "LOG_LEVEL": "INFO",
+        }
         self.directory = tempfile.TemporaryDirectory(prefix="session-manager-")
         self.log = Path(self.directory.name) / "log"
         with self.log.open("wb") as log:
-            self.process = subprocess.Popen([sys.executable, "manage.py", "run_session_manager"], cwd=ROOT, env=environment, stderr=log)
+            self.process = subprocess.Popen(
+                [sys.executable, "manage.py", "run_session_manager"],
+                cwd=ROOT,
+                env=environment,
+                stderr=log,
+            )
 
     @property
     def output(self) -> str:
         return self.log.read_text()
 
     async def connected(self) -> None:
-        await wait_for(lambda: "session_manager_connected" in self.output, 30, "the session manager's connection")
+        await wait_for(
+            lambda: "session_manager_connected" in self.output,
+            30,
+            "the session manager's connection",
+        )
 
     def __enter__(self) -> Self:
         return self

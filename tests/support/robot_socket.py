@@ -1,4 +1,6 @@
-"""A drive page's WebSocket as the server has it, for clients that are tested without one: grants, pictures, and what it was told."""
+"""A drive page's WebSocket as the server has it, for clients that are tested without one: grants,
+pictures, and what it was told.
+"""
 
 import asyncio
 import contextlib
@@ -16,7 +18,9 @@ JPEG = b"\xff\xd8\xff\xe0 a picture \xff\xd9"
 
 
 class RobotSocket:
-    """Use with `async with`. `heard` holds (suffix, message as plain data) of everything that came, in order."""
+    """Use with `async with`. `heard` holds (suffix, message as plain data) of everything that came,
+    in order.
+    """
 
     def __init__(self, *, queued: bool = False) -> None:
         self.heard = []
@@ -39,7 +43,15 @@ class RobotSocket:
         self.connections += 1
         with contextlib.suppress(ConnectionClosed):
             await self.say(
-                "hello", protocol.Hello(peer=f"p{self.connections}", stamp=0.0, robot="giraff", online=True, may_drive=True, may_observe=True)
+                "hello",
+                protocol.Hello(
+                    peer=f"p{self.connections}",
+                    stamp=0.0,
+                    robot="giraff",
+                    online=True,
+                    may_drive=True,
+                    may_observe=True,
+                ),
             )
             async for frame in socket:
                 suffix, _, payload = frame.partition("\n")
@@ -58,12 +70,24 @@ class RobotSocket:
 
     async def grant(self):
         self.queued = False
-        await self.say("session/granted", protocol.Granted(session="s1", epoch=3, peer="p1", terms=protocol.GrantedTerms(interface="standard")))
+        await self.say(
+            "session/granted",
+            protocol.Granted(
+                session="s1", epoch=3, peer="p1", terms=protocol.GrantedTerms(interface="standard")
+            ),
+        )
         await self.say(
             "state",
-            State(stamp=1.0, boot="b", seq=1, session="s1", pose=Pose(x=1.0, y=2.0, theta=0.0), velocity=Velocity(linear=0.0, angular=0.0),
-                  battery=Battery(charge=0.9)),
-        )  # fmt: skip
+            State(
+                stamp=1.0,
+                boot="b",
+                seq=1,
+                session="s1",
+                pose=Pose(x=1.0, y=2.0, theta=0.0),
+                velocity=Velocity(linear=0.0, angular=0.0),
+                battery=Battery(charge=0.9),
+            ),
+        )
 
     async def say(self, suffix, message):
         await self.socket.send(codec.encode_frame(suffix, message))

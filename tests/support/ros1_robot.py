@@ -39,7 +39,9 @@ class RosMaster:
     def start(self):
         environment = {"ROS_IP": self.host, "ROS_LOG_DIR": "/tmp", "PATH": "/usr/bin:/bin"}
         command = [PYTHON, "/usr/bin/rosmaster", "--core", "-p", str(self.port)]
-        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._process = subprocess.Popen(
+            command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         deadline = time.monotonic() + patient(15.0)
         while not self._answers():
             assert self._process.poll() is None, "rosmaster ended"
@@ -47,7 +49,10 @@ class RosMaster:
             time.sleep(0.05)
 
     def _answers(self):
-        with contextlib.suppress(OSError), socket.create_connection((self.host, self.port), timeout=1.0):
+        with (
+            contextlib.suppress(OSError),
+            socket.create_connection((self.host, self.port), timeout=1.0),
+        ):
             return True
         return False
 
@@ -80,17 +85,26 @@ class Ros1Rig(RcaRig):
         freeze(self._bus._child.pid, on=on)
 
     async def start_robot(self):
-        self._bus = RobotBus(ros1.Options(master=self.master.uri, ip=self.master.host, watchdog=0.6))
+        self._bus = RobotBus(
+            ros1.Options(master=self.master.uri, ip=self.master.host, watchdog=0.6)
+        )
         await self._bus.open(self.lost.append, None)
         robot = self.robot
         for topic, kind in robot.TOPICS.items():
             self._bus.advertise(topic, kind, latch=topic == "/amcl_pose")
         for topic in ("/move_base/status", "/move_base/result"):
             self._bus.advertise(topic, robot.MOVE_BASE[topic])
-        for topic, kind in (robot.hears | {name: robot.MOVE_BASE[name] for name in ("/move_base/goal", "/move_base/cancel")}).items():
-            self._bus.subscribe(topic, kind, lambda message, topic=topic: robot.hear(topic, message))
+        for topic, kind in (
+            robot.hears
+            | {name: robot.MOVE_BASE[name] for name in ("/move_base/goal", "/move_base/cancel")}
+        ).items():
+            self._bus.subscribe(
+                topic, kind, lambda message, topic=topic: robot.hear(topic, message)
+            )
         for service, verb in DOCKING.items():
-            self._bus.offer(service, "std_srvs/Trigger", lambda _, verb=verb: getattr(self.world, verb)())
+            self._bus.offer(
+                service, "std_srvs/Trigger", lambda _, verb=verb: getattr(self.world, verb)()
+            )
         robot.restarted()
 
     async def down(self):

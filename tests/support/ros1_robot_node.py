@@ -1,9 +1,13 @@
-"""The simulated robot's own node of ROS 1: besides what the adapter's node does, it offers services. Run by the Python that has rospy."""
+"""The simulated robot's own node of ROS 1: besides what the adapter's node does, it offers
+services. Run by the Python that has rospy.
+"""
 
 import pathlib
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "robots" / "agent" / "adapters"))
+sys.path.insert(
+    0, str(pathlib.Path(__file__).resolve().parents[2] / "robots" / "agent" / "adapters")
+)
 
 import ros1_node
 
@@ -16,7 +20,9 @@ class RobotNode(ros1_node.Node):
             self.say(op="publish", topic=service, content={})
             return TriggerResponse(True, "")
 
-        self.subscribers.append(self.rospy.Service(service, self.roslib.message.get_service_class(kind), called))
+        self.subscribers.append(
+            self.rospy.Service(service, self.roslib.message.get_service_class(kind), called)
+        )
 
 
 if __name__ == "__main__":

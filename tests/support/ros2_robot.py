@@ -12,8 +12,9 @@ from tests.support.rca_world import RcaRig
 from tests.support.ros_robot import BASE, RosRobot
 
 LOOPBACK = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces></General>'
-    '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
+    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"'
+    ' multicast="false"/></Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer'
+    ' address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
 )
 STATUS = "/navigate_to_pose/_action/status"
 
@@ -25,19 +26,32 @@ class Ros2Rig(RcaRig):
         super().__init__(series)
         self.words = (*base, *words)
         worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-        self.domain = 20 + os.getpid() % 20 * 4 + worker % 4  # another one than that of any other process of this run
+        # another one than that of any other process of this run
+        self.domain = 20 + os.getpid() % 20 * 4 + worker % 4
         self.robot = RosRobot(self.world, 2, base)
         self.goals = 0
         self._node = self._listening = None
 
     def options(self):
-        tilts = {"tilt": "/head/command", "tilt_joint": "head_tilt"} if self.world.sim.model.tilt else {}
+        tilts = (
+            {"tilt": "/head/command", "tilt_joint": "head_tilt"}
+            if self.world.sim.model.tilt
+            else {}
+        )
         return {"domain": str(self.domain), **tilts}
 
     async def up(self):
-        command = [sys.executable, "-m", "tests.support.ros2_robot_node", str(self.domain), *self.words]
+        command = [
+            sys.executable,
+            "-m",
+            "tests.support.ros2_robot_node",
+            str(self.domain),
+            *self.words,
+        ]
         pipe = asyncio.subprocess.PIPE
-        self._node = await asyncio.create_subprocess_exec(*command, cwd=ROOT, stdin=pipe, stdout=pipe, limit=1 << 20)
+        self._node = await asyncio.create_subprocess_exec(
+            *command, cwd=ROOT, stdin=pipe, stdout=pipe, limit=1 << 20
+        )
         assert json.loads(await self._node.stdout.readline())[0] == "ready"
         self.robot.restarted()
         self._listening = asyncio.ensure_future(self._listen())
@@ -75,6 +89,9 @@ class Ros2Rig(RcaRig):
         if not self.goals or not (over or count % 10 == 0):
             return []
         status = {"running": 2, "done": 4}.get(self.world.journey, 6)
-        entries = [{"goal_info": {"goal_id": {"uuid": [number] * 16}}, "status": 4} for number in range(1, self.goals)]
+        entries = [
+            {"goal_info": {"goal_id": {"uuid": [number] * 16}}, "status": 4}
+            for number in range(1, self.goals)
+        ]
         entries.append({"goal_info": {"goal_id": {"uuid": [self.goals] * 16}}, "status": status})
         return [(STATUS, {"status_list": entries[-5:]})]

@@ -1,4 +1,6 @@
-"""The simulated robot's node of ROS 2 in a process of its own: lines of JSON on standard input are said on DDS, and the other way round."""
+"""The simulated robot's node of ROS 2 in a process of its own: lines of JSON on standard input are
+said on DDS, and the other way round.
+"""
 
 import asyncio
 import json
@@ -20,7 +22,9 @@ def say(topic, message):
 
 
 def hear(bus, topic, kind, *, best_effort):
-    """Subscribe as rclcpp's SystemDefaultsQoS does, with which diff_drive_controller hears cmd_vel: reliable; or as a sensor is heard."""
+    """Subscribe as rclcpp's SystemDefaultsQoS does, with which diff_drive_controller hears cmd_vel:
+    reliable; or as a sensor is heard.
+    """
     reader = DataReader(bus._participant, bus._topic(topic, kind), qos=quality(sensor=best_effort))
     bus._readers.append((reader, lambda message: say(topic, message)))
 

@@ -1,4 +1,6 @@
-"""What the simulated robot says and hears as a robot of ROS, whatever carries it: messages as JSON objects, both generations."""
+"""What the simulated robot says and hears as a robot of ROS, whatever carries it: messages as JSON
+objects, both generations.
+"""
 
 import base64
 import math
@@ -13,7 +15,8 @@ STAMPED = "geometry_msgs/TwistStamped"
 
 
 class RosRobot:
-    """Drives a world by what it `hears`, and `says` (topic, message) pairs; `version` is that of ROS, `base` the topic and type of velocities.
+    """Drives a world by what it `hears`, and `says` (topic, message) pairs; `version` is that of
+    ROS, `base` the topic and type of velocities.
 
     Its move_base and Nav2 are the world's own way of going somewhere.
     """
@@ -63,7 +66,8 @@ class RosRobot:
             self.world.cancel()
 
     def relocalize(self, message):
-        """As amcl: a pose in another frame is ignored (amcl_node.cpp, handleInitialPoseMessage; nav2_amcl, initialPoseReceived).
+        """As amcl: a pose in another frame is ignored (amcl_node.cpp, handleInitialPoseMessage;
+        nav2_amcl, initialPoseReceived).
 
         What it believes is published once, with the next scan, and again when the robot has moved.
         """
@@ -89,8 +93,14 @@ class RosRobot:
         if count % 3 == 0:
             said.append(("/joint_states", self.joints(sim)))
         if count % 5 == 3:
-            said.append(("/camera/compressed", {"header": self.header("camera"), "format": "jpeg", "data": GREY}))
-        if self.world.sim.distance - self._fixed > 0.2 or self._fixed == 0.0:  # as amcl: only while it moves
+            said.append(
+                (
+                    "/camera/compressed",
+                    {"header": self.header("camera"), "format": "jpeg", "data": GREY},
+                )
+            )
+        # as amcl: only while it moves
+        if self.world.sim.distance - self._fixed > 0.2 or self._fixed == 0.0:
             self._fixed = max(self.world.sim.distance, 1e-6)
             said.append(("/amcl_pose", self.fix()))
         return said
@@ -99,7 +109,10 @@ class RosRobot:
         self._fixed = 0.0
 
     def odometry(self, sim):
-        twist = {"linear": {"x": sim.motion.linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": sim.motion.angular}}
+        twist = {
+            "linear": {"x": sim.motion.linear, "y": 0.0, "z": 0.0},
+            "angular": {"x": 0.0, "y": 0.0, "z": sim.motion.angular},
+        }
         where = {"pose": messages.pose(sim.odometry), "covariance": [0.0] * 36}
         return {
             "header": self.header("odom"),
@@ -112,14 +125,34 @@ class RosRobot:
         covariance = [0.0] * 36
         covariance[0] = covariance[7] = 0.0025
         covariance[35] = 0.001
-        return {"header": self.header("map"), "pose": {"pose": messages.pose(self.world.believed), "covariance": covariance}}
+        return {
+            "header": self.header("map"),
+            "pose": {"pose": messages.pose(self.world.believed), "covariance": covariance},
+        }
 
     def scan(self, sim):
         laser = sim.model.laser
-        times = {"time_increment": 0.0, "scan_time": 0.1, "range_min": 0.05, "range_max": laser.range_max}
-        angles = {"angle_min": laser.angle_min, "angle_max": -laser.angle_min, "angle_increment": laser.angle_increment}
-        ranges = [float(value) if math.isfinite(value) else math.inf for value in self.world.ranges()]
-        return {"header": self.header("laser"), **angles, **times, "ranges": ranges, "intensities": []}
+        times = {
+            "time_increment": 0.0,
+            "scan_time": 0.1,
+            "range_min": 0.05,
+            "range_max": laser.range_max,
+        }
+        angles = {
+            "angle_min": laser.angle_min,
+            "angle_max": -laser.angle_min,
+            "angle_increment": laser.angle_increment,
+        }
+        ranges = [
+            float(value) if math.isfinite(value) else math.inf for value in self.world.ranges()
+        ]
+        return {
+            "header": self.header("laser"),
+            **angles,
+            **times,
+            "ranges": ranges,
+            "intensities": [],
+        }
 
     def battery(self, sim):
         return {
@@ -131,7 +164,13 @@ class RosRobot:
         }
 
     def joints(self, sim):
-        return {"header": self.header(""), "name": ["wheel", "head_tilt"], "position": [0.0, sim.tilt], "velocity": [], "effort": []}
+        return {
+            "header": self.header(""),
+            "name": ["wheel", "head_tilt"],
+            "position": [0.0, sim.tilt],
+            "velocity": [],
+            "effort": [],
+        }
 
     def goal_status(self):
         """actionlib's status of the newest goal."""
@@ -140,10 +179,20 @@ class RosRobot:
     def move_base_says(self, count):
         if self.goal is None:
             return []
-        entry = {"goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": self.goal}, "status": self.goal_status(), "text": ""}
-        said = [("/move_base/status", {"header": self.header(""), "status_list": [entry]})] if count % 10 == 0 else []
+        entry = {
+            "goal_id": {"stamp": {"secs": 0, "nsecs": 0}, "id": self.goal},
+            "status": self.goal_status(),
+            "text": "",
+        }
+        said = (
+            [("/move_base/status", {"header": self.header(""), "status_list": [entry]})]
+            if count % 10 == 0
+            else []
+        )
         if self.over():
-            said.append(("/move_base/result", {"header": self.header(""), "status": entry, "result": {}}))
+            said.append(
+                ("/move_base/result", {"header": self.header(""), "status": entry, "result": {}})
+            )
         return said
 
     def over(self):

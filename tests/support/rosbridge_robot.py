@@ -1,4 +1,6 @@
-"""The simulated robot as a client of a rosbridge, ours or a real one, with its move_base or Nav2 and its docking."""
+"""The simulated robot as a client of a rosbridge, ours or a real one, with its move_base or Nav2
+and its docking.
+"""
 
 import asyncio
 import contextlib
@@ -23,7 +25,9 @@ class RosbridgeRig(RcaRig):
     def __init__(self, series, version, url="", *, listening="127.0.0.1", base=BASE, words=()):
         super().__init__(series)
         self.version, self._url = version, url
-        self.server = None if url else ServerProcess("tests.support.rosbridge_server", listening, words)
+        self.server = (
+            None if url else ServerProcess("tests.support.rosbridge_server", listening, words)
+        )
         self.robot = RosRobot(self.world, version, base)
         self._socket = self._listening = None
         self._nav_goal = None
@@ -45,15 +49,38 @@ class RosbridgeRig(RcaRig):
         if self.server:
             await asyncio.to_thread(self.server.start)
         self._socket = await connect(self.url, max_size=None, compression=None)
-        topics = self.robot.TOPICS | ({"/move_base/status": "", "/move_base/result": ""} if self.version == 1 else {})
+        topics = self.robot.TOPICS | (
+            {"/move_base/status": "", "/move_base/result": ""} if self.version == 1 else {}
+        )
         for topic in topics:
-            await self._send({"op": "advertise", "topic": topic, "type": self._type(topic), "latch": topic == "/amcl_pose"})
-        for topic in self.robot.hears | ({"/move_base/goal": "", "/move_base/cancel": ""} if self.version == 1 else {}):
+            await self._send(
+                {
+                    "op": "advertise",
+                    "topic": topic,
+                    "type": self._type(topic),
+                    "latch": topic == "/amcl_pose",
+                }
+            )
+        for topic in self.robot.hears | (
+            {"/move_base/goal": "", "/move_base/cancel": ""} if self.version == 1 else {}
+        ):
             await self.listen(topic)
         for service in DOCKING:
-            await self._send({"op": "advertise_service", "service": service, "type": self._spelled("std_srvs/Trigger", "srv")})
+            await self._send(
+                {
+                    "op": "advertise_service",
+                    "service": service,
+                    "type": self._spelled("std_srvs/Trigger", "srv"),
+                }
+            )
         if self.version == 2:
-            await self._send({"op": "advertise_action", "action": NAVIGATE, "type": "nav2_msgs/action/NavigateToPose"})
+            await self._send(
+                {
+                    "op": "advertise_action",
+                    "action": NAVIGATE,
+                    "type": "nav2_msgs/action/NavigateToPose",
+                }
+            )
         self.robot.restarted()
         self._listening = asyncio.ensure_future(self._listen())
 
@@ -103,8 +130,15 @@ class RosbridgeRig(RcaRig):
                     self.errors.append(message)
 
     async def _answer(self, call):
-        {"/dock": self.world.dock, "/undock": self.world.undock, "/cancel_dock": self.world.cancel}[call["service"]]()
-        answer = {"op": "service_response", "service": call["service"], "id": call["id"], "values": {"success": True, "message": ""}}
+        {"/dock": self.world.dock, "/undock": self.world.undock, "/cancel_dock": self.world.cancel}[
+            call["service"]
+        ]()
+        answer = {
+            "op": "service_response",
+            "service": call["service"],
+            "id": call["id"],
+            "values": {"success": True, "message": ""},
+        }
         await self._send(answer | {"result": True})
 
     async def say(self, count):
@@ -120,7 +154,17 @@ class RosbridgeRig(RcaRig):
         about = {"action": NAVIGATE, "id": self._nav_goal}
         if self.robot.over():
             done = self.world.journey == "done"
-            await self._send({"op": "action_result", "values": {}, "status": 4 if done else 6, "result": True, **about})
+            await self._send(
+                {
+                    "op": "action_result",
+                    "values": {},
+                    "status": 4 if done else 6,
+                    "result": True,
+                    **about,
+                }
+            )
             self._nav_goal = None
         elif count % 10 == 0:
-            await self._send({"op": "action_feedback", "values": {"distance_remaining": 1.0}, **about})
+            await self._send(
+                {"op": "action_feedback", "values": {"distance_remaining": 1.0}, **about}
+            )

@@ -1,13 +1,16 @@
 """A rosbridge without ROS behind it: the same protocol (version 2), between its clients.
 
-Topics, services that a client advertises, and actions of ROS 2 that a client advertises are carried as the real one carries them: by
-type, latched where it was advertised so, without NaN, with a status message for whoever asks for nonsense. A robot is a client too.
+Topics, services that a client advertises, and actions of ROS 2 that a client advertises are carried
+as the real one carries them: by type, latched where it was advertised so, without NaN, with a
+status message for whoever asks for nonsense. A robot is a client too.
 
-As rosbridge_suite has it: a type other than the established one is refused, with these words (rosbridge_library/internal/publishers.py,
-MultiPublisher; internal/topics.py, TypeConflictException); a publisher, and with it its type, stays for ten seconds after its last client
-has gone (PublisherManager.unregister_timeout); a message with a field that its type has not is refused (internal/message_conversion.py,
-NonexistentFieldException). rosapi says who has to do with a topic, by nodes, and all clients are one (rosapi/proxy.py).
-`python -m tests.support.rosbridge_server HOST PORT [no-rosapi]` is one in a process of its own.
+As rosbridge_suite has it: a type other than the established one is refused, with these words
+(rosbridge_library/internal/publishers.py, MultiPublisher; internal/topics.py,
+TypeConflictException); a publisher, and with it its type, stays for ten seconds after its last
+client has gone (PublisherManager.unregister_timeout); a message with a field that its type has not
+is refused (internal/message_conversion.py, NonexistentFieldException). rosapi says who has to do
+with a topic, by nodes, and all clients are one (rosapi/proxy.py). `python -m
+tests.support.rosbridge_server HOST PORT [no-rosapi]` is one in a process of its own.
 """
 
 import asyncio
@@ -22,7 +25,10 @@ from websockets.asyncio.server import serve
 from websockets.exceptions import ConnectionClosed
 
 UNREGISTER = 10.0
-FIELDS = {"geometry_msgs/Twist": {"linear", "angular"}, "geometry_msgs/TwistStamped": {"header", "twist"}}
+FIELDS = {
+    "geometry_msgs/Twist": {"linear", "angular"},
+    "geometry_msgs/TwistStamped": {"header", "twist"},
+}
 
 
 class RosbridgeServer:
@@ -42,7 +48,9 @@ class RosbridgeServer:
         return f"ws://127.0.0.1:{self.port}"
 
     async def start(self):
-        self._server = await serve(self._client, self.host, self.port, max_size=None, compression=None)
+        self._server = await serve(
+            self._client, self.host, self.port, max_size=None, compression=None
+        )
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def stop(self):
@@ -64,7 +72,9 @@ class RosbridgeServer:
         finally:
             for table in self._subscribers.values():
                 table.pop(client, None)
-            for topic in [topic for topic, clients in self._publishers.items() if client in clients]:
+            for topic in [
+                topic for topic, clients in self._publishers.items() if client in clients
+            ]:
                 self._unregister(client, topic)
             for table in (self._services, self._actions):
                 for name in [name for name, owner in table.items() if owner is client]:
@@ -80,19 +90,25 @@ class RosbridgeServer:
         await handler(client, message)
 
     async def _complain(self, client, why, of=None):
-        await self._send(client, {"op": "status", "level": "error", "msg": why} | ({"id": of} if of else {}))
+        await self._send(
+            client, {"op": "status", "level": "error", "msg": why} | ({"id": of} if of else {})
+        )
 
     async def _send(self, client, message):
         with contextlib.suppress(ConnectionClosed):
             await client.send(json.dumps(_json(message)))
 
     async def _typed(self, client, message, of, op):
-        """The type of a topic is fixed by whoever names it first, for as long as anybody has to do with it."""
+        """The type of a topic is fixed by whoever names it first, for as long as anybody has to do
+        with it.
+        """
         self._forget()
         topic, kind = message["topic"], message.get("type")
         if kind is not None and self.types.setdefault(topic, kind) != kind:
             established = f"but it is already established with type {self.types[topic]}"
-            await self._complain(client, f"{op}: Tried to register topic {topic} with type {kind} {established}", of)
+            await self._complain(
+                client, f"{op}: Tried to register topic {topic} with type {kind} {established}", of
+            )
             return False
         return True
 
@@ -100,7 +116,15 @@ class RosbridgeServer:
         now = time.monotonic()
         for topic in [topic for topic, at in self._leaving.items() if at < now]:
             del self._leaving[topic]
-        for topic in [topic for topic in self.types if not (self._publishers.get(topic) or self._subscribers.get(topic) or topic in self._leaving)]:
+        for topic in [
+            topic
+            for topic in self.types
+            if not (
+                self._publishers.get(topic)
+                or self._subscribers.get(topic)
+                or topic in self._leaving
+            )
+        ]:
             del self.types[topic]
 
     def _unregister(self, client, topic):
@@ -152,11 +176,25 @@ class RosbridgeServer:
     async def _on_call_service(self, client, message):
         name = message["service"]
         if self.rosapi and name.startswith("/rosapi/"):
-            answer = {"op": "service_response", "service": name, "id": message.get("id"), "result": True}
-            await self._send(client, answer | {"values": self._rosapi(name.rpartition("/")[2], message.get("args") or {})})
+            answer = {
+                "op": "service_response",
+                "service": name,
+                "id": message.get("id"),
+                "result": True,
+            }
+            await self._send(
+                client,
+                answer
+                | {"values": self._rosapi(name.rpartition("/")[2], message.get("args") or {})},
+            )
             return
         if name not in self._services:
-            answer = {"op": "service_response", "service": name, "values": f"Service {name} does not exist", "result": False}
+            answer = {
+                "op": "service_response",
+                "service": name,
+                "values": f"Service {name} does not exist",
+                "result": False,
+            }
             await self._send(client, answer | {"id": message.get("id")})
             return
         await self._pass_on(client, message, self._services[name])
@@ -177,14 +215,24 @@ class RosbridgeServer:
     async def _on_send_action_goal(self, client, message):
         name = message["action"]
         if name not in self._actions:
-            answer = {"op": "action_result", "action": name, "values": f"Action server {name} is not available", "status": 6, "result": False}
+            answer = {
+                "op": "action_result",
+                "action": name,
+                "values": f"Action server {name} is not available",
+                "status": 6,
+                "result": False,
+            }
             await self._send(client, answer | {"id": message.get("id")})
             return
         await self._pass_on(client, message, self._actions[name])
 
     async def _on_cancel_action_goal(self, client, message):
         for ours, (owner, theirs) in self._waiting.items():
-            if owner is client and theirs == message.get("id") and message["action"] in self._actions:
+            if (
+                owner is client
+                and theirs == message.get("id")
+                and message["action"] in self._actions
+            ):
                 await self._send(self._actions[message["action"]], message | {"id": ours})
 
     async def _on_action_feedback(self, client, message):

@@ -1,9 +1,11 @@
-"""A camera of the network as GStreamer's RTSP server makes it: runs under the system's Python, which has its bindings.
+"""A camera of the network as GStreamer's RTSP server makes it: runs under the system's Python,
+which has its bindings.
 
     /usr/bin/python3 tests/support/rtsp_camera.py PORT KEY_INTERVAL [USER PASSWORD]
 
-Prints `ready` when it streams. KEY_INTERVAL is the time in seconds between whole pictures. As in a camera the encoder runs on whoever
-watches, so that who comes waits for the next whole picture: a client inside the process keeps the shared stream going.
+Prints `ready` when it streams. KEY_INTERVAL is the time in seconds between whole pictures. As in a
+camera the encoder runs on whoever watches, so that who comes waits for the next whole picture: a
+client inside the process keeps the shared stream going.
 """
 
 import sys
@@ -17,9 +19,10 @@ from gi.repository import GLib, Gst, GstRtsp, GstRtspServer  # noqa: E402 -- ver
 
 FPS = 15
 PIPELINE = (
-    f"videotestsrc is-live=true pattern=ball ! video/x-raw,format=I420,width=320,height=240,framerate={FPS}/1"
-    " ! x264enc tune=zerolatency speed-preset=ultrafast bitrate=500 key-int-max={gap} option-string=scenecut=0"
-    " ! rtph264pay name=pay0 pt=96 config-interval=0"
+    "videotestsrc is-live=true pattern=ball !"
+    f" video/x-raw,format=I420,width=320,height=240,framerate={FPS}/1 ! x264enc tune=zerolatency"
+    " speed-preset=ultrafast bitrate=500 key-int-max={gap} option-string=scenecut=0 ! rtph264pay"
+    " name=pay0 pt=96 config-interval=0"
 )
 
 
@@ -39,7 +42,8 @@ def main(port: str, key_interval: str, *credentials: str) -> None:
     server.get_mount_points().add_factory("/stream", factory)
     server.attach(None)
     watcher = Gst.parse_launch(
-        f"rtspsrc name=camera location=rtsp://127.0.0.1:{port}/stream protocols=tcp {account} ! fakesink name=sink signal-handoffs=true"
+        f"rtspsrc name=camera location=rtsp://127.0.0.1:{port}/stream protocols=tcp {account} !"
+        " fakesink name=sink signal-handoffs=true"
     )
     loop = GLib.MainLoop()
     said = []
@@ -55,7 +59,12 @@ def main(port: str, key_interval: str, *credentials: str) -> None:
     loop.run()
 
 
-def protect(server: "GstRtspServer.RTSPServer", factory: "GstRtspServer.RTSPMediaFactory", user: str, password: str) -> None:
+def protect(
+    server: "GstRtspServer.RTSPServer",
+    factory: "GstRtspServer.RTSPMediaFactory",
+    user: str,
+    password: str,
+) -> None:
     auth = GstRtspServer.RTSPAuth()
     auth.set_supported_methods(GstRtsp.RTSPAuthMethod.DIGEST)
     token = GstRtspServer.RTSPToken()

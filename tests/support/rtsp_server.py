@@ -1,4 +1,6 @@
-"""Starts tests/support/rtsp_camera.py, which needs the system's Python, and lets it be pulled out and plugged in again."""
+"""Starts tests/support/rtsp_camera.py, which needs the system's Python, and lets it be pulled out
+and plugged in again.
+"""
 
 import contextlib
 import signal
@@ -11,7 +13,9 @@ SCRIPT = Path(__file__).with_name("rtsp_camera.py")
 
 
 class RtspServer:
-    """A camera at `url` with a whole picture every `key_interval` seconds; `credentials` are user and password."""
+    """A camera at `url` with a whole picture every `key_interval` seconds; `credentials` are user
+    and password.
+    """
 
     def __init__(self, key_interval: float, credentials: tuple[str, ...] = ()) -> None:
         with socket.create_server(("127.0.0.1", 0)) as free:
@@ -31,7 +35,9 @@ class RtspServer:
         return self._process is not None
 
     def plug(self) -> None:
-        self._process = subprocess.Popen(("/usr/bin/python3", str(SCRIPT), *self._arguments), stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(
+            ("/usr/bin/python3", str(SCRIPT), *self._arguments), stdout=subprocess.PIPE, text=True
+        )
         assert self._process.stdout.readline() == "ready\n", "the RTSP server has ended"
 
     def pull(self) -> None:

@@ -1,4 +1,6 @@
-"""`manage.py demo` as its user starts it, in the foreground or in the background of a shell, and its processes."""
+"""`manage.py demo` as its user starts it, in the foreground or in the background of a shell, and
+its processes.
+"""
 
 import contextlib
 import os
@@ -15,13 +17,16 @@ from tests.support.patience import patient
 from tests.support.site import ROOT, wait_for
 
 LINK = re.compile(r"Drive Giraff now:\s+(\S+)")
-TESTS_OWN = {"HTTP_ONLY", "PLAIN_STATIC", "LOG_LEVEL", "DJANGO_SETTINGS_MODULE"}  # variables that tests have set and no user has
+# variables that tests have set and no user has
+TESTS_OWN = {"HTTP_ONLY", "PLAIN_STATIC", "LOG_LEVEL", "DJANGO_SETTINGS_MODULE"}
 
 
 def disposition(*, background: bool) -> Callable[[], None]:
-    """Return a `preexec_fn` that gives a process what it has in a terminal, or in the background of a shell without job control.
+    """Return a `preexec_fn` that gives a process what it has in a terminal, or in the background of
+    a shell without job control.
 
-    POSIX, Shell Command Language, 2.11: an asynchronous list is started with SIGINT and SIGQUIT ignored.
+    POSIX, Shell Command Language, 2.11: an asynchronous list is started with SIGINT and SIGQUIT
+    ignored.
     """
 
     def set_signals() -> None:
@@ -35,16 +40,22 @@ def disposition(*, background: bool) -> Callable[[], None]:
 class RunningDemo:
     """One `manage.py demo`, its output in a file."""
 
-    def __init__(self, var: Path, *arguments: str, background: bool = False, **settings: str) -> None:
+    def __init__(
+        self, var: Path, *arguments: str, background: bool = False, **settings: str
+    ) -> None:
         environment = {name: value for name, value in os.environ.items() if name not in TESTS_OWN}
         self.var = var
         self.output = var / "demo.out"
         var.mkdir(parents=True, exist_ok=True)
         with self.output.open("wb") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "manage.py", "demo", *arguments], cwd=ROOT, env={**environment, "VAR_DIR": str(var), **settings},
-                stdout=output, stderr=subprocess.STDOUT, preexec_fn=disposition(background=background),  # noqa: PLW1509 -- system calls alone
-            )  # fmt: skip
+                [sys.executable, "manage.py", "demo", *arguments],
+                cwd=ROOT,
+                env={**environment, "VAR_DIR": str(var), **settings},
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                preexec_fn=disposition(background=background),  # noqa: PLW1509 -- system calls alone
+            )
 
     def said(self) -> str:
         return self.output.read_text(errors="replace")
@@ -66,7 +77,9 @@ class RunningDemo:
         return psutil.Process(self.process.pid).children(recursive=True)
 
     def member(self, *words: str) -> psutil.Process:
-        """Return the one of its processes whose command line has all these words; the first, where it started another."""
+        """Return the one of its processes whose command line has all these words; the first, where
+        it started another.
+        """
         for process in self.family():
             with contextlib.suppress(psutil.NoSuchProcess):
                 if set(words) <= set(process.cmdline()):
@@ -80,7 +93,9 @@ class RunningDemo:
 
 
 @contextlib.contextmanager
-def demo(var: Path, *arguments: str, background: bool = False, **settings: str) -> Iterator[RunningDemo]:
+def demo(
+    var: Path, *arguments: str, background: bool = False, **settings: str
+) -> Iterator[RunningDemo]:
     running = RunningDemo(var, *arguments, background=background, **settings)
     try:
         yield running

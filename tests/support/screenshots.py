@@ -1,9 +1,11 @@
-"""The landing page, the account pages and the drive page in its states and sizes, as PNG files in var/screenshots, to be looked at.
+"""The landing page, the account pages and the drive page in its states and sizes, as PNG files in
+var/screenshots, to be looked at.
 
-`make screenshots` also has the tests that visit every other page keep what they see (tests/support/photographs.py).
+`make screenshots` also has the tests that visit every other page keep what they see
+(tests/support/photographs.py).
 
-The pictures that browsers show to whoever installs the page (static/img/screens) are taken again as well; those of the README are
-tests/support/readme_pictures.py's.
+The pictures that browsers show to whoever installs the page (static/img/screens) are taken again as
+well; those of the README are tests/support/readme_pictures.py's.
 """
 
 import shutil
@@ -18,11 +20,22 @@ from tests.support.site import ROOT, Site, running_site, wait_for
 from tests.support.visitor import Visitor, chromium
 
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
-WITH_A_MOUSE = {"desktop": (1280, 800), "wide": (1440, 900), "small": (1024, 600), "low": (1280, 520)}
+WITH_A_MOUSE = {
+    "desktop": (1280, 800),
+    "wide": (1440, 900),
+    "small": (1024, 600),
+    "low": (1280, 520),
+}
 WITH_FINGERS = {"phone": (390, 844), "tablet": (820, 1180), "landscape": (844, 390)}
 PROFILES = ("standard", "novice", "expert", "technical")
 INSTALLED = {"desktop": "wide", "phone": "narrow"}  # size of a picture to its form in the manifest
-PAGES = {"home": "/", "log-in": "/accounts/login/", "sign-up": "/accounts/signup/", "about": "/about/", "missing": "/no/such/page/"}
+PAGES = {
+    "home": "/",
+    "log-in": "/accounts/login/",
+    "sign-up": "/accounts/signup/",
+    "about": "/about/",
+    "missing": "/no/such/page/",
+}
 
 
 def choose(visitor: Visitor, profile: str) -> None:
@@ -37,7 +50,15 @@ def choose(visitor: Visitor, profile: str) -> None:
 def with_fingers(browser: Browser, site: Site, name: str, folder: Path, language: str = "") -> None:
     """The pages of a phone, and each profile of the drive page on what fingers steer."""
     width, height = SIZES["phone"]
-    eva = Visitor(browser, site, name, viewport={"width": width, "height": height}, has_touch=True, is_mobile=True, locale=language or "en")
+    eva = Visitor(
+        browser,
+        site,
+        name,
+        viewport={"width": width, "height": height},
+        has_touch=True,
+        is_mobile=True,
+        locale=language or "en",
+    )
     end = f"-{language}.png" if language else ".png"
     eva.open(go=True)
     eva.wait_for("phase", "driving")
@@ -51,7 +72,9 @@ def with_fingers(browser: Browser, site: Site, name: str, folder: Path, language
         for size, (width, height) in WITH_FINGERS.items():
             eva.page.set_viewport_size({"width": width, "height": height})
             eva.page.wait_for_timeout(1200)
-            eva.screenshot(folder / f"{'driving' if profile == 'standard' else profile}-{size}{end}")
+            eva.screenshot(
+                folder / f"{'driving' if profile == 'standard' else profile}-{size}{end}"
+            )
         eva.page.set_viewport_size({"width": SIZES["phone"][0], "height": SIZES["phone"][1]})
     eva.close()
 
@@ -62,7 +85,11 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     var = Path(tempfile.mkdtemp(prefix="telepresence-screenshots-"))
     try:
-        with running_site(var) as site, sync_playwright() as playwright, chromium(playwright) as browser:
+        with (
+            running_site(var) as site,
+            sync_playwright() as playwright,
+            chromium(playwright) as browser,
+        ):
             giraff = site.start_robot("giraff", "--start", "lounge-centre")
             for name, (width, height) in SIZES.items():
                 stranger = Visitor(browser, site, viewport={"width": width, "height": height})
@@ -87,9 +114,13 @@ def main() -> None:
                 for name, (width, height) in WITH_A_MOUSE.items():
                     anna.page.set_viewport_size({"width": width, "height": height})
                     anna.page.wait_for_timeout(1200)
-                    anna.screenshot(folder / f"{'driving' if profile == 'standard' else profile}-{name}.png")
+                    anna.screenshot(
+                        folder / f"{'driving' if profile == 'standard' else profile}-{name}.png"
+                    )
             choose(anna, "standard")
-            waiting = Visitor(browser, site, "dora", viewport={"width": 390, "height": 844}).open(go=True)
+            waiting = Visitor(browser, site, "dora", viewport={"width": 390, "height": 844}).open(
+                go=True
+            )
             waiting.wait_for("phase", "queued")
             waiting.page.wait_for_timeout(1000 * PRESSED)
             waiting.screenshot(folder / "queue-phone.png")
@@ -104,7 +135,9 @@ def main() -> None:
             with_fingers(browser, site, "eva", folder)
             with_fingers(browser, site, "paz", folder, "es")
             for page, path in PAGES.items():
-                stranger = Visitor(browser, site, viewport={"width": 390, "height": 844}, locale="es")
+                stranger = Visitor(
+                    browser, site, viewport={"width": 390, "height": 844}, locale="es"
+                )
                 stranger.page.goto(path)
                 stranger.screenshot(folder / f"{page}-phone-es.png")
                 stranger.close()
@@ -112,7 +145,9 @@ def main() -> None:
         shutil.rmtree(var, ignore_errors=True)
     for size, form in INSTALLED.items():
         with Image.open(folder / f"driving-{size}.png") as picture:
-            picture.convert("RGB").save(ROOT / "static" / "img" / "screens" / f"drive-{form}.webp", quality=80)
+            picture.convert("RGB").save(
+                ROOT / "static" / "img" / "screens" / f"drive-{form}.webp", quality=80
+            )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""An adapter whose robot does what the test says: it records every velocity with its time, and has a watchdog of its own."""
+"""An adapter whose robot does what the test says: it records every velocity with its time, and has
+a watchdog of its own.
+"""
 
 import asyncio
 import threading
@@ -11,8 +13,14 @@ from robots.agent.timing import TimeSource
 from robots.api import messages as m
 
 LIMITS = m.Limits(
-    linear=0.7, reverse=0.4, angular=0.9, linear_acceleration=4.0, angular_acceleration=8.0, linear_braking=4.0, angular_braking=8.0
-)  # fmt: skip
+    linear=0.7,
+    reverse=0.4,
+    angular=0.9,
+    linear_acceleration=4.0,
+    angular_acceleration=8.0,
+    linear_braking=4.0,
+    angular_braking=8.0,
+)
 WATCHDOG = 0.3
 PROFILE = Profile(
     series="Scripted",
@@ -47,7 +55,8 @@ class ScriptedRobot:
     refuses: str = ""  # non-empty: no action can be started
     hanging: bool = False  # an action that is started never answers
     finishes: bool = True  # actions run until their end, instead of for ever
-    times: TimeSource = field(default_factory=TimeSource)  # whose clock its readings and what it was told are stamped with
+    # whose clock its readings and what it was told are stamped with
+    times: TimeSource = field(default_factory=TimeSource)
 
     def __post_init__(self):
         self.lock = threading.Lock()
@@ -111,7 +120,7 @@ class ScriptedRobot:
     async def close(self):
         self.closed = True
 
-    # --- what a test asks ----------------------------------------------------------------------------------------------
+    # --- what a test asks -------------------------------------------------------------------------
 
     def velocities(self, since=0.0):
         with self.lock:
@@ -124,15 +133,19 @@ class ScriptedRobot:
         return velocities[-1][1] if velocities else ZERO
 
     def base_at(self, moment):
-        """What the base does at a moment: what it was last told, or nothing when its watchdog has struck."""
+        """What the base does at a moment: what it was last told, or nothing when its watchdog has
+        struck.
+        """
         before = [(at, velocity) for at, velocity in self.velocities() if at <= moment]
         return before[-1][1] if before and moment - before[-1][0] < self.profile.watchdog else ZERO
 
 
 class NavigatingRobot(ScriptedRobot):
-    """One whose architecture drives it by itself, at `GOING`, from the start of an action until that is cancelled.
+    """One whose architecture drives it by itself, at `GOING`, from the start of an action until
+    that is cancelled.
 
-    Its base does what it was told last, whoever told it: what the architecture tells it fifty times a second overrules zeros until then.
+    Its base does what it was told last, whoever told it: what the architecture tells it fifty times
+    a second overrules zeros until then.
     """
 
     GOING = m.Velocity(linear=0.5, angular=0.0)
@@ -174,7 +187,9 @@ class NavigatingRobot(ScriptedRobot):
 
 
 class SelfDrivingRobot(ScriptedRobot):
-    """One whose navigation runs in the agent (contract.Navigating): `wish` is what it wants while an action runs."""
+    """One whose navigation runs in the agent (contract.Navigating): `wish` is what it wants while
+    an action runs.
+    """
 
     wish = ZERO
     dock = None
@@ -184,7 +199,9 @@ class SelfDrivingRobot(ScriptedRobot):
         self.floorplans = []
 
     def wanted(self):
-        return self.wish if self.started and self.started[-1].action_id not in self.cancelled else None
+        return (
+            self.wish if self.started and self.started[-1].action_id not in self.cancelled else None
+        )
 
     def located(self, reading, points):
         return reading

@@ -1,8 +1,10 @@
-"""Somebody who shows themselves the whole office with one controller: out of the dock, through both doors to the far end, and back.
+"""Somebody who shows themselves the whole office with one controller: out of the dock, through both
+doors to the far end, and back.
 
-They go by what the page shows, as a newcomer does. Who presses on the picture looks for the farthest place of their way that lies on the
-floor in it, straight ahead of the robot, presses there, and presses on before the robot has arrived; what is aside of the picture they turn
-to by its sides.
+They go by what the page shows, as a newcomer does. Who presses on the picture looks for the
+farthest place of their way that lies on the floor in it, straight ahead of the robot, presses
+there, and presses on before the robot has arrived; what is aside of the picture they turn to by its
+sides.
 """
 
 import math
@@ -24,7 +26,16 @@ from sessions import protocol
 from tests.support.first_time_user import BACK, FULL, LOOK, Hands, Mind, pose_on, push
 from tests.support.patience import patient
 
-STOPS: tuple[Point, ...] = ((3.0, 5.2), (5.0, 1.0), (10.0, 3.3), (7.6, 6.2), (10.0, 3.3), (5.0, 1.0), (3.0, 5.2))  # of the office
+# of the office
+STOPS: tuple[Point, ...] = (
+    (3.0, 5.2),
+    (5.0, 1.0),
+    (10.0, 3.3),
+    (7.6, 6.2),
+    (10.0, 3.3),
+    (5.0, 1.0),
+    (3.0, 5.2),
+)
 NEAR = 0.5  # metres from a stop
 LOOKS = 0.08  # seconds between two looks
 FAR, NEAREST = 3.0, 1.25  # metres to a place that is pressed
@@ -48,7 +59,10 @@ PICTURE = """() => {
   return { left: box.left, top: box.top, width: box.width, height: box.height, fit: getComputedStyle(video).objectFit };
 }"""
 
-IS_PICTURE = "([x, y]) => document.elementFromPoint(x, y)?.matches('#viewport, #viewport video, #viewport canvas') ?? false"
+IS_PICTURE = (
+    "([x, y]) => document.elementFromPoint(x, y)?.matches('#viewport, #viewport video, #viewport"
+    " canvas') ?? false"
+)
 
 
 @dataclass
@@ -62,8 +76,13 @@ class Pad:
 
     def steer(self, speed: Speed, step: str) -> None:
         full = FULL[step]
-        ahead, left = speed.linear / (full.linear if speed.linear > 0.0 else BACK), speed.angular / full.angular
-        self.page.evaluate("(axes) => { stub.axes = [...axes, 0, 0]; }", [-push(left, ahead), -push(ahead, left)])
+        ahead, left = (
+            speed.linear / (full.linear if speed.linear > 0.0 else BACK),
+            speed.angular / full.angular,
+        )
+        self.page.evaluate(
+            "(axes) => { stub.axes = [...axes, 0, 0]; }", [-push(left, ahead), -push(ahead, left)]
+        )
 
     def let_go(self) -> None:
         self.page.evaluate("() => { stub.axes = [0, 0, 0, 0]; }")
@@ -124,7 +143,10 @@ class Thumb:
 
     def steer(self, speed: Speed, step: str) -> None:
         full = FULL[step]
-        ahead, left = speed.linear / (full.linear if speed.linear > 0.0 else BACK), speed.angular / full.angular
+        ahead, left = (
+            speed.linear / (full.linear if speed.linear > 0.0 else BACK),
+            speed.angular / full.angular,
+        )
         box = self.page.locator("#stick").bounding_box()
         if box is None:
             return  # the page has something else to say just now
@@ -132,7 +154,9 @@ class Thumb:
             self.pointer.down(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
             self.is_down = True
         x, y = -push(left, ahead), -push(ahead, left)
-        self.pointer.move(box["x"] + box["width"] / 2 * (1 + x), box["y"] + box["height"] / 2 * (1 + y))
+        self.pointer.move(
+            box["x"] + box["width"] / 2 * (1 + x), box["y"] + box["height"] / 2 * (1 + y)
+        )
 
     def let_go(self) -> None:
         if self.is_down:
@@ -141,7 +165,9 @@ class Thumb:
 
 
 def in_picture(camera: Camera, tilt: float, robot: Pose2D, point: Point) -> Point | None:
-    """Return where in a picture a place of the floor is seen, as shares of its width and height; None outside of it."""
+    """Return where in a picture a place of the floor is seen, as shares of its width and height;
+    None outside of it.
+    """
     forward, left, _ = robot.inverse().compose(Pose2D(*point, 0.0))
     pitch = camera.pitch + tilt
     depth = math.cos(pitch) * (forward - camera.x) + math.sin(pitch) * camera.z
@@ -154,7 +180,9 @@ def in_picture(camera: Camera, tilt: float, robot: Pose2D, point: Point) -> Poin
 
 
 def next_of(way: Sequence[Point], robot: Pose2D) -> Point:
-    """Return where a way leads next: a step ahead, so that a bend behind a door is driven behind it."""
+    """Return where a way leads next: a step ahead, so that a bend behind a door is driven behind
+    it.
+    """
     return next((point for point in way if math.dist(point, robot[:2]) > STEP), way[-1])
 
 
@@ -188,9 +216,13 @@ class Tour:
         node, step = Mind(Driver(self.plan, guide, Speed(0.6, 0.6))), "Normal"
         began = time.monotonic()
         for number, (x, y) in enumerate(self.stops, 1):
-            task = protocol.Task(session="seen", stamp=0.0, cue="go_to_checkpoint", number=number, x=x, y=y)
+            task = protocol.Task(
+                session="seen", stamp=0.0, cue="go_to_checkpoint", number=number, x=x, y=y
+            )
             while math.dist((x, y), (pose := self._pose(began + patient(within)))[:2]) > NEAR:
-                intent, wanted = node.decide(View(pose=pose, localized=True, task=task), time.monotonic())
+                intent, wanted = node.decide(
+                    View(pose=pose, localized=True, task=task), time.monotonic()
+                )
                 if wanted != step:
                     hands.let_go()
                     self.page.get_by_role("button", name=wanted, exact=True).click()
@@ -206,12 +238,21 @@ class Tour:
         until = began + patient(within)
         self.page.locator("#offer-main").click()
         before = self._pose(until)
-        self.page.wait_for_selector("#offer[hidden]", state="attached", timeout=1000 * patient(20.0))
+        self.page.wait_for_selector(
+            "#offer[hidden]", state="attached", timeout=1000 * patient(20.0)
+        )
         for stop in self.stops:
             while math.dist(stop, (pose := self._pose(until))[:2]) > NEAR:
-                moved = math.dist(pose[:2], before[:2]) > STILL or abs(wrap_angle(pose.theta - before.theta)) > STILL
+                moved = (
+                    math.dist(pose[:2], before[:2]) > STILL
+                    or abs(wrap_angle(pose.theta - before.theta)) > STILL
+                )
                 before, since = pose, time.monotonic() if moved else since
-                if pressed is None or math.dist(pressed, pose[:2]) < LEFT or time.monotonic() - since > WAITS:
+                if (
+                    pressed is None
+                    or math.dist(pressed, pose[:2]) < LEFT
+                    or time.monotonic() - since > WAITS
+                ):
                     way = ways.way(pose[:2], stop)
                     pressed, since = self._press(hand, camera, tilt, pose, way), time.monotonic()
                     if pressed is None:
@@ -219,11 +260,24 @@ class Tour:
                 self.page.wait_for_timeout(1000 * LOOKS)
         return time.monotonic() - began
 
-    def _press(self, hand: Pointer, camera: Camera, tilt: float, pose: Pose2D, way: Sequence[Point]) -> Point | None:
-        """Press on the farthest place of the way that is seen, and return it; None when none is, or the page says no."""
-        reach = [point for point in way if math.dist(point, pose[:2]) <= FAR and (point == way[-1] or math.dist(point, pose[:2]) >= NEAREST)]
-        beyond = pose.apply(*_towards(pose, next_of(way, pose), NEAREST + 0.1))  # for what is nearer than the picture shows
-        straight = sorted((point for point in reach if is_straight(way, pose, point)), key=lambda one: -math.dist(one, pose[:2]))
+    def _press(
+        self, hand: Pointer, camera: Camera, tilt: float, pose: Pose2D, way: Sequence[Point]
+    ) -> Point | None:
+        """Press on the farthest place of the way that is seen, and return it; None when none is, or
+        the page says no.
+        """
+        reach = [
+            point
+            for point in way
+            if math.dist(point, pose[:2]) <= FAR
+            and (point == way[-1] or math.dist(point, pose[:2]) >= NEAREST)
+        ]
+        # for what is nearer than the picture shows
+        beyond = pose.apply(*_towards(pose, next_of(way, pose), NEAREST + 0.1))
+        straight = sorted(
+            (point for point in reach if is_straight(way, pose, point)),
+            key=lambda one: -math.dist(one, pose[:2]),
+        )
         for point in [*straight[::APART], beyond]:
             place = self._place(camera, tilt, pose, point)
             if place is None:
@@ -247,16 +301,24 @@ class Tour:
         scale = max(ratios) if box["fit"] == "cover" else min(ratios)
         x = box["left"] + box["width"] / 2 + scale * camera.width * (seen[0] - 0.5)
         y = box["top"] + box["height"] / 2 + scale * camera.height * (seen[1] - 0.5)
-        inside = box["left"] + SIDE * box["width"] < x < box["left"] + (1 - SIDE) * box["width"] and box["top"] < y < box["top"] + box["height"]
+        inside = (
+            box["left"] + SIDE * box["width"] < x < box["left"] + (1 - SIDE) * box["width"]
+            and box["top"] < y < box["top"] + box["height"]
+        )
         return (x, y) if inside and self.page.evaluate(IS_PICTURE, [x, y]) else None
 
     def _turn(self, hand: Pointer, pose: Pose2D, way: Sequence[Point], until: float) -> None:
-        """Hold a side of the picture until the way leads about ahead, or press it once where it nearly does."""
+        """Hold a side of the picture until the way leads about ahead, or press it once where it
+        nearly does.
+        """
         self.turns += 1
         target = next_of(way, pose)
         aside = self._aside(target, until)
         box: dict[str, Any] = self.page.evaluate(PICTURE)
-        hand.down(box["left"] + box["width"] * (0.02 if aside > 0.0 else 0.98), box["top"] + 0.85 * box["height"])
+        hand.down(
+            box["left"] + box["width"] * (0.02 if aside > 0.0 else 0.98),
+            box["top"] + 0.85 * box["height"],
+        )
         while abs(self._aside(target, until)) > ENOUGH and abs(aside) > PRESS_TURNS:
             self.page.wait_for_timeout(1000 * LOOKS)
         hand.up()

@@ -16,11 +16,23 @@ def short_study(*, minutes: float = 5.0) -> Study:
     written = msgspec.to_builtins(shipped()["exploration"])
     course = next(one for one in written["courses"] if one["robot"] == "giraff")
     near = {**course["checkpoints"][1], "number": 1, "x": 2.0, "y": 4.6}
-    course = {**course, "checkpoints": [course["checkpoints"][0], near], "path": [], "doors": [], "zones": []}
+    course = {
+        **course,
+        "checkpoints": [course["checkpoints"][0], near],
+        "path": [],
+        "doors": [],
+        "zones": [],
+    }
     course.pop("photo", None)
-    steps = [{**step, "minutes": minutes} if step["kind"] == "task" else step for step in written["steps"]]
+    steps = [
+        {**step, "minutes": minutes} if step["kind"] == "task" else step
+        for step in written["steps"]
+    ]
     conditions = [one for one in written["conditions"] if one["key"] == "giraff_open"]
-    return msgspec.convert({**written, "slug": "short", "steps": steps, "conditions": conditions, "courses": [course]}, Study)
+    return msgspec.convert(
+        {**written, "slug": "short", "steps": steps, "conditions": conditions, "courses": [course]},
+        Study,
+    )
 
 
 def as_json(study: Study) -> str:
@@ -31,14 +43,24 @@ def as_json(study: Study) -> str:
 def store_in(site: Site) -> None:
     """Put the study into a site's database, as a draft."""
     site.django(
-        "import json; from django.utils import timezone; from experiments import publishing; from experiments.definition.schema import from_stored;"
-        f"publishing.store(from_stored(json.loads({as_json(short_study())!r})), timezone.now())"
+        "import json; from django.utils import timezone; from experiments import publishing; from"
+        " experiments.definition.schema import"
+        f" from_stored;publishing.store(from_stored(json.loads({as_json(short_study())!r})),"
+        " timezone.now())"
     )
 
 
 def bots_command(site: Site, *arguments: str, within: float = 420.0) -> str:
     """Run a command that lets bots play, which takes minutes, and return what it prints."""
     command = [sys.executable, "manage.py", *arguments]
-    done = subprocess.run(command, cwd=ROOT, env=site.environment, capture_output=True, text=True, timeout=within, check=False)
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env=site.environment,
+        capture_output=True,
+        text=True,
+        timeout=within,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

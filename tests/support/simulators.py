@@ -31,7 +31,11 @@ class Simulator:
 
     def __init__(self, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "robots.agent.simulator", *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-m", "robots.agent.simulator", *arguments],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         line = self.process.stdout.readline()
         if not line:
@@ -60,9 +64,18 @@ def simulator(*arguments: str) -> Iterator[Simulator]:
 
 
 @contextmanager
-def driving_agent(address: str, *, linear: float = 0.5, media: bool = False) -> Iterator[subprocess.Popen]:
+def driving_agent(
+    address: str, *, linear: float = 0.5, media: bool = False
+) -> Iterator[subprocess.Popen]:
     """Run an agent of its own process that drives ahead, and perhaps watches; wait until it does."""
-    command = [sys.executable, "-m", "tests.support.driving_agent", address, str(linear), "media" if media else "drive"]
+    command = [
+        sys.executable,
+        "-m",
+        "tests.support.driving_agent",
+        address,
+        str(linear),
+        "media" if media else "drive",
+    ]
     agent = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     try:
         assert agent.stdout.readline() == "driving\n"
@@ -89,6 +102,9 @@ def alive(pid: int) -> bool:
     except ProcessLookupError:
         return False
     try:
-        return Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[0] != "Z"
+        return (
+            Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[0]
+            != "Z"
+        )
     except FileNotFoundError:
         return False

@@ -1,4 +1,6 @@
-"""The whole system on one machine, as processes, for tests that break parts of it: broker, session manager, web server, robots."""
+"""The whole system on one machine, as processes, for tests that break parts of it: broker, session
+manager, web server, robots.
+"""
 
 import atexit
 import contextlib
@@ -33,14 +35,20 @@ T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
 DEMO_TOKEN = "tests-only"
 DATABASE = "telepresence.sqlite3"
-# Below those that the system gives to whoever asks for any: one of these would be somebody else's before the program listens that it is for.
+# Below those that the system gives to whoever asks for any: one of these would be somebody else's
+# before the program listens that it is for.
 LOWEST_PORT, PORTS, SHARES = 20_000, 12_000, 8
 APART = 7  # some programs take the port above theirs as well
 
 
 def _ports() -> Iterator[int]:
-    """Numbers of ports, each a long time before it comes again. Tests that run beside these have another share of them."""
-    each, worker = PORTS // SHARES, int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    """Numbers of ports, each a long time before it comes again. Tests that run beside these have
+    another share of them.
+    """
+    each, worker = (
+        PORTS // SHARES,
+        int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")),
+    )
     first, begun = LOWEST_PORT + worker % SHARES * each, random.SystemRandom().randrange(each)
     return (first + (begun + APART * number) % each for number in itertools.count())
 
@@ -68,7 +76,9 @@ def wait_for(condition: Callable[[], T], within: float, what: str) -> T:
 
 @functools.cache
 def empty_database() -> Path:
-    """Return a database with all tables and nothing in them, made once a run: to copy it takes no time."""
+    """Return a database with all tables and nothing in them, made once a run: to copy it takes no
+    time.
+    """
     var = Path(tempfile.mkdtemp(prefix="telepresence-empty-"))
     atexit.register(shutil.rmtree, var, ignore_errors=True)
     Site(var).run("manage.py", "migrate", "-v", "0")
@@ -98,11 +108,20 @@ class Site:
 
     @property
     def environment(self) -> dict[str, str]:
-        kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "DJANGO_SETTINGS_MODULE"}}
+        kept = {
+            name: value
+            for name, value in os.environ.items()
+            if name not in {"DATABASE_URL", "DJANGO_SETTINGS_MODULE"}
+        }
         ours = {
-            "VAR_DIR": str(self.var), "MQTT_URL": self.mqtt_url, "HTTP_ONLY": "1", "DEMO_TOKEN": DEMO_TOKEN, "PYTHONUNBUFFERED": "1",
-            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings", "LOG_LEVEL": "INFO",
-        }  # fmt: skip
+            "VAR_DIR": str(self.var),
+            "MQTT_URL": self.mqtt_url,
+            "HTTP_ONLY": "1",
+            "DEMO_TOKEN": DEMO_TOKEN,
+            "PYTHONUNBUFFERED": "1",
+            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
+            "LOG_LEVEL": "INFO",
+        }
         return {**kept, **ours, **self.settings}
 
     # --- the database, as seen from outside ---
@@ -111,14 +130,23 @@ class Site:
         self.var.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(empty_database(), self.var / DATABASE)
         (self.var / "static").symlink_to(collected_files())
-        # A robot that goes home after every visit is a test of its own; in all others the next visitor need not wait for it.
+        # A robot that goes home after every visit is a test of its own; in all others the next
+        # visitor need not wait for it.
         self.django(
             f"from telepresence_site.demo.seed import seed; seed({self.mqtt_url!r});"
             "from robots.models import Robot; Robot.objects.update(returns_home=False)"
         )
 
     def run(self, *arguments: str) -> str:
-        done = subprocess.run([sys.executable, *arguments], cwd=ROOT, env=self.environment, capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(
+            [sys.executable, *arguments],
+            cwd=ROOT,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
@@ -133,7 +161,11 @@ class Site:
 
     def states(self, session: str) -> list[dict[str, Any]]:
         """Every recorded state of a session, in order."""
-        chunks = self.rows("SELECT states FROM telepresence_sessions_statechunk WHERE session_id = ? ORDER BY first_stamp", session.replace("-", ""))
+        chunks = self.rows(
+            "SELECT states FROM telepresence_sessions_statechunk WHERE session_id = ? ORDER BY"
+            " first_stamp",
+            session.replace("-", ""),
+        )
         return [state for (states,) in chunks for state in json.loads(states)]
 
     def sessions(self) -> list[tuple[Any, ...]]:
@@ -145,17 +177,24 @@ class Site:
 
     def renewal(self, robot: str) -> int:
         """How often the lease of a robot has been renewed."""
-        sql = "SELECT l.renewal FROM telepresence_sessions_lease l JOIN robots_robot r ON r.id = l.robot_id WHERE r.name = ?"
+        sql = (
+            "SELECT l.renewal FROM telepresence_sessions_lease l JOIN robots_robot r ON r.id ="
+            " l.robot_id WHERE r.name = ?"
+        )
         return int(self.rows(sql, robot)[0][0])
 
     def sign_in(self, name: str) -> str:
-        """Make a visitor if there is none of this name, and return the value of a session cookie that is signed in."""
+        """Make a visitor if there is none of this name, and return the value of a session cookie
+        that is signed in.
+        """
         return self.django(
-            "from importlib import import_module; from django.conf import settings; from accounts.models import User;"
-            "from django.contrib.auth import BACKEND_SESSION_KEY as B, HASH_SESSION_KEY as H, SESSION_KEY as K;"
-            f"user, _ = User.objects.get_or_create(username={name!r});"
-            "s = import_module(settings.SESSION_ENGINE).SessionStore();"
-            "s[K] = str(user.pk); s[B] = settings.AUTHENTICATION_BACKENDS[0]; s[H] = user.get_session_auth_hash(); s.save(); print(s.session_key)"
+            "from importlib import import_module; from django.conf import settings; from"
+            " accounts.models import User;from django.contrib.auth import BACKEND_SESSION_KEY as"
+            " B, HASH_SESSION_KEY as H, SESSION_KEY as K;user, _ ="
+            f" User.objects.get_or_create(username={name!r});s ="
+            " import_module(settings.SESSION_ENGINE).SessionStore();s[K] = str(user.pk); s[B] ="
+            " settings.AUTHENTICATION_BACKENDS[0]; s[H] = user.get_session_auth_hash(); s.save();"
+            " print(s.session_key)"
         ).strip()
 
     # --- its processes ---
@@ -167,7 +206,12 @@ class Site:
         (self.var / "log").mkdir(parents=True, exist_ok=True)
         with (self.var / "log" / f"{name}.log").open("ab") as log:
             self.processes[name] = subprocess.Popen(
-                [sys.executable, *self.commands[name]], cwd=ROOT, env=self.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
+                [sys.executable, *self.commands[name]],
+                cwd=ROOT,
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
             )
 
     def log(self, name: str) -> str:
@@ -189,7 +233,9 @@ class Site:
             raise AssertionError(f"{name} did not end: {self.log(name)[-2000:]}") from None
 
     def succeed(self, name: str, waits: str) -> None:
-        """Start another of a part, wait until its log says that it waits, and kill the first: a busy computer takes long to start one."""
+        """Start another of a part, wait until its log says that it waits, and kill the first: a
+        busy computer takes long to start one.
+        """
         first = self.processes.pop(name)
         self.start(name)
         wait_for(lambda: waits in self.log(name), 30, f"a second {name}")
@@ -220,19 +266,48 @@ class Site:
         wait_for(lambda: self.listening(self.mqtt_port), 20, "the broker")
 
     def _begin_broker(self) -> None:
-        self.start("broker", ["manage.py", "run_broker", "--host", LOOPBACK, "--port", str(self.mqtt_port)])
+        self.start(
+            "broker", ["manage.py", "run_broker", "--host", LOOPBACK, "--port", str(self.mqtt_port)]
+        )
 
     def start_robot(self, name: str, *simulator: str, agent: tuple[str, ...] = ()) -> Onlooker:
-        """Start a simulated robot and its agent, each with these arguments in a process of its own, and return who sees the truth of it.
+        """Start a simulated robot and its agent, each with these arguments in a process of its own,
+        and return who sees the truth of it.
 
-        Its camera has six pictures a second unless they say otherwise: more costs a computer without a graphics card a core for each browser.
+        Its camera has six pictures a second unless they say otherwise: more costs a computer
+        without a graphics card a core for each browser.
         """
         port = free_port()
         simulator = ("--fps", "6", *simulator)
-        self.start(f"{name}-simulator", ["-m", "robots.agent.simulator", "--profile", name, "--listen", f"{LOOPBACK}:{port}", *simulator])
-        self.start(name, ["manage.py", "run_robot", name, "--var", str(self.var), "--option", f"address={LOOPBACK}:{port}", *agent])
+        self.start(
+            f"{name}-simulator",
+            [
+                "-m",
+                "robots.agent.simulator",
+                "--profile",
+                name,
+                "--listen",
+                f"{LOOPBACK}:{port}",
+                *simulator,
+            ],
+        )
+        self.start(
+            name,
+            [
+                "manage.py",
+                "run_robot",
+                name,
+                "--var",
+                str(self.var),
+                "--option",
+                f"address={LOOPBACK}:{port}",
+                *agent,
+            ],
+        )
         wait_for(lambda: self.robot_is_online(name), 30, f"{name} online")
-        if "dock" in simulator:  # it has touched the contacts for long enough: before, a study would have its participant wait
+        # it has touched the contacts for long enough: before, a study would have its participant
+        # wait
+        if "dock" in simulator:
             wait_for(lambda: self.robot_is_docked(name), 10, f"{name} docked")
         return Onlooker(port)
 
@@ -259,12 +334,19 @@ class Site:
 
     def robot_is_online(self, name: str) -> bool:
         """Whether its agent is there, and reaches the robot itself."""
-        reached = "connection = 'ONLINE' AND report LIKE '{%' AND report NOT LIKE '%adapter_lost: %'"
+        reached = (
+            "connection = 'ONLINE' AND report LIKE '{%' AND report NOT LIKE '%adapter_lost: %'"
+        )
         return bool(self.rows(f"SELECT 1 FROM robots_robot WHERE name = ? AND {reached}", name))
 
     def robot_is_docked(self, name: str) -> bool:
         """Whether the robot says that it is docked."""
-        return bool(self.rows("SELECT 1 FROM robots_robot WHERE name = ? AND json_extract(report, '$.docked')", name))
+        return bool(
+            self.rows(
+                "SELECT 1 FROM robots_robot WHERE name = ? AND json_extract(report, '$.docked')",
+                name,
+            )
+        )
 
 
 @contextlib.contextmanager

@@ -1,4 +1,6 @@
-"""A robot of a running site behind each kind of robot control architecture, which the test can kill and bring back. Only the adapter differs."""
+"""A robot of a running site behind each kind of robot control architecture, which the test can kill
+and bring back. Only the adapter differs.
+"""
 
 import contextlib
 import signal
@@ -19,13 +21,20 @@ CAMERA = "lavfi:testsrc=size=320x240:rate=10"
 
 
 class Outside:
-    """An architecture in the test's own process, with its real protocol between it and the agent. It has no camera."""
+    """An architecture in the test's own process, with its real protocol between it and the agent.
+    It has no camera.
+    """
 
     camera = ("--camera", CAMERA)
 
     def __init__(self, rig: RcaRig) -> None:
         self.rig, self.series, self.adapter_name = rig, rig.world.series, rig.adapter_name
-        self.start, self.kill, self.revive, self.options = rig.__enter__, rig.kill, rig.revive, rig.options
+        self.start, self.kill, self.revive, self.options = (
+            rig.__enter__,
+            rig.kill,
+            rig.revive,
+            rig.options,
+        )
 
     def place(self) -> tuple[float, float]:
         truth = self.rig.world.truth
@@ -52,7 +61,18 @@ class Simulator:
         return {"address": f"{LOOPBACK}:{self.port}"}
 
     def start(self) -> None:
-        words = ["--profile", self.series, "--listen", f"{LOOPBACK}:{self.port}", "--start", START, "--seed", "3", "--fps", "6"]
+        words = [
+            "--profile",
+            self.series,
+            "--listen",
+            f"{LOOPBACK}:{self.port}",
+            "--start",
+            START,
+            "--seed",
+            "3",
+            "--fps",
+            "6",
+        ]
         self.site.start("rca", ["-m", "robots.agent.simulator", *words])
         wait_for(lambda: self.site.listening(self.port), 30, "the simulator")
         self._onlooker = Onlooker(self.port)
@@ -94,8 +114,20 @@ def robot_behind(adapter: str, site: Site, directory: Path) -> Iterator[Architec
     architecture = ARCHITECTURES[adapter](site, directory)
     try:
         architecture.start()
-        options = [word for name, value in architecture.options().items() for word in ("--option", f"{name}={value}")]
-        words = [architecture.series, "--var", str(site.var), "--adapter", architecture.adapter_name, *options, *architecture.camera]
+        options = [
+            word
+            for name, value in architecture.options().items()
+            for word in ("--option", f"{name}={value}")
+        ]
+        words = [
+            architecture.series,
+            "--var",
+            str(site.var),
+            "--adapter",
+            architecture.adapter_name,
+            *options,
+            *architecture.camera,
+        ]
         site.start("agent", ["-m", "robots.agent", *words])
         wait_for(lambda: site.robot_is_online(architecture.series), 30, f"a robot of {adapter}")
         yield architecture

@@ -1,4 +1,6 @@
-"""A person's sound server as Debian has it: a real PulseAudio, or PipeWire with its session manager, with a sound card that makes no sound."""
+"""A person's sound server as Debian has it: a real PulseAudio, or PipeWire with its session
+manager, with a sound card that makes no sound.
+"""
 
 import contextlib
 import os
@@ -17,7 +19,16 @@ from tests.support.simulators import eventually
 Kind = Literal["pulseaudio", "pipewire"]
 RATE = 48_000
 PROGRAMS: dict[Kind, tuple[tuple[str, ...], ...]] = {
-    "pulseaudio": (("pulseaudio", "-n", "--daemonize=no", "--exit-idle-time=-1", "-L", "module-native-protocol-unix"),),
+    "pulseaudio": (
+        (
+            "pulseaudio",
+            "-n",
+            "--daemonize=no",
+            "--exit-idle-time=-1",
+            "-L",
+            "module-native-protocol-unix",
+        ),
+    ),
     "pipewire": (
         ("dbus-daemon", "--session", "--nofork", "--address=unix:path={run}/bus"),
         ("pipewire",),
@@ -29,11 +40,18 @@ PROGRAMS: dict[Kind, tuple[tuple[str, ...], ...]] = {
 
 def environment_of(home: Path) -> dict[str, str]:
     """Return what a person's processes have: no word about sound, and nothing of the tests'."""
-    return {"PATH": os.environ["PATH"], "HOME": str(home), "XDG_RUNTIME_DIR": str(home / "run"), "LANG": "C.UTF-8"}
+    return {
+        "PATH": os.environ["PATH"],
+        "HOME": str(home),
+        "XDG_RUNTIME_DIR": str(home / "run"),
+        "LANG": "C.UTF-8",
+    }
 
 
 class SoundServer:
-    """Runs in a home of its own; the card is called `robot`, and what is played on it comes out of `robot.monitor`."""
+    """Runs in a home of its own; the card is called `robot`, and what is played on it comes out of
+    `robot.monitor`.
+    """
 
     def __init__(self, kind: Kind, home: Path) -> None:
         self.kind, self.home = kind, home
@@ -42,11 +60,17 @@ class SoundServer:
         (home / "run").mkdir(mode=0o700)
 
     def start(self) -> None:
-        bus = {"DBUS_SESSION_BUS_ADDRESS": f"unix:path={self.home}/run/bus"} if self.kind == "pipewire" else {}
+        bus = (
+            {"DBUS_SESSION_BUS_ADDRESS": f"unix:path={self.home}/run/bus"}
+            if self.kind == "pipewire"
+            else {}
+        )
         for command in PROGRAMS[self.kind]:
             with (self.home / f"{command[0]}.log").open("ab") as log:
                 words = [word.format(run=self.home / "run") for word in command]
-                self._programs.append(subprocess.Popen(words, env={**self.environment, **bus}, stdout=log, stderr=log))
+                self._programs.append(
+                    subprocess.Popen(words, env={**self.environment, **bus}, stdout=log, stderr=log)
+                )
             if command[0] == "dbus-daemon":
                 assert eventually((self.home / "run/bus").exists)
         assert eventually(lambda: self._pactl("info").returncode == 0, 30.0), "no sound server"
@@ -55,7 +79,9 @@ class SoundServer:
     def plug(self) -> None:
         """Plug the card in."""
         assert self._pactl("load-module", "module-null-sink", "sink_name=robot").returncode == 0
-        assert eventually(lambda: "Default Source: robot.monitor" in self._pactl("info").stdout, 30.0), self._pactl("info").stdout
+        assert eventually(
+            lambda: "Default Source: robot.monitor" in self._pactl("info").stdout, 30.0
+        ), self._pactl("info").stdout
 
     def unplug(self) -> None:
         """Pull the card out."""
@@ -78,9 +104,19 @@ class SoundServer:
     @contextlib.contextmanager
     def playing(self, tone: float) -> Iterator[None]:
         """Play a tone in Hz on the card meanwhile, by the server's own client."""
-        command = ("pacat", "--playback", "--raw", "--format=s16le", f"--rate={RATE}", "--channels=1", "--latency-msec=50")
+        command = (
+            "pacat",
+            "--playback",
+            "--raw",
+            "--format=s16le",
+            f"--rate={RATE}",
+            "--channels=1",
+            "--latency-msec=50",
+        )
         player = subprocess.Popen(command, env=self.environment, stdin=subprocess.PIPE, bufsize=0)
-        threading.Thread(target=self._feed, args=(player, sine(tone, RATE).tobytes()), daemon=True).start()
+        threading.Thread(
+            target=self._feed, args=(player, sine(tone, RATE).tobytes()), daemon=True
+        ).start()
         try:
             yield
         finally:
@@ -90,8 +126,18 @@ class SoundServer:
     @contextlib.contextmanager
     def listening(self) -> Iterator["Ear"]:
         """Record what comes out of the card, by the server's own client."""
-        command = ("parec", "--raw", "--format=s16le", f"--rate={RATE}", "--channels=1", "--latency-msec=50", "--device=robot.monitor")
-        recorder = subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, bufsize=0)
+        command = (
+            "parec",
+            "--raw",
+            "--format=s16le",
+            f"--rate={RATE}",
+            "--channels=1",
+            "--latency-msec=50",
+            "--device=robot.monitor",
+        )
+        recorder = subprocess.Popen(
+            command, env=self.environment, stdout=subprocess.PIPE, bufsize=0
+        )
         try:
             yield Ear(recorder)
         finally:
@@ -104,7 +150,9 @@ class SoundServer:
                 player.stdin.write(second)
 
     def _pactl(self, *words: str) -> subprocess.CompletedProcess:
-        return subprocess.run(("pactl", *words), env=self.environment, capture_output=True, text=True, check=False)
+        return subprocess.run(
+            ("pactl", *words), env=self.environment, capture_output=True, text=True, check=False
+        )
 
 
 class Ear:
@@ -135,7 +183,9 @@ def sine(tone: float, samples: int) -> np.ndarray:
 def is_tone(samples: np.ndarray, tone: float) -> bool:
     """Tell whether samples, (n,), are loud and this is the strongest frequency in Hz."""
     spectrum = np.abs(np.fft.rfft(samples))
-    return np.abs(samples).max() > 1000 and abs(float(np.argmax(spectrum)) * RATE / len(samples) - tone) < 2 * RATE / len(samples)
+    return np.abs(samples).max() > 1000 and abs(
+        float(np.argmax(spectrum)) * RATE / len(samples) - tone
+    ) < 2 * RATE / len(samples)
 
 
 @contextlib.contextmanager

@@ -1,4 +1,6 @@
-"""A made-up study: participants who drive the shipped course, with everything that a record has. The generator is the argument's."""
+"""A made-up study: participants who drive the shipped course, with everything that a record has.
+The generator is the argument's.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,7 +10,17 @@ import numpy as np
 
 import surveys
 from experiments.analysis.dataset.columns import NETWORK, STATES
-from experiments.analysis.dataset.records import Columns, Dataset, Event, Page, Participant, Response, Robot, Session, columns_of
+from experiments.analysis.dataset.records import (
+    Columns,
+    Dataset,
+    Event,
+    Page,
+    Participant,
+    Response,
+    Robot,
+    Session,
+    columns_of,
+)
 from experiments.definition.schema import Course, Study
 from experiments.definition.shipped import shipped
 from robots.world.sites import load_plan
@@ -18,7 +30,15 @@ from surveys.problems import parse
 DEFINITIONS = Path(surveys.__file__).parent / "definitions"
 RATE = 4.0
 NETWORKS = 51
-OUTCOMES = ("completed", "timed_out", "connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost")
+OUTCOMES = (
+    "completed",
+    "timed_out",
+    "connection_refused",
+    "cancelled",
+    "stopped_by_operator",
+    "robot_fault",
+    "connection_lost",
+)
 DEVICES = (
     ("Windows", "Chrome"),
     ("Windows", "Firefox"),
@@ -29,8 +49,18 @@ DEVICES = (
     ("other", "Opera"),
 )
 ROBOTS = (
-    Robot(name="giraff", title="Giraff", series="giraff", facts={"Base": "Giraff", "OS": "Windows", "RCA": "MOOS", "Users": "novice"}),
-    Robot(name="rhodon", title="Rhodon", series="rhodon", facts={"Base": "PatrolBot", "OS": "Linux", "RCA": "ROS", "Users": "expert"}),
+    Robot(
+        name="giraff",
+        title="Giraff",
+        series="giraff",
+        facts={"Base": "Giraff", "OS": "Windows", "RCA": "MOOS", "Users": "novice"},
+    ),
+    Robot(
+        name="rhodon",
+        title="Rhodon",
+        series="rhodon",
+        facts={"Base": "PatrolBot", "OS": "Linux", "RCA": "ROS", "Users": "expert"},
+    ),
 )
 
 
@@ -57,8 +87,18 @@ def along(path: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
     return x, y, heading
 
 
-def drive(course: Course, rng: np.random.Generator, *, speed: float = 0.3, share: float = 1.0, offset: float = 0.02, trip: float = 0.05) -> Driven:
-    """A drive along the course's suggested path, of which a share is driven; the first motion is after 5 s."""
+def drive(
+    course: Course,
+    rng: np.random.Generator,
+    *,
+    speed: float = 0.3,
+    share: float = 1.0,
+    offset: float = 0.02,
+    trip: float = 0.05,
+) -> Driven:
+    """A drive along the course's suggested path, of which a share is driven; the first motion is
+    after 5 s.
+    """
     stops = course.checkpoints
     path = np.array(course.path or [(stop.x, stop.y) for stop in (*stops, stops[0])])
     length = float(np.hypot(*np.diff(path, axis=0).T).sum()) * share
@@ -66,20 +106,53 @@ def drive(course: Course, rng: np.random.Generator, *, speed: float = 0.3, share
     t = np.arange(0.0, seconds, 1.0 / RATE)
     gone = np.clip((t - 5.0) * speed, 0.0, length)
     x, y, heading = along(path, gone)
-    wiggle = rng.normal(0.0, 0.06, 2) * np.sin(t[:, None] / rng.uniform(6.0, 14.0, 2)) * (gone > 0.0)[:, None]
+    wiggle = (
+        rng.normal(0.0, 0.06, 2)
+        * np.sin(t[:, None] / rng.uniform(6.0, 14.0, 2))
+        * (gone > 0.0)[:, None]
+    )
     x, y = x + wiggle[:, 0], y + wiggle[:, 1]
     going = (gone > 0.0) & (gone < length)
     commands = np.where(going, rng.integers(3, 6, len(t)), 0)
     ages = rng.gamma(4.0, trip / 8.0, len(t))
     states = columns_of(
-        STATES, stamp=t + offset, received=t + trip, clock_offset=np.full(len(t), offset), boot=np.zeros(len(t)), seq=np.arange(len(t)), x=x, y=y,
-        theta=heading, localized=np.ones(len(t)), score=np.full(len(t), 0.9), linear=np.where(going, speed, 0.0), angular=np.zeros(len(t)),
-        charge=np.linspace(0.9, 0.8, len(t)), charging=(t < 5.0) * 1.0, docked=((t < 5.0) | ((gone >= length) & (share >= 1.0))) * 1.0, tilt=np.zeros(len(t)),
-        mode=np.zeros(len(t)), clearance=np.clip(rng.normal(0.6, 0.25, len(t)), 0.02, 3.0), contacts=(rng.random(len(t)) < 0.002) * 1.0, distance=gone,
-        silence=np.full(len(t), 0.1), commands=commands, refused=np.zeros(len(t)), age_sum=commands * ages, age_max=ages * 1.5,
-        answer_age=np.where(commands > 0, ages + 0.125, np.nan), by_keyboard=commands,
-        by_mouse=0, by_touch=0, by_stick=0, by_gamepad=0, by_map=0, by_script=0, on_datachannel=commands, on_mqtt=0,
-    )  # fmt: skip
+        STATES,
+        stamp=t + offset,
+        received=t + trip,
+        clock_offset=np.full(len(t), offset),
+        boot=np.zeros(len(t)),
+        seq=np.arange(len(t)),
+        x=x,
+        y=y,
+        theta=heading,
+        localized=np.ones(len(t)),
+        score=np.full(len(t), 0.9),
+        linear=np.where(going, speed, 0.0),
+        angular=np.zeros(len(t)),
+        charge=np.linspace(0.9, 0.8, len(t)),
+        charging=(t < 5.0) * 1.0,
+        docked=((t < 5.0) | ((gone >= length) & (share >= 1.0))) * 1.0,
+        tilt=np.zeros(len(t)),
+        mode=np.zeros(len(t)),
+        clearance=np.clip(rng.normal(0.6, 0.25, len(t)), 0.02, 3.0),
+        contacts=(rng.random(len(t)) < 0.002) * 1.0,
+        distance=gone,
+        silence=np.full(len(t), 0.1),
+        commands=commands,
+        refused=np.zeros(len(t)),
+        age_sum=commands * ages,
+        age_max=ages * 1.5,
+        answer_age=np.where(commands > 0, ages + 0.125, np.nan),
+        by_keyboard=commands,
+        by_mouse=0,
+        by_touch=0,
+        by_stick=0,
+        by_gamepad=0,
+        by_map=0,
+        by_script=0,
+        on_datachannel=commands,
+        on_mqtt=0,
+    )
     passed: dict[int, float] = {}
     for stop in stops[1:]:
         near = np.hypot(x - stop.x, y - stop.y) < stop.radius + 0.25
@@ -89,8 +162,16 @@ def drive(course: Course, rng: np.random.Generator, *, speed: float = 0.3, share
     return Driven(states, passed, float(t[-1]))
 
 
-def made_up(rng: np.random.Generator, participants: int = 12, *, study: Study | None = None, slower: float = 1.0) -> Dataset:
-    """A study with every kind of ending, answer and device in it; about two sessions a participant. `slower` divides the last condition's speed."""
+def made_up(
+    rng: np.random.Generator,
+    participants: int = 12,
+    *,
+    study: Study | None = None,
+    slower: float = 1.0,
+) -> Dataset:
+    """A study with every kind of ending, answer and device in it; about two sessions a participant.
+    `slower` divides the last condition's speed.
+    """
     study = study or shipped()["exploration"]
     plan, _ = load_plan("office")
     people, sessions, events, pages, responses = [], [], [], [], []
@@ -112,12 +193,27 @@ def made_up(rng: np.random.Generator, participants: int = 12, *, study: Study | 
             )
         )
         steps = study.steps[:1] if dropped else study.steps
-        pages += [Page(who, step.key, seconds=float("nan") if dropped else float(rng.gamma(4.0, 10.0)), finished=not dropped) for step in steps]
+        pages += [
+            Page(
+                who,
+                step.key,
+                seconds=float("nan") if dropped else float(rng.gamma(4.0, 10.0)),
+                finished=not dropped,
+            )
+            for step in steps
+        ]
         if dropped:
             continue
         responses.append(registration(who, rng))
         for number in range(1, 2 + int(rng.integers(0, 3))):
-            session, driven, more = visit(study, who, number, condition.key, rng, slower=slower if condition is study.conditions[-1] else 1.0)
+            session, driven, more = visit(
+                study,
+                who,
+                number,
+                condition.key,
+                rng,
+                slower=slower if condition is study.conditions[-1] else 1.0,
+            )
             sessions.append(session)
             events += more
             if driven is not None:
@@ -126,12 +222,23 @@ def made_up(rng: np.random.Generator, participants: int = 12, *, study: Study | 
             responses.append(final(study, who, session, rng))
     questions = questionnaires("experience", "ict")
     return Dataset(
-        study, ROBOTS, tuple(people), tuple(sessions), tuple(events), tuple(pages), tuple(responses), questions, {"office": plan},
-        lambda one: states.get(one, columns_of(STATES)), lambda one: network.get(one, columns_of(NETWORK)),
-    )  # fmt: skip
+        study,
+        ROBOTS,
+        tuple(people),
+        tuple(sessions),
+        tuple(events),
+        tuple(pages),
+        tuple(responses),
+        questions,
+        {"office": plan},
+        lambda one: states.get(one, columns_of(STATES)),
+        lambda one: network.get(one, columns_of(NETWORK)),
+    )
 
 
-def visit(study: Study, who: str, number: int, key: str, rng: np.random.Generator, *, slower: float) -> tuple[Session, Driven | None, list[Event]]:
+def visit(
+    study: Study, who: str, number: int, key: str, rng: np.random.Generator, *, slower: float
+) -> tuple[Session, Driven | None, list[Event]]:
     condition = study.condition(key)
     assert condition is not None
     course = study.course_of(condition)
@@ -139,48 +246,89 @@ def visit(study: Study, who: str, number: int, key: str, rng: np.random.Generato
     outcome = "completed" if rng.random() < 0.85 else str(rng.choice(OUTCOMES[1:]))
     system, browser = DEVICES[int(rng.integers(len(DEVICES)))]
     session = Session(
-        f"{who}-{number}", who, condition.robot, number=number, site=condition.site, condition=key, outcome=outcome, os=system, browser=browser,
-        control_way=condition.control_way, assist=condition.assist, network=f"n{int(rng.integers(NETWORKS))}",
+        f"{who}-{number}",
+        who,
+        condition.robot,
+        number=number,
+        site=condition.site,
+        condition=key,
+        outcome=outcome,
+        os=system,
+        browser=browser,
+        control_way=condition.control_way,
+        assist=condition.assist,
+        network=f"n{int(rng.integers(NETWORKS))}",
         operator=outcome == "stopped_by_operator",
-    )  # fmt: skip
+    )
     if outcome == "connection_refused":
         return session, None, []
     share = 1.0 if outcome == "completed" else float(rng.uniform(0.2, 0.9))
-    driven = drive(course, rng, speed=float(rng.normal(0.32 + 0.02 * number, 0.03)) / slower, share=share)
+    driven = drive(
+        course, rng, speed=float(rng.normal(0.32 + 0.02 * number, 0.03)) / slower, share=share
+    )
     session = replace(session, first_frame=0.4, first_motion=5.2, ended=driven.end + 2.0)
-    events = [Event(session.id, at, "task", "checkpoint", {"number": n}) for n, at in driven.checkpoints.items()]
+    events = [
+        Event(session.id, at, "task", "checkpoint", {"number": n})
+        for n, at in driven.checkpoints.items()
+    ]
     if outcome == "completed":
         events.append(Event(session.id, driven.end - 2.5, "task", "docked", {}))
-    return session, driven, [*events, Event(session.id, driven.end, "task", "task_ended", {"name": outcome})]
+    return (
+        session,
+        driven,
+        [*events, Event(session.id, driven.end, "task", "task_ended", {"name": outcome})],
+    )
 
 
 def link(seconds: float, rng: np.random.Generator) -> Columns:
     t = np.arange(0.0, seconds, 1.0)
     trips = rng.gamma(3.0, float(rng.choice((0.01, 0.03, 0.08))), len(t))
     return columns_of(
-        NETWORK, stamp=t, round_trip=trips, loss=(rng.random(len(t)) < 0.02) * 0.05, fps=rng.normal(28.0, 1.0, len(t)), bitrate=np.full(len(t), 8e5),
-        freezes=(rng.random(len(t)) < 0.003) * 1.0, jitter=np.full(len(t), 0.004), frame_age=trips / 2.0 + 0.05, on_datachannel=np.ones(len(t)),
-    )  # fmt: skip
+        NETWORK,
+        stamp=t,
+        round_trip=trips,
+        loss=(rng.random(len(t)) < 0.02) * 0.05,
+        fps=rng.normal(28.0, 1.0, len(t)),
+        bitrate=np.full(len(t), 8e5),
+        freezes=(rng.random(len(t)) < 0.003) * 1.0,
+        jitter=np.full(len(t), 0.004),
+        frame_age=trips / 2.0 + 0.05,
+        on_datachannel=np.ones(len(t)),
+    )
 
 
 def registration(who: str, rng: np.random.Generator) -> Response:
     scale = ("computer", "smartphone", "browser", "messaging", "videoconferencing", "games")
-    values = {"gender": str(rng.choice(("woman", "man"), p=(0.2, 0.8)))} | {key: int(rng.integers(0, 5)) for key in scale}
+    values = {"gender": str(rng.choice(("woman", "man"), p=(0.2, 0.8)))} | {
+        key: int(rng.integers(0, 5)) for key in scale
+    }
     return Response(f"{who}-ict", "ict", who, values, missing={"birth_year": "preferred_not"})
 
 
 def final(study: Study, who: str, session: Session, rng: np.random.Generator) -> Response:
-    values = {f"q{n}": int(np.clip(round(rng.normal(1.2 if n != 7 else 0.6, 0.8)), -2, 2)) for n in range(1, 9)}
+    values = {
+        f"q{n}": int(np.clip(round(rng.normal(1.2 if n != 7 else 0.6, 0.8)), -2, 2))
+        for n in range(1, 9)
+    }
     missing = {}
     if session.robot != "giraff" or rng.random() < 0.1:
         missing["q7"] = "not_applicable" if session.robot != "giraff" else "skipped"
         del values["q7"]
     return Response(
-        f"{session.id}-q", study.analysis.statements, who, values, session=session.id, missing=missing, seconds=dict.fromkeys(values, 3.5)
+        f"{session.id}-q",
+        study.analysis.statements,
+        who,
+        values,
+        session=session.id,
+        missing=missing,
+        seconds=dict.fromkeys(values, 3.5),
     )
 
 
 def without(definition: Definition, key: str) -> Definition:
     """A questionnaire that lacks one statement."""
-    pages = tuple(msgspec.structs.replace(page, items=tuple(item for item in page.items if item.key != key)) for page in definition.pages)
+    pages = tuple(
+        msgspec.structs.replace(page, items=tuple(item for item in page.items if item.key != key))
+        for page in definition.pages
+    )
     return msgspec.structs.replace(definition, pages=pages)

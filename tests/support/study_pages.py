@@ -6,10 +6,16 @@ from tests.support.html_page import read
 
 
 def form_of(response) -> QueryDict:
-    """Return what a browser would send of the last form of a page, as it is shown, without its buttons."""
+    """Return what a browser would send of the last form of a page, as it is shown, without its
+    buttons.
+    """
     page = read(response)
     data = QueryDict(mutable=True)
-    starts = [n for n, element in enumerate(page.elements) if element.tag == "form" and element.attributes.get("method") == "post"]
+    starts = [
+        n
+        for n, element in enumerate(page.elements)
+        if element.tag == "form" and element.attributes.get("method") == "post"
+    ]
     select = ""
     for element in page.elements[starts[-1] :]:
         a = element.attributes

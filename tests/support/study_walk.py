@@ -1,4 +1,6 @@
-"""Somebody who goes through a study over HTTP: what they see, and how they answer the step in front of them."""
+"""Somebody who goes through a study over HTTP: what they see, and how they answer the step in front
+of them.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +10,15 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.definition.schema import AnyStep, Consent, Form, Instructions, Practice, Questionnaire, Task
+from experiments.definition.schema import (
+    AnyStep,
+    Consent,
+    Form,
+    Instructions,
+    Practice,
+    Questionnaire,
+    Task,
+)
 from experiments.models import Participant, Study
 from experiments.participation import progress
 from robots.models import Robot
@@ -54,7 +64,9 @@ class Walker:
         return read((client or self.client).get(self.url(), follow=True))
 
     def send(self, client: Client | None = None, **fields: str) -> Any:
-        return (client or self.client).post(self.url(), {"place": progress.place(self.participant).word, **fields})
+        return (client or self.client).post(
+            self.url(), {"place": progress.place(self.participant).word, **fields}
+        )
 
     def answers(self) -> dict[str, str]:
         """What a page of the current step sends."""
@@ -68,7 +80,9 @@ class Walker:
                 (client or self.client).post(self.url(), self.answers())
             case Form() | Questionnaire():
                 self.look(client)
-                Response.objects.filter(user=self.user, finished_at=None).update(finished_at=timezone.now())
+                Response.objects.filter(user=self.user, finished_at=None).update(
+                    finished_at=timezone.now()
+                )
             case Practice() | Task():
                 self.drive()
         self.look(client)

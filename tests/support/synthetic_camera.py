@@ -1,7 +1,9 @@
-"""A camera and a microphone without hardware: a moving picture that carries its own capture stamp as a bar code.
+"""A camera and a microphone without hardware: a moving picture that carries its own capture stamp
+as a bar code.
 
-The code is one row of cells along the top: two fixed cells (white, black), then the stamp in tenths of a millisecond modulo 2^24,
-most significant bit first, then its parity. Cells are large enough to survive VP8 at any rate used here.
+The code is one row of cells along the top: two fixed cells (white, black), then the stamp in tenths
+of a millisecond modulo 2^24, most significant bit first, then its parity. Cells are large enough to
+survive VP8 at any rate used here.
 """
 
 import threading
@@ -124,11 +126,15 @@ class SyntheticMicrophone:
         time.sleep(max(0.0, self._due - time.monotonic()))
         samples = np.arange(960) + 960 * self._block
         self._block += 1
-        return np.asarray(8000 * np.sin(2 * np.pi * self.frequency * samples / 48_000), dtype=np.int16)
+        return np.asarray(
+            8000 * np.sin(2 * np.pi * self.frequency * samples / 48_000), dtype=np.int16
+        )
 
 
 def _texture(generator: np.random.Generator) -> npt.NDArray[np.uint8]:
-    """Return a background (480, 1280, 3) that repeats after 640 columns: soft patches with edges, about as hard to encode as a room."""
+    """Return a background (480, 1280, 3) that repeats after 640 columns: soft patches with edges,
+    about as hard to encode as a room.
+    """
     patches = np.kron(generator.integers(40, 215, (12, 16, 3)), np.ones((40, 40, 1)))
     shade = np.linspace(0.7, 1.0, HEIGHT)[:, None, None]
     grain = generator.normal(0.0, 3.0, (HEIGHT, WIDTH, 1))

@@ -1,4 +1,6 @@
-"""Drives through the cabin of tests/support/studies.py, as the records that a robot at 4 Hz and a page would give."""
+"""Drives through the cabin of tests/support/studies.py, as the records that a robot at 4 Hz and a
+page would give.
+"""
 
 import math
 from dataclasses import replace
@@ -27,7 +29,9 @@ def track(condition: str = "all_open", **changes: object) -> Track:
 
 
 class Drive:
-    """Writes the record of a drive: `go` along points at `speed` m/s, `touch` the station's contacts, `dock`."""
+    """Writes the record of a drive: `go` along points at `speed` m/s, `touch` the station's
+    contacts, `dock`.
+    """
 
     def __init__(self, at: float = START, *, frame: bool = True) -> None:
         self.at, self.seq, self.speed = at, 0, 0.5
@@ -39,8 +43,14 @@ class Drive:
             self.say(FirstFrame(self.at, "frame"))
 
     def see(
-        self, *, docked: bool = False, contact: bool | None = None, localized: bool = True, linear: float = 0.0, released: bool = True
-    ) -> "Drive":  # fmt: skip
+        self,
+        *,
+        docked: bool = False,
+        contact: bool | None = None,
+        localized: bool = True,
+        linear: float = 0.0,
+        released: bool = True,
+    ) -> "Drive":
         """A state where the robot is; docked robots have contact."""
         self.records.append(
             Seen(
@@ -74,7 +84,10 @@ class Drive:
             from_x, from_y = self.x, self.y
             self.theta = math.atan2(y - from_y, x - from_x)
             for n in range(1, count + 1):
-                self.x, self.y = from_x + n / count * (x - from_x), from_y + n / count * (y - from_y)
+                self.x, self.y = (
+                    from_x + n / count * (x - from_x),
+                    from_y + n / count * (y - from_y),
+                )
                 self.see(linear=self.speed, released=False)
         return self
 
@@ -84,7 +97,9 @@ class Drive:
         return self.see()
 
     def touch(self, seconds: float, *, released: bool = True, linear: float = 0.0) -> "Drive":
-        """Have contact for so long; a robot that rests says that it is docked when the rule of all robots says so."""
+        """Have contact for so long; a robot that rests says that it is docked when the rule of all
+        robots says so.
+        """
         self.x, self.y, self.theta = *HOME, math.pi
         began = self.at
         while self.at < began + seconds - 1e-9:
@@ -114,7 +129,9 @@ def run(records: list[Record], on: Track | None = None, until: float | None = No
 
 def told(engine: TaskEngine) -> list[tuple]:
     """The events but the cues, as (type, number or name)."""
-    return [(event.type, event.name or event.number) for event in engine.events if event.type != "cue"]
+    return [
+        (event.type, event.name or event.number) for event in engine.events if event.type != "cue"
+    ]
 
 
 def cues(engine: TaskEngine) -> list[str]:

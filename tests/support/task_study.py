@@ -1,6 +1,8 @@
-"""A study of one short task, published in a running site: out of the station, one checkpoint behind it with a photo, and home again.
+"""A study of one short task, published in a running site: out of the station, one checkpoint behind
+it with a photo, and home again.
 
-`python -m tests.support.task_study NAME MINUTES` makes it and puts the visitor NAME on its task; so a test does it in the site's database.
+`python -m tests.support.task_study NAME MINUTES` makes it and puts the visitor NAME on its task; so
+a test does it in the site's database.
 """
 
 import json
@@ -19,12 +21,28 @@ def definition_of(minutes: float) -> dict[str, Any]:
     from experiments.definition.shipped import shipped
 
     document: dict[str, Any] = json.loads(schema.to_json(shipped()["exploration"]))
-    steps = [step | ({"minutes": minutes} if step["kind"] == "task" else {}) for step in document["steps"] if step["kind"] in {"task", "debrief"}]
+    steps = [
+        step | ({"minutes": minutes} if step["kind"] == "task" else {})
+        for step in document["steps"]
+        if step["kind"] in {"task", "debrief"}
+    ]
     course = next(one for one in document["courses"] if one["robot"] == "giraff")
     behind = {"number": 1, "x": 1.4, "y": 6.2, "radius": 0.6, "title": {"en": "Behind the station"}}
-    short = course | {"checkpoints": [course["checkpoints"][0], behind], "photo": course["photo"] | {"checkpoint": 1}, "path": [], "doors": []}
+    short = course | {
+        "checkpoints": [course["checkpoints"][0], behind],
+        "photo": course["photo"] | {"checkpoint": 1},
+        "path": [],
+        "doors": [],
+    }
     condition = next(one for one in document["conditions"] if one["key"] == "giraff_open")
-    return document | {"slug": "short", "title": {"en": "Short"}, "languages": ["en"], "steps": steps, "conditions": [condition], "courses": [short]}
+    return document | {
+        "slug": "short",
+        "title": {"en": "Short"},
+        "languages": ["en"],
+        "steps": steps,
+        "conditions": [condition],
+        "courses": [short],
+    }
 
 
 def begin_short_study(site: Site, name: str, *, minutes: float = 5.0) -> None:
@@ -45,7 +63,14 @@ def main(name: str, minutes: float) -> None:
     now, document = timezone.now(), definition_of(minutes)
     sha256 = schema.digest(msgspec.convert(document, schema.Study))
     row = Study.objects.create(
-        slug="short", version=1, title="Short", definition=document, sha256=sha256, status="published", created_at=now, published_at=now
+        slug="short",
+        version=1,
+        title="Short",
+        definition=document,
+        sha256=sha256,
+        status="published",
+        created_at=now,
+        published_at=now,
     )
     user, _ = User.objects.get_or_create(username=name)
     progress.enter(row, user, access="open", recruitment={}, now=now)

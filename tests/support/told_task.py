@@ -13,9 +13,13 @@ from tests.support.fake_robot_page import STEP, FakeRobotPage
 def guide(**changes):
     study = shipped()["exploration"]
     plan, _ = load_plan("office")
-    told = page.guide(study, study.task, [study.condition("giraff_open")], plan, language="en", step_url=STEP)
+    told = page.guide(
+        study, study.task, [study.condition("giraff_open")], plan, language="en", step_url=STEP
+    )
     return json.loads(json.dumps({**told, **changes}))
 
 
 def tell(site: FakeRobotPage, cue: str, **fields) -> None:
-    site.tell("session/task", protocol.Task(session=site.session, stamp=time.time(), cue=cue, **fields))
+    site.tell(
+        "session/task", protocol.Task(session=site.session, stamp=time.time(), cue=cue, **fields)
+    )

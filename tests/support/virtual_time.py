@@ -1,7 +1,9 @@
-"""Two clocks for tests of what runs on an event loop: one that jumps whenever everybody waits, and the computer's own.
+"""Two clocks for tests of what runs on an event loop: one that jumps whenever everybody waits, and
+the computer's own.
 
-On a virtual clock a test of ten seconds takes milliseconds, and nothing that the computer does besides can make anything late. The loop runs
-only inside `wait` and `sleep`, in the test's own thread, so that a test reads as one that waits for real.
+On a virtual clock a test of ten seconds takes milliseconds, and nothing that the computer does
+besides can make anything late. The loop runs only inside `wait` and `sleep`, in the test's own
+thread, so that a test reads as one that waits for real.
 """
 
 import asyncio
@@ -24,7 +26,9 @@ class EverybodyWaitsForeverError(AssertionError):
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Instead of waiting it moves the loop's clock, except while a thread works for the loop: that is waited for, in no time at all."""
+    """Instead of waiting it moves the loop's clock, except while a thread works for the loop: that
+    is waited for, in no time at all.
+    """
 
     loop: "VirtualLoop"
 
@@ -44,7 +48,9 @@ class _JumpingSelector(selectors.DefaultSelector):
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """An event loop whose time passes only when all of its tasks wait for it (as trio's autojump clock)."""
+    """An event loop whose time passes only when all of its tasks wait for it (as trio's autojump
+    clock).
+    """
 
     def __init__(self) -> None:
         selector = _JumpingSelector()
@@ -56,7 +62,9 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         return self.elapsed
 
-    def run_in_executor(self, executor: Any, func: Callable[..., Any], *args: Any) -> asyncio.Future[Any]:
+    def run_in_executor(
+        self, executor: Any, func: Callable[..., Any], *args: Any
+    ) -> asyncio.Future[Any]:
         self.jobs += 1
         future = super().run_in_executor(executor, func, *args)
         future.add_done_callback(self._job_done)
@@ -100,15 +108,21 @@ class VirtualTime:
         """Let so much time pass."""
         self.run(asyncio.sleep(seconds))
 
-    def wait(self, condition: Callable[[], Any], within: float = 5.0, what: Any = "what was waited for") -> None:
-        """Let time pass until `condition()` is true; fails after `within` seconds, saying `what` did not come."""
+    def wait(
+        self, condition: Callable[[], Any], within: float = 5.0, what: Any = "what was waited for"
+    ) -> None:
+        """Let time pass until `condition()` is true; fails after `within` seconds, saying `what`
+        did not come.
+        """
         self.run(self._until(condition, within, what))
 
     async def _until(self, condition: Callable[[], Any], within: float, what: Any) -> None:
         await asyncio.sleep(0)
         deadline = self.now() + within
         while not condition():
-            assert self.now() < deadline, f"{what() if callable(what) else what} did not come within {within} s"
+            assert self.now() < deadline, (
+                f"{what() if callable(what) else what} did not come within {within} s"
+            )
             await asyncio.sleep(POLL_INTERVAL_S)
 
     def close(self) -> None:
@@ -134,11 +148,17 @@ class RealTime:
     sleep = staticmethod(time.sleep)
 
     @staticmethod
-    def wait(condition: Callable[[], Any], within: float = 5.0, what: Any = "what was waited for") -> None:
-        """Wait until `condition()` is true; fails after `within` seconds on a computer with nothing else to do."""
+    def wait(
+        condition: Callable[[], Any], within: float = 5.0, what: Any = "what was waited for"
+    ) -> None:
+        """Wait until `condition()` is true; fails after `within` seconds on a computer with nothing
+        else to do.
+        """
         deadline = time.monotonic() + patient(within)
         while not condition():
-            assert time.monotonic() < deadline, f"{what() if callable(what) else what} did not come within {within} s"
+            assert time.monotonic() < deadline, (
+                f"{what() if callable(what) else what} did not come within {within} s"
+            )
             time.sleep(POLL_INTERVAL_S)
 
     @staticmethod

@@ -37,20 +37,38 @@ def chromium(playwright: Playwright, executable_path: str = CHROMIUM) -> Iterato
 class Visitor:
     """One person with one page."""
 
-    def __init__(self, browser: Browser, site: Site, name: str | None = None, *, host: str = LOOPBACK, url: str = "", **context: Any) -> None:
+    def __init__(
+        self,
+        browser: Browser,
+        site: Site,
+        name: str | None = None,
+        *,
+        host: str = LOOPBACK,
+        url: str = "",
+        **context: Any,
+    ) -> None:
         url = url or f"http://{host}:{site.web_port}"
         context = {"viewport": {"width": 1280, "height": 800}, "locale": "en", **context}
         self.site = site
         self.context = browser.new_context(base_url=url, **context)
         if name is not None:
-            self.context.add_cookies([{"name": "sessionid", "value": site.sign_in(name), "url": url}])
+            self.context.add_cookies(
+                [{"name": "sessionid", "value": site.sign_in(name), "url": url}]
+            )
         self.problems: list[str] = []
         self.page: Page = self.new_page()
 
     def new_page(self) -> Page:
         page = self.context.new_page()
         page.on("pageerror", lambda error: self.problems.append(str(error)))
-        page.on("console", lambda message: self.problems.append(message.text) if "Content Security Policy" in message.text else None)
+        page.on(
+            "console",
+            lambda message: (
+                self.problems.append(message.text)
+                if "Content Security Policy" in message.text
+                else None
+            ),
+        )
         return page
 
     def open(self, robot: str = "giraff", *, go: bool = False) -> "Visitor":
@@ -67,14 +85,22 @@ class Visitor:
         return self.page.locator("#cockpit").get_attribute(f"data-{name}") or ""
 
     def wait_for(self, name: str, value: str, within: float = 15.0) -> None:
-        expect(self.page.locator("#cockpit")).to_have_attribute(f"data-{name}", value, timeout=patient(within) * 1000)
+        expect(self.page.locator("#cockpit")).to_have_attribute(
+            f"data-{name}", value, timeout=patient(within) * 1000
+        )
 
     def wait_for_picture(self, within: float = 15.0) -> None:
         # Not wait_for_function: the page's policy forbids the eval that it polls with.
-        wait_for(lambda: self.frames() > 3, within, f"a picture (phase {self.cockpit('phase')}, link {self.cockpit('link')})")
+        wait_for(
+            lambda: self.frames() > 3,
+            within,
+            f"a picture (phase {self.cockpit('phase')}, link {self.cockpit('link')})",
+        )
 
     def hold(self, key: str, reached: Callable[[], Any], within: float, what: str) -> None:
-        """Hold a key until that is so, and on. A page whose link is replaced lets go of every key, as it should, and people press again."""
+        """Hold a key until that is so, and on. A page whose link is replaced lets go of every key,
+        as it should, and people press again.
+        """
         deadline = time.monotonic() + patient(within)
         while True:
             self.page.keyboard.down(key)
@@ -83,7 +109,10 @@ class Visitor:
                 if reached():
                     return
                 self.page.wait_for_timeout(50)
-            assert time.monotonic() < deadline, f"{what} did not come within {within} s (link {self.cockpit('link')}, way {self.cockpit('way')})"
+            assert time.monotonic() < deadline, (
+                f"{what} did not come within {within} s (link {self.cockpit('link')}, way"
+                f" {self.cockpit('way')})"
+            )
             self.page.keyboard.up(key)
 
     def frames(self) -> int:
@@ -93,9 +122,14 @@ class Visitor:
         return float(self.page.evaluate(SPREAD))
 
     def marker(self) -> dict[str, float]:
-        """Where the map's canvas says the robot's arrow is, in CSS pixels, and the stamp of that pose."""
+        """Where the map's canvas says the robot's arrow is, in CSS pixels, and the stamp of that
+        pose.
+        """
         data = self.page.evaluate("({...document.getElementById('map').dataset})")
-        return {name: float(data[name]) for name in ("markerX", "markerY", "markerStamp", "viewX", "viewY", "viewScale")}
+        return {
+            name: float(data[name])
+            for name in ("markerX", "markerY", "markerStamp", "viewX", "viewY", "viewScale")
+        }
 
     def screenshot(self, path: Path) -> None:
         self.page.screenshot(path=path)
@@ -108,7 +142,9 @@ class Visitor:
         self.wait_for("phase", "ended")
 
     def close(self) -> None:
-        """Close the browser's window; whoever drives leaves first, so that the next visitor need not wait."""
+        """Close the browser's window; whoever drives leaves first, so that the next visitor need
+        not wait.
+        """
         with contextlib.suppress(PlaywrightError):
             if self.page.locator("#cockpit").count() and self.cockpit("phase") == "driving":
                 self.leave()

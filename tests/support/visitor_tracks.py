@@ -1,4 +1,6 @@
-"""A visitor without microphone and camera: a tone and a colour, and an aiortc page that sends them as our drive page does."""
+"""A visitor without microphone and camera: a tone and a colour, and an aiortc page that sends them
+as our drive page does.
+"""
 
 import asyncio
 import time
@@ -51,7 +53,9 @@ class ColourTrack(MediaStreamTrack):
 
 
 class SpeakingPage(LoopbackPage):
-    """A page that sends from the first moment what it was not asked for; whether anybody hears it is the robot's decision."""
+    """A page that sends from the first moment what it was not asked for; whether anybody hears it
+    is the robot's decision.
+    """
 
     def send(self, *, hertz: float, colour: tuple[int, int, int]) -> None:
         """Speak and be seen; before `connect`."""

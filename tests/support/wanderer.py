@@ -1,6 +1,8 @@
-"""Somebody who drives a simulated robot about a site without end, with the truth before their eyes and no great care.
+"""Somebody who drives a simulated robot about a site without end, with the truth before their eyes
+and no great care.
 
-They pick a place, follow a way over the map to it, wait before people, and pick another place when something stands in the way.
+They pick a place, follow a way over the map to it, wait before people, and pick another place when
+something stands in the way.
 """
 
 import math
@@ -21,10 +23,15 @@ TICK = 0.02
 
 
 class Ways:
-    """A raster over what is free of a map, all of one piece, and shortest ways on it that shun the walls."""
+    """A raster over what is free of a map, all of one piece, and shortest ways on it that shun the
+    walls.
+    """
 
     def __init__(self, grid: OccupancyGrid, clearance: float = CLEARANCE) -> None:
-        room = ndimage.distance_transform_edt(grid.free())[::SPACING, ::SPACING] * grid.transform.resolution
+        room = (
+            ndimage.distance_transform_edt(grid.free())[::SPACING, ::SPACING]
+            * grid.transform.resolution
+        )
         labels, _ = ndimage.label(room > clearance)
         places = labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
         self.transform = grid.transform
@@ -47,7 +54,9 @@ class Ways:
         u, v = self.transform.to_pixel(x, y)
         return int(np.argmin(((self.cells + 0.5) * SPACING - (v, u)).__pow__(2).sum(axis=1)))
 
-    def way(self, start: tuple[float, float], goal: tuple[float, float]) -> list[tuple[float, float]]:
+    def way(
+        self, start: tuple[float, float], goal: tuple[float, float]
+    ) -> list[tuple[float, float]]:
         """Return the places from start to goal, each some centimetres from the one before."""
         here, there = self.nearest(*start), self.nearest(*goal)
         _, towards = dijkstra(self.graph, indices=there, return_predecessors=True)
@@ -67,7 +76,10 @@ def _graph(cells: np.ndarray, number: np.ndarray, room: np.ndarray) -> coo_array
         origins += [origin, end[origin]]
         ends += [end[origin], origin]
         costs += [math.hypot(down, right) * (1.0 + 0.3 / room[tuple(cells[origin].T)])] * 2
-    return coo_array((np.concatenate(costs), (np.concatenate(origins), np.concatenate(ends))), shape=(len(cells), len(cells))).tocsr()
+    return coo_array(
+        (np.concatenate(costs), (np.concatenate(origins), np.concatenate(ends))),
+        shape=(len(cells), len(cells)),
+    ).tocsr()
 
 
 class Wanderer:
@@ -110,8 +122,13 @@ class Wanderer:
         while self.way and math.dist(self.way[0], (pose.x, pose.y)) < 0.35:
             self.way.pop(0)
         if not self.way:
-            self.way, self.pause = self.ways.way((pose.x, pose.y), self.ways.anywhere(self.rng)), float(self.rng.uniform(0.0, 2.0))
-        aside = wrap_angle(math.atan2(self.way[0][1] - pose.y, self.way[0][0] - pose.x) - pose.theta)
+            self.way, self.pause = (
+                self.ways.way((pose.x, pose.y), self.ways.anywhere(self.rng)),
+                float(self.rng.uniform(0.0, 2.0)),
+            )
+        aside = wrap_angle(
+            math.atan2(self.way[0][1] - pose.y, self.way[0][0] - pose.x) - pose.theta
+        )
         turn = min(max(2.0 * aside, -0.7), 0.7)
         if self._is_somebody_ahead() or self.simulation.touching:
             return self._wait(turn)
@@ -126,7 +143,10 @@ class Wanderer:
 
     def _is_somebody_ahead(self) -> bool:
         inverse = self.simulation.pose.inverse()
-        return any(0.0 < x < 0.9 and abs(y) < 0.5 for x, y in (inverse.apply(person.x, person.y) for person in self.simulation.people))
+        return any(
+            0.0 < x < 0.9 and abs(y) < 0.5
+            for x, y in (inverse.apply(person.x, person.y) for person in self.simulation.people)
+        )
 
 
 def standing_somewhere(simulation: Simulation, ways: Ways, rng: np.random.Generator) -> Wanderer:

@@ -1,4 +1,6 @@
-"""Messages that robots and pages say in tests, with everything filled in that a test does not care about."""
+"""Messages that robots and pages say in tests, with everything filled in that a test does not care
+about.
+"""
 
 from robots.api import messages as m
 
@@ -13,28 +15,59 @@ def broken(boot="b1"):
 
 def state(seq=1, **changes):
     fields = {
-        "stamp": 100.0 + seq / 4, "boot": "b1", "seq": seq, "pose": m.Pose(x=1.0, y=2.0, theta=0.5),
-        "velocity": m.Velocity(linear=0.0, angular=0.0), "battery": m.Battery(charge=0.8),
-    }  # fmt: skip
+        "stamp": 100.0 + seq / 4,
+        "boot": "b1",
+        "seq": seq,
+        "pose": m.Pose(x=1.0, y=2.0, theta=0.5),
+        "velocity": m.Velocity(linear=0.0, angular=0.0),
+        "battery": m.Battery(charge=0.8),
+    }
     return m.State(**{**fields, **changes})
 
 
 def factsheet(name="giraff", **changes):
     limits = m.Limits(
-        linear=0.7, reverse=0.3, angular=0.7, linear_acceleration=0.2, angular_acceleration=0.4, linear_braking=1.0, angular_braking=2.0
-    )  # fmt: skip
+        linear=0.7,
+        reverse=0.3,
+        angular=0.7,
+        linear_acceleration=0.2,
+        angular_acceleration=0.4,
+        linear_braking=1.0,
+        angular_braking=2.0,
+    )
     fields = {
-        "name": name, "series": "Giraff", "rca": "simulator", "agent_version": "1", "boot": "b1", "capabilities": ("velocity", "video"),
-        "limits": limits, "footprint": ((0.2, 0.2), (-0.2, 0.2), (-0.2, -0.2)), "watchdog": 0.5,
-    }  # fmt: skip
+        "name": name,
+        "series": "Giraff",
+        "rca": "simulator",
+        "agent_version": "1",
+        "boot": "b1",
+        "capabilities": ("velocity", "video"),
+        "limits": limits,
+        "footprint": ((0.2, 0.2), (-0.2, 0.2), (-0.2, -0.2)),
+        "watchdog": 0.5,
+    }
     return m.Factsheet(**{**fields, **changes})
 
 
 def velocity(seq=1, **changes):
-    """A command as an honest page sends it; the page knows its session, the server does not take its word for it."""
-    fields = {"session": "forged", "epoch": 999, "seq": seq, "stamp": 100.0, "linear": 0.2, "angular": 0.0, "method": "keyboard"}
+    """A command as an honest page sends it; the page knows its session, the server does not take
+    its word for it.
+    """
+    fields = {
+        "session": "forged",
+        "epoch": 999,
+        "seq": seq,
+        "stamp": 100.0,
+        "linear": 0.2,
+        "angular": 0.0,
+        "method": "keyboard",
+    }
     return m.VelocityCommand(**{**fields, **changes})
 
 
 def pose(stamp=1.0):
-    return m.PoseUpdate(stamp=stamp, pose=m.Pose(x=0.0, y=0.0, theta=0.0), velocity=m.Velocity(linear=0.1, angular=0.0))
+    return m.PoseUpdate(
+        stamp=stamp,
+        pose=m.Pose(x=0.0, y=0.0, theta=0.0),
+        velocity=m.Velocity(linear=0.1, angular=0.0),
+    )

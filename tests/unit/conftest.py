@@ -1,13 +1,23 @@
-"""What every test of this lane keeps to: it starts no process, connects to nothing, opens no database and does not sleep."""
+"""What every test of this lane keeps to: it starts no process, connects to nothing, opens no
+database and does not sleep.
+"""
 
 import sys
 from collections.abc import Iterator
 
 import pytest
 
-FORBIDDEN = frozenset({
-    "subprocess.Popen", "os.fork", "os.posix_spawn", "socket.connect", "socket.bind", "sqlite3.connect", "time.sleep",
-})  # fmt: skip
+FORBIDDEN = frozenset(
+    {
+        "subprocess.Popen",
+        "os.fork",
+        "os.posix_spawn",
+        "socket.connect",
+        "socket.bind",
+        "sqlite3.connect",
+        "time.sleep",
+    }
+)
 _running: list[str] = []
 
 
@@ -20,7 +30,8 @@ def _refuse(event: str, arguments: tuple[object, ...]) -> None:
         raise NotAUnitTestError(f"{_running[-1]}: {event} {arguments}")
 
 
-sys.addaudithook(_refuse)  # it cannot be taken off again, so that it asks whether a test of this lane runs
+# it cannot be taken off again, so that it asks whether a test of this lane runs
+sys.addaudithook(_refuse)
 
 
 @pytest.fixture(autouse=True)

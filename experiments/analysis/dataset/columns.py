@@ -1,6 +1,8 @@
-"""What stands in the columns of a dataset's files: the code book, and the order in which numbers are kept.
+"""What stands in the columns of a dataset's files: the code book, and the order in which numbers
+are kept.
 
-A time is in seconds since the session's robot was granted, by the clock that is named; an empty cell or `nan` is a missing value.
+A time is in seconds since the session's robot was granted, by the clock that is named; an empty
+cell or `nan` is a missing value.
 """
 
 from dataclasses import dataclass
@@ -12,9 +14,11 @@ WAYS = ("datachannel", "mqtt")
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name in the file, the unit of its values ("" for a count, a word or a share), and what it says.
+    """A column: its name in the file, the unit of its values ("" for a count, a word or a share),
+    and what it says.
 
-    One that is `late` was added when datasets had been written already: those lack it, and are read all the same.
+    One that is `late` was added when datasets had been written already: those lack it, and are read
+    all the same.
     """
 
     name: str
@@ -49,7 +53,9 @@ STATES = (
     Column("refused", "", "commands refused since the state before"),
     Column("age_sum", "s", "sum of the ages of the commands applied since the state before"),
     Column("age_max", "s", "greatest age among them"),
-    Column("answer_age", "s", "mean age, when they were applied, of the pictures that they answered"),
+    Column(
+        "answer_age", "s", "mean age, when they were applied, of the pictures that they answered"
+    ),
     *(Column(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
     *(Column(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
 )
@@ -72,7 +78,9 @@ PARTICIPANTS = (
     Column("age", "years", "age at registration: the year then minus the year of birth"),
     Column("cell", "", "assigned condition, or conditions in order, divided by |"),
     Column("reached", "", "last step of the study that was begun"),
-    Column("left", "", "why the participant left there; empty for whoever finished or is still at it"),
+    Column(
+        "left", "", "why the participant left there; empty for whoever finished or is still at it"
+    ),
     Column("finished", "", "1 when the last step was finished"),
     Column("withdrawn", "", "1 when the data were taken back: step and day remain"),
 )
@@ -81,7 +89,9 @@ SESSIONS = (
     Column("id", "", "code of the session"),
     Column("participant", "", "whose it is"),
     Column("kind", "", "participant, pilot or bot"),
-    Column("number", "", "first, second … session of the participant in this study; 0 for practice"),
+    Column(
+        "number", "", "first, second … session of the participant in this study; 0 for practice"
+    ),
     Column("practice", "", "1 for practice, which counts nowhere"),
     Column("robot", "", "name of the robot"),
     Column("site", "", "name of the floor plan"),
@@ -91,9 +101,14 @@ SESSIONS = (
     Column("assist", "", "assigned assistance"),
     Column("doors_closed", "", "doors that were closed, divided by |"),
     Column(
-        "control_network", "", "assigned impairment of the network towards the robot: delay and jitter in ms, loss and reorder in %, rate in kbit/s"
+        "control_network",
+        "",
+        "assigned impairment of the network towards the robot: delay and jitter in ms, loss and"
+        " reorder in %, rate in kbit/s",
     ),
-    Column("video_network", "", "assigned impairment of the network back from its camera, likewise"),
+    Column(
+        "video_network", "", "assigned impairment of the network back from its camera, likewise"
+    ),
     Column("control_applied", "", "what of the first the robot says that it applied last"),
     Column("video_applied", "", "what of the second"),
     Column("outcome", "", "how the session ended"),
@@ -108,23 +123,41 @@ SESSIONS = (
         column
         for name, word in (("began", "first"), ("ended", "last"))
         for column in (
-            Column(f"{name}_x", "m", f"position on the map in the {word} state; empty when the robot did not know it", late=True),
+            Column(
+                f"{name}_x",
+                "m",
+                f"position on the map in the {word} state; empty when the robot did not know it",
+                late=True,
+            ),
             Column(f"{name}_y", "m", "likewise", late=True),
             Column(f"{name}_theta", "rad", "heading, likewise", late=True),
-            Column(f"{name}_docked", "", f"1 when the robot was docked in the {word} state, 0 when not, empty when there is none", late=True),
-            Column(f"{name}_charge", "", f"share of the battery's charge in the {word} state; empty when unknown", late=True),
+            Column(
+                f"{name}_docked",
+                "",
+                f"1 when the robot was docked in the {word} state, 0 when not, empty when there is"
+                " none",
+                late=True,
+            ),
+            Column(
+                f"{name}_charge",
+                "",
+                f"share of the battery's charge in the {word} state; empty when unknown",
+                late=True,
+            ),
         )
     ),
     Column(
         "docked_seconds",
         "s",
-        "how long the robot had to rest on its charging contacts to be docked; empty where one state in the station was enough",
+        "how long the robot had to rest on its charging contacts to be docked; empty where one"
+        " state in the station was enough",
         late=True,
     ),
     Column(
         "dock_contacts",
         "",
-        "how often the charging contacts met after the last checkpoint; 1 is a docking that held at once; empty without that rule",
+        "how often the charging contacts met after the last checkpoint; 1 is a docking that held at"
+        " once; empty without that rule",
         late=True,
     ),
     Column("operator", "", "1 when an operator intervened"),
@@ -158,7 +191,10 @@ ANSWERS = (
     Column("item", "", "question"),
     Column("value", "", "JSON: what was answered; empty when nothing was"),
     Column(
-        "missing", "", "why there is no value: skipped, preferred_not, not_applicable or not_reached; withheld where there is one that tells too much"
+        "missing",
+        "",
+        "why there is no value: skipped, preferred_not, not_applicable or not_reached; withheld"
+        " where there is one that tells too much",
     ),
     Column("seconds", "s", "how long it took"),
 )

@@ -1,4 +1,5 @@
-"""A dataset as files: names and texts, made one after the other, so that they can be written into a folder or sent as they are made.
+"""A dataset as files: names and texts, made one after the other, so that they can be written into a
+folder or sent as they are made.
 
 Numbers are written with as many digits as they have, so that reading gives the same ones.
 """
@@ -18,7 +19,16 @@ import numpy as np
 
 from experiments.analysis.dataset import columns
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.records import Columns, Dataset, Event, Floats, Page, Participant, Response, Session
+from experiments.analysis.dataset.records import (
+    Columns,
+    Dataset,
+    Event,
+    Floats,
+    Page,
+    Participant,
+    Response,
+    Session,
+)
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
 from surveys.definition import Definition, spoken, to_json
@@ -26,9 +36,12 @@ from surveys.scoring import scores
 
 File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
 TABLES = {
-    "participants": columns.PARTICIPANTS, "sessions": columns.SESSIONS, "events": columns.EVENTS, "pages": columns.PAGES,
+    "participants": columns.PARTICIPANTS,
+    "sessions": columns.SESSIONS,
+    "events": columns.EVENTS,
+    "pages": columns.PAGES,
     "answers": columns.ANSWERS,
-}  # fmt: skip
+}
 WIDE = ("response", "version", "participant", "session", "finished")
 LINES_AT_ONCE = 500
 EXACT = 1e15  # whole numbers below it are exact
@@ -54,7 +67,11 @@ def contents(dataset: Dataset) -> Iterator[File]:
         yield from numbers("network", session.id, dataset.network(session.id))
 
 
-def tables(dataset: Dataset, events: Iterable[Event], more: Mapping[str, tuple[Column, ...]] = MappingProxyType({})) -> Iterator[File]:
+def tables(
+    dataset: Dataset,
+    events: Iterable[Event],
+    more: Mapping[str, tuple[Column, ...]] = MappingProxyType({}),
+) -> Iterator[File]:
     """Yield everything but states and network samples.
 
     Args:
@@ -77,17 +94,25 @@ def tables(dataset: Dataset, events: Iterable[Event], more: Mapping[str, tuple[C
 
 
 def about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
-    """Yield what does not grow with the sessions: description, study, robots, plans and questionnaires."""
-    yield "dataset_description.json", [json.dumps(_description(dataset, more), indent=2, ensure_ascii=False) + "\n"]
+    """Yield what does not grow with the sessions: description, study, robots, plans and
+    questionnaires.
+    """
+    yield (
+        "dataset_description.json",
+        [json.dumps(_description(dataset, more), indent=2, ensure_ascii=False) + "\n"],
+    )
     yield "study.json", [study_json(dataset.study).decode()]
-    yield "robots.json", [msgspec.json.format(msgspec.json.encode(dataset.robots), indent=2).decode() + "\n"]
+    yield (
+        "robots.json",
+        [msgspec.json.format(msgspec.json.encode(dataset.robots), indent=2).decode() + "\n"],
+    )
     for name, plan in sorted(dataset.plans.items()):
         yield f"plans/{_named(name, _WORD)}.json", [floorplan.encode(plan).decode() + "\n"]
     for one in dataset.questionnaires:
         yield f"questionnaires/{one.slug}-{one.version}.json", [to_json(one).decode()]
 
 
-# --- tables ----------------------------------------------------------------------------------------------------------
+# --- tables ---------------------------------------------------------------------------------------
 
 
 def table(name: str, rows: Iterable[Sequence[Any]], layout: tuple[Column, ...] = ()) -> File:
@@ -116,11 +141,24 @@ def cells(record: Participant | Session | Event | Page, layout: tuple[Column, ..
 
 def answer_rows(response: Response) -> Iterator[list[Any]]:
     """Yield a row an item of a response; a response without items keeps one row without an item."""
-    own = [response.id, response.questionnaire, response.version, response.participant, response.session, _cell(response.finished)]
+    own = [
+        response.id,
+        response.questionnaire,
+        response.version,
+        response.participant,
+        response.session,
+        _cell(response.finished),
+    ]
     for item in dict.fromkeys((*response.values, *response.missing)) or [""]:
         value = response.values.get(item)
         said = "" if value is None else json.dumps(value, ensure_ascii=False)
-        yield [*own, item, said, response.missing.get(item, ""), _cell(response.seconds.get(item, math.nan))]
+        yield [
+            *own,
+            item,
+            said,
+            response.missing.get(item, ""),
+            _cell(response.seconds.get(item, math.nan)),
+        ]
 
 
 def _cell(value: Any) -> Any:
@@ -130,12 +168,20 @@ def _cell(value: Any) -> Any:
         return "" if math.isnan(value) else _number(value)
     if isinstance(value, tuple):
         return "|".join(value)
-    return json.dumps(value, ensure_ascii=False, sort_keys=True) if isinstance(value, dict) else value
+    return (
+        json.dumps(value, ensure_ascii=False, sort_keys=True) if isinstance(value, dict) else value
+    )
 
 
 def _plain(cell: Any) -> Any:
-    """Words that look like a formula get an apostrophe before them; so do those that have one, to tell them apart."""
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) and not _is_number(cell) else cell
+    """Words that look like a formula get an apostrophe before them; so do those that have one, to
+    tell them apart.
+    """
+    return (
+        f"'{cell}"
+        if isinstance(cell, str) and cell.startswith(_FORMULA) and not _is_number(cell)
+        else cell
+    )
 
 
 def _is_number(cell: str) -> bool:
@@ -147,32 +193,57 @@ def _is_number(cell: str) -> bool:
 
 
 def _number(value: float) -> str:
-    return "nan" if math.isnan(value) else str(int(value)) if value.is_integer() and abs(value) < EXACT else repr(value)
+    return (
+        "nan"
+        if math.isnan(value)
+        else str(int(value))
+        if value.is_integer() and abs(value) < EXACT
+        else repr(value)
+    )
 
 
-# --- answers, a line a response ----------------------------------------------------------------------------------------
+# --- answers, a line a response -------------------------------------------------------------------
 
 
 def wide(dataset: Dataset) -> Iterator[File]:
-    """Yield, for each questionnaire, a table with a line a response: two columns a question (its value, and why there is none) and the scores."""
+    """Yield, for each questionnaire, a table with a line a response: two columns a question (its
+    value, and why there is none) and the scores.
+    """
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
         given = [one for one in dataset.responses if one.questionnaire == slug]
-        yield f"data/questionnaire-{slug}_data.csv", lines(wide_head(versions), _wide_rows(versions, given))
+        yield (
+            f"data/questionnaire-{slug}_data.csv",
+            lines(wide_head(versions), _wide_rows(versions, given)),
+        )
 
 
 def wide_head(versions: Sequence[Definition]) -> list[str]:
     """Return the columns of a questionnaire in all of its versions."""
-    return [*WIDE, *(name for key in _keys(versions) for name in (key, f"{key}_missing")), *_scores(versions)]
+    return [
+        *WIDE,
+        *(name for key in _keys(versions) for name in (key, f"{key}_missing")),
+        *_scores(versions),
+    ]
 
 
-def _wide_rows(versions: Sequence[Definition], responses: Iterable[Response]) -> Iterator[list[Any]]:
+def _wide_rows(
+    versions: Sequence[Definition], responses: Iterable[Response]
+) -> Iterator[list[Any]]:
     known = {one.version: one for one in versions}
     for one in responses:
         found = scores(known[one.version], one.values) if one.version in known else {}
-        pairs = (cell for key in _keys(versions) for cell in (_wide_cell(one.values.get(key)), one.missing.get(key, "")))
+        pairs = (
+            cell
+            for key in _keys(versions)
+            for cell in (_wide_cell(one.values.get(key)), one.missing.get(key, ""))
+        )
         about_it = (one.id, one.version, one.participant, one.session, _cell(one.finished))
-        yield [*about_it, *pairs, *("" if found.get(name) is None else found[name] for name in _scores(versions))]
+        yield [
+            *about_it,
+            *pairs,
+            *("" if found.get(name) is None else found[name] for name in _scores(versions)),
+        ]
 
 
 def _keys(versions: Sequence[Definition]) -> list[str]:
@@ -187,7 +258,7 @@ def _wide_cell(value: Any) -> Any:
     return "" if value is None else "|".join(map(str, value)) if isinstance(value, list) else value
 
 
-# --- numbers ---------------------------------------------------------------------------------------------------------
+# --- numbers --------------------------------------------------------------------------------------
 
 
 def numbers(name: str, session: str, found: Columns) -> Iterator[File]:
@@ -195,18 +266,20 @@ def numbers(name: str, session: str, found: Columns) -> Iterator[File]:
     if len(found):
         head = ",".join(column.name for column in found.layout)
         rows = list(zip(*map(_written, np.ascontiguousarray(found.values.T)), strict=True))
-        lines = msgspec.json.encode(rows)[2:-2].replace(b"],[", b"\n").replace(b"null", b"nan")  # some five times as fast as by Python's own repr
+        # some five times as fast as by Python's own repr
+        lines = msgspec.json.encode(rows)[2:-2].replace(b"],[", b"\n").replace(b"null", b"nan")
         yield numbers_path(name, session), [f"{head}\n{lines.decode()}\n"]
 
 
 def _written(column: Floats) -> list[float]:
     """A column as numbers that JSON writes as a reader expects: whole ones without a point."""
-    is_whole = bool((column == np.trunc(column)).all() and (np.abs(column) < EXACT).all())  # neither holds for what is no number
+    # neither holds for what is no number
+    is_whole = bool((column == np.trunc(column)).all() and (np.abs(column) < EXACT).all())
     written: list[float] = (column.astype(np.int64) if is_whole else column).tolist()
     return written
 
 
-# --- names -----------------------------------------------------------------------------------------------------------
+# --- names ----------------------------------------------------------------------------------------
 
 
 def table_path(name: str) -> str:
@@ -229,7 +302,7 @@ def _named(name: str, pattern: re.Pattern[str]) -> str:
     return name
 
 
-# --- the code book ---------------------------------------------------------------------------------------------------
+# --- the code book --------------------------------------------------------------------------------
 
 
 def _description(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> dict[str, Any]:
@@ -241,18 +314,37 @@ def _description(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> di
         "description": f"Records of the study {study.slug}, version {study.version}.",
         "schemaVersion": "Psych-DS 0.4.0",
         "variableMeasured": [
-            {"@type": "PropertyValue", "name": name, "unitText": unit, "description": meaning} for name, unit, meaning in _variables(dataset, more)
+            {"@type": "PropertyValue", "name": name, "unitText": unit, "description": meaning}
+            for name, unit, meaning in _variables(dataset, more)
         ],
     }
 
 
-def _variables(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[tuple[str, str, str]]:
-    for file, layout in (*TABLES.items(), ("states", columns.STATES), ("network", columns.NETWORK), *more.items()):
+def _variables(
+    dataset: Dataset, more: Mapping[str, tuple[Column, ...]]
+) -> Iterator[tuple[str, str, str]]:
+    for file, layout in (
+        *TABLES.items(),
+        ("states", columns.STATES),
+        ("network", columns.NETWORK),
+        *more.items(),
+    ):
         for column in layout:
             yield column.name, column.unit, f"{file}: {column.meaning}"
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
-        texts = {question.key: spoken(question.text, dataset.language) for one in versions for question in one.questions()}
+        texts = {
+            question.key: spoken(question.text, dataset.language)
+            for one in versions
+            for question in one.questions()
+        }
         for name in wide_head(versions)[len(WIDE) :]:
             asked = texts.get(name.removesuffix("_missing"), "score")
-            yield name, "", f"{slug}: {'why there is no answer to: ' if name.endswith('_missing') else ''}{asked}"
+            yield (
+                name,
+                "",
+                (
+                    f"{slug}:"
+                    f" {'why there is no answer to: ' if name.endswith('_missing') else ''}{asked}"
+                ),
+            )

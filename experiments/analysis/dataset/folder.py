@@ -1,4 +1,5 @@
-"""A dataset as a folder of CSV and JSON files, named and described as Psych-DS 1.0 asks for, and read back without a difference.
+"""A dataset as a folder of CSV and JSON files, named and described as Psych-DS 1.0 asks for, and
+read back without a difference.
 
     dataset_description.json            what it is, and every column of every file
     study.json                          the study as it was published
@@ -6,8 +7,8 @@
     plans/<site>.json                   floor plans
     questionnaires/<name>-<n>.json      definitions, a file a version
     data/description-…_data.csv         participants, sessions, events, pages, answers
-    data/questionnaire-…_data.csv       answers once more, a line a response, with scores; not read back
-    data/states/session-…_data.csv      states of a session; data/network likewise
+    data/questionnaire-…_data.csv       answers once more, a line a response, with scores; not read
+    back data/states/session-…_data.csv      states of a session; data/network likewise
 
 No more than one session's states is ever in memory.
 """
@@ -26,8 +27,25 @@ import numpy as np
 
 from experiments.analysis.dataset import columns
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import TABLES, DatasetError, File, contents, numbers_path, table_path
-from experiments.analysis.dataset.records import Columns, Dataset, Event, Page, Participant, Response, Robot, Session, columns_of
+from experiments.analysis.dataset.files import (
+    TABLES,
+    DatasetError,
+    File,
+    contents,
+    numbers_path,
+    table_path,
+)
+from experiments.analysis.dataset.records import (
+    Columns,
+    Dataset,
+    Event,
+    Page,
+    Participant,
+    Response,
+    Robot,
+    Session,
+    columns_of,
+)
 from experiments.definition.schema import Study
 from robots.api import floorplan
 from surveys.definition import Definition
@@ -63,12 +81,17 @@ def read(folder: Path) -> Dataset:
     return Dataset(
         study=_decoded(folder / "study.json", Study),
         robots=_decoded(folder / "robots.json", tuple[Robot, ...]),
-        participants=tuple(_record(Participant, row, "participants") for row in _rows(folder, "participants")),
+        participants=tuple(
+            _record(Participant, row, "participants") for row in _rows(folder, "participants")
+        ),
         sessions=tuple(_record(Session, row, "sessions") for row in _rows(folder, "sessions")),
         events=tuple(_record(Event, row, "events") for row in _rows(folder, "events")),
         pages=tuple(_record(Page, row, "pages") for row in _rows(folder, "pages")),
         responses=tuple(_responses(_rows(folder, "answers"))),
-        questionnaires=tuple(_decoded(path, Definition) for path in sorted((folder / "questionnaires").glob("*.json"))),
+        questionnaires=tuple(
+            _decoded(path, Definition)
+            for path in sorted((folder / "questionnaires").glob("*.json"))
+        ),
         plans={path.stem: _plan(path) for path in sorted((folder / "plans").glob("*.json"))},
         states=lambda session: read_numbers(folder, "states", session, columns.STATES),
         network=lambda session: read_numbers(folder, "network", session, columns.NETWORK),
@@ -91,7 +114,10 @@ def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ..
         try:
             return Columns(layout, np.loadtxt(file, delimiter=",", ndmin=2))
         except ValueError as error:
-            raise DatasetError(f"{path.name} holds a cell that is no number, or a line that is too short or too long") from error
+            raise DatasetError(
+                f"{path.name} holds a cell that is no number, or a line that is too short or too"
+                " long"
+            ) from error
 
 
 def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
@@ -101,13 +127,17 @@ def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path.name} cannot be read: {error}") from error
     reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-    lacking = {column.name for column in TABLES[name] if not column.late} - set(reader.fieldnames or ())
+    lacking = {column.name for column in TABLES[name] if not column.late} - set(
+        reader.fieldnames or ()
+    )
     if lacking:
         raise DatasetError(f"{path.name} lacks the columns {', '.join(sorted(lacking))}")
     try:
         for row in reader:
             if None in row or None in row.values():
-                raise DatasetError(f"{path.name}, line {reader.line_num}: too few or too many cells")
+                raise DatasetError(
+                    f"{path.name}, line {reader.line_num}: too few or too many cells"
+                )
             yield {key: cell.removeprefix("'") for key, cell in row.items()}
     except csv.Error as error:
         raise DatasetError(f"{path.name}, line {reader.line_num}: {error}") from error
@@ -115,9 +145,13 @@ def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
 
 def _record(kind: type[Any], row: dict[str, str], name: str) -> Any:
     try:
-        return kind(**{one.name: _value(row[one.name], one.type) for one in fields(kind) if one.name in row})
+        return kind(
+            **{one.name: _value(row[one.name], one.type) for one in fields(kind) if one.name in row}
+        )
     except (ValueError, TypeError) as error:
-        raise DatasetError(f"description-{name}_data.csv: {error} in {dict(list(row.items())[:3])}") from error
+        raise DatasetError(
+            f"description-{name}_data.csv: {error} in {dict(list(row.items())[:3])}"
+        ) from error
 
 
 def _value(cell: str, kind: Any) -> Any:

@@ -1,7 +1,8 @@
-"""A study's records as plain data: all that tables and figures are made of, wherever it was read from.
+"""A study's records as plain data: all that tables and figures are made of, wherever it was read
+from.
 
-States and network samples are numbers in columns, read a session at a time, because those of a thousand sessions do not fit beside
-each other.
+States and network samples are numbers in columns, read a session at a time, because those of a
+thousand sessions do not fit beside each other.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,7 +26,9 @@ WITHHELD = "withheld"  # why a value is missing that was given, and tells who ga
 
 
 class Robot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A robot of the study; `series` is what courses are made for, `facts` are the rows of Table 1, by name."""
+    """A robot of the study; `series` is what courses are made for, `facts` are the rows of Table 1,
+    by name.
+    """
 
     name: str
     title: str
@@ -139,7 +142,9 @@ class Columns:
 
     def __init__(self, layout: tuple[Column, ...], values: Floats) -> None:
         if values.ndim != 2 or values.shape[1] != len(layout):  # noqa: PLR2004 -- rows and columns
-            raise ValueError(f"{len(layout)} columns are expected, not an array of shape {values.shape}")
+            raise ValueError(
+                f"{len(layout)} columns are expected, not an array of shape {values.shape}"
+            )
         self.layout = layout
         self.values = values
         self._at = {column.name: index for index, column in enumerate(layout)}
@@ -167,7 +172,9 @@ NO_NETWORK = columns_of(NETWORK)
 
 @dataclass(frozen=True)
 class Dataset:
-    """A study and all that was recorded of it. `states` and `network` read those of a session, which may have none."""
+    """A study and all that was recorded of it. `states` and `network` read those of a session,
+    which may have none.
+    """
 
     study: Study
     robots: tuple[Robot, ...] = ()
@@ -202,22 +209,40 @@ class Dataset:
 
     def robot(self, name: str) -> Robot:
         """Return a robot; one that the dataset does not describe is called by its name."""
-        return next((one for one in self.robots if one.name == name), Robot(name=name, title=name, series=name))
+        return next(
+            (one for one in self.robots if one.name == name),
+            Robot(name=name, title=name, series=name),
+        )
 
     def course(self, session: Session) -> Course | None:
         """Return what was to be driven in a session."""
         series = self.robot(session.robot).series
-        return next((one for one in self.study.courses if (one.robot, one.site) == (series, session.site)), None)
+        return next(
+            (one for one in self.study.courses if (one.robot, one.site) == (series, session.site)),
+            None,
+        )
 
     def questionnaire(self, name: str) -> Definition | None:
         """Return the newest version of a questionnaire."""
-        return max((one for one in self.questionnaires if one.slug == name), key=lambda one: one.version, default=None)
+        return max(
+            (one for one in self.questionnaires if one.slug == name),
+            key=lambda one: one.version,
+            default=None,
+        )
 
-    def chosen(self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = True) -> "Dataset":
-        """Return the part of it that counts: neither pilots and bots, unless asked for, nor practice; a withdrawn participant keeps only a row."""
+    def chosen(
+        self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = True
+    ) -> "Dataset":
+        """Return the part of it that counts: neither pilots and bots, unless asked for, nor
+        practice; a withdrawn participant keeps only a row.
+        """
         people = tuple(one for one in self.participants if one.kind in kinds)
         known = {one.id for one in people if not one.withdrawn}
-        own = (one for one in self.sessions if one.kind in kinds and one.participant in known and not one.practice)
+        own = (
+            one
+            for one in self.sessions
+            if one.kind in kinds and one.participant in known and not one.practice
+        )
         sessions = tuple(one for one in own if with_excluded or not one.excluded)
         kept = {one.id for one in sessions} | {""}
         return replace(
@@ -225,6 +250,10 @@ class Dataset:
             participants=people,
             sessions=sessions,
             events=tuple(one for one in self.events if one.session in kept),
-            pages=tuple(one for one in self.pages if one.participant in known and one.session in kept),
-            responses=tuple(one for one in self.responses if one.participant in known and one.session in kept),
+            pages=tuple(
+                one for one in self.pages if one.participant in known and one.session in kept
+            ),
+            responses=tuple(
+                one for one in self.responses if one.participant in known and one.session in kept
+            ),
         )

@@ -1,7 +1,9 @@
-"""How every figure looks, and how it becomes a file: the same bytes whenever and wherever the same numbers are drawn.
+"""How every figure looks, and how it becomes a file: the same bytes whenever and wherever the same
+numbers are drawn.
 
-Byte for byte needs three things: no date and no program in the files, ids in SVG that come from a fixed salt, and the font that comes
-with matplotlib. What is drawn carries the name of what is behind it (`gid`), which an SVG keeps as its `id`, so that a page can open it.
+Byte for byte needs three things: no date and no program in the files, ids in SVG that come from a
+fixed salt, and the font that comes with matplotlib. What is drawn carries the name of what is
+behind it (`gid`), which an SVG keeps as its `id`, so that a page can open it.
 """
 
 import io
@@ -17,22 +19,48 @@ from matplotlib.figure import Figure
 from experiments.analysis.tables.table import Table
 
 WIDTH = 7.0  # inches: a page's two columns
-# Colours that those who cannot tell red from green tell apart (after ColorBrewer's RdBu, Brewer et al., 2003).
-SCALE = {5: ("#b2182b", "#ef8a62", "#c8c8c8", "#67a9cf", "#2166ac"), 7: ("#b2182b", "#ef8a62", "#fddbc7", "#c8c8c8", "#d1e5f0", "#67a9cf", "#2166ac")}
+# Colours that those who cannot tell red from green tell apart (after ColorBrewer's RdBu, Brewer et
+# al., 2003).
+SCALE = {
+    5: ("#b2182b", "#ef8a62", "#c8c8c8", "#67a9cf", "#2166ac"),
+    7: ("#b2182b", "#ef8a62", "#fddbc7", "#c8c8c8", "#d1e5f0", "#67a9cf", "#2166ac"),
+}
 ROBOTS = ("#1b9e4b", "#d62728", "#1f77b4", "#9467bd", "#8c564b", "#e377c2")
 INK, WALL, FLOOR, FAINT = "#222222", "#4d4d4d", "#f7f5f0", "#b9b9b9"
 _STYLE = {
-    "svg.hashsalt": "telepresence", "svg.fonttype": "path", "pdf.fonttype": 42, "font.family": ["DejaVu Sans"], "font.size": 8.0,
-    "axes.titlesize": 9.0, "axes.linewidth": 0.6, "axes.edgecolor": INK, "text.color": INK, "axes.labelcolor": INK, "xtick.color": INK,
-    "ytick.color": INK, "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False, "legend.fontsize": 7.5, "path.simplify": True,
-    "path.simplify_threshold": 0.5, "axes.spines.top": False, "axes.spines.right": False, "figure.dpi": 100.0, "savefig.dpi": 200.0,
-    "axes.unicode_minus": True, "text.usetex": False, "mathtext.fontset": "dejavusans",
-}  # fmt: skip
+    "svg.hashsalt": "telepresence",
+    "svg.fonttype": "path",
+    "pdf.fonttype": 42,
+    "font.family": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "axes.titlesize": 9.0,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": INK,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.dpi": 100.0,
+    "savefig.dpi": 200.0,
+    "axes.unicode_minus": True,
+    "text.usetex": False,
+    "mathtext.fontset": "dejavusans",
+}
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure with a name for its files, what it says, the numbers it was drawn from, and the sessions behind each `gid`."""
+    """A figure with a name for its files, what it says, the numbers it was drawn from, and the
+    sessions behind each `gid`.
+    """
 
     name: str
     title: str
@@ -41,8 +69,13 @@ class Drawing:
     behind: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_ONE_AT_A_TIME = threading.RLock()  # matplotlib's settings are the process's, and pages draw in threads
-_PLAIN = {key: value for key, value in rcParamsDefault.items() if not key.startswith(("backend", "webagg", "toolbar"))}
+# matplotlib's settings are the process's, and pages draw in threads
+_ONE_AT_A_TIME = threading.RLock()
+_PLAIN = {
+    key: value
+    for key, value in rcParamsDefault.items()
+    if not key.startswith(("backend", "webagg", "toolbar"))
+}
 
 
 @contextmanager
@@ -60,7 +93,11 @@ def as_svg(drawing: Drawing) -> bytes:
 
 def as_pdf(drawing: Drawing) -> bytes:
     """Return a figure as PDF."""
-    return _saved(drawing, "pdf", {"CreationDate": None, "Creator": None, "Producer": None, "Title": drawing.title})
+    return _saved(
+        drawing,
+        "pdf",
+        {"CreationDate": None, "Creator": None, "Producer": None, "Title": drawing.title},
+    )
 
 
 def _saved(drawing: Drawing, kind: str, metadata: dict[str, str | None]) -> bytes:

@@ -19,13 +19,41 @@ LONGEST_STEP = 1.0  # m: a line is not drawn between places that are farther apa
 def draw_plan(axes: Axes, plan: FloorPlan, *, furniture: bool = True) -> None:
     """Draw a plan in metres, as seen from above, without ticks."""
     for room in plan.rooms:
-        axes.add_patch(Polygon(room.polygon, closed=True, facecolor=FLOOR, edgecolor="none", zorder=0))
+        axes.add_patch(
+            Polygon(room.polygon, closed=True, facecolor=FLOOR, edgecolor="none", zorder=0)
+        )
     for opening in plan.openings:
-        axes.add_patch(Polygon(bar(opening.start, opening.end, opening.thickness), closed=True, facecolor=FLOOR, edgecolor="none", zorder=0))
+        axes.add_patch(
+            Polygon(
+                bar(opening.start, opening.end, opening.thickness),
+                closed=True,
+                facecolor=FLOOR,
+                edgecolor="none",
+                zorder=0,
+            )
+        )
     for piece in plan.furniture if furniture else ():
-        axes.add_patch(_thing(piece.x, piece.y, piece.theta, piece.width, piece.depth, cylinder=piece.shape == "cylinder"))
+        axes.add_patch(
+            _thing(
+                piece.x,
+                piece.y,
+                piece.theta,
+                piece.width,
+                piece.depth,
+                cylinder=piece.shape == "cylinder",
+            )
+        )
     for wall in plan.walls:
-        axes.add_patch(Polygon(bar(wall.start, wall.end, wall.thickness), closed=True, facecolor=WALL, edgecolor=WALL, linewidth=0.4, zorder=3))
+        axes.add_patch(
+            Polygon(
+                bar(wall.start, wall.end, wall.thickness),
+                closed=True,
+                facecolor=WALL,
+                edgecolor=WALL,
+                linewidth=0.4,
+                zorder=3,
+            )
+        )
     for door in plan.doors:
         _door(axes, door)
     for mirror in plan.mirrors:
@@ -38,14 +66,21 @@ def draw_plan(axes: Axes, plan: FloorPlan, *, furniture: bool = True) -> None:
     axes.axis("off")
 
 
-def _thing(x: float, y: float, theta: float, width: float, depth: float, *, cylinder: bool) -> Polygon:
+def _thing(
+    x: float, y: float, theta: float, width: float, depth: float, *, cylinder: bool
+) -> Polygon:
     turns = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
     outline = np.column_stack((np.cos(turns), np.sin(turns))) * width / 2.0
     if not cylinder:
         outline = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (width / 2.0, depth / 2.0)
     cosine, sine = math.cos(theta), math.sin(theta)
     return Polygon(
-        outline @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y), closed=True, facecolor="#e6e2d8", edgecolor=FAINT, linewidth=0.4, zorder=1
+        outline @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y),
+        closed=True,
+        facecolor="#e6e2d8",
+        edgecolor=FAINT,
+        linewidth=0.4,
+        zorder=1,
     )
 
 
@@ -54,8 +89,16 @@ def _door(axes: Axes, door: Door) -> None:
     (x, y), (u, v) = door.start, door.end
     width, closed = math.hypot(u - x, v - y), math.atan2(v - y, u - x)
     sweep = closed + np.linspace(0.0, door.swing, 20)
-    axes.plot(x + width * np.cos(sweep), y + width * np.sin(sweep), color=FAINT, linewidth=0.5, zorder=2)
-    axes.plot([x, x + width * math.cos(sweep[-1])], [y, y + width * math.sin(sweep[-1])], color=WALL, linewidth=1.0, zorder=2)
+    axes.plot(
+        x + width * np.cos(sweep), y + width * np.sin(sweep), color=FAINT, linewidth=0.5, zorder=2
+    )
+    axes.plot(
+        [x, x + width * math.cos(sweep[-1])],
+        [y, y + width * math.sin(sweep[-1])],
+        color=WALL,
+        linewidth=1.0,
+        zorder=2,
+    )
 
 
 def _mirror(axes: Axes, mirror: Mirror) -> None:
@@ -66,25 +109,71 @@ def _mirror(axes: Axes, mirror: Mirror) -> None:
 def draw_dock(axes: Axes, dock: Dock, label: str, colour: str) -> None:
     """Draw a charging station and its robot's name beside it."""
     station = dock.station
-    x, y = dock.x + station.distance * math.cos(dock.theta), dock.y + station.distance * math.sin(dock.theta)
+    x, y = (
+        dock.x + station.distance * math.cos(dock.theta),
+        dock.y + station.distance * math.sin(dock.theta),
+    )
     turned = math.degrees(dock.theta)
-    box = Rectangle((x, y - station.width / 2.0), station.depth, station.width, angle=turned, rotation_point=(x, y), facecolor=colour, zorder=4)
+    box = Rectangle(
+        (x, y - station.width / 2.0),
+        station.depth,
+        station.width,
+        angle=turned,
+        rotation_point=(x, y),
+        facecolor=colour,
+        zorder=4,
+    )
     axes.add_patch(box)
     back = 0.45
     where = (dock.x - back * math.cos(dock.theta), dock.y - back * math.sin(dock.theta) - 0.45)
-    box_style = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-    axes.annotate(label, where, ha="center", va="center", fontsize=7, color=colour, fontweight="bold", zorder=7, bbox=box_style)
+    box_style = {
+        "boxstyle": "square,pad=0.15",
+        "facecolor": "white",
+        "edgecolor": "none",
+        "alpha": 0.75,
+    }
+    axes.annotate(
+        label,
+        where,
+        ha="center",
+        va="center",
+        fontsize=7,
+        color=colour,
+        fontweight="bold",
+        zorder=7,
+        bbox=box_style,
+    )
 
 
-def draw_checkpoint(axes: Axes, stop: Checkpoint, colour: str, *, shift: tuple[float, float] = (0.0, 0.0)) -> None:
+def draw_checkpoint(
+    axes: Axes, stop: Checkpoint, colour: str, *, shift: tuple[float, float] = (0.0, 0.0)
+) -> None:
     """Draw a checkpoint as a disc with its number."""
     x, y = stop.x + shift[0], stop.y + shift[1]
-    axes.plot([x], [y], marker="o", markersize=9, markerfacecolor="white", markeredgecolor=colour, markeredgewidth=1.1, zorder=6)
-    axes.annotate(str(stop.number), (x, y), ha="center", va="center_baseline", fontsize=6.5, color=INK, zorder=7)
+    axes.plot(
+        [x],
+        [y],
+        marker="o",
+        markersize=9,
+        markerfacecolor="white",
+        markeredgecolor=colour,
+        markeredgewidth=1.1,
+        zorder=6,
+    )
+    axes.annotate(
+        str(stop.number),
+        (x, y),
+        ha="center",
+        va="center_baseline",
+        fontsize=6.5,
+        color=INK,
+        zorder=7,
+    )
 
 
 def thinned(way: Floats, tolerance: float = 0.02) -> Floats:
-    """Return points of a way, (n, 2), from whose line no other is farther than the tolerance in metres (Ramer, 1972; Douglas and Peucker, 1973).
+    """Return points of a way, (n, 2), from whose line no other is farther than the tolerance in
+    metres (Ramer, 1972; Douglas and Peucker, 1973).
 
     Where a way jumps by more than LONGEST_STEP, both ends are kept with a row of NaN between them.
     """
@@ -113,6 +202,8 @@ def _off_the_line(points: Floats, start: Floats, end: Floats) -> Floats:
     """Distances of points, (n, 2), from the straight piece between two."""
     along = end - start
     length = float(along @ along)
-    share = np.clip((points - start) @ along / length, 0.0, 1.0) if length else np.zeros(len(points))
+    share = (
+        np.clip((points - start) @ along / length, 0.0, 1.0) if length else np.zeros(len(points))
+    )
     off = points - start - share[:, None] * along
     return np.hypot(off[:, 0], off[:, 1])

@@ -1,4 +1,6 @@
-"""Figure 8 of the paper: the final questionnaire as bars. (a) the length is the mean, the colours are shares; (b) all are 100 %."""
+"""Figure 8 of the paper: the final questionnaire as bars. (a) the length is the mean, the colours
+are shares; (b) all are 100 %.
+"""
 
 from collections.abc import Sequence
 
@@ -9,7 +11,14 @@ from matplotlib.patches import Patch
 from experiments.analysis.dataset.records import Dataset, Response
 from experiments.analysis.figures.drawing import FAINT, INK, SCALE, WIDTH, Drawing, house_style
 from experiments.analysis.statistics.descriptive import shares
-from experiments.analysis.tables.paper_tables import behind, label_of, lines_of, said, scale_of, signed
+from experiments.analysis.tables.paper_tables import (
+    behind,
+    label_of,
+    lines_of,
+    said,
+    scale_of,
+    signed,
+)
 from experiments.analysis.tables.response_selection import note
 from experiments.analysis.tables.table import Cell, Table, count, number, words
 from surveys.results import Line
@@ -22,10 +31,15 @@ Behind = dict[str, tuple[str, ...]]
 
 
 def figure_8a(dataset: Dataset) -> Drawing:
-    """Return a bar a row of Table 5, as long as its mean, coloured by the shares of the scale's values."""
+    """Return a bar a row of Table 5, as long as its mean, coloured by the shares of the scale's
+    values.
+    """
     lines, responses = lines_of(dataset)
     scale = scale_of(dataset)
-    title = "Final questionnaire: bar lengths are the mean value, stacked colours the rate of answers per scale value."
+    title = (
+        "Final questionnaire: bar lengths are the mean value, stacked colours the rate of answers"
+        " per scale value."
+    )
     found: Behind = {}
     with house_style():
         figure, axes = _canvas(lines)
@@ -34,14 +48,30 @@ def figure_8a(dataset: Dataset) -> Drawing:
         if lines:
             low = min(0.0, *(line.summary.mean or 0.0 for line in lines))
             axes.set_xlim(float(scale[0]) if low < 0.0 else 0.0, float(scale[-1]))
-            axes.set_xticks([value for value in scale if value >= 0 or low < 0.0], [signed(v) for v in scale if v >= 0 or low < 0.0])
+            axes.set_xticks(
+                [value for value in scale if value >= 0 or low < 0.0],
+                [signed(v) for v in scale if v >= 0 or low < 0.0],
+            )
             axes.axvline(0.0, color=INK, linewidth=0.6)
-            axes.set_xlabel(f"mean of participants' answers ({signed(scale[0])} to {signed(scale[-1])})")
-            handles = [Patch(color=colour, label=_legend(dataset, value)) for value, colour in zip(scale, _colours(scale), strict=True)]
-            figure.legend(handles=handles, loc="outside lower center", ncols=len(scale), handlelength=1.0)
+            axes.set_xlabel(
+                f"mean of participants' answers ({signed(scale[0])} to {signed(scale[-1])})"
+            )
+            handles = [
+                Patch(color=colour, label=_legend(dataset, value))
+                for value, colour in zip(scale, _colours(scale), strict=True)
+            ]
+            figure.legend(
+                handles=handles, loc="outside lower center", ncols=len(scale), handlelength=1.0
+            )
     rows = tuple(_numbers(line, responses, scale) for line in lines)
     head = ("", "n", "mean", *(f"% {signed(value)}" for value in scale))
-    return Drawing("figure-8a", title, figure, Table("figure-8a", title, head, rows, (note(dataset, responses),)), found)
+    return Drawing(
+        "figure-8a",
+        title,
+        figure,
+        Table("figure-8a", title, head, rows, (note(dataset, responses),)),
+        found,
+    )
 
 
 def figure_8b(dataset: Dataset) -> Drawing:
@@ -55,19 +85,37 @@ def figure_8b(dataset: Dataset) -> Drawing:
         figure, axes = _canvas(lines)
         for at, line in enumerate(lines):
             parts = _balance(line)
-            groups = [value for value in scale if value <= 0], [value for value in scale if value > 0]
+            groups = (
+                [value for value in scale if value <= 0],
+                [value for value in scale if value > 0],
+            )
             printed = (number(part, 1) for part in parts or (None, None))
-            rows.append((words(label_of(line)), count(line.summary.respondents, behind(line, responses)), *printed))
+            rows.append(
+                (
+                    words(label_of(line)),
+                    count(line.summary.respondents, behind(line, responses)),
+                    *printed,
+                )
+            )
             for side, values in enumerate(groups):
                 if parts:
                     found[_half(axes, at, line, parts, side)] = said(line, responses, values)
         if lines:
             axes.set_xlim(0.0, 100.0)
             axes.set_xlabel("% of the answers")
-            handles = [Patch(color=NEGATIVE, label="non-positive"), Patch(color=POSITIVE, label="positive")]
+            handles = [
+                Patch(color=NEGATIVE, label="non-positive"),
+                Patch(color=POSITIVE, label="positive"),
+            ]
             figure.legend(handles=handles, loc="outside lower center", ncols=2, handlelength=1.0)
     head = ("", "n", "non-positive (%)", "positive (%)")
-    return Drawing("figure-8b", title, figure, Table("figure-8b", title, head, tuple(rows), (note(dataset, responses),)), found)
+    return Drawing(
+        "figure-8b",
+        title,
+        figure,
+        Table("figure-8b", title, head, tuple(rows), (note(dataset, responses),)),
+        found,
+    )
 
 
 def _half(axes: Axes, at: int, line: Line, parts: Sequence[float], side: int) -> str:
@@ -76,7 +124,15 @@ def _half(axes: Axes, at: int, line: Line, parts: Sequence[float], side: int) ->
     left, share = (0.0, parts[0])[side], parts[side]
     axes.barh(at, share, BAR, left=left, color=(NEGATIVE, POSITIVE)[side])[0].set_gid(key)
     if share >= LEAST_LABELLED:
-        axes.text(left + share / 2.0, at, f"{share:.0f}", ha="center", va="center", fontsize=7, color="white")
+        axes.text(
+            left + share / 2.0,
+            at,
+            f"{share:.0f}",
+            ha="center",
+            va="center",
+            fontsize=7,
+            color="white",
+        )
     return key
 
 
@@ -85,7 +141,14 @@ def _canvas(lines: Sequence[Line]) -> tuple[Figure, Axes]:
     axes: Axes = figure.subplots()
     if not lines:
         axes.axis("off")
-        axes.text(0.5, 0.5, "There is no questionnaire of statements.", ha="center", va="center", transform=axes.transAxes)
+        axes.text(
+            0.5,
+            0.5,
+            "There is no questionnaire of statements.",
+            ha="center",
+            va="center",
+            transform=axes.transAxes,
+        )
         return figure, axes
     axes.set_yticks(range(len(lines)), [label_of(line) for line in lines])
     axes.set_ylim(len(lines) - 0.4, -0.6)
@@ -98,7 +161,9 @@ def _canvas(lines: Sequence[Line]) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _stack(axes: Axes, at: int, line: Line, responses: Sequence[Response], scale: Sequence[int]) -> Behind:
+def _stack(
+    axes: Axes, at: int, line: Line, responses: Sequence[Response], scale: Sequence[int]
+) -> Behind:
     mean, parts = line.summary.mean, line.summary.percentages
     if mean is None or parts is None:
         axes.text(0.02, at, "no answers", va="center", fontsize=7, color=INK)
@@ -117,7 +182,15 @@ def _stack(axes: Axes, at: int, line: Line, responses: Sequence[Response], scale
 
 def _beside(axes: Axes, text: str, where: tuple[float, float], side: int) -> None:
     """Write a number beyond the end of a bar: side 1 is right of it, -1 left."""
-    axes.annotate(text, where, (4 * side, 0), textcoords="offset points", va="center", ha="left" if side > 0 else "right", fontsize=7)
+    axes.annotate(
+        text,
+        where,
+        (4 * side, 0),
+        textcoords="offset points",
+        va="center",
+        ha="left" if side > 0 else "right",
+        fontsize=7,
+    )
 
 
 def _balance(line: Line) -> tuple[float, ...] | None:
@@ -139,11 +212,15 @@ def _numbers(line: Line, responses: Sequence[Response], scale: Sequence[int]) ->
 
 
 def _colours(scale: Sequence[int]) -> tuple[str, ...]:
-    return SCALE.get(len(scale)) or tuple(SCALE[5][round(index * 4 / max(1, len(scale) - 1))] for index in range(len(scale)))
+    return SCALE.get(len(scale)) or tuple(
+        SCALE[5][round(index * 4 / max(1, len(scale) - 1))] for index in range(len(scale))
+    )
 
 
 def _legend(dataset: Dataset, value: int) -> str:
     definition = dataset.questionnaire(dataset.study.analysis.statements)
-    points = next((one.points for one in definition.questions() if one.points), ()) if definition else ()
+    points = (
+        next((one.points for one in definition.questions() if one.points), ()) if definition else ()
+    )
     label = next((dataset.say(point.label) for point in points if point.value == value), "")
     return f"{signed(value)} {label}".strip()

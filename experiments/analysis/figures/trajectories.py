@@ -1,4 +1,6 @@
-"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories that were driven, a panel a robot."""
+"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories that
+were driven, a panel a robot.
+"""
 
 from collections.abc import Sequence
 
@@ -30,9 +32,21 @@ def figure_6(dataset: Dataset, site: str) -> Drawing:
         for index, course in enumerate(courses):
             _draw_course(axes, dataset, course, index)
         if courses:
-            figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, handlelength=3.0)
+            figure.legend(
+                *axes.get_legend_handles_labels(),
+                loc="outside lower center",
+                ncols=3,
+                handlelength=3.0,
+            )
     rows = tuple(
-        (words(course.robot), words(site), words("checkpoint"), count(stop.number), number(stop.x), number(stop.y))
+        (
+            words(course.robot),
+            words(site),
+            words("checkpoint"),
+            count(stop.number),
+            number(stop.x),
+            number(stop.y),
+        )
         for course in courses
         for stop in course.checkpoints
     ) + tuple(
@@ -40,13 +54,20 @@ def figure_6(dataset: Dataset, site: str) -> Drawing:
         for course in courses
         for index, (x, y) in enumerate(course.path)
     )
-    return Drawing(f"figure-6-{site}", title, figure, Table(f"figure-6-{site}", title, ("robot", "site", "what", "number", "x", "y"), rows))
+    return Drawing(
+        f"figure-6-{site}",
+        title,
+        figure,
+        Table(f"figure-6-{site}", title, ("robot", "site", "what", "number", "x", "y"), rows),
+    )
 
 
 def _draw_course(axes: Axes, dataset: Dataset, course: Course, index: int) -> None:
     colour, dash = ROBOTS[index % len(ROBOTS)], DASHES[index % len(DASHES)]
     name = next((one.title for one in dataset.robots if one.series == course.robot), course.robot)
-    points = np.array(course.path or [(stop.x, stop.y) for stop in (*course.checkpoints, course.checkpoints[0])])
+    points = np.array(
+        course.path or [(stop.x, stop.y) for stop in (*course.checkpoints, course.checkpoints[0])]
+    )
     axes.plot(
         points[:, 0],
         points[:, 1],
@@ -66,11 +87,15 @@ def _draw_course(axes: Axes, dataset: Dataset, course: Course, index: int) -> No
 
 
 def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
-    """Return all trajectories over the floor plan, a panel a robot and site; one robot or none is a figure as well."""
+    """Return all trajectories over the floor plan, a panel a robot and site; one robot or none is a
+    figure as well.
+    """
     known = [(course.site, course.robot) for course in dataset.study.courses]
     series = {one.session.id: dataset.robot(one.session.robot).series for one in measured}
     driven = {(one.session.site, series[one.session.id]) for one in measured if len(one.way)}
-    panels = [panel for panel in known if panel in driven] + sorted(driven - set(known)) or known[:1]
+    panels = [panel for panel in known if panel in driven] + sorted(driven - set(known)) or known[
+        :1
+    ]
     title = "Trajectories followed by the robots."
     behind: dict[str, tuple[str, ...]] = {}
     ways = {one.session.id: thinned(one.way) for one in measured}
@@ -79,27 +104,66 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
         figure = Figure(figsize=(WIDTH, height), layout="constrained")
         axes = figure.subplots(max(1, len(panels)), 1, squeeze=False)[:, 0]
         for index, ((site, robot), panel) in enumerate(zip(panels, axes, strict=False)):
-            own = [found for found in measured if (found.session.site, series[found.session.id]) == (site, robot) and len(found.way)]
-            behind |= _draw_panel(panel, dataset, [(one, ways[one.session.id]) for one in own], (site, robot), PANELS[index % len(PANELS)])
+            own = [
+                found
+                for found in measured
+                if (found.session.site, series[found.session.id]) == (site, robot)
+                and len(found.way)
+            ]
+            behind |= _draw_panel(
+                panel,
+                dataset,
+                [(one, ways[one.session.id]) for one in own],
+                (site, robot),
+                PANELS[index % len(PANELS)],
+            )
         if not panels:
             axes[0].axis("off")
     rows = tuple(
-        (words(one.session.id, (one.session.id,)), words(one.session.robot), words(one.session.outcome), number(float(x), 3), number(float(y), 3))
+        (
+            words(one.session.id, (one.session.id,)),
+            words(one.session.robot),
+            words(one.session.outcome),
+            number(float(x), 3),
+            number(float(y), 3),
+        )
         for one in measured
         for x, y in ways[one.session.id].tolist()
     )
-    return Drawing("figure-7", title, figure, Table("figure-7", title, ("session", "robot", "outcome", "x", "y"), rows), behind)
+    return Drawing(
+        "figure-7",
+        title,
+        figure,
+        Table("figure-7", title, ("session", "robot", "outcome", "x", "y"), rows),
+        behind,
+    )
 
 
 def _draw_panel(
-    axes: Axes, dataset: Dataset, own: Sequence[tuple[Measured, Floats]], where: tuple[str, str], letter: str
+    axes: Axes,
+    dataset: Dataset,
+    own: Sequence[tuple[Measured, Floats]],
+    where: tuple[str, str],
+    letter: str,
 ) -> dict[str, tuple[str, ...]]:
     site, robot = where
     if site in dataset.plans:
         draw_plan(axes, dataset.plans[site], furniture=False)
-    colour = ROBOTS[[one.series for one in dataset.robots].index(robot) % len(ROBOTS) if robot in {one.series for one in dataset.robots} else 0]
+    colour = ROBOTS[
+        [one.series for one in dataset.robots].index(robot) % len(ROBOTS)
+        if robot in {one.series for one in dataset.robots}
+        else 0
+    ]
     for found, way in own:
-        axes.plot(way[:, 0], way[:, 1], color=colour, linewidth=0.5, alpha=_faintness(len(own)), zorder=2.5, gid=f"session-{found.session.id}")
+        axes.plot(
+            way[:, 0],
+            way[:, 1],
+            color=colour,
+            linewidth=0.5,
+            alpha=_faintness(len(own)),
+            zorder=2.5,
+            gid=f"session-{found.session.id}",
+        )
     course = next((one for one in dataset.study.courses if (one.site, one.robot) == where), None)
     for stop in course.checkpoints if course else ():
         draw_checkpoint(axes, stop, INK)

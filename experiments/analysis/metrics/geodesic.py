@@ -1,7 +1,8 @@
 """The shortest way that a robot could have driven: what its own way is compared with.
 
-Not the navigation's planner, which keeps away from walls and pays for it: here every metre counts. Dijkstra over the cells that are a
-robot's radius from everything, with the steps of a chess knight beside those of a king, so that a straight line is at most 3 % too long.
+Not the navigation's planner, which keeps away from walls and pays for it: here every metre counts.
+Dijkstra over the cells that are a robot's radius from everything, with the steps of a chess knight
+beside those of a king, so that a straight line is at most 3 % too long.
 """
 
 import math
@@ -29,7 +30,11 @@ class Ways:
     """The shortest ways on one plan with some doors closed."""
 
     def __init__(self, plan: FloorPlan, closed: Iterable[str] = ()) -> None:
-        leaves = tuple(Wall(start=door.start, end=door.end, thickness=door.thickness) for door in plan.doors if door.name in set(closed))
+        leaves = tuple(
+            Wall(start=door.start, end=door.end, thickness=door.thickness)
+            for door in plan.doors
+            if door.name in set(closed)
+        )
         # The body of a charging station is where the robot docks, not in its way.
         grid = rasterise(msgspec.structs.replace(plan, walls=(*plan.walls, *leaves), docks=()))
         self._resolution = grid.transform.resolution
@@ -37,13 +42,20 @@ class Ways:
         self._node = np.full(self._free.shape, -1, dtype=np.intp)
         self._node[self._free] = np.arange(int(self._free.sum()))
         rows, columns = np.nonzero(self._free)
-        self._places = np.array([grid.transform.to_world(c + 0.5, r + 0.5) for r, c in zip(rows.tolist(), columns.tolist(), strict=True)])
+        self._places = np.array(
+            [
+                grid.transform.to_world(c + 0.5, r + 0.5)
+                for r, c in zip(rows.tolist(), columns.tolist(), strict=True)
+            ]
+        )
         self._places = self._places.reshape(-1, 2)
         self._tree = KDTree(self._places)
         self._graph = self._edges()
 
     def to(self, goal: Point) -> Floats:
-        """Return the length in metres of the shortest way to a goal from every place, and a NaN behind them; NaN where there is none."""
+        """Return the length in metres of the shortest way to a goal from every place, and a NaN
+        behind them; NaN where there is none.
+        """
         node = self.nearest(goal)
         if node < 0:
             return np.full(len(self._places) + 1, np.nan)
@@ -65,7 +77,10 @@ class Ways:
             ends.append(there[both])
             lengths.append(np.full(int(both.sum()), math.hypot(down, right) * self._resolution))
         size = len(self._places)
-        return csr_matrix((np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))), shape=(size, size))
+        return csr_matrix(
+            (np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))),
+            shape=(size, size),
+        )
 
 
 @lru_cache(maxsize=32)
@@ -80,10 +95,11 @@ def _to(plan: FloorPlan, closed: frozenset[str], goal: Point) -> Floats:
 
 
 def nearer(plan: FloorPlan, closed: frozenset[str], goal: Point, start: Point, end: Point) -> float:
-    """Return by how many metres the shortest way to a goal is shorter from `end` than from `start`; NaN when there is none.
+    """Return by how many metres the shortest way to a goal is shorter from `end` than from `start`;
+    NaN when there is none.
 
-    By the triangle inequality nobody gets from start to end in less. A checkpoint is passed at its rim: what is left to its middle
-    need not be driven, and does not count.
+    By the triangle inequality nobody gets from start to end in less. A checkpoint is passed at its
+    rim: what is left to its middle need not be driven, and does not count.
     """
     lengths, places = _to(plan, closed, goal), ways(plan, closed)
     return float(lengths[places.nearest(start)] - lengths[places.nearest(end)])

@@ -1,4 +1,6 @@
-"""When a session came how far: first picture, first motion, checkpoints, the dock. From events, which the task engine made."""
+"""When a session came how far: first picture, first motion, checkpoints, the dock. From events,
+which the task engine made.
+"""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -18,7 +20,9 @@ NEAR_DOCK, OFF_DOCK = 0.8, 1.1  # m: coming nearer is an attempt to dock, going 
 
 @dataclass(frozen=True)
 class Milestones:
-    """Times in the session's seconds, NaN for what never came. `checkpoints` has those after the charging station, by number."""
+    """Times in the session's seconds, NaN for what never came. `checkpoints` has those after the
+    charging station, by number.
+    """
 
     start: float = math.nan
     motion: float = math.nan
@@ -34,16 +38,28 @@ class Milestones:
 
 
 def milestones(session: Session, events: Iterable[Event], course: Course | None) -> Milestones:
-    """Return when a session came how far, from its own events; docking counts once every checkpoint was passed."""
+    """Return when a session came how far, from its own events; docking counts once every checkpoint
+    was passed.
+    """
     own = sorted((event for event in events if event.source == TASK), key=lambda event: event.stamp)
     passed: dict[int, float] = {}
     for event in own:
         number = event.data.get("number")
         if event.type == CHECKPOINT and isinstance(number, int) and number > 0:
             passed.setdefault(number, event.stamp)
-    wanted = [stop.number for stop in course.checkpoints if stop.number > 0] if course is not None else []
-    ready = max((passed[number] for number in wanted), default=-math.inf) if set(wanted) <= set(passed) else math.nan
-    docked = next((event.stamp for event in own if event.type == DOCKED and event.stamp >= ready), math.nan)
+    wanted = (
+        [stop.number for stop in course.checkpoints if stop.number > 0]
+        if course is not None
+        else []
+    )
+    ready = (
+        max((passed[number] for number in wanted), default=-math.inf)
+        if set(wanted) <= set(passed)
+        else math.nan
+    )
+    docked = next(
+        (event.stamp for event in own if event.type == DOCKED and event.stamp >= ready), math.nan
+    )
     photo = next((event.stamp for event in own if event.type == PHOTO_KEPT), math.nan)
     start = next((event.stamp for event in own if event.type == STARTED), session.first_frame)
     end = next((event.stamp for event in own if event.type == ENDED), session.ended)

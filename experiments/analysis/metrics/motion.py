@@ -1,6 +1,8 @@
-"""What a robot did, from its states: how far, how fast, how often it stood, how close it came to things. Pure arrays.
+"""What a robot did, from its states: how far, how fast, how often it stood, how close it came to
+things. Pure arrays.
 
-Durations come from the robot's own clock within one run of its agent, because clocks of two machines drift apart.
+Durations come from the robot's own clock within one run of its agent, because clocks of two
+machines drift apart.
 """
 
 import math
@@ -17,14 +19,17 @@ STANDING, GOING = 0.02, 0.05  # m/s
 TURNING = 0.05  # rad/s
 STOP_SECONDS = 1.0
 NEAR, CLEAR = 0.20, 0.25  # m: nearer begins a near-collision, farther ends it
-JUMP_SPEED, JUMP_SLACK = 2.5, 0.5  # m/s, m: a robot that moves farther between two states found itself somewhere else
+# m/s, m: a robot that moves farther between two states found itself somewhere else
+JUMP_SPEED, JUMP_SLACK = 2.5, 0.5
 GAP_SECONDS = 1.0  # longer without a state is a gap
 Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Track:
-    """States of a session, or of a part of it: `at` is each state's time by the server's clock, `lasts` how long it held; gaps hold nothing."""
+    """States of a session, or of a part of it: `at` is each state's time by the server's clock,
+    `lasts` how long it held; gaps hold nothing.
+    """
 
     states: Columns
     at: Floats
@@ -43,25 +48,35 @@ class Track:
     def between(self, start: float, end: float) -> "Track":
         """Return the part from one time to another; a bound that is NaN bounds nothing."""
         inside = ~(self.at < start) & ~(self.at > end)
-        return Track(Columns(self.states.layout, self.states.values[inside]), self.at[inside], self.lasts[inside])
+        return Track(
+            Columns(self.states.layout, self.states.values[inside]),
+            self.at[inside],
+            self.lasts[inside],
+        )
 
     def __len__(self) -> int:
         return len(self.states)
 
     def gaps(self) -> Floats:
-        """Return the lengths of the holes between its states in seconds, those longer than GAP_SECONDS."""
+        """Return the lengths of the holes between its states in seconds, those longer than
+        GAP_SECONDS.
+        """
         steps = np.diff(self.at)
         return steps[steps > GAP_SECONDS]
 
     def rate(self) -> float:
-        """Return how many states there were a second, from the first to the last; NaN with fewer than two."""
+        """Return how many states there were a second, from the first to the last; NaN with fewer
+        than two.
+        """
         seconds = float(self.at[-1] - self.at[0]) if len(self) > 1 else 0.0
         return (len(self) - 1) / seconds if seconds > 0.0 else math.nan
 
 
 @dataclass(frozen=True)
 class Drive:
-    """How a robot was driven: metres, seconds, radians, m/s. `jumps` are places that it did not drive to."""
+    """How a robot was driven: metres, seconds, radians, m/s. `jumps` are places that it did not
+    drive to.
+    """
 
     path: float
     rotation: float
@@ -158,7 +173,9 @@ def _stops(speed: Floats, at: Floats) -> int:
 
 
 def _near(clearance: Floats) -> tuple[Bools, int]:
-    """Return where the robot was near something, (n,), and how often that began; an unknown clearance changes nothing."""
+    """Return where the robot was near something, (n,), and how often that began; an unknown
+    clearance changes nothing.
+    """
     told = np.where(clearance < NEAR, 1, np.where(clearance > CLEAR, 0, -1))
     told[0:1] = np.maximum(told[0:1], 0)
     held = np.maximum.accumulate(np.where(told >= 0, np.arange(len(told)), 0))

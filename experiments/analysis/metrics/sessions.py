@@ -1,7 +1,7 @@
 """What a session was like in numbers, and each of its segments from checkpoint to checkpoint.
 
-METRICS names them with unit and meaning; `version` changes with any definition, so that numbers of two releases are not mixed.
-A number that cannot be known is NaN, never zero.
+METRICS names them with unit and meaning; `version` changes with any definition, so that numbers of
+two releases are not mixed. A number that cannot be known is NaN, never zero.
 """
 
 import math
@@ -23,12 +23,22 @@ Values = dict[str, float]
 DRIVING = (
     Column("path", "m", "way driven, by the position on the map, with a dead band of 1 cm"),
     Column("odometer", "m", "way driven, by the wheels"),
-    Column("shortest", "m", "how much the shortest ways to the checkpoints became shorter, with the doors as they were"),
-    Column("efficiency", "", "that, divided by the way driven in the segments that were finished: 1 is the shortest way"),
+    Column(
+        "shortest",
+        "m",
+        "how much the shortest ways to the checkpoints became shorter, with the doors as they were",
+    ),
+    Column(
+        "efficiency",
+        "",
+        "that, divided by the way driven in the segments that were finished: 1 is the shortest way",
+    ),
     Column("speed", "m/s", "mean speed over all of the time"),
     Column("moving_speed", "m/s", "mean speed while the robot moved"),
     Column("rotation", "rad", "how far the robot turned, left and right added"),
-    Column("stops", "", "times it stood for 1 s (below 0.02 m/s) after it went faster than 0.05 m/s"),
+    Column(
+        "stops", "", "times it stood for 1 s (below 0.02 m/s) after it went faster than 0.05 m/s"
+    ),
     Column("idle", "s", "time without moving or turning"),
     Column("collisions", "", "collisions that began"),
     Column("near_collisions", "", "times something came nearer than 0.20 m; over at 0.25 m"),
@@ -43,8 +53,14 @@ COMMANDS = (
     *(Column(f"share_{way}", "", f"share of the commands on: {way}") for way in WAYS),
     Column("command_age", "s", "mean age of a command when it was applied"),
     Column("command_age_p95", "s", "95th percentile of the greatest age in a quarter of a second"),
-    Column("command_age_median", "s", "median age of a command, each with the mean of its quarter of a second"),
-    Column("answer_age", "s", "median age, when a command was applied, of the picture that it answered"),
+    Column(
+        "command_age_median",
+        "s",
+        "median age of a command, each with the mean of its quarter of a second",
+    ),
+    Column(
+        "answer_age", "s", "median age, when a command was applied, of the picture that it answered"
+    ),
     Column("answer_age_p95", "s", "95th percentile of that"),
 )
 LINK = (
@@ -65,9 +81,15 @@ RECORD = (
 METRICS = (
     Column("total_time", "s", "from the first picture to the end of the task"),
     Column("time_to_motion", "s", "from the first picture to the first motion"),
-    Column("task_time", "s", "from the first picture to the dock, of sessions that completed the task"),
+    Column(
+        "task_time", "s", "from the first picture to the dock, of sessions that completed the task"
+    ),
     Column("docking_time", "s", "from the last checkpoint to the dock"),
-    Column("docking_attempts", "", "times the robot came within 0.8 m of its station after the last checkpoint"),
+    Column(
+        "docking_attempts",
+        "",
+        "times the robot came within 0.8 m of its station after the last checkpoint",
+    ),
     Column("passed", "", "checkpoints that were passed"),
     Column("photo", "", "1 when a photo was kept"),
     *DRIVING,
@@ -80,7 +102,9 @@ SEGMENT_METRICS = (Column("seconds", "s", "time that it took"), *DRIVING, *COMMA
 
 @dataclass(frozen=True)
 class Segment:
-    """From one checkpoint to the next: 0 stands for the charging station at both ends; `values` by SEGMENT_METRICS' names."""
+    """From one checkpoint to the next: 0 stands for the charging station at both ends; `values` by
+    SEGMENT_METRICS' names.
+    """
 
     session: str
     number: int
@@ -93,7 +117,9 @@ class Segment:
 
 @dataclass(frozen=True)
 class Measured:
-    """A session with its numbers by METRICS' names, its segments in order, and its way, (n, 2) metres."""
+    """A session with its numbers by METRICS' names, its segments in order, and its way, (n, 2)
+    metres.
+    """
 
     session: Session
     milestones: Milestones
@@ -122,8 +148,12 @@ def measure(dataset: Dataset, session: Session, events: Iterable[Event]) -> Meas
     values = _times(session, found) | _numbers(task, network) | _record(whole)
     if course is not None and not math.isnan(found.last_checkpoint):
         dock = course.checkpoints[0]
-        values["docking_attempts"] = float(docking_attempts(task, (dock.x, dock.y), found.last_checkpoint))
-    driven = [segment.values for segment in segments if not math.isnan(segment.values["efficiency"])]
+        values["docking_attempts"] = float(
+            docking_attempts(task, (dock.x, dock.y), found.last_checkpoint)
+        )
+    driven = [
+        segment.values for segment in segments if not math.isnan(segment.values["efficiency"])
+    ]
     values["shortest"] = math.fsum(one["shortest"] for one in driven) if driven else math.nan
     values["efficiency"] = _share(values["shortest"], math.fsum(one["path"] for one in driven))
     ordered = {column.name: values.get(column.name, math.nan) for column in METRICS}
@@ -151,7 +181,11 @@ def _driving(track: Track) -> Values:
     if not len(track):
         return {}
     found = drive(track)
-    return {column.name: float(getattr(found, column.name)) for column in DRIVING if hasattr(found, column.name)} | {"odometer": _odometer(track)}
+    return {
+        column.name: float(getattr(found, column.name))
+        for column in DRIVING
+        if hasattr(found, column.name)
+    } | {"odometer": _odometer(track)}
 
 
 def _odometer(track: Track) -> float:
@@ -171,7 +205,9 @@ def _commands(track: Track) -> Values:
         return found
     ages = states["age_max"][states["commands"] > 0]
     ages = ages[np.isfinite(ages)]
-    found |= {f"share_{method}": float(np.nansum(states[f"by_{method}"])) / count for method in METHODS}
+    found |= {
+        f"share_{method}": float(np.nansum(states[f"by_{method}"])) / count for method in METHODS
+    }
     found |= {f"share_{way}": float(np.nansum(states[f"on_{way}"])) / count for way in WAYS}
     found["command_age"] = float(np.nansum(states["age_sum"])) / count
     found["command_age_p95"] = float(np.percentile(ages, 95)) if ages.size else math.nan
@@ -182,7 +218,9 @@ def _answered(states: Columns) -> Values:
     """A quarter of a second counts as often as it has commands."""
     counts = np.nan_to_num(states["commands"]).astype(np.int64)
     some = np.maximum(counts, 1)
-    ages, answers = (np.repeat(values, counts) for values in (states["age_sum"] / some, states["answer_age"]))
+    ages, answers = (
+        np.repeat(values, counts) for values in (states["age_sum"] / some, states["answer_age"])
+    )
     ages, answers = ages[np.isfinite(ages)], answers[np.isfinite(answers)]
     return {
         "command_age_median": float(np.median(ages)) if ages.size else math.nan,
@@ -196,7 +234,13 @@ def _link(network: Columns) -> Values:
         values = network[name]
         return values[np.isfinite(values)]
 
-    trips, loss, fps, ages, freezes = known("round_trip"), known("loss"), known("fps"), known("frame_age"), known("freezes")
+    trips, loss, fps, ages, freezes = (
+        known("round_trip"),
+        known("loss"),
+        known("fps"),
+        known("frame_age"),
+        known("freezes"),
+    )
     return {
         "round_trip": float(np.median(trips)) if trips.size else math.nan,
         "round_trip_p95": float(np.percentile(trips, 95)) if trips.size else math.nan,
@@ -219,13 +263,23 @@ def _record(track: Track) -> Values:
     }
 
 
-def _segments(dataset: Dataset, session: Session, course: Course | None, found: Milestones, task: Track, network: Columns) -> Iterable[Segment]:  # noqa: PLR0917 -- all that is known of a session
+def _segments(
+    dataset: Dataset,
+    session: Session,
+    course: Course | None,
+    found: Milestones,
+    task: Track,
+    network: Columns,
+) -> Iterable[Segment]:  # noqa: PLR0917 -- all that is known of a session
     if course is None:
         return
     home = course.checkpoints[0]
     legs = [*course.checkpoints, home]
     times: Mapping[int, float] = {0: found.start, **found.checkpoints}
-    ends = [*(found.checkpoints.get(stop.number, math.nan) for stop in course.checkpoints[1:]), found.docked]
+    ends = [
+        *(found.checkpoints.get(stop.number, math.nan) for stop in course.checkpoints[1:]),
+        found.docked,
+    ]
     for number, (begin, end, at) in enumerate(zip(legs, legs[1:], ends, strict=False), start=1):
         start = times.get(begin.number, math.nan)
         if math.isnan(start) or math.isnan(at) or at < start:
@@ -234,7 +288,15 @@ def _segments(dataset: Dataset, session: Session, course: Course | None, found: 
         values = {"seconds": at - start} | _numbers(part, _during(network, start, at))
         values["shortest"] = _shortest(dataset, session, part, (end.x, end.y))
         values["efficiency"] = _share(values["shortest"], values.get("path", 0.0))
-        yield Segment(session.id, number, begin.number, end.number, start, at, {one.name: values.get(one.name, math.nan) for one in SEGMENT_METRICS})
+        yield Segment(
+            session.id,
+            number,
+            begin.number,
+            end.number,
+            start,
+            at,
+            {one.name: values.get(one.name, math.nan) for one in SEGMENT_METRICS},
+        )
 
 
 def _during(network: Columns, start: float, end: float) -> Columns:
@@ -248,7 +310,10 @@ def _shortest(dataset: Dataset, session: Session, part: Track, goal: tuple[float
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     if plan is None or not known.size:
         return math.nan
-    first, last = (float(x[known[0]]), float(y[known[0]])), (float(x[known[-1]]), float(y[known[-1]]))
+    first, last = (
+        (float(x[known[0]]), float(y[known[0]])),
+        (float(x[known[-1]]), float(y[known[-1]])),
+    )
     return nearer(plan, frozenset(session.doors_closed), goal, first, last)
 
 

@@ -1,8 +1,9 @@
 """Numbers that describe and compare samples; a participant, never a session, is the unit of a test.
 
 - Quantiles are the linear ones of Hyndman and Fan (1996, type 7), numpy's and R's default.
-- Two conditions: Welch's t test between participants (Welch, 1947), the paired t test within them; Cohen's d with the pooled standard
-  deviation, d_z within. More than two: Welch's analysis of variance (Welch, 1951) between, Friedman's test within.
+- Two conditions: Welch's t test between participants (Welch, 1947), the paired t test within them;
+  Cohen's d with the pooled standard deviation, d_z within. More than two: Welch's analysis of
+  variance (Welch, 1951) between, Friedman's test within.
 - A relation: Spearman's rank correlation, with the t approximation of its p value.
 - Several tests of one question: Holm (1979).
 
@@ -44,7 +45,8 @@ def spread(values: Sequence[float] | Floats) -> Spread:
 
 
 def shares(counts: Sequence[int], decimals: int = 1) -> tuple[float, ...] | None:
-    """Return counts as percentages that sum to exactly 100 as printed; None when nothing was counted.
+    """Return counts as percentages that sum to exactly 100 as printed; None when nothing was
+    counted.
 
     The largest remainders are rounded up (Hamilton's method), ties from the left.
     """
@@ -61,7 +63,9 @@ def shares(counts: Sequence[int], decimals: int = 1) -> tuple[float, ...] | None
 
 @dataclass(frozen=True)
 class Test:
-    """A test of one hypothesis: number of participants, statistic, two-sided p, and size of the effect; NaN where there are too few."""
+    """A test of one hypothesis: number of participants, statistic, two-sided p, and size of the
+    effect; NaN where there are too few.
+    """
 
     name: str
     n: int
@@ -72,7 +76,9 @@ class Test:
 
 
 def welch(first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Return t and two-sided p of the difference of two groups' means, along the last axis; NaN with fewer than two in one."""
+    """Return t and two-sided p of the difference of two groups' means, along the last axis; NaN
+    with fewer than two in one.
+    """
     n, m = first.shape[-1], second.shape[-1]
     if min(n, m) < 2:  # noqa: PLR2004 -- a variance needs two
         nothing = np.full(np.broadcast_shapes(first.shape[:-1], second.shape[:-1]), np.nan)
@@ -85,7 +91,9 @@ def welch(first: Floats, second: Floats) -> tuple[Floats, Floats]:
 
 
 def paired(first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Return t and two-sided p of the mean difference of pairs, along the last axis; NaN with fewer than two."""
+    """Return t and two-sided p of the mean difference of pairs, along the last axis; NaN with fewer
+    than two.
+    """
     differences = first - second
     n = differences.shape[-1]
     if n < 2:  # noqa: PLR2004 -- a variance needs two
@@ -103,7 +111,14 @@ def between(first: Floats, second: Floats) -> Test:
         return Test("Welch t", n + m, math.nan, math.nan, math.nan)
     pooled = math.sqrt(((n - 1) * first.var(ddof=1) + (m - 1) * second.var(ddof=1)) / (n + m - 2))
     difference = float(first.mean() - second.mean())
-    return Test("Welch t", n + m, float(t), float(p), difference / pooled if pooled else math.nan, difference)
+    return Test(
+        "Welch t",
+        n + m,
+        float(t),
+        float(p),
+        difference / pooled if pooled else math.nan,
+        difference,
+    )
 
 
 def within(first: Floats, second: Floats) -> Test:
@@ -112,7 +127,9 @@ def within(first: Floats, second: Floats) -> Test:
     differences = first - second
     sd = float(differences.std(ddof=1)) if len(differences) > 1 else 0.0
     mean = float(differences.mean()) if len(differences) else math.nan
-    return Test("paired t", len(differences), float(t), float(p), mean / sd if sd else math.nan, mean)
+    return Test(
+        "paired t", len(differences), float(t), float(p), mean / sd if sd else math.nan, mean
+    )
 
 
 def several_between(groups: Sequence[Floats]) -> Test:
@@ -127,30 +144,52 @@ def several_between(groups: Sequence[Floats]) -> Test:
         weights = sizes / np.array([group.var(ddof=1) for group in groups])
         centre = (weights * means).sum() / weights.sum()
         slack = ((1.0 - weights / weights.sum()) ** 2 / (sizes - 1)).sum()
-        f = (weights * (means - centre) ** 2).sum() / (k - 1) / (1.0 + 2.0 * (k - 2) / (k * k - 1) * slack)
+        f = (
+            (weights * (means - centre) ** 2).sum()
+            / (k - 1)
+            / (1.0 + 2.0 * (k - 2) / (k * k - 1) * slack)
+        )
         p = float(fdtrc(k - 1, (k * k - 1) / (3.0 * slack), f))
     values = np.concatenate(groups)
     around = ((values - values.mean()) ** 2).sum()
-    return Test("Welch F", total, float(f), p, float((sizes * (means - values.mean()) ** 2).sum() / around) if around else math.nan)
+    return Test(
+        "Welch F",
+        total,
+        float(f),
+        p,
+        float((sizes * (means - values.mean()) ** 2).sum() / around) if around else math.nan,
+    )
 
 
 def several_within(table: Floats) -> Test:
-    """Compare three or more conditions that the same participants had, (n, k); the effect is Kendall's W."""
+    """Compare three or more conditions that the same participants had, (n, k); the effect is
+    Kendall's W.
+    """
     n, k = table.shape
     if n < 2 or (table == table[:, :1]).all():  # noqa: PLR2004 -- one participant ranks nothing against nobody
         return Test("Friedman chi2", n, math.nan, math.nan, math.nan)
     found = stats.friedmanchisquare(*table.T)
-    return Test("Friedman chi2", n, float(found.statistic), float(found.pvalue), float(found.statistic) / (n * (k - 1)))
+    return Test(
+        "Friedman chi2",
+        n,
+        float(found.statistic),
+        float(found.pvalue),
+        float(found.statistic) / (n * (k - 1)),
+    )
 
 
 def correlation(first: Floats, second: Floats) -> Test:
-    """Return Spearman's rank correlation of pairs; pairs with a NaN do not count, fewer than four or one equal value give NaN."""
+    """Return Spearman's rank correlation of pairs; pairs with a NaN do not count, fewer than four
+    or one equal value give NaN.
+    """
     given = np.isfinite(first) & np.isfinite(second)
     x, y = first[given], second[given]
     if len(x) < 4 or (x == x[0]).all() or (y == y[0]).all():  # noqa: PLR2004 -- three ranks agree by chance one time in six
         return Test("Spearman rho", len(x), math.nan, math.nan, math.nan)
     found = stats.spearmanr(x, y)
-    return Test("Spearman rho", len(x), float(found.statistic), float(found.pvalue), float(found.statistic))
+    return Test(
+        "Spearman rho", len(x), float(found.statistic), float(found.pvalue), float(found.statistic)
+    )
 
 
 def holm(values: Sequence[float]) -> tuple[float, ...]:
@@ -168,5 +207,8 @@ def wilson(successes: int, n: int, level: float = 0.95) -> tuple[float, float] |
     if not n:
         return None
     z = float(ndtri(0.5 + level / 2.0))
-    centre, slack = (successes + z * z / 2.0) / (n + z * z), z * math.sqrt(successes * (n - successes) / n + z * z / 4.0) / (n + z * z)
+    centre, slack = (
+        (successes + z * z / 2.0) / (n + z * z),
+        z * math.sqrt(successes * (n - successes) / n + z * z / 4.0) / (n + z * z),
+    )
     return max(0.0, centre - slack), min(1.0, centre + slack)

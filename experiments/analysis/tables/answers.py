@@ -1,7 +1,9 @@
-"""The final questionnaire by condition: whether participants answered otherwise after one than after another.
+"""The final questionnaire by condition: whether participants answered otherwise after one than
+after another.
 
-A row is one of Table 5: all statements, a topic, or a statement. A participant's score is the mean of the row's statements that they
-answered, as there; the responses that count are chosen by the study's rule, one a participant and condition unless all count.
+A row is one of Table 5: all statements, a topic, or a statement. A participant's score is the mean
+of the row's statements that they answered, as there; the responses that count are chosen by the
+study's rule, one a participant and condition unless all count.
 """
 
 import math
@@ -22,11 +24,23 @@ def compare_answers(dataset: Dataset) -> Table:
     keys = [key for key in keys if counted[key][1]]
     lines = counted[keys[0]][0] if keys else []
     paired = dataset.study.allocation.design == "within"
-    groups = [[(scores(counted[key][1], line.statements), behind(line, counted[key][1])) for key in keys] for line in lines]
+    groups = [
+        [(scores(counted[key][1], line.statements), behind(line, counted[key][1])) for key in keys]
+        for line in lines
+    ]
     tests = [difference([values for values, _ids in row], paired=paired) for row in groups]
     corrected = holm([test.p for test in tests])
-    rows = tuple(compared(label_of(line), row, test, p) for line, row, test, p in zip(lines, groups, tests, corrected, strict=True))
-    below = (RULES[dataset.study.analysis.counts], "A participant's score is the mean of their answers. p (Holm): corrected for the number of rows.")
+    rows = tuple(
+        compared(label_of(line), row, test, p)
+        for line, row, test, p in zip(lines, groups, tests, corrected, strict=True)
+    )
+    below = (
+        RULES[dataset.study.analysis.counts],
+        (
+            "A participant's score is the mean of their answers. p (Holm): corrected for the number"
+            " of rows."
+        ),
+    )
     return Table("answers", "Final questionnaire by condition.", ("", *head_of(keys)), rows, below)
 
 

@@ -1,7 +1,9 @@
-"""Where participants went: the flow from arriving to answering, with reasons for every loss, and the funnel page by page.
+"""Where participants went: the flow from arriving to answering, with reasons for every loss, and
+the funnel page by page.
 
-Four facts are kept apart: assigned, exposed (the first velocity moved the robot), how the task ended, and answered. Nobody is lost from
-the flow: each line is the one above it less those who are named between.
+Four facts are kept apart: assigned, exposed (the first velocity moved the robot), how the task
+ended, and answered. Nobody is lost from the flow: each line is the one above it less those who are
+named between.
 """
 
 import math
@@ -20,18 +22,38 @@ Row = tuple[Cell, ...]
 
 
 def flow(dataset: Dataset) -> Table:
-    """Return how many participants came how far, why the others did not, and how the tasks of each condition ended."""
+    """Return how many participants came how far, why the others did not, and how the tasks of each
+    condition ended.
+    """
     rows = _stages(dataset, list(dataset.participants), "all")
     cells = list(dict.fromkeys(one.cell for one in dataset.participants if one.cell))
     for cell in cells if len(cells) > 1 else ():
-        rows += _stages(dataset, [one for one in dataset.participants if one.cell == cell], cell)[1:]
-    below = "Every line is the one above it less those who are named between; withdrawn participants are counted to the step at which they stood."
-    return Table("flow", "Flow of participants.", ("Cell", "Stage", "Reason", "Participants"), tuple(rows), (below,))
+        rows += _stages(dataset, [one for one in dataset.participants if one.cell == cell], cell)[
+            1:
+        ]
+    below = (
+        "Every line is the one above it less those who are named between; withdrawn participants"
+        " are counted to the step at which they stood."
+    )
+    return Table(
+        "flow",
+        "Flow of participants.",
+        ("Cell", "Stage", "Reason", "Participants"),
+        tuple(rows),
+        (below,),
+    )
 
 
 def _stages(dataset: Dataset, people: list[Participant], cell: str) -> list[Row]:
-    sessions = {one.id: [session for session in dataset.sessions if session.participant == one.id] for one in people}
-    answered = {one.participant for one in dataset.responses if one.questionnaire == dataset.study.analysis.statements and one.finished}
+    sessions = {
+        one.id: [session for session in dataset.sessions if session.participant == one.id]
+        for one in people
+    }
+    answered = {
+        one.participant
+        for one in dataset.responses
+        if one.questionnaire == dataset.study.analysis.statements and one.finished
+    }
     tests: tuple[Callable[[Participant], bool], ...] = (
         lambda _: True,
         lambda one: bool(one.cell or sessions[one.id]),
@@ -46,8 +68,22 @@ def _stages(dataset: Dataset, people: list[Participant], cell: str) -> list[Row]
         left = [one for one in left if reached(one)]
         for reason, number_ in sorted(Counter(_reason(one) for one in lost).items()):
             ids = [one.id for one in lost if _reason(one) == reason]
-            rows.append((words(cell), words(""), words(f"left: {reason}"), count(number_, dataset.sessions_of(ids))))
-        rows.append((words(cell), words(stage), words(""), count(len(left), dataset.sessions_of([one.id for one in left]))))
+            rows.append(
+                (
+                    words(cell),
+                    words(""),
+                    words(f"left: {reason}"),
+                    count(number_, dataset.sessions_of(ids)),
+                )
+            )
+        rows.append(
+            (
+                words(cell),
+                words(stage),
+                words(""),
+                count(len(left), dataset.sessions_of([one.id for one in left])),
+            )
+        )
         if stage == "ended with an outcome":
             rows += _outcomes(dataset, left, cell)
     return rows
@@ -57,7 +93,9 @@ def _outcomes(dataset: Dataset, people: list[Participant], cell: str) -> list[Ro
     """How their first tasks ended."""
     known = {one.id for one in people}
     first: dict[str, tuple[str, str]] = {}
-    for one in sorted((one for one in dataset.sessions if one.exposed and one.outcome), key=lambda one: one.number):
+    for one in sorted(
+        (one for one in dataset.sessions if one.exposed and one.outcome), key=lambda one: one.number
+    ):
         if one.participant in known:
             first.setdefault(one.participant, (one.outcome, one.id))
     words_found = sorted({outcome for outcome, _ in first.values()})
@@ -73,16 +111,31 @@ def _reason(one: Participant) -> str:
 
 
 def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return a line a page and milestone: how many came, how many went on, and the median of the seconds that it took."""
-    task = next((index for index, step in enumerate(dataset.study.steps) if isinstance(step, Task)), None)
+    """Return a line a page and milestone: how many came, how many went on, and the median of the
+    seconds that it took.
+    """
+    task = next(
+        (index for index, step in enumerate(dataset.study.steps) if isinstance(step, Task)), None
+    )
     steps = [step.key for step in dataset.study.steps]
     extra = [key for key in dict.fromkeys(page.step for page in dataset.pages) if key not in steps]
-    rows = [_page_row(dataset, key) for key in (*extra, *steps[: task if task is None else task + 1])]
+    rows = [
+        _page_row(dataset, key) for key in (*extra, *steps[: task if task is None else task + 1])
+    ]
     rows += _milestone_rows(dataset, measured)
     rows += [_page_row(dataset, key) for key in steps[len(steps) if task is None else task + 1 :]]
     people, sessions = len(dataset.participants), len(dataset.sessions)
-    below = f"{people} participants, {sessions} sessions. Pages are counted by participant, milestones by session."
-    return Table("funnel", "Funnel.", ("Page or milestone", "Came", "Went on", "Left", "Median (s)"), tuple(rows), (below,))
+    below = (
+        f"{people} participants, {sessions} sessions. Pages are counted by participant, milestones"
+        " by session."
+    )
+    return Table(
+        "funnel",
+        "Funnel.",
+        ("Page or milestone", "Came", "Went on", "Left", "Median (s)"),
+        tuple(rows),
+        (below,),
+    )
 
 
 def _page_row(dataset: Dataset, key: str) -> Row:
@@ -105,7 +158,14 @@ def _title(dataset: Dataset, key: str) -> str:
 
 def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> list[Row]:
     """Each milestone with the seconds since the one before it, of the sessions that reached both."""
-    numbers = sorted({stop.number for course in dataset.study.courses for stop in course.checkpoints if stop.number > 0})
+    numbers = sorted(
+        {
+            stop.number
+            for course in dataset.study.courses
+            for stop in course.checkpoints
+            if stop.number > 0
+        }
+    )
     times: list[tuple[str, Callable[[Measured], float]]] = [
         ("first picture", lambda one: one.milestones.start),
         ("first motion", lambda one: one.milestones.motion),
@@ -119,7 +179,11 @@ def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> list[Row]
         went = [one for one in came if math.isfinite(when(one))]
         stayed = [one.session.id for one in came if not math.isfinite(when(one))]
         seconds = spread([when(one) - before(one) for one in went]).median
-        cells = (count(len(came), [one.session.id for one in came]), count(len(went), [one.session.id for one in went]), count(len(stayed), stayed))
+        cells = (
+            count(len(came), [one.session.id for one in came]),
+            count(len(went), [one.session.id for one in went]),
+            count(len(stayed), stayed),
+        )
         rows.append((words(label), *cells, number(seconds, 1)))
         came, before = went, when
     return rows

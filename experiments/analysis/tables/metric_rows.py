@@ -1,4 +1,6 @@
-"""The numbers of sessions as a table of a dataset: what the analysis makes of the states, with the version of its definitions."""
+"""The numbers of sessions as a table of a dataset: what the analysis makes of the states, with the
+version of its definitions.
+"""
 
 import math
 from collections.abc import Iterable
@@ -12,7 +14,11 @@ from experiments.analysis.tables.reliability import judge
 METRIC_TABLE = (
     Column("session", "", "code of the session"),
     Column("metrics_version", "", "version of the definitions of the numbers"),
-    Column("problems", "", "rules for the record's quality that are not kept, divided by |; empty: good"),
+    Column(
+        "problems",
+        "",
+        "rules for the record's quality that are not kept, divided by |; empty: good",
+    ),
     *METRICS,
 )
 
@@ -22,4 +28,9 @@ def metric_row(dataset: Dataset, session: Session, events: Iterable[Event]) -> l
     measured = measure(dataset, session, events)
     problems = "|".join(word for word, _ in judge(measured, dataset.study.quality).problems)
     values = (measured.values[column.name] for column in METRICS)
-    return [session.id, VERSION, problems, *("" if math.isnan(value) else repr(value) for value in values)]
+    return [
+        session.id,
+        VERSION,
+        problems,
+        *("" if math.isnan(value) else repr(value) for value in values),
+    ]

@@ -14,24 +14,48 @@ from surveys.results import Line, likert_table
 SYSTEMS = ("Windows", "Linux", "Mac OS", "Android", "iOS")
 BROWSERS = ("Chrome", "Firefox", "Chromium", "Opera")
 INTERVALS = {
-    "normal": "CI: half-width of the confidence interval of the mean by the normal distribution, c·SD/√n.",
-    "t": "CI: half-width of the confidence interval of the mean by Student's t distribution, c·SD/√n.",
+    "normal": (
+        "CI: half-width of the confidence interval of the mean by the normal distribution, c·SD/√n."
+    ),
+    "t": (
+        "CI: half-width of the confidence interval of the mean by Student's t distribution,"
+        " c·SD/√n."
+    ),
 }
 OVERALL = "Overall"
 
 
 def table_1(dataset: Dataset) -> Table:
     """Return the robots, a column each, with what is told of them."""
-    robots = [dataset.robot(name) for name in dict.fromkeys([*(one.name for one in dataset.robots), *(one.robot for one in dataset.sessions)])]
-    driven = {robot.name: tuple(one.id for one in dataset.sessions if one.robot == robot.name) for robot in robots}
+    robots = [
+        dataset.robot(name)
+        for name in dict.fromkeys(
+            [*(one.name for one in dataset.robots), *(one.robot for one in dataset.sessions)]
+        )
+    ]
+    driven = {
+        robot.name: tuple(one.id for one in dataset.sessions if one.robot == robot.name)
+        for robot in robots
+    }
     facts = list(dict.fromkeys(name for robot in robots for name in robot.facts))
-    rows = [(words(name), *(words(robot.facts.get(name, "–")) for robot in robots)) for name in facts]
-    rows.append((words("Sessions"), *(count(len(driven[robot.name]), driven[robot.name]) for robot in robots)))
-    return Table("table-1", "The telepresence robots.", ("", *(robot.title for robot in robots)), tuple(rows))
+    rows = [
+        (words(name), *(words(robot.facts.get(name, "–")) for robot in robots)) for name in facts
+    ]
+    rows.append(
+        (
+            words("Sessions"),
+            *(count(len(driven[robot.name]), driven[robot.name]) for robot in robots),
+        )
+    )
+    return Table(
+        "table-1", "The telepresence robots.", ("", *(robot.title for robot in robots)), tuple(rows)
+    )
 
 
 def table_3(dataset: Dataset) -> Table:
-    """Return the sessions by operating system and browser: the paper's rows and columns, any other that was found, and what is unknown."""
+    """Return the sessions by operating system and browser: the paper's rows and columns, any other
+    that was found, and what is unknown.
+    """
     found = [(one.os or OTHER, one.browser or OTHER, one.id) for one in dataset.sessions]
     systems = _with_others(SYSTEMS, (system for system, _, _ in found))
     browsers = _with_others(BROWSERS, (browser for _, browser, _ in found))
@@ -40,12 +64,24 @@ def table_3(dataset: Dataset) -> Table:
         ids = [one for s, b, one in found if system in {s, None} and browser in {b, None}]
         return count(len(ids), ids)
 
-    rows = [(words(system), *(cell(system, browser) for browser in browsers), cell(system, None)) for system in systems]
+    rows = [
+        (words(system), *(cell(system, browser) for browser in browsers), cell(system, None))
+        for system in systems
+    ]
     rows.append((words("all"), *(cell(None, browser) for browser in browsers), cell(None, None)))
     networks = len({one.network for one in dataset.sessions if one.network})
     people = len({one.participant for one in dataset.sessions})
-    below = f"{people} participants, {len(found)} sessions, {networks} different networks. OS: operating system."
-    return Table("table-3", "OSs and web browsers used to access the system (sessions).", ("OS", *browsers, "all"), tuple(rows), (below,))
+    below = (
+        f"{people} participants, {len(found)} sessions, {networks} different networks. OS:"
+        " operating system."
+    )
+    return Table(
+        "table-3",
+        "OSs and web browsers used to access the system (sessions).",
+        ("OS", *browsers, "all"),
+        tuple(rows),
+        (below,),
+    )
 
 
 def _with_others(known: tuple[str, ...], found: Iterable[str]) -> tuple[str, ...]:
@@ -58,22 +94,50 @@ def table_4(dataset: Dataset) -> Table:
     """Return the statements of the final questionnaire, by topic."""
     definition = dataset.questionnaire(dataset.study.analysis.statements)
     if definition is None:
-        return Table("table-4", "Questions answered by the visitors after the experience.", ("Topic", "", "Statement"), ())
+        return Table(
+            "table-4",
+            "Questions answered by the visitors after the experience.",
+            ("Topic", "", "Statement"),
+            (),
+        )
     topics = {key: dataset.say(topic.text) for topic in definition.topics for key in topic.items}
-    rows = [(words(topics.get(one.key, "")), words(one.key.upper()), words(dataset.say(one.text))) for one in definition.questions() if one.points]
+    rows = [
+        (words(topics.get(one.key, "")), words(one.key.upper()), words(dataset.say(one.text)))
+        for one in definition.questions()
+        if one.points
+    ]
     scale = next((one.points for one in definition.questions() if one.points), ())
-    below = "; ".join(f"{signed(point.value)}: {dataset.say(point.label)}" for point in scale if point.label)
-    return Table("table-4", "Questions answered by the visitors after the experience.", ("Topic", "", "Statement"), tuple(rows), (f"{below}.",))
+    below = "; ".join(
+        f"{signed(point.value)}: {dataset.say(point.label)}" for point in scale if point.label
+    )
+    return Table(
+        "table-4",
+        "Questions answered by the visitors after the experience.",
+        ("Topic", "", "Statement"),
+        tuple(rows),
+        (f"{below}.",),
+    )
 
 
 def lines_of(dataset: Dataset, condition: str | None = None) -> tuple[list[Line], list[Response]]:
-    """Return the rows of Table 5 and the responses that count in it; no rows without a questionnaire of statements."""
+    """Return the rows of Table 5 and the responses that count in it; no rows without a
+    questionnaire of statements.
+    """
     definition = dataset.questionnaire(dataset.study.analysis.statements)
     responses = counted(dataset, dataset.study.analysis.statements, condition)
     if definition is None or definition.scoring != "likert":
         return [], responses
     said = [_on_the_scale(definition, one) for one in responses]
-    return likert_table(definition, said, language=dataset.language, interval=dataset.study.analysis.interval, overall=OVERALL), responses
+    return (
+        likert_table(
+            definition,
+            said,
+            language=dataset.language,
+            interval=dataset.study.analysis.interval,
+            overall=OVERALL,
+        ),
+        responses,
+    )
 
 
 def _on_the_scale(definition: Definition, response: Response) -> dict[str, int | None]:
@@ -89,25 +153,37 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     pooled = "Percentages of all answers; mean, SD and CI of the respondents' means."
     below = (note(dataset, responses), INTERVALS[dataset.study.analysis.interval], pooled)
     suffix = f"-{condition}" if condition else ""
-    title = "Summary of final questionnaire responses" + (f", condition {condition}." if condition else ".")
+    title = "Summary of final questionnaire responses" + (
+        f", condition {condition}." if condition else "."
+    )
     return Table(f"table-5{suffix}", title, head, rows, below)
 
 
 def scale_of(dataset: Dataset) -> tuple[int, ...]:
     """Return the values of the scale of the statements; none without a questionnaire."""
     definition = dataset.questionnaire(dataset.study.analysis.statements)
-    points = next((one.points for one in definition.questions() if one.points), ()) if definition else ()
+    points = (
+        next((one.points for one in definition.questions() if one.points), ()) if definition else ()
+    )
     return tuple(point.value for point in points)
 
 
 def behind(line: Line, responses: Sequence[Response]) -> tuple[str, ...]:
     """Return the sessions whose answers a row of Table 5 is made of."""
-    return tuple(one.session for one in responses if one.session and any(one.values.get(key) is not None for key in line.statements))
+    return tuple(
+        one.session
+        for one in responses
+        if one.session and any(one.values.get(key) is not None for key in line.statements)
+    )
 
 
 def said(line: Line, responses: Sequence[Response], values: Sequence[int]) -> tuple[str, ...]:
     """Return the sessions in which one of some values was answered to one of a row's statements."""
-    return tuple(one.session for one in responses if one.session and any(one.values.get(key) in values for key in line.statements))
+    return tuple(
+        one.session
+        for one in responses
+        if one.session and any(one.values.get(key) in values for key in line.statements)
+    )
 
 
 def label_of(line: Line) -> str:
@@ -115,12 +191,22 @@ def label_of(line: Line) -> str:
     return line.key.upper() if line.kind == "statement" else line.label
 
 
-def _summary_row(line: Line, responses: Sequence[Response], scale: Sequence[int]) -> tuple[Cell, ...]:
+def _summary_row(
+    line: Line, responses: Sequence[Response], scale: Sequence[int]
+) -> tuple[Cell, ...]:
     found, about = line.summary, behind(line, responses)
     parts = shares(found.counts) or (None,) * len(scale)
-    cells = [number(part, 1, said(line, responses, (value,))) for part, value in zip(parts, scale, strict=True)]
+    cells = [
+        number(part, 1, said(line, responses, (value,)))
+        for part, value in zip(parts, scale, strict=True)
+    ]
     numbers = (found.mean, found.sd, found.ci95, found.ci99)
-    return words(label_of(line)), *cells, count(found.respondents, about), *(number(value, 2, about) for value in numbers)
+    return (
+        words(label_of(line)),
+        *cells,
+        count(found.respondents, about),
+        *(number(value, 2, about) for value in numbers),
+    )
 
 
 def signed(value: float) -> str:

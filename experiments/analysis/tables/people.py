@@ -1,4 +1,6 @@
-"""Who took part: Table 2 (what they were asked at registration, with what they said) and the table of participants."""
+"""Who took part: Table 2 (what they were asked at registration, with what they said) and the table
+of participants.
+"""
 
 import math
 from collections.abc import Collection, Iterator, Sequence
@@ -9,7 +11,13 @@ from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.table import Cell, Table, count, number, words
 from surveys.definition import Multiple, Question, Single
 
-AGES = ((-math.inf, 15.0, "younger than 15"), (15.0, 30.0, "15–29"), (30.0, 45.0, "30–44"), (45.0, 60.0, "45–59"), (60.0, math.inf, "60 and older"))
+AGES = (
+    (-math.inf, 15.0, "younger than 15"),
+    (15.0, 30.0, "15–29"),
+    (30.0, 45.0, "30–44"),
+    (45.0, 60.0, "45–59"),
+    (60.0, math.inf, "60 and older"),
+)
 NOT_REPORTED = "not reported"
 HEAD = ("Question", "Answer", "n", "%")
 Row = tuple[Cell, ...]
@@ -19,15 +27,31 @@ def table_2(dataset: Dataset) -> Table:
     """Return what participants were asked at registration, and how often each answer was given."""
     responses = counted(dataset, dataset.registration)
     definition = dataset.questionnaire(dataset.registration)
-    rows = [row for question in (definition.questions() if definition else ()) for row in _question_rows(dataset, question, responses)]
-    return Table("table-2", "Questions for visitor registration, and what was answered.", HEAD, tuple(rows), (note(dataset, responses),))
+    rows = [
+        row
+        for question in (definition.questions() if definition else ())
+        for row in _question_rows(dataset, question, responses)
+    ]
+    return Table(
+        "table-2",
+        "Questions for visitor registration, and what was answered.",
+        HEAD,
+        tuple(rows),
+        (note(dataset, responses),),
+    )
 
 
 def participants_table(dataset: Dataset) -> Table:
-    """Return how many took part, their ages and, of questions with options or a scale, how many gave each answer."""
+    """Return how many took part, their ages and, of questions with options or a scale, how many
+    gave each answer.
+    """
     people = [one for one in dataset.participants if not one.withdrawn]
     responses = counted(dataset, dataset.registration) if dataset.registration else []
-    registered = {one.participant for one in responses} if dataset.registration else {one.id for one in people}
+    registered = (
+        {one.participant for one in responses}
+        if dataset.registration
+        else {one.id for one in people}
+    )
     drivers = {one.participant for one in dataset.sessions if one.exposed}
     returned = {one.participant for one in dataset.sessions if one.number > 1}
     total = len(registered)
@@ -46,14 +70,25 @@ def participants_table(dataset: Dataset) -> Table:
 
 
 def _age_rows(dataset: Dataset, people: Sequence[Participant]) -> Iterator[Row]:
-    members = [(label, [one.id for one in people if low <= one.age < high]) for low, high, label in AGES]
+    members = [
+        (label, [one.id for one in people if low <= one.age < high]) for low, high, label in AGES
+    ]
     members.append((NOT_REPORTED, [one.id for one in people if math.isnan(one.age)]))
     parts = shares([len(ids) for _, ids in members]) or (None,) * len(members)
     for index, ((label, ids), part) in enumerate(zip(members, parts, strict=True)):
-        yield words("" if index else "Age"), words(label), count(len(ids), dataset.sessions_of(ids)), number(part, 1)
+        yield (
+            words("" if index else "Age"),
+            words(label),
+            count(len(ids), dataset.sessions_of(ids)),
+            number(part, 1),
+        )
     known = {one.id: one.age for one in people if not math.isnan(one.age)}
     about = dataset.sessions_of(known)
-    bounds = (min(known.values()), spread(list(known.values())).median, max(known.values())) if known else (None, None, None)
+    bounds = (
+        (min(known.values()), spread(list(known.values())).median, max(known.values()))
+        if known
+        else (None, None, None)
+    )
     for label, value in zip(("youngest", "median", "oldest"), bounds, strict=True):
         yield words(""), words(label), number(value, 0, about), words("")
 
@@ -63,13 +98,22 @@ def _row(dataset: Dataset, head: str, label: str, ids: Collection[str], total: i
     return words(head), words(label), count(len(ids), dataset.sessions_of(ids)), number(share, 1)
 
 
-def _question_rows(dataset: Dataset, question: Question, responses: Sequence[Response]) -> Iterator[Row]:
-    """A question with options or a scale has a row each; another one has how many answered it. Who gave none stands in a row of its own."""
+def _question_rows(
+    dataset: Dataset, question: Question, responses: Sequence[Response]
+) -> Iterator[Row]:
+    """A question with options or a scale has a row each; another one has how many answered it. Who
+    gave none stands in a row of its own.
+    """
     given = {one.participant: one.values.get(question.key) for one in responses}
     options = _options(dataset, question)
-    groups = [(label, [who for who, said in given.items() if _says(said, value)]) for value, label in options]
+    groups = [
+        (label, [who for who, said in given.items() if _says(said, value)])
+        for value, label in options
+    ]
     if not options:
-        withheld = {one.participant for one in responses if one.missing.get(question.key) == WITHHELD}
+        withheld = {
+            one.participant for one in responses if one.missing.get(question.key) == WITHHELD
+        }
         given |= dict.fromkeys(withheld, WITHHELD)
         groups = [("answered", [who for who, said in given.items() if said is not None])]
     groups.append((NOT_REPORTED, [who for who, said in given.items() if said is None]))
@@ -82,7 +126,9 @@ def _question_rows(dataset: Dataset, question: Question, responses: Sequence[Res
 
 def _options(dataset: Dataset, question: Question) -> list[tuple[str | int, str]]:
     if question.points:
-        return [(point.value, dataset.say(point.label) or str(point.value)) for point in question.points]
+        return [
+            (point.value, dataset.say(point.label) or str(point.value)) for point in question.points
+        ]
     if isinstance(question.item, Single | Multiple):
         return [(option.value, dataset.say(option.label)) for option in question.item.options]
     return []

@@ -1,4 +1,6 @@
-"""Can a session's record be trusted? By rules that were frozen with the study; what fails is named, nothing is deleted."""
+"""Can a session's record be trusted? By rules that were frozen with the study; what fails is named,
+nothing is deleted.
+"""
 
 import math
 from collections.abc import Iterator
@@ -31,13 +33,22 @@ def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:
     if session.exposed and math.isnan(rate):
         yield "no_states", "The robot was driven, and no states are there."
     elif rate < rules.least_sample_rate:
-        yield "rate", f"{rate:.2f} states a second; at least {rules.least_sample_rate:g} are asked for."
+        yield (
+            "rate",
+            f"{rate:.2f} states a second; at least {rules.least_sample_rate:g} are asked for.",
+        )
     if gap > rules.longest_gap:
         yield "gap", f"{gap:.1f} s without a state; at most {rules.longest_gap:g} s are allowed."
     if session.exposed and not math.isnan(rate) and math.isnan(offset):
         yield "clock_unknown", "The difference of the clocks was never known."
     elif offset > rules.largest_clock_offset:
-        yield "clock", f"The clocks differed by {offset:.2f} s; at most {rules.largest_clock_offset:g} s are allowed."
+        yield (
+            "clock",
+            (
+                f"The clocks differed by {offset:.2f} s; at most {rules.largest_clock_offset:g} s"
+                " are allowed."
+            ),
+        )
     if rules.condition_applied and session.mismatch:
         yield "condition", f"Not applied as assigned: {session.mismatch}."
     if rules.operator_absent and session.operator:

@@ -1,4 +1,6 @@
-"""Which response of a participant counts: a rule that is frozen with the study and printed under the table."""
+"""Which response of a participant counts: a rule that is frozen with the study and printed under
+the table.
+"""
 
 from collections.abc import Sequence
 
@@ -12,12 +14,20 @@ RULES = {
 
 
 def counted(dataset: Dataset, questionnaire: str, condition: str | None = None) -> list[Response]:
-    """Return the finished responses to a questionnaire that count, in the order of the sessions that they were asked about.
+    """Return the finished responses to a questionnaire that count, in the order of the sessions
+    that they were asked about.
 
-    With a condition, those about its sessions: of a participant who had several conditions one response counts in each.
+    With a condition, those about its sessions: of a participant who had several conditions one
+    response counts in each.
     """
-    order = {one.id: (one.number, index) for index, one in enumerate(dataset.sessions) if condition is None or one.condition == condition}
-    finished = [one for one in dataset.responses if one.questionnaire == questionnaire and one.finished]
+    order = {
+        one.id: (one.number, index)
+        for index, one in enumerate(dataset.sessions)
+        if condition is None or one.condition == condition
+    }
+    finished = [
+        one for one in dataset.responses if one.questionnaire == questionnaire and one.finished
+    ]
     finished = [one for one in finished if condition is None or one.session in order]
     finished.sort(key=lambda one: order.get(one.session, (0, 0)))
     rule = dataset.study.analysis.counts
@@ -32,5 +42,11 @@ def counted(dataset: Dataset, questionnaire: str, condition: str | None = None) 
 
 def note(dataset: Dataset, responses: Sequence[Response]) -> str:
     """Return the sentence under a table: the rule, and how many participants and sessions it left."""
-    people, sessions = {one.participant for one in responses}, {one.session for one in responses if one.session}
-    return f"{RULES[dataset.study.analysis.counts]} {len(people)} participants, {len(sessions)} sessions, {len(responses)} responses."
+    people, sessions = (
+        {one.participant for one in responses},
+        {one.session for one in responses if one.session},
+    )
+    return (
+        f"{RULES[dataset.study.analysis.counts]} {len(people)} participants, {len(sessions)}"
+        f" sessions, {len(responses)} responses."
+    )

@@ -1,10 +1,19 @@
-"""Session metrics as tables: spreads over all sessions, a row a session, a row a segment, and the spreads of each segment."""
+"""Session metrics as tables: spreads over all sessions, a row a session, a row a segment, and the
+spreads of each segment.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.metrics.sessions import METRICS, SEGMENT_METRICS, VERSION, Measured, Segment, Values
+from experiments.analysis.metrics.sessions import (
+    METRICS,
+    SEGMENT_METRICS,
+    VERSION,
+    Measured,
+    Segment,
+    Values,
+)
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.reliability import Verdict
 from experiments.analysis.tables.table import Cell, Table, count, number, words
@@ -15,22 +24,50 @@ SPREAD = ("n", "Mean", "SD", "p5", "Median", "p95")
 
 def metrics_table(measured: Sequence[Measured]) -> Table:
     """Return how every metric is spread over the sessions in which it is known."""
-    rows = tuple(_spread_row(column, [(one.session.id, one.values) for one in measured]) for column in METRICS)
-    below = (f"{_people(measured)} participants, {len(measured)} sessions; definitions of version {VERSION}.",)
+    rows = tuple(
+        _spread_row(column, [(one.session.id, one.values) for one in measured])
+        for column in METRICS
+    )
+    below = (
+        (
+            f"{_people(measured)} participants, {len(measured)} sessions; definitions of version"
+            f" {VERSION}."
+        ),
+    )
     return Table("metrics", "Session metrics.", ("Metric", "Unit", *SPREAD), rows, below)
 
 
-def _spread_row(column: Column, found: Sequence[tuple[str, Values]], *before: Cell) -> tuple[Cell, ...]:
-    known = [(session, values[column.name]) for session, values in found if math.isfinite(values[column.name])]
+def _spread_row(
+    column: Column, found: Sequence[tuple[str, Values]], *before: Cell
+) -> tuple[Cell, ...]:
+    known = [
+        (session, values[column.name])
+        for session, values in found
+        if math.isfinite(values[column.name])
+    ]
     ids = [session for session, _ in known]
     about = spread([value for _, value in known])
-    cells = (number(value, 3, ids) for value in (about.mean, about.sd, about.p5, about.median, about.p95))
+    cells = (
+        number(value, 3, ids) for value in (about.mean, about.sd, about.p5, about.median, about.p95)
+    )
     return *before, words(column.name), words(column.unit), count(about.n, ids), *cells
 
 
 def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]) -> Table:
-    """Return a row a session: who, where, how it ended, whether its record is good, and every metric."""
-    head = ("session", "participant", "number", "robot", "condition", "outcome", "quality", "excluded", *(column.name for column in METRICS))
+    """Return a row a session: who, where, how it ended, whether its record is good, and every
+    metric.
+    """
+    head = (
+        "session",
+        "participant",
+        "number",
+        "robot",
+        "condition",
+        "outcome",
+        "quality",
+        "excluded",
+        *(column.name for column in METRICS),
+    )
     rows = tuple(_session_row(one, verdicts[one.session.id]) for one in measured)
     return Table("sessions", "Sessions.", head, rows)
 
@@ -38,38 +75,73 @@ def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]
 def _session_row(one: Measured, verdict: Verdict) -> tuple[Cell, ...]:
     session, own = one.session, (one.session.id,)
     quality = "good" if verdict.good else " ".join(word for word, _ in verdict.problems)
-    who = (words(session.id, own), words(session.participant), count(session.number), words(session.robot), words(session.condition))
+    who = (
+        words(session.id, own),
+        words(session.participant),
+        count(session.number),
+        words(session.robot),
+        words(session.condition),
+    )
     numbers = (number(one.values[column.name], 3, own) for column in METRICS)
     return *who, words(session.outcome), words(quality), words(session.excluded), *numbers
 
 
 def segments_table(measured: Sequence[Measured]) -> Table:
     """Return a row a segment of each session."""
-    head = ("session", "robot", "condition", "segment", "from", "to", "start", *(column.name for column in SEGMENT_METRICS))
+    head = (
+        "session",
+        "robot",
+        "condition",
+        "segment",
+        "from",
+        "to",
+        "start",
+        *(column.name for column in SEGMENT_METRICS),
+    )
     rows = tuple(_segment_row(one, segment) for one in measured for segment in one.segments)
     return Table("segments", "Segments from checkpoint to checkpoint.", head, rows)
 
 
 def _segment_row(one: Measured, segment: Segment) -> tuple[Cell, ...]:
     own = (one.session.id,)
-    about = (words(one.session.id, own), words(one.session.robot), words(one.session.condition), count(segment.number))
+    about = (
+        words(one.session.id, own),
+        words(one.session.robot),
+        words(one.session.condition),
+        count(segment.number),
+    )
     numbers = (number(segment.values[column.name], 3, own) for column in SEGMENT_METRICS)
-    return *about, count(segment.begins), count(segment.ends), number(segment.start, 1, own), *numbers
+    return (
+        *about,
+        count(segment.begins),
+        count(segment.ends),
+        number(segment.start, 1, own),
+        *numbers,
+    )
 
 
 def segment_spreads(measured: Sequence[Measured], names: Sequence[str] = OF_SEGMENTS) -> Table:
-    """Return how some metrics are spread over the sessions that finished each segment, robot by robot."""
+    """Return how some metrics are spread over the sessions that finished each segment, robot by
+    robot.
+    """
     wanted = [column for column in SEGMENT_METRICS if column.name in names]
     groups: dict[tuple[str, int, int, int], list[tuple[str, Values]]] = {}
     for one in measured:
         for segment in one.segments:
-            groups.setdefault((one.session.robot, segment.number, segment.begins, segment.ends), []).append((one.session.id, segment.values))
+            groups.setdefault(
+                (one.session.robot, segment.number, segment.begins, segment.ends), []
+            ).append((one.session.id, segment.values))
     rows = [
         _spread_row(column, found, words(robot), words(f"{begins} → {ends}"))
         for (robot, _, begins, ends), found in sorted(groups.items())
         for column in wanted
     ]
-    return Table("segment-metrics", "Metrics by segment.", ("Robot", "Segment", "Metric", "Unit", *SPREAD), tuple(rows))
+    return Table(
+        "segment-metrics",
+        "Metrics by segment.",
+        ("Robot", "Segment", "Metric", "Unit", *SPREAD),
+        tuple(rows),
+    )
 
 
 def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]) -> Table:
@@ -84,10 +156,24 @@ def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]
         if one.session.excluded:
             excluded.setdefault(one.session.excluded, []).append(one.session.id)
     rows = [(words("good"), words(""), count(len(good), good))]
-    rows += [(words("failed"), words(word), count(len(ids), ids)) for word, ids in sorted(failed.items())]
-    rows += [(words("excluded by hand"), words(reason), count(len(ids), ids)) for reason, ids in sorted(excluded.items())]
-    below = f"{_people(measured)} participants, {len(measured)} sessions. A record may fail several rules; what fails is kept."
-    return Table("quality", "Quality of the records.", ("", "Rule or reason", "Sessions"), tuple(rows), (below,))
+    rows += [
+        (words("failed"), words(word), count(len(ids), ids)) for word, ids in sorted(failed.items())
+    ]
+    rows += [
+        (words("excluded by hand"), words(reason), count(len(ids), ids))
+        for reason, ids in sorted(excluded.items())
+    ]
+    below = (
+        f"{_people(measured)} participants, {len(measured)} sessions. A record may fail several"
+        " rules; what fails is kept."
+    )
+    return Table(
+        "quality",
+        "Quality of the records.",
+        ("", "Rule or reason", "Sessions"),
+        tuple(rows),
+        (below,),
+    )
 
 
 def _people(measured: Sequence[Measured]) -> int:

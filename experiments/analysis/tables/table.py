@@ -1,4 +1,6 @@
-"""A table: rows of cells that know what they say, what they are worth, and which sessions they come from. As CSV and as LaTeX."""
+"""A table: rows of cells that know what they say, what they are worth, and which sessions they come
+from. As CSV and as LaTeX.
+"""
 
 import csv
 import io
@@ -6,18 +8,46 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-_LATEX = str.maketrans({
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}", "−": "$-$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$", "<": r"$<$", ">": r"$>$", "²": r"$^2$", "×": r"$\times$",
-    "–": "--", "—": "---", "…": r"\ldots{}", "χ": r"$\chi$", "η": r"$\eta$", "ρ": r"$\rho$", "|": r"\textbar{}", "\n": " ", "\r": " ",
-})  # fmt: skip
+_LATEX = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "&": r"\&",
+        "%": r"\%",
+        "$": r"\$",
+        "#": r"\#",
+        "_": r"\_",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "−": "$-$",
+        "±": r"$\pm$",
+        "≤": r"$\leq$",
+        "≥": r"$\geq$",
+        "<": r"$<$",
+        ">": r"$>$",
+        "²": r"$^2$",
+        "×": r"$\times$",
+        "–": "--",
+        "—": "---",
+        "…": r"\ldots{}",
+        "χ": r"$\chi$",
+        "η": r"$\eta$",
+        "ρ": r"$\rho$",
+        "|": r"\textbar{}",
+        "\n": " ",
+        "\r": " ",
+    }
+)
 NOTHING = "–"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What is printed, the number behind it (None for words), and the ids of the sessions behind that."""
+    """What is printed, the number behind it (None for words), and the ids of the sessions behind
+    that.
+    """
 
     text: str
     value: float | None = None
@@ -26,7 +56,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with a name for its files, a title, column heads, rows of as many cells, and notes that are printed below."""
+    """A table with a name for its files, a title, column heads, rows of as many cells, and notes
+    that are printed below.
+    """
 
     name: str
     title: str
@@ -49,7 +81,11 @@ def number(value: float | None, decimals: int = 2, sessions: Iterable[str] = ())
     if value is None or not math.isfinite(value):
         return Cell(NOTHING, None, tuple(sessions))
     text = f"{value:.{decimals}f}"
-    return Cell(text.removeprefix("-") if float(text) == 0.0 else text.replace("-", "−"), float(value), tuple(sessions))
+    return Cell(
+        text.removeprefix("-") if float(text) == 0.0 else text.replace("-", "−"),
+        float(value),
+        tuple(sessions),
+    )
 
 
 def count(value: int, sessions: Iterable[str] = ()) -> Cell:
@@ -75,8 +111,15 @@ def as_csv(table: Table) -> str:
 
 def as_latex(table: Table) -> str:
     """Return a table as LaTeX that needs no package."""
-    columns = "l" + "r" * (len(table.head) - 1) if _is_numeric(table.rows) else "l" * len(table.head)
-    lines = [r"\begin{table}", r"\centering", rf"\caption{{{latex(table.title)}}}", rf"\label{{tab:{table.name}}}"]
+    columns = (
+        "l" + "r" * (len(table.head) - 1) if _is_numeric(table.rows) else "l" * len(table.head)
+    )
+    lines = [
+        r"\begin{table}",
+        r"\centering",
+        rf"\caption{{{latex(table.title)}}}",
+        rf"\label{{tab:{table.name}}}",
+    ]
     lines += [
         rf"\begin{{tabular}}{{{columns}}}",
         r"\hline",
@@ -106,7 +149,11 @@ def _is_numeric(rows: Iterable[tuple[Cell, ...]]) -> bool:
 def _exact(cell: Cell) -> str:
     if cell.value is None:
         return "" if cell.text == NOTHING else _safe(cell.text)
-    return str(int(cell.value)) if cell.value.is_integer() and "." not in cell.text else repr(cell.value)
+    return (
+        str(int(cell.value))
+        if cell.value.is_integer() and "." not in cell.text
+        else repr(cell.value)
+    )
 
 
 def _safe(text: str) -> str:

@@ -1,11 +1,15 @@
-"""Lets time go faster in a whole system of Python processes: everything the same, every wait shorter, every clock ahead alike.
+"""Lets time go faster in a whole system of Python processes: everything the same, every wait
+shorter, every clock ahead alike.
 
-Python imports a module of this name at its start. So a process whose PYTHONPATH begins with this folder, and whose environment names a
-file of the pace, has its clocks and waits changed before anything else is loaded, and so have its children. Nothing is skipped and
-nothing replaced: at five times the pace a wait of a second takes a fifth of one, and all processes of one computer agree what time it
-is, because they read the same few bytes. experiments/bots/pace.py writes them, and may change the pace at any time.
+Python imports a module of this name at its start. So a process whose PYTHONPATH begins with this
+folder, and whose environment names a file of the pace, has its clocks and waits changed before
+anything else is loaded, and so have its children. Nothing is skipped and nothing replaced: at five
+times the pace a wait of a second takes a fifth of one, and all processes of one computer agree what
+time it is, because they read the same few bytes. experiments/bots/pace.py writes them, and may
+change the pace at any time.
 
-What waits in C is not changed: sockets' own time-outs, SQLite's, a broker that is not ours. All of these are limits of patience.
+What waits in C is not changed: sockets' own time-outs, SQLite's, a broker that is not ours. All of
+these are limits of patience.
 """
 
 import math
@@ -20,8 +24,9 @@ from pathlib import Path
 from typing import Any
 
 VARIABLE = "TELEPRESENCE_FAST_TIME"  # the file of the pace
-# Byte 0 says which of two slots counts, so that who reads never sees one half written. A slot: a moment of the computer's monotonic
-# clock, what the changed monotonic and Unix clocks said then, and how many times faster they go since.
+# Byte 0 says which of two slots counts, so that who reads never sees one half written. A slot: a
+# moment of the computer's monotonic clock, what the changed monotonic and Unix clocks said then,
+# and how many times faster they go since.
 SLOT = struct.Struct("=4d")
 SLOTS = (8, 8 + SLOT.size)
 SIZE = 8 + 2 * SLOT.size
@@ -69,7 +74,13 @@ def install(clocks: Clocks) -> None:
     time.monotonic_ns = time.perf_counter_ns = lambda: int(clocks.monotonic() * BILLION)
     time.time_ns = lambda: int(clocks.unix() * BILLION)
     _threads(clocks)
-    for name in ("SelectSelector", "PollSelector", "EpollSelector", "DevpollSelector", "KqueueSelector"):
+    for name in (
+        "SelectSelector",
+        "PollSelector",
+        "EpollSelector",
+        "DevpollSelector",
+        "KqueueSelector",
+    ):
         if hasattr(selectors, name):
             _selector(getattr(selectors, name), clocks)
     _django(clocks.unix)
@@ -87,7 +98,11 @@ def _threads(clocks: Clocks) -> None:
         join(self, None if timeout is None else clocks.shorter(timeout))
 
     changed: Any = threading
-    changed.Condition.wait, changed.Thread.join, changed._time = quick_wait, quick_join, clocks.monotonic  # noqa: SLF001 -- no other way in
+    changed.Condition.wait, changed.Thread.join, changed._time = (
+        quick_wait,
+        quick_join,
+        clocks.monotonic,
+    )  # noqa: SLF001 -- no other way in
     queued: Any = queue
     queued.time = clocks.monotonic
 
@@ -99,7 +114,8 @@ def _selector(kind: Any, clocks: Clocks) -> None:
         if timeout is None or timeout <= 0.0:
             return select(self, timeout)
         left = clocks.shorter(timeout)
-        if left >= MILLISECOND:  # never longer than asked for: who waits for a time looks at the clock again
+        # never longer than asked for: who waits for a time looks at the clock again
+        if left >= MILLISECOND:
             return select(self, math.floor(left / MILLISECOND) * MILLISECOND)
         ready = select(self, 0)
         if not ready:

@@ -1,4 +1,6 @@
-"""`manage.py analyse_study`: every table and figure of a study, from the database or from an exported dataset alone."""
+"""`manage.py analyse_study`: every table and figure of a study, from the database or from an
+exported dataset alone.
+"""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -22,20 +24,41 @@ class Command(BaseCommand):
     help = "Write every table and figure of a study, with the sessions behind each number."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("study", nargs="?", default="", help="name of the study, and version after a colon; none with --dataset")
-        parser.add_argument("--dataset", type=Path, help="folder that export_study wrote, in place of the database")
+        parser.add_argument(
+            "study",
+            nargs="?",
+            default="",
+            help="name of the study, and version after a colon; none with --dataset",
+        )
+        parser.add_argument(
+            "--dataset", type=Path, help="folder that export_study wrote, in place of the database"
+        )
         parser.add_argument("--out", type=Path, required=True, help="folder, which is made")
         parser.add_argument("--page", action="store_true", help="also what the analysis page shows")
-        parser.add_argument("--kind", choices=KINDS, action="append", help="whose sessions count, may be given several times [participant]")
+        parser.add_argument(
+            "--kind",
+            choices=KINDS,
+            action="append",
+            help="whose sessions count, may be given several times [participant]",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         if bool(options["study"]) == bool(options["dataset"]):
             raise CommandError("Give either the name of a study or --dataset.")
         try:
-            files = analyse(self._dataset(options), options["out"], options["kind"] or ("participant",), write_page if options["page"] else None)
+            files = analyse(
+                self._dataset(options),
+                options["out"],
+                options["kind"] or ("participant",),
+                write_page if options["page"] else None,
+            )
         except DatasetError as error:
             raise CommandError(str(error)) from error
         self.stdout.write(f"{options['out']}: {len(files)} files")
 
     def _dataset(self, options: dict[str, Any]) -> Dataset:
-        return read(options["dataset"]) if options["dataset"] else dataset_of(study_named(options["study"]))
+        return (
+            read(options["dataset"])
+            if options["dataset"]
+            else dataset_of(study_named(options["study"]))
+        )

@@ -16,22 +16,42 @@ from experiments.participation.study_lookup import study_named
 class Command(BaseCommand):
     """Writes the dataset of one version of a study, pseudonymous unless asked otherwise."""
 
-    help = "Write everything that was recorded of a study as a Psych-DS folder, or a ZIP archive of it."
+    help = (
+        "Write everything that was recorded of a study as a Psych-DS folder, or a ZIP archive"
+        " of it."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("study", help="name of the study, and version after a colon: exploration, exploration:2")
-        parser.add_argument("--out", type=Path, required=True, help="folder, which must be empty or not there; with --zip the file, - for the output")
+        parser.add_argument(
+            "study", help="name of the study, and version after a colon: exploration, exploration:2"
+        )
+        parser.add_argument(
+            "--out",
+            type=Path,
+            required=True,
+            help="folder, which must be empty or not there; with --zip the file, - for the output",
+        )
         parser.add_argument("--zip", action="store_true", help="write one ZIP archive")
-        parser.add_argument("--identified", action="store_true", help="with names, addresses, free text and photos")
+        parser.add_argument(
+            "--identified", action="store_true", help="with names, addresses, free text and photos"
+        )
         parser.add_argument("--free-text", action="store_true", help="with what people wrote")
-        parser.add_argument("--snapshots", action="store_true", help="with the photos that were taken")
-        parser.add_argument("--mcap", action="store_true", help="with a recording for Foxglove of every session")
+        parser.add_argument(
+            "--snapshots", action="store_true", help="with the photos that were taken"
+        )
+        parser.add_argument(
+            "--mcap", action="store_true", help="with a recording for Foxglove of every session"
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]
-        choice = Choice(**{name: options[name] for name in ("identified", "free_text", "snapshots", "mcap")})
+        choice = Choice(
+            **{name: options[name] for name in ("identified", "free_text", "snapshots", "mcap")}
+        )
         if options["zip"] and str(out) == "-":
-            sys.stdout.buffer.writelines(zipped(export_files(study_named(options["study"]), choice)))
+            sys.stdout.buffer.writelines(
+                zipped(export_files(study_named(options["study"]), choice))
+            )
             return
         if out.exists() and (options["zip"] or not out.is_dir() or any(out.iterdir())):
             raise CommandError(f"{out} is there already.")

@@ -1,4 +1,6 @@
-"""Which adapters there are: those named here, and any file or module that has `create(profile_name, options)`."""
+"""Which adapters there are: those named here, and any file or module that has `create(profile_name,
+options)`.
+"""
 
 import importlib
 import importlib.util
@@ -29,16 +31,20 @@ def adapter_names() -> tuple[str, ...]:
     return tuple(sorted(MODULES))
 
 
-def create(adapter_name: str, profile_name: str, options: Mapping[str, Any] | None = None) -> Adapter:
+def create(
+    adapter_name: str, profile_name: str, options: Mapping[str, Any] | None = None
+) -> Adapter:
     """Return an adapter, not connected yet.
 
     Args:
-        adapter_name: one of `adapter_names()`, the path of a `.py` file, or the dotted name of a module.
+        adapter_name: one of `adapter_names()`, the path of a `.py` file, or the dotted name of a
+            module.
         profile_name: which robot, such as `giraff`.
         options: the adapter's own; its module says which.
 
     Raises:
-        AdapterError: no such adapter, profile or option, or what the adapter needs is not installed; one sentence.
+        AdapterError: no such adapter, profile or option, or what the adapter needs is not
+            installed; one sentence.
     """
     try:
         module = _module(adapter_name)
@@ -48,11 +54,16 @@ def create(adapter_name: str, profile_name: str, options: Mapping[str, Any] | No
         raise AdapterError(f"the adapter {adapter_name!r} has no create(profile_name, options)")
     adapter = cast("Adapter", module.create(profile_name, options or {}))
     if not adapter.profile.watchdog > 0.0:
-        raise AdapterError(f"the adapter {adapter_name!r} names no watchdog: nothing would stop the base of a dead agent")
+        raise AdapterError(
+            f"the adapter {adapter_name!r} names no watchdog: nothing would stop the base of a dead"
+            " agent"
+        )
     try:
         check_times(adapter.profile.watchdog, adapter.profile.limits)
     except ValueError as error:
-        raise AdapterError(f"the robot {profile_name!r} cannot be driven safely: {error}") from error
+        raise AdapterError(
+            f"the robot {profile_name!r} cannot be driven safely: {error}"
+        ) from error
     return adapter
 
 
@@ -68,15 +79,20 @@ def _module(name: str) -> ModuleType:
         return module
     if "." in name:
         return importlib.import_module(name)
-    raise AdapterError(f"no adapter {name!r}; there are {', '.join(adapter_names())}, or give the path of a .py file")
+    raise AdapterError(
+        f"no adapter {name!r}; there are {', '.join(adapter_names())}, or give the path of a .py"
+        " file"
+    )
 
 
 def autonomous(adapter: Adapter, plan: str = "", memory: Path | None = None) -> Adapter:
-    """Return the adapter with the localization and the navigation that it lacks, when it has a laser.
+    """Return the adapter with the localization and the navigation that it lacks, when it has a
+    laser.
 
     Args:
         adapter: as `create` returned it.
-        plan: the site where the robot stands, a shipped name or a folder; without one it is what the adapter knows, or the server says.
+        plan: the site where the robot stands, a shipped name or a folder; without one it is what
+            the adapter knows, or the server says.
         memory: the file that keeps where the robot stood.
 
     Raises:

@@ -1,7 +1,8 @@
-"""A mind in a process of its own: `python -m robots.agent.autonomy HOST:PORT`, with its token on the first line of standard input.
+"""A mind in a process of its own: `python -m robots.agent.autonomy HOST:PORT`, with its token on
+the first line of standard input.
 
-Thinking takes milliseconds, now and then tens of them, and a control loop cannot wait for that, nor share an interpreter with it. The
-process ends with its socket.
+Thinking takes milliseconds, now and then tens of them, and a control loop cannot wait for that, nor
+share an interpreter with it. The process ends with its socket.
 """
 
 import logging
@@ -32,7 +33,8 @@ class Conversation:
         self._beams: LaserScan | None = None
 
     def take(self, messages: Sequence[wire.ToNode]) -> None:
-        """Do what was said since the last time, in order; of several perceptions only the newest is worth a thought.
+        """Do what was said since the last time, in order; of several perceptions only the newest is
+        worth a thought.
 
         Raises:
             WireError: a message makes no sense.
@@ -62,7 +64,9 @@ class Conversation:
 
     def _settle(self, message: wire.Settle) -> str:
         try:
-            self._node = NavigationNode(area_of(message.area), message.body, np.random.default_rng(message.seed))
+            self._node = NavigationNode(
+                area_of(message.area), message.body, np.random.default_rng(message.seed)
+            )
         except AreaError as error:
             return str(error) or type(error).__name__
         return ""
@@ -107,11 +111,18 @@ def serve(link: socket.socket) -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the process and return its exit code."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s", stream=sys.stderr)
+    logging.basicConfig(
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s %(message)s",
+        stream=sys.stderr,
+    )
     host, _, port = arguments[0].rpartition(":")
     token = sys.stdin.readline().strip()
     try:
-        with interrupted_by_signals(), socket.create_connection((host, int(port)), timeout=10.0) as link:
+        with (
+            interrupted_by_signals(),
+            socket.create_connection((host, int(port)), timeout=10.0) as link,
+        ):
             link.settimeout(None)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             link.sendall(framing.pack(wire.Token(token)))

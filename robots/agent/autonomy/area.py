@@ -1,4 +1,6 @@
-"""The site that a robot finds its way in: the map, and the plan when there is one. It travels as the server's `floorplan` message."""
+"""The site that a robot finds its way in: the map, and the plan when there is one. It travels as
+the server's `floorplan` message.
+"""
 
 import base64
 import binascii
@@ -37,11 +39,15 @@ def area_of(update: FloorPlanUpdate) -> Area:
         AreaError: image or plan cannot be used.
     """
     try:
-        image = decode_grey(io.BytesIO(base64.b64decode(update.image, validate=True)), f"the map {update.map_id!r}")
+        image = decode_grey(
+            io.BytesIO(base64.b64decode(update.image, validate=True)), f"the map {update.map_id!r}"
+        )
     except (MapError, binascii.Error) as error:
         raise AreaError(str(error)) from error
     transform = MapTransform(update.resolution, Pose2D(*update.origin), image.shape[0])
-    grid = OccupancyGrid(image, transform, update.negate, update.occupied_thresh, update.free_thresh)
+    grid = OccupancyGrid(
+        image, transform, update.negate, update.occupied_thresh, update.free_thresh
+    )
     return Area(grid, plan_of(update))
 
 
@@ -76,7 +82,9 @@ def update_of(site: Site) -> FloorPlanUpdate:
 
 
 def own_dock(plan: FloorPlan | None, series: str) -> Dock | None:
-    """Return the dock of a series of robots when there is exactly one: then a docked robot knows where it is."""
+    """Return the dock of a series of robots when there is exactly one: then a docked robot knows
+    where it is.
+    """
     docks = [dock for dock in plan.docks if dock.type == series] if plan else []
     return docks[0] if len(docks) == 1 else None
 

@@ -1,4 +1,6 @@
-"""A whole robot's autonomy without threads, processes or clocks: for studies, benchmarks and robots that have no visitor."""
+"""A whole robot's autonomy without threads, processes or clocks: for studies, benchmarks and robots
+that have no visitor.
+"""
 
 from dataclasses import replace
 
@@ -20,12 +22,16 @@ THINKING = 0.1  # seconds between two thoughts
 
 
 class Headless:
-    """Give it every moment; it answers with the velocity that its action wants, or that it makes of a driver's.
+    """Give it every moment; it answers with the velocity that its action wants, or that it makes of
+    a driver's.
 
-    `news` gathers what became of actions, `output` is the newest one, `path` what the robot follows.
+    `news` gathers what became of actions, `output` is the newest one, `path` what the robot
+    follows.
     """
 
-    def __init__(self, body: Body, area: Area, rng: np.random.Generator, *, period: float = THINKING) -> None:
+    def __init__(
+        self, body: Body, area: Area, rng: np.random.Generator, *, period: float = THINKING
+    ) -> None:
         """Read the map.
 
         Raises:
@@ -46,7 +52,9 @@ class Headless:
     def pose(self) -> Pose:
         """Where the robot believes to be."""
         moment = self._moment
-        return self.whereabouts.pose(moment.odometry if moment else None, moment.stamp if moment else 0.0)
+        return self.whereabouts.pose(
+            moment.odometry if moment else None, moment.stamp if moment else 0.0
+        )
 
     def place(self, pose: Pose2D) -> None:
         """Hear where the robot is."""
@@ -61,7 +69,9 @@ class Headless:
         self.node.begin(action)
 
     def step(self, moment: SensorSnapshot) -> Velocity:
-        """Take a moment, its newest sweep included, and return what the running action wants, ZERO without one; 20 Hz or more."""
+        """Take a moment, its newest sweep included, and return what the running action wants, ZERO
+        without one; 20 Hz or more.
+        """
         before, self._moment = self._moment, moment
         new = moment.beams is not None and (before is None or moment.beams is not before.beams)
         self.monitor.moved(moment.stamp, moment.odometry)
@@ -79,5 +89,7 @@ class Headless:
 
     def assist(self, wanted: Velocity, level: AssistLevel) -> Velocity:
         """Return what a driver who asks for `wanted` gets at a level of assistance."""
-        self._told = self.monitor.shape(wanted, self._told, level, self._moment.stamp if self._moment else 0.0).velocity
+        self._told = self.monitor.shape(
+            wanted, self._told, level, self._moment.stamp if self._moment else 0.0
+        ).velocity
         return self._told

@@ -1,9 +1,12 @@
-"""What thinks: where am I, and how do I get to where I was told to go? Localization and navigation of one robot in one site.
+"""What thinks: where am I, and how do I get to where I was told to go? Localization and navigation
+of one robot in one site.
 
-    perception ──► localizer ──► navigator ──► thought: pose, the velocity that an action wants, news of actions, the path
+    perception ──► localizer ──► navigator ──► thought: pose, the velocity that an action wants,
+    news of actions, the path
 
 The localizer is ours, or the pose that a robot which localizes itself reports.
-Pure: it lives on perceptions, which it should get ten to twenty times a second, and its clock is their stamps.
+Pure: it lives on perceptions, which it should get ten to twenty times a second, and its clock is
+their stamps.
 """
 
 import math
@@ -21,7 +24,17 @@ from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.robot_interface import ActionProgress
 from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.api.messages import Action, ActionState, Dock, Follow, Goto, Point, Relocalize, Undock, Velocity
+from robots.api.messages import (
+    Action,
+    ActionState,
+    Dock,
+    Follow,
+    Goto,
+    Point,
+    Relocalize,
+    Undock,
+    Velocity,
+)
 from robots.world.grid import MapError
 from robots.world.sensing import Estimate
 
@@ -60,8 +73,12 @@ class NavigationNode:
         self._area = area
         self._dock = own_dock(area.plan, body.series)
         try:
-            self.localizer: Localizer | ReportedLocalizer = ReportedLocalizer() if body.localizes else Localizer(area.grid, rng)
-            self.navigator = Navigator(area.grid, area.plan, np.array(body.footprint), body.limits, body.series)
+            self.localizer: Localizer | ReportedLocalizer = (
+                ReportedLocalizer() if body.localizes else Localizer(area.grid, rng)
+            )
+            self.navigator = Navigator(
+                area.grid, area.plan, np.array(body.footprint), body.limits, body.series
+            )
         except (MapError, NoWayError) as error:
             raise AreaError(str(error)) from error
         self.estimate: Estimate | None = None
@@ -74,7 +91,7 @@ class NavigationNode:
         self._path_due = Cadence(PATH_PERIOD)
         self._had_contact = False
 
-    # --- orders --------------------------------------------------------------------------------------------------------
+    # --- orders -----------------------------------------------------------------------------------
 
     def place(self, pose: Pose2D, spread: float = 0.3, turn: float = math.radians(15.0)) -> None:
         """Hear where the robot is, give or take `spread` metres and `turn` radians."""
@@ -87,7 +104,8 @@ class NavigationNode:
         self.navigator.forget()
 
     def begin(self, action: Action) -> None:
-        """Begin to go somewhere, or to look for the robot; an action of the same kind that runs is replaced.
+        """Begin to go somewhere, or to look for the robot; an action of the same kind that runs is
+        replaced.
 
         Raises:
             OrderError: it cannot be done, with the reason.
@@ -147,7 +165,7 @@ class NavigationNode:
         self._searching = _Running(action.action_id, self._now)
         self._tell(action.action_id, "RUNNING")
 
-    # --- thinking ------------------------------------------------------------------------------------------------------
+    # --- thinking ---------------------------------------------------------------------------------
 
     def think(self, snapshot: SensorSnapshot) -> NavigationOutput:
         """Return what follows from one moment."""
@@ -155,7 +173,9 @@ class NavigationNode:
         self._anchor(snapshot)
         if isinstance(self.localizer, ReportedLocalizer):
             self.localizer.report(snapshot.pose)
-        estimate = self.estimate = self.localizer.update(snapshot.stamp, snapshot.odometry, snapshot.beams)
+        estimate = self.estimate = self.localizer.update(
+            snapshot.stamp, snapshot.odometry, snapshot.beams
+        )
         self._watch_search(estimate)
         wanted = self._drive(estimate, snapshot)
         path = None if self._path is self._told_path else self._path
@@ -175,7 +195,10 @@ class NavigationNode:
 
     def _anchor(self, snapshot: SensorSnapshot) -> None:
         """A robot that feels the contacts of its only dock knows where it is."""
-        came, self._had_contact = snapshot.charger_contact and not self._had_contact, snapshot.charger_contact
+        came, self._had_contact = (
+            snapshot.charger_contact and not self._had_contact,
+            snapshot.charger_contact,
+        )
         if not came or self._dock is None:
             return
         dock, estimate = Pose2D(self._dock.x, self._dock.y, self._dock.theta), self.estimate
@@ -202,7 +225,11 @@ class NavigationNode:
             self._path = tuple((x, y) for x, y in np.round(step.path, 3).tolist())
         if running.said != step.reason or self._now - running.told >= NEWS_PERIOD:
             running.told, running.said = self._now, step.reason
-            self._news.append(ActionProgress(running.action_id, "RUNNING", step.reason, {"progress": round(step.progress, 3)}))
+            self._news.append(
+                ActionProgress(
+                    running.action_id, "RUNNING", step.reason, {"progress": round(step.progress, 3)}
+                )
+            )
         return step.velocity or ZERO
 
     def _watch_search(self, estimate: Estimate) -> None:
@@ -210,21 +237,44 @@ class NavigationNode:
             return
         seconds = self._now - self._searching.since
         if estimate.localized and seconds >= SETTLING:
-            self._end_searching("FINISHED", "", {"x": estimate.pose.x, "y": estimate.pose.y, "theta": estimate.pose.theta, "score": estimate.score})
+            self._end_searching(
+                "FINISHED",
+                "",
+                {
+                    "x": estimate.pose.x,
+                    "y": estimate.pose.y,
+                    "theta": estimate.pose.theta,
+                    "score": estimate.score,
+                },
+            )
         elif seconds >= SEARCH_TIME:
-            self._end_searching("FAILED", "the robot has not found itself; drive it a little, or show it where it is")
+            self._end_searching(
+                "FAILED",
+                "the robot has not found itself; drive it a little, or show it where it is",
+            )
 
-    # --- news ----------------------------------------------------------------------------------------------------------
+    # --- news -------------------------------------------------------------------------------------
 
     def _end_driving(self, status: ActionState, reason: str) -> None:
         if self._driving is not None:
             self._tell(self._driving.action_id, status, reason)
             self._driving, self._path = None, ()
 
-    def _end_searching(self, status: ActionState, reason: str, result: dict[str, float | str | bool | None] | None = None) -> None:
+    def _end_searching(
+        self,
+        status: ActionState,
+        reason: str,
+        result: dict[str, float | str | bool | None] | None = None,
+    ) -> None:
         if self._searching is not None:
             self._tell(self._searching.action_id, status, reason, result)
             self._searching = None
 
-    def _tell(self, action_id: str, status: ActionState, reason: str = "", result: dict[str, float | str | bool | None] | None = None) -> None:
+    def _tell(
+        self,
+        action_id: str,
+        status: ActionState,
+        reason: str = "",
+        result: dict[str, float | str | bool | None] | None = None,
+    ) -> None:
         self._news.append(ActionProgress(action_id, status, reason, result or {}))

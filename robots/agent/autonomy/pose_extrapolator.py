@@ -33,7 +33,9 @@ class PoseExtrapolator:
         return self._output is None
 
     def place(self, odometry: Pose2D | None) -> Pose2D | None:
-        """Return the pose in the map at an odometry pose, as well as it is known; None before the first thought."""
+        """Return the pose in the map at an odometry pose, as well as it is known; None before the
+        first thought.
+        """
         if self._map_from_odometry is None or odometry is None:
             return None
         return self._map_from_odometry.compose(odometry)
@@ -46,4 +48,11 @@ class PoseExtrapolator:
         known = output.localized and now - self._at <= STALE
         xx, xy, xt, yy, yt, tt = (min(max(value, -LARGEST), LARGEST) for value in output.covariance)
         score = min(max(output.score, 0.0), 1.0) if now - self._at <= STALE else 0.0
-        return Pose(x=place.x, y=place.y, theta=wrap_angle(place.theta), covariance=(xx, xy, xt, yy, yt, tt), localized=known, score=score)
+        return Pose(
+            x=place.x,
+            y=place.y,
+            theta=wrap_angle(place.theta),
+            covariance=(xx, xy, xt, yy, yt, tt),
+            localized=known,
+            score=score,
+        )

@@ -14,7 +14,9 @@ NO_POINTS: Floats = np.zeros((0, 2))
 
 @dataclass(frozen=True)
 class Body:
-    """What a mind must know about its robot: `series` says which docks are its own, `localizes` that it reports its own pose."""
+    """What a mind must know about its robot: `series` says which docks are its own, `localizes`
+    that it reports its own pose.
+    """
 
     series: str
     footprint: tuple[Point, ...]
@@ -26,8 +28,9 @@ class Body:
 class SensorSnapshot:
     """One moment of a robot's own sensors.
 
-    `stamp` in seconds by the robot's clock, `odometry` in a frame of its own, `beams` the newest sweep, `points` (n, 2) what stands about
-    the robot as far as it was seen lately, in the robot's frame, `pose` where a robot that localizes itself says that it is, in the map.
+    `stamp` in seconds by the robot's clock, `odometry` in a frame of its own, `beams` the newest
+    sweep, `points` (n, 2) what stands about the robot as far as it was seen lately, in the robot's
+    frame, `pose` where a robot that localizes itself says that it is, in the map.
     """
 
     stamp: float
@@ -43,8 +46,9 @@ class SensorSnapshot:
 class NavigationOutput:
     """What a mind makes of a perception.
 
-    `pose` in the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no action moves the robot. `news` tells of
-    actions, `path` is what the robot follows, None when that has not changed since the last thought.
+    `pose` in the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no action
+    moves the robot. `news` tells of actions, `path` is what the robot follows, None when that has
+    not changed since the last thought.
     """
 
     stamp: float
@@ -59,7 +63,13 @@ class NavigationOutput:
 
 
 def beams_of(scan: Scan, laser: Laser) -> LaserScan:
-    """Return a scan as the sweep of a laser that sits where `laser` says; `null` is where nothing came back."""
-    ranges = np.array([np.inf if value is None else value for value in scan.ranges], dtype=np.float64)
+    """Return a scan as the sweep of a laser that sits where `laser` says; `null` is where nothing
+    came back.
+    """
+    ranges = np.array(
+        [np.inf if value is None else value for value in scan.ranges], dtype=np.float64
+    )
     mount = Pose2D(laser.x, laser.y, laser.theta)
-    return LaserScan(scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount)
+    return LaserScan(
+        scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount
+    )

@@ -1,6 +1,8 @@
-"""What the control loop and a mind in a process of its own say to each other, on a socket of this computer.
+"""What the control loop and a mind in a process of its own say to each other, on a socket of this
+computer.
 
-Framed as framing.py says. First of all the mind says the token that it was started with, so that nobody else is taken for it.
+Framed as framing.py says. First of all the mind says the token that it was started with, so that
+nobody else is taken for it.
 """
 
 import numpy as np
@@ -9,7 +11,16 @@ from msgspec import Struct, msgpack
 from robots.agent import framing
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
 from robots.api.geometry import Pose2D
-from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Pose, Relocalize, Undock, Velocity
+from robots.api.messages import (
+    Dock,
+    FloorPlanUpdate,
+    Follow,
+    Goto,
+    Pose,
+    Relocalize,
+    Undock,
+    Velocity,
+)
 from robots.world.sensing import LaserScan
 
 
@@ -47,7 +58,9 @@ class CancelAction(NodeMessage, frozen=True):
 
 
 class Sweep(Struct, frozen=True, array_like=True):
-    """A sweep of the laser; `ranges` float32 in the byte order of the machine, `inf` where nothing came back."""
+    """A sweep of the laser; `ranges` float32 in the byte order of the machine, `inf` where nothing
+    came back.
+    """
 
     stamp: float
     angle_min: float
@@ -125,9 +138,22 @@ def perceive(moment: SensorSnapshot, *, new: bool) -> Perceive:
     if new and moment.beams is not None:
         beams = moment.beams
         ranges = beams.ranges.astype(np.float32).tobytes()
-        sweep = Sweep(beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, beams.mount, ranges)
+        sweep = Sweep(
+            beams.stamp,
+            beams.angle_min,
+            beams.angle_increment,
+            beams.range_max,
+            beams.mount,
+            ranges,
+        )
     return Perceive(
-        moment.stamp, moment.odometry, moment.velocity, moment.charger_contact, sweep, moment.points.astype(np.float32).tobytes(), moment.pose
+        moment.stamp,
+        moment.odometry,
+        moment.velocity,
+        moment.charger_contact,
+        sweep,
+        moment.points.astype(np.float32).tobytes(),
+        moment.pose,
     )
 
 
@@ -141,7 +167,15 @@ def perceived(message: Perceive, beams: LaserScan | None) -> SensorSnapshot:
         points = np.frombuffer(message.points, dtype=np.float32).astype(np.float64).reshape(-1, 2)
     except ValueError as error:
         raise framing.WireError(str(error)) from error
-    return SensorSnapshot(message.stamp, message.odometry, message.velocity, message.charger_contact, beams, points, message.pose)
+    return SensorSnapshot(
+        message.stamp,
+        message.odometry,
+        message.velocity,
+        message.charger_contact,
+        beams,
+        points,
+        message.pose,
+    )
 
 
 def beams_in(sweep: Sweep) -> LaserScan:
@@ -154,4 +188,6 @@ def beams_in(sweep: Sweep) -> LaserScan:
         ranges = np.frombuffer(sweep.ranges, dtype=np.float32).astype(np.float64)
     except ValueError as error:
         raise framing.WireError(str(error)) from error
-    return LaserScan(sweep.stamp, sweep.angle_min, sweep.angle_increment, sweep.range_max, ranges, sweep.mount)
+    return LaserScan(
+        sweep.stamp, sweep.angle_min, sweep.angle_increment, sweep.range_max, ranges, sweep.mount
+    )

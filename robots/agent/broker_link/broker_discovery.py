@@ -23,7 +23,9 @@ class ServerAwayError(Exception):
     """The server could not be asked now; the message is one sentence."""
 
 
-def broker_urls(config: AgentConfig, backoff: Backoff, pause: Callable[[float], bool]) -> tuple[str, ...] | None:
+def broker_urls(
+    config: AgentConfig, backoff: Backoff, pause: Callable[[float], bool]
+) -> tuple[str, ...] | None:
     """Return the broker's addresses, the best first, asking the server for ever if need be.
 
     Args:
@@ -44,7 +46,9 @@ def broker_urls(config: AgentConfig, backoff: Backoff, pause: Callable[[float], 
             return ask(config)
         except ServerAwayError as error:
             wait = backoff.failed()
-            log.warning("server_away server=%s reason=%r again_in=%.1f", config.server, str(error), wait)
+            log.warning(
+                "server_away server=%s reason=%r again_in=%.1f", config.server, str(error), wait
+            )
             if pause(wait):
                 return None
 
@@ -57,16 +61,27 @@ def ask(config: AgentConfig) -> tuple[str, ...]:
         ConfigError: asking again is of no use.
     """
     request = urllib.request.Request(  # noqa: S310 -- config.load has checked the scheme
-        f"{config.server}{PATH}", headers={"Authorization": f"Bearer {config.robot}:{config.token}", "Accept": "application/json"}
+        f"{config.server}{PATH}",
+        headers={
+            "Authorization": f"Bearer {config.robot}:{config.token}",
+            "Accept": "application/json",
+        },
     )
     try:
-        with urllib.request.urlopen(request, timeout=TIMEOUT, context=trust(str(config.server), config.ca)) as response:  # noqa: S310
+        with urllib.request.urlopen(
+            request, timeout=TIMEOUT, context=trust(str(config.server), config.ca)
+        ) as response:  # noqa: S310
             answer = response.read(LARGEST_ANSWER)
     except urllib.error.HTTPError as error:
         if error.code in REFUSALS:
-            raise ConfigError(f"the server refused the credentials of {config.robot!r}: make new ones in its admin") from error
+            raise ConfigError(
+                f"the server refused the credentials of {config.robot!r}: make new ones in its"
+                " admin"
+            ) from error
         if error.code == HTTPStatus.NOT_FOUND:
-            raise ConfigError(f"{config.server} is no telepresence server: it has no {PATH}") from error
+            raise ConfigError(
+                f"{config.server} is no telepresence server: it has no {PATH}"
+            ) from error
         raise ServerAwayError(f"it answered {error.code}") from error
     except (OSError, ValueError) as error:
         raise ServerAwayError(str(getattr(error, "reason", error))) from error
@@ -79,13 +94,18 @@ def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
         robot, urls = content["robot"], content.get("mqttUrls") or [content["mqttUrl"]]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ServerAwayError("its answer is not understood") from error
-    if robot != config.robot or not isinstance(urls, list) or not all(isinstance(url, str) for url in urls):
+    if (
+        robot != config.robot
+        or not isinstance(urls, list)
+        or not all(isinstance(url, str) for url in urls)
+    ):
         raise ConfigError(f"these are the credentials of {robot!r}, not of {config.robot!r}")
     return tuple(urls)
 
 
 def trust(server: str, ca: str | None) -> ssl.SSLContext | None:
-    """Return whose certificates are believed: the system's, and those in the file `ca`; None for plain HTTP.
+    """Return whose certificates are believed: the system's, and those in the file `ca`; None for
+    plain HTTP.
 
     Raises:
         ConfigError: the file cannot be read.
@@ -106,5 +126,7 @@ def believed(ca: str | None) -> ssl.SSLContext:
         if ca:
             context.load_verify_locations(ca)
     except OSError as error:
-        raise ConfigError(f"the certificates in {ca} cannot be read: {error.strerror or error}") from error
+        raise ConfigError(
+            f"the certificates in {ca} cannot be read: {error.strerror or error}"
+        ) from error
     return context

@@ -16,7 +16,8 @@ def _quoted(value: str) -> str:
 
 
 def keep(path: Path, text: str) -> None:
-    """Write the file so that it is either the old one or the new one whenever the power fails, and never readable by others.
+    """Write the file so that it is either the old one or the new one whenever the power fails, and
+    never readable by others.
 
     Raises:
         OSError: it cannot be written.
@@ -49,7 +50,9 @@ def _written(path: Path, text: str) -> Path:
 
 
 def changed(text: str, values: Mapping[str, str]) -> str:
-    """Return a credentials file with other values on its own lines, and everything else (options, comments, tables) as it was."""
+    """Return a credentials file with other values on its own lines, and everything else (options,
+    comments, tables) as it was.
+    """
     left = dict(values)
     lines, in_table = [], False
     for line in text.splitlines():

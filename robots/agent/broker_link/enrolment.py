@@ -1,4 +1,5 @@
-"""How an agent comes by its credentials: once with a one-time token of its owner's, and anew with those that it has.
+"""How an agent comes by its credentials: once with a one-time token of its owner's, and anew with
+those that it has.
 
 Both are a POST to the server, over HTTPS; in the clear only to this very machine.
 """
@@ -16,7 +17,12 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from robots.agent.broker_link import credentials_file
-from robots.agent.broker_link.broker_discovery import LARGEST_ANSWER, TIMEOUT, ServerAwayError, trust
+from robots.agent.broker_link.broker_discovery import (
+    LARGEST_ANSWER,
+    TIMEOUT,
+    ServerAwayError,
+    trust,
+)
 from robots.agent.config import ENVIRONMENT, AgentConfig, ConfigError, credentials_path, load
 
 log = logging.getLogger(__name__)
@@ -24,18 +30,29 @@ log = logging.getLogger(__name__)
 ENROL_PATH, RENEW_PATH = "/api/v1/agent/enrol/", "/api/v1/agent/renew/"
 RENEW_EVERY = 1800.0  # s between two questions whether new credentials are wanted
 KEPT = ("robot", "user", "token")
-REFUSALS = (HTTPStatus.BAD_REQUEST, HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN, HTTPStatus.NOT_FOUND, HTTPStatus.GONE)
+REFUSALS = (
+    HTTPStatus.BAD_REQUEST,
+    HTTPStatus.UNAUTHORIZED,
+    HTTPStatus.FORBIDDEN,
+    HTTPStatus.NOT_FOUND,
+    HTTPStatus.GONE,
+)
 
 
 def enrol_if_asked(
-    arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None, *, check: Callable[[AgentConfig], object] = lambda _: None
+    arguments: Mapping[str, Any],
+    environment: Mapping[str, str] | None = None,
+    *,
+    check: Callable[[AgentConfig], object] = lambda _: None,
 ) -> None:
-    """Enrol when the command line, or TELEPRESENCE_ENROL, has a one-time token; everything else is checked before it is spent.
+    """Enrol when the command line, or TELEPRESENCE_ENROL, has a one-time token; everything else is
+    checked before it is spent.
 
     Args:
         arguments: what `config.add_arguments` parsed.
         environment: the process's own by default.
-        check: raises ConfigError when the agent could not start like this with the credentials that come.
+        check: raises ConfigError when the agent could not start like this with the credentials that
+            come.
 
     Raises:
         ConfigError: as `enrol`, `config.load` and `check`, or no server is named.
@@ -49,38 +66,55 @@ def enrol_if_asked(
         raise ConfigError("--enrol wants --server URL: the site where the token was made")
     config = load(arguments, environment, enrolling=True)
     check(config)
-    enrol(config.robot, str(server), str(token), credentials_path(arguments, environment), config.ca)
+    enrol(
+        config.robot, str(server), str(token), credentials_path(arguments, environment), config.ca
+    )
 
 
 def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None) -> None:
-    """Exchange a one-time token for credentials and keep them in a file, which is tried before the token is spent.
+    """Exchange a one-time token for credentials and keep them in a file, which is tried before the
+    token is spent.
 
     Raises:
-        ConfigError: the server does not know the token (any more), is not reached, or the file cannot be written.
+        ConfigError: the server does not know the token (any more), is not reached, or the file
+            cannot be written.
     """
     check_private(server)
     try:
         credentials_file.rehearse(path)
-        answer = _post(f"{server.rstrip('/')}{ENROL_PATH}", {"robot": robot, "token": token}, {}, ca)
-        credentials_file.keep(path, credentials_file.toml(_lines(answer, robot) | {"server": server.rstrip("/")}))
+        answer = _post(
+            f"{server.rstrip('/')}{ENROL_PATH}", {"robot": robot, "token": token}, {}, ca
+        )
+        credentials_file.keep(
+            path, credentials_file.toml(_lines(answer, robot) | {"server": server.rstrip("/")})
+        )
     except ServerAwayError as error:
         raise ConfigError(f"{server} could not be asked: {error}") from error
     except OSError as error:
-        raise ConfigError(f"the credentials cannot be kept in {path}: {error.strerror or error}") from error
+        raise ConfigError(
+            f"the credentials cannot be kept in {path}: {error.strerror or error}"
+        ) from error
     log.info("agent_enrolled robot=%s file=%s", robot, path)
 
 
 def renew(config: AgentConfig) -> dict[str, str] | None:
-    """Ask for new credentials when the server wants that, and keep them in the file that the present ones came from.
+    """Ask for new credentials when the server wants that, and keep them in the file that the
+    present ones came from.
 
     Returns:
-        `robot`, `user` and `token` as they are now, or None when nothing changed: not wanted, or not kept in a file that can be written.
+        `robot`, `user` and `token` as they are now, or None when nothing changed: not wanted, or
+            not kept in a file that can be written.
 
     Raises:
         ServerAwayError: no answer; the present ones still hold.
         ConfigError: the server refused the present ones, or the new ones cannot be kept.
     """
-    if not config.server or config.credentials is None or not config.token or not os.access(config.credentials.parent, os.W_OK):
+    if (
+        not config.server
+        or config.credentials is None
+        or not config.token
+        or not os.access(config.credentials.parent, os.W_OK)
+    ):
         return None
     check_private(config.server)
     bearer = {"Authorization": f"Bearer {config.robot}:{config.token}"}
@@ -89,20 +123,31 @@ def renew(config: AgentConfig) -> dict[str, str] | None:
         return None
     lines = _lines(answer, config.robot)
     try:
-        credentials_file.keep(config.credentials, credentials_file.changed(config.credentials.read_text(encoding="utf-8"), lines))
+        credentials_file.keep(
+            config.credentials,
+            credentials_file.changed(config.credentials.read_text(encoding="utf-8"), lines),
+        )
     except OSError as error:
-        raise ConfigError(f"new credentials cannot be kept in {config.credentials}: {error.strerror or error}") from error
+        raise ConfigError(
+            f"new credentials cannot be kept in {config.credentials}: {error.strerror or error}"
+        ) from error
     log.info("agent_credentials_renewed robot=%s file=%s", config.robot, config.credentials)
     return lines
 
 
-def keep_renewing(config: AgentConfig, renewed: Callable[[dict[str, str]], None], pause: Callable[[float], bool]) -> None:
-    """Ask now and then, until `pause` (which waits so many seconds) returns True; `renewed` is told the new credentials."""
+def keep_renewing(
+    config: AgentConfig, renewed: Callable[[dict[str, str]], None], pause: Callable[[float], bool]
+) -> None:
+    """Ask now and then, until `pause` (which waits so many seconds) returns True; `renewed` is told
+    the new credentials.
+    """
     while not pause(RENEW_EVERY):
         try:
             fresh = renew(config)
         except (ServerAwayError, ConfigError) as error:
-            log.warning("agent_credentials_not_renewed robot=%s reason=%r", config.robot, str(error))
+            log.warning(
+                "agent_credentials_not_renewed robot=%s reason=%r", config.robot, str(error)
+            )
             continue
         if fresh is not None:
             renewed(fresh)
@@ -116,7 +161,9 @@ def check_private(server: str) -> None:
         ConfigError: it would cross a network in the clear.
     """
     parts = urlsplit(server)
-    if parts.scheme == "https" or (parts.scheme == "http" and _is_this_machine(parts.hostname or "")):
+    if parts.scheme == "https" or (
+        parts.scheme == "http" and _is_this_machine(parts.hostname or "")
+    ):
         return
     raise ConfigError(f"credentials travel over https:// alone, not to {server!r}")
 
@@ -135,9 +182,14 @@ def _lines(answer: Mapping[str, Any], robot: str) -> dict[str, str]:
     return lines
 
 
-def _post(url: str, content: Mapping[str, str], headers: Mapping[str, str], ca: str | None) -> dict[str, Any]:
+def _post(
+    url: str, content: Mapping[str, str], headers: Mapping[str, str], ca: str | None
+) -> dict[str, Any]:
     request = urllib.request.Request(  # noqa: S310 -- check_private has seen the scheme
-        url, data=json.dumps(content).encode(), headers={"Content-Type": "application/json", "Accept": "application/json", **headers}, method="POST"
+        url,
+        data=json.dumps(content).encode(),
+        headers={"Content-Type": "application/json", "Accept": "application/json", **headers},
+        method="POST",
     )
     try:
         with urllib.request.urlopen(request, timeout=TIMEOUT, context=trust(url, ca)) as response:  # noqa: S310

@@ -1,8 +1,9 @@
 """The agent's one connection to the broker: made again for ever, and the same after each time.
 
-The agent dials out only, over TCP, TLS or WebSocket. It says ONLINE and its factsheet on every connection (a broker that was
-restarted has lost them), leaves a will that says CONNECTIONBROKEN, and watches its own presence: the will of a connection that died
-half open arrives seconds after the next one is up, and is then answered with ONLINE.
+The agent dials out only, over TCP, TLS or WebSocket. It says ONLINE and its factsheet on every
+connection (a broker that was restarted has lost them), leaves a will that says CONNECTIONBROKEN,
+and watches its own presence: the will of a connection that died half open arrives seconds after the
+next one is up, and is then answered with ONLINE.
 """
 
 import asyncio
@@ -43,7 +44,9 @@ class Inbox(Protocol):
     """Where what arrives goes. Called on the link's loop; must return at once."""
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
-        """Take a decoded message; `message` is None for an empty one, which is how a retained message is taken back."""
+        """Take a decoded message; `message` is None for an empty one, which is how a retained
+        message is taken back.
+        """
 
     def rejected(self, reason: str) -> None:
         """Count a message that could not be decoded."""
@@ -68,15 +71,24 @@ class Endpoint:
     password: str | None = None
 
     @classmethod
-    def of(cls, url: str, username: str | None = None, password: str | None = None, ca: str | None = None) -> "Endpoint":
-        """Read `mqtt://`, `mqtts://`, `ws://` or `wss://host:port/path`; `ca` is a file of certificates to trust besides the system's.
+    def of(
+        cls,
+        url: str,
+        username: str | None = None,
+        password: str | None = None,
+        ca: str | None = None,
+    ) -> "Endpoint":
+        """Read `mqtt://`, `mqtts://`, `ws://` or `wss://host:port/path`; `ca` is a file of
+        certificates to trust besides the system's.
 
         Raises:
             ValueError: not such an address, or the file cannot be read; one sentence.
         """
         parts = urlsplit(url)
         if parts.scheme not in PORTS or not parts.hostname:
-            raise ValueError(f"the broker's address is mqtt://, mqtts://, ws:// or wss://host:port, not {url!r}")
+            raise ValueError(
+                f"the broker's address is mqtt://, mqtts://, ws:// or wss://host:port, not {url!r}"
+            )
         web = parts.scheme in {"ws", "wss"}
         return cls(
             host=parts.hostname,
@@ -93,7 +105,8 @@ class MqttLink:
     """Connects for ever, keeps what must not be lost, and hands what arrives to an inbox.
 
     Args:
-        endpoint: where the broker is. `others` are the same broker by other ways, tried in turn where one leads nowhere.
+        endpoint: where the broker is. `others` are the same broker by other ways, tried in turn
+            where one leads nowhere.
         factsheet: says who we are; said again on each connection.
         rng: spreads the attempts of many robots.
     """
@@ -110,15 +123,21 @@ class MqttLink:
         self.connected = False
         self.outbox = Outbox()
         self._endpoints, self._factsheet, self._unix = (endpoint, *others), factsheet, unix
-        self._backoff = Backoff(rng, longest=1.0)  # well below the time of a lease, which a restart of the broker must not end
+        # well below the time of a lease, which a restart of the broker must not end
+        self._backoff = Backoff(rng, longest=1.0)
         self._wake, self._closing = asyncio.Event(), asyncio.Event()
         self._rival: str | None = None
-        # Nothing that anybody is told: with Mosquitto, whoever knows a client id takes its connection over.
+        # Nothing that anybody is told: with Mosquitto, whoever knows a client id takes its
+        # connection over.
         self._client_id = f"{factsheet.name[:40]}-{secrets.token_hex(8)}"
 
     def credentials_changed(self, username: str, password: str) -> None:
-        """Be somebody else to the broker from the next connection on; may be called from any thread."""
-        self._endpoints = tuple(replace(endpoint, username=username, password=password) for endpoint in self._endpoints)
+        """Be somebody else to the broker from the next connection on; may be called from any
+        thread.
+        """
+        self._endpoints = tuple(
+            replace(endpoint, username=username, password=password) for endpoint in self._endpoints
+        )
 
     def publish(self, suffix: str, payload: bytes) -> None:
         """Send, now or (what must not be lost) when the broker is back."""
@@ -133,7 +152,12 @@ class MqttLink:
                 await self._connection(inbox)
             except* (MqttError, OSError) as errors:
                 reasons = "; ".join(sorted({str(error) for error in _leaves(errors)}))
-                log.warning("broker_unreachable host=%s port=%s reason=%r", self._endpoint.host, self._endpoint.port, reasons)
+                log.warning(
+                    "broker_unreachable host=%s port=%s reason=%r",
+                    self._endpoint.host,
+                    self._endpoint.port,
+                    reasons,
+                )
             held = time.monotonic() - began if self.connected else 0.0
             if not self.connected:
                 self._endpoints = (*self._endpoints[1:], self._endpoints[0])
@@ -145,11 +169,13 @@ class MqttLink:
         return self._endpoints[0]
 
     def close(self) -> None:
-        """Say what is still to be said, and OFFLINE; then `run` returns. It does so in FAREWELL seconds, or is to be cancelled."""
+        """Say what is still to be said, and OFFLINE; then `run` returns. It does so in FAREWELL
+        seconds, or is to be cancelled.
+        """
         self._closing.set()
         self._wake.set()
 
-    # --- one connection ----------------------------------------------------------------------------------------------
+    # --- one connection ---------------------------------------------------------------------------
 
     async def _connection(self, inbox: Inbox) -> None:
         async with self._client() as client:
@@ -158,7 +184,9 @@ class MqttLink:
                 receiving = tasks.create_task(self._receive(client, inbox))
                 await self._greet(client)
                 self.connected = True
-                log.info("broker_connected host=%s port=%s", self._endpoint.host, self._endpoint.port)
+                log.info(
+                    "broker_connected host=%s port=%s", self._endpoint.host, self._endpoint.port
+                )
                 inbox.link_changed(up=True)
                 await self._send(client, tasks)
                 await self._farewell(client)
@@ -178,32 +206,53 @@ class MqttLink:
             keepalive=KEEPALIVE,
             timeout=TIMEOUT,
             clean_session=True,
-            will=Will(self._topic("connection"), self._presence("CONNECTIONBROKEN"), qos=1, retain=True),
+            will=Will(
+                self._topic("connection"), self._presence("CONNECTIONBROKEN"), qos=1, retain=True
+            ),
             max_queued_incoming_messages=INCOMING,
         )
 
     async def _greet(self, client: Client) -> None:
         granted = await client.subscribe(list(topics.subscriptions(self._factsheet.name)))
-        if any((code.value if isinstance(code, ReasonCode) else code) >= SUBSCRIPTION_REFUSED for code in granted):
+        if any(
+            (code.value if isinstance(code, ReasonCode) else code) >= SUBSCRIPTION_REFUSED
+            for code in granted
+        ):
             raise MqttError("the broker does not let this robot read its own topics")
-        await client.publish(self._topic("factsheet"), codec.encode(self._factsheet), qos=1, retain=True)
-        await client.publish(self._topic("connection"), self._presence("ONLINE"), qos=1, retain=True)
+        await client.publish(
+            self._topic("factsheet"), codec.encode(self._factsheet), qos=1, retain=True
+        )
+        await client.publish(
+            self._topic("connection"), self._presence("ONLINE"), qos=1, retain=True
+        )
 
     async def _send(self, client: Client, tasks: asyncio.TaskGroup) -> None:
-        """Send what is in the outbox, in order, IN_FLIGHT at a time, until `close()` was called and all of it has arrived."""
-        while not (self._closing.is_set() and not len(self.outbox) and not self.outbox.unacknowledged):
+        """Send what is in the outbox, in order, IN_FLIGHT at a time, until `close()` was called and
+        all of it has arrived.
+        """
+        while not (
+            self._closing.is_set() and not len(self.outbox) and not self.outbox.unacknowledged
+        ):
             while len(self.outbox) and self.outbox.unacknowledged < IN_FLIGHT:
                 tasks.create_task(self._deliver(client, self.outbox.take()))
             self._wake.clear()
             await self._wake.wait()
 
     async def _deliver(self, client: Client, message: OutboundMessage) -> None:
-        await client.publish(self._topic(message.suffix), message.payload, qos=message.qos, retain=message.retained)
+        await client.publish(
+            self._topic(message.suffix), message.payload, qos=message.qos, retain=message.retained
+        )
         self.outbox.acknowledged(message)
         self._wake.set()
 
     async def _farewell(self, client: Client) -> None:
-        await client.publish(self._topic("connection"), self._presence("OFFLINE"), qos=1, retain=True, timeout=FAREWELL)
+        await client.publish(
+            self._topic("connection"),
+            self._presence("OFFLINE"),
+            qos=1,
+            retain=True,
+            timeout=FAREWELL,
+        )
 
     async def _receive(self, client: Client, inbox: Inbox) -> None:
         async for delivery in client.messages:
@@ -218,18 +267,26 @@ class MqttLink:
         suffix = parsed[1]
         try:
             if suffix == "connection":
-                self._watch_presence(codec.decode(suffix, payload), inbox, retained=bool(delivery.retain))
+                self._watch_presence(
+                    codec.decode(suffix, payload), inbox, retained=bool(delivery.retain)
+                )
             else:
                 message = codec.decode(suffix, payload, "to_robot") if payload else None
                 inbox.arrived(suffix, message, retained=bool(delivery.retain))
         except Rejection as rejection:
-            log.warning("message_rejected suffix=%s reason=%s detail=%r", suffix[:80], rejection.reason, rejection.detail[:200])
+            log.warning(
+                "message_rejected suffix=%s reason=%s detail=%r",
+                suffix[:80],
+                rejection.reason,
+                rejection.detail[:200],
+            )
             inbox.rejected(rejection.reason)
 
     def _watch_presence(self, presence: Connection, inbox: Inbox, *, retained: bool) -> None:
         """Answer a will that came late, and notice another agent that says it is this robot.
 
-        Boots sort by the time of their start, so of two agents exactly one, the older, finds that it has a rival and yields.
+        Boots sort by the time of their start, so of two agents exactly one, the older, finds that
+        it has a rival and yields.
         """
         if retained or self._closing.is_set():
             return
@@ -243,7 +300,7 @@ class MqttLink:
                 self._rival = None
                 inbox.rival(None)
 
-    # --- between connections -----------------------------------------------------------------------------------------
+    # --- between connections ----------------------------------------------------------------------
 
     def _lost(self, inbox: Inbox) -> None:
         was_connected, self.connected = self.connected, False

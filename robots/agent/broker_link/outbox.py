@@ -1,7 +1,8 @@
 """What the agent has to say on MQTT, in order, while the broker is away as well.
 
-Records (states, events, answers, photos) are kept until the broker has acknowledged them: nothing of a drive is missing because the
-broker was restarted. The rest is of its moment, and dropped while nobody listens.
+Records (states, events, answers, photos) are kept until the broker has acknowledged them: nothing
+of a drive is missing because the broker was restarted. The rest is of its moment, and dropped while
+nobody listens.
 """
 
 from collections import deque
@@ -12,7 +13,9 @@ from robots.api import topics
 KEPT = ("state", "event", "action", "photo")
 MESSAGES = 6000
 BYTES = 32 << 20
-ONE_AT_A_TIME = frozenset({"picture"})  # of these none waits behind another of its suffix: a network that does not take one will not take two
+# of these none waits behind another of its suffix: a network that does not take one will not take
+# two
+ONE_AT_A_TIME = frozenset({"picture"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +41,9 @@ def outbound(suffix: str, payload: bytes) -> OutboundMessage:
 
 
 class Outbox:
-    """A queue, bounded in messages and bytes; the oldest goes first, also when there is no room (counted in `lost`)."""
+    """A queue, bounded in messages and bytes; the oldest goes first, also when there is no room
+    (counted in `lost`).
+    """
 
     def __init__(self, messages: int = MESSAGES, size: int = BYTES) -> None:
         self._waiting: deque[OutboundMessage] = deque()
@@ -59,7 +64,9 @@ class Outbox:
         """Take a letter; one that is of its moment only when `connected`."""
         if not connected and message.suffix.partition("/")[0] not in KEPT:
             return
-        if message.suffix.partition("/")[0] in ONE_AT_A_TIME and not self._make_room(message.suffix):
+        if message.suffix.partition("/")[0] in ONE_AT_A_TIME and not self._make_room(
+            message.suffix
+        ):
             self.lost += 1
             return
         self._waiting.append(message)

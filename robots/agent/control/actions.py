@@ -1,4 +1,6 @@
-"""Everything a robot can be asked besides velocities: permitted by the kernel, begun once, and reported until it ends."""
+"""Everything a robot can be asked besides velocities: permitted by the kernel, begun once, and
+reported until it ends.
+"""
 
 import asyncio
 import logging
@@ -40,7 +42,8 @@ from robots.api.messages import (
 
 log = logging.getLogger(__name__)
 
-REFUSALS_ANSWERED = 0.05  # s between two answers to what was refused: a flood of nonsense earns no flood of answers
+# s between two answers to what was refused: a flood of nonsense earns no flood of answers
+REFUSALS_ANSWERED = 0.05
 PHOTOS_AT_ONCE = 4
 RESENT_AT_ONCE = 100
 RESEND_PAUSE = 0.05
@@ -81,23 +84,36 @@ class Actions:
         calls: Calls,
     ) -> None:
         self._kernel, self._adapter, self._reports, self._out = kernel, adapter, reports, out
-        self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = snapshot, latch_changed, turn_wheels, spawn, times
+        self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = (
+            snapshot,
+            latch_changed,
+            turn_wheels,
+            spawn,
+            times,
+        )
         self._calls = calls
         self._history = ActionHistory()
         self._refusals = Cadence(REFUSALS_ANSWERED)
         self._photos = 0
         self._waiting: Action | None = None  # to be begun when the robot stands
-        self._final: dict[str, ActionStatus] = {}  # what is true once the robot stands, and not before
+        # what is true once the robot stands, and not before
+        self._final: dict[str, ActionStatus] = {}
 
     def tick(self) -> None:
-        """Begin what waited for the robot to stand, and say what is true now that it does, or that a driver has it."""
+        """Begin what waited for the robot to stand, and say what is true now that it does, or that
+        a driver has it.
+        """
         waiting, running = self._waiting, self._kernel.navigation
         if waiting is not None and (running is None or running.action_id != waiting.action_id):
             self._waiting = None
         elif waiting is not None and running is not None and running.may_begin:
             self._waiting = None
             self._spawn(self._start(waiting))
-        if self._final and (self._kernel.stands or self._kernel.fault or self._kernel.braking(self._times.now()) is None):
+        if self._final and (
+            self._kernel.stands
+            or self._kernel.fault
+            or self._kernel.braking(self._times.now()) is None
+        ):
             final, self._final = self._final, {}
             self._reports.errors.pop(CANCEL, None)
             for status in final.values():
@@ -112,7 +128,9 @@ class Actions:
             self._estop(action, sender)
         elif (before := self._history.of(action.action_id)) is not None:
             self._out.send("action", before)
-        elif reason := self._kernel.permit(action, sender, now=self._times.now(), unix=self._times.unix()):
+        elif reason := self._kernel.permit(
+            action, sender, now=self._times.now(), unix=self._times.unix()
+        ):
             log.info("action_refused type=%s reason=%s way=%s", kind_of(action), reason, sender.way)
             if self._refusals.due(self._times.now()):
                 self._out.send("action", self._status(action, "FAILED", reason))
@@ -139,7 +157,9 @@ class Actions:
             self._end(status)
 
     def cancelled(self, action_id: str, reason: str) -> None:
-        """The kernel has ended an action that moves the robot: tell the adapter, and, when the robot stands, whoever asked for it."""
+        """The kernel has ended an action that moves the robot: tell the adapter, and, when the
+        robot stands, whoever asked for it.
+        """
         self._final[action_id] = self._ended_by(action_id, reason)
         if self._waiting is None or self._waiting.action_id != action_id:
             self._spawn(self._cancel_at_adapter(action_id))
@@ -160,12 +180,22 @@ class Actions:
 
     def _ended_by(self, action_id: str, reason: str) -> ActionStatus:
         before = self._history.of(action_id)
-        return ActionStatus(action_id=action_id, status="CANCELLED", stamp=self._times.unix(), type=before.type if before else "", reason=reason)
+        return ActionStatus(
+            action_id=action_id,
+            status="CANCELLED",
+            stamp=self._times.unix(),
+            type=before.type if before else "",
+            reason=reason,
+        )
 
     def _end(self, status: ActionStatus) -> None:
         """Say how far an action is, and what that means for its goal."""
         status = msgspec.structs.replace(status, stamp=self._times.unix())
-        if self._say(status) and status.type in {"goto", "follow"} and status.status in {"FINISHED", "FAILED"}:
+        if (
+            self._say(status)
+            and status.type in {"goto", "follow"}
+            and status.status in {"FINISHED", "FAILED"}
+        ):
             event = "goal_reached" if status.status == "FINISHED" else "goal_blocked"
             self._reports.event(event, action_id=status.action_id, detail=status.reason)
 
@@ -174,14 +204,20 @@ class Actions:
         self._latched("button", None)
 
     def _stamped(self, action: Action, sender: Sender) -> Action:
-        """Return the action with the role and user that count; on a data channel the page's own are discarded."""
+        """Return the action with the role and user that count; on a data channel the page's own are
+        discarded.
+        """
         if sender.way == "mqtt":
             return action
         lease = self._kernel.leases.live(self._times.now())
         drives = role_of(action, sender, lease) == "driver"
-        return msgspec.structs.replace(action, role="driver" if drives else "observer", user=lease.who if lease and drives else "")
+        return msgspec.structs.replace(
+            action,
+            role="driver" if drives else "observer",
+            user=lease.who if lease and drives else "",
+        )
 
-    # --- stop --------------------------------------------------------------------------------------------------------
+    # --- stop -------------------------------------------------------------------------------------
 
     def _stop(self, action: Stop, sender: Sender) -> None:
         obeyed = self._kernel.stop(action, sender, self._times.now())
@@ -209,7 +245,11 @@ class Actions:
         latch = self._kernel.latch
         source = latch.label if latch else ""
         log.warning("estop source=%r detail=%r", source, detail)
-        self._reports.event("estop", action_id=action.action_id if action else None, detail=f"{source} {detail}".strip())
+        self._reports.event(
+            "estop",
+            action_id=action.action_id if action else None,
+            detail=f"{source} {detail}".strip(),
+        )
         self._reports.hurry()
         self._spawn(self._keep_latch(action))
 
@@ -218,7 +258,7 @@ class Actions:
         if action is not None:
             self._out.send("action", self._status(action, "FINISHED"))
 
-    # --- everything else ---------------------------------------------------------------------------------------------
+    # --- everything else --------------------------------------------------------------------------
 
     def _begin(self, action: Action) -> None:
         match action:
@@ -243,7 +283,9 @@ class Actions:
         self._history.record(self._status(action, "RUNNING"))
         if was is not None:
             log.warning("estop_cleared by=%s:%s was=%r", action.role, action.user, was.label)
-            self._reports.event("estop_cleared", action_id=action.action_id, detail=f"{action.role}:{action.user}")
+            self._reports.event(
+                "estop_cleared", action_id=action.action_id, detail=f"{action.role}:{action.user}"
+            )
         self._reports.hurry()
         self._spawn(self._cleared(action))
 
@@ -267,7 +309,12 @@ class Actions:
     def _hand_over(self, action: Action) -> None:
         self._say(self._status(action, "WAITING"))
         if isinstance(action, MOTION):
-            self._kernel.navigate(action.action_id, _mode_of(action), ordered_by_server=action.role == "server", now=self._times.now())
+            self._kernel.navigate(
+                action.action_id,
+                _mode_of(action),
+                ordered_by_server=action.role == "server",
+                now=self._times.now(),
+            )
             for action_id, reason in self._kernel.drain_cancelled():
                 self.cancelled(action_id, reason)
             self._waiting = action
@@ -303,40 +350,72 @@ class Actions:
         finally:
             self._photos -= 1
         if photo is None:
-            self._say(self._status(action, "FAILED", "no_picture" if frame is None else "too_large"))
+            self._say(
+                self._status(action, "FAILED", "no_picture" if frame is None else "too_large")
+            )
             return
         self._out.record(f"photo/{action.action_id}", photo.jpeg)
         self._reports.event("photo", action_id=action.action_id, sha256=photo.sha256)
-        self._say(self._status(action, "FINISHED", result={"sha256": photo.sha256, "bytes": float(len(photo.jpeg)), "stamp": photo.stamp}))
+        self._say(
+            self._status(
+                action,
+                "FINISHED",
+                result={
+                    "sha256": photo.sha256,
+                    "bytes": float(len(photo.jpeg)),
+                    "stamp": photo.stamp,
+                },
+            )
+        )
 
     def _resend(self, action: ResendStates) -> None:
         if action.boot != self._reports.boot or action.last < action.first:
-            self._say(self._status(action, "FAILED", "unknown_boot" if action.boot != self._reports.boot else "empty_range"))
+            self._say(
+                self._status(
+                    action,
+                    "FAILED",
+                    "unknown_boot" if action.boot != self._reports.boot else "empty_range",
+                )
+            )
             return
         self._say(self._status(action, "RUNNING"))
         self._spawn(self._say_again(action))
 
     async def _say_again(self, action: ResendStates) -> None:
-        """Send kept states, a hundred at a time, so that ten minutes of the past do not stand in the way of the present."""
+        """Send kept states, a hundred at a time, so that ten minutes of the past do not stand in
+        the way of the present.
+        """
         states = self._reports.kept(action.first, action.last)
         for start in range(0, len(states), RESENT_AT_ONCE):
             for payload in states[start : start + RESENT_AT_ONCE]:
                 self._out.record("state", payload)
             await asyncio.sleep(RESEND_PAUSE)
         missing = action.last - action.first + 1 - len(states)
-        self._say(self._status(action, "FINISHED", result={"sent": float(len(states)), "missing": float(missing)}))
+        self._say(
+            self._status(
+                action, "FINISHED", result={"sent": float(len(states)), "missing": float(missing)}
+            )
+        )
 
     def _say_words(self, action: Say) -> None:
-        """Bring words over to the other side; those of somebody at the robot need a visitor to hear them."""
+        """Bring words over to the other side; those of somebody at the robot need a visitor to hear
+        them.
+        """
         lease = self._kernel.leases.live(self._times.now())
         if lease is None:
             self._say(self._status(action, "FAILED", "nobody_there"))
             return
         here = action.role == "screen"
         words = Words(
-            stamp=self._times.unix(), action_id=action.action_id, session=lease.session, by="screen" if here else "driver",
-            who=action.user if here else lease.who, text=action.text, language=action.language, aloud=action.aloud and not here,
-        )  # fmt: skip
+            stamp=self._times.unix(),
+            action_id=action.action_id,
+            session=lease.session,
+            by="screen" if here else "driver",
+            who=action.user if here else lease.who,
+            text=action.text,
+            language=action.language,
+            aloud=action.aloud and not here,
+        )
         self._out.send("words", words)
         self._say(self._status(action, "FINISHED"))
 
@@ -351,9 +430,16 @@ class Actions:
         self._reports.hurry()
         self._say(self._status(action, "FAILED" if reason else "FINISHED", reason or ""))
 
-    def _status(self, action: Action, status: ActionState, reason: str = "", result: Result | None = None) -> ActionStatus:
+    def _status(
+        self, action: Action, status: ActionState, reason: str = "", result: Result | None = None
+    ) -> ActionStatus:
         return ActionStatus(
-            action_id=action.action_id, status=status, stamp=self._times.unix(), type=kind_of(action), reason=reason[:300], result=result or {}
+            action_id=action.action_id,
+            status=status,
+            stamp=self._times.unix(),
+            type=kind_of(action),
+            reason=reason[:300],
+            result=result or {},
         )
 
     def _say(self, status: ActionStatus) -> bool:

@@ -1,8 +1,9 @@
 """How far a visitor is let through to the people at the robot: decisions only.
 
-A visitor who wants to be heard or seen rings. Where the owner's rule is `accept` the visitor is through at once; where it is `ask`
-somebody at the robot's screen decides, and until then nothing of the visitor's voice and face leaves the agent. An answer holds for the
-rest of the session; what the page sends must be said anew by each page that takes the session, because a page begins in silence.
+A visitor who wants to be heard or seen rings. Where the owner's rule is `accept` the visitor is
+through at once; where it is `ask` somebody at the robot's screen decides, and until then nothing of
+the visitor's voice and face leaves the agent. An answer holds for the rest of the session; what the
+page sends must be said anew by each page that takes the session, because a page begins in silence.
 """
 
 from dataclasses import dataclass
@@ -51,7 +52,8 @@ class Calls:
         self._call = call
 
     def answer(self, *, accept: bool, lease: Lease | None, now: float) -> str | None:
-        """Take the answer of somebody at the screen; return in one word why there is nothing to answer, or None.
+        """Take the answer of somebody at the screen; return in one word why there is nothing to
+        answer, or None.
 
         Whoever was let through may be declined later: that is how somebody at the robot hangs up.
         """
@@ -68,21 +70,43 @@ class Calls:
             return None
         status = self._status
         if status == "ringing":
-            status = "accepted" if self.rule == "accept" else "unanswered" if now - self._since > RINGS else "ringing"
-        return CallState(status=status, audio=call.audio, video=call.video, volume=call.volume, shares=call.shares)
+            status = (
+                "accepted"
+                if self.rule == "accept"
+                else "unanswered"
+                if now - self._since > RINGS
+                else "ringing"
+            )
+        return CallState(
+            status=status,
+            audio=call.audio,
+            video=call.video,
+            volume=call.volume,
+            shares=call.shares,
+        )
 
     def passing(self, lease: Lease | None, now: float) -> Passing:
         """Return what is let through."""
         state = self.state(lease, now)
-        return Passing(state.audio, state.video, state.volume) if state is not None and state.status == "accepted" else NOTHING
+        return (
+            Passing(state.audio, state.video, state.volume)
+            if state is not None and state.status == "accepted"
+            else NOTHING
+        )
 
     def shows_screen(self, lease: Lease | None, now: float) -> bool:
-        """Tell whether the people at the robot see a screen that the visitor shares, and may point at what is on it."""
+        """Tell whether the people at the robot see a screen that the visitor shares, and may point
+        at what is on it.
+        """
         state = self.state(lease, now)
         return state is not None and state.status == "accepted" and state.video and state.shares
 
     def _of(self, lease: Lease | None) -> Call | None:
-        return self._call if lease is not None and (lease.session, lease.epoch) == (self._session, self._epoch) else None
+        return (
+            self._call
+            if lease is not None and (lease.session, lease.epoch) == (self._session, self._epoch)
+            else None
+        )
 
     def _turn_to(self, lease: Lease) -> None:
         if lease.session != self._session:

@@ -1,6 +1,8 @@
-"""Where everything that a robot hears meets the safety kernel: one handler a message, all of them on the control loop.
+"""Where everything that a robot hears meets the safety kernel: one handler a message, all of them
+on the control loop.
 
-The pilot decides nothing that matters for safety: it asks the kernel, tells the wheels, and reports.
+The pilot decides nothing that matters for safety: it asks the kernel, tells the wheels, and
+reports.
 """
 
 import asyncio
@@ -84,8 +86,15 @@ class DispatcherParts:
 class CommandDispatcher:
     """The handlers. `spawn` runs a coroutine beside the loop."""
 
-    def __init__(self, parts: DispatcherParts, spawn: Callable[[Coroutine[Any, Any, None]], None]) -> None:
-        self._kernel, self._adapter, self._media, self._monitor = parts.kernel, parts.adapter, parts.media, parts.monitor
+    def __init__(
+        self, parts: DispatcherParts, spawn: Callable[[Coroutine[Any, Any, None]], None]
+    ) -> None:
+        self._kernel, self._adapter, self._media, self._monitor = (
+            parts.kernel,
+            parts.adapter,
+            parts.media,
+            parts.monitor,
+        )
         self._store, self._times, self._spawn = parts.store, parts.times, spawn
         self.out = Publisher(parts.link, parts.media)
         self._calls, self._passing, self._pointing = Calls(), NOTHING, Pointing()
@@ -126,7 +135,7 @@ class CommandDispatcher:
         self._was_up = False
         self._set_fault(ADAPTER_LOST, "not reached yet")
 
-    # --- from the broker (mqtt.Inbox) --------------------------------------------------------------------------------
+    # --- from the broker (mqtt.Inbox) -------------------------------------------------------------
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
         """Take a message of the server."""
@@ -159,7 +168,9 @@ class CommandDispatcher:
 
     @contextlib.contextmanager
     def _surviving(self, suffix: str) -> Iterator[None]:
-        """Brake for a message that could not be dealt with, whichever way it came, and go on: the next one may be a stop."""
+        """Brake for a message that could not be dealt with, whichever way it came, and go on: the
+        next one may be a stop.
+        """
         try:
             yield
         except Exception:
@@ -177,17 +188,21 @@ class CommandDispatcher:
         log.info("link_changed up=%s", up)
 
     def rival(self, boot: str | None) -> None:
-        """Another, newer agent is this robot: yield to it, for two of them on one base cannot be safe."""
+        """Another, newer agent is this robot: yield to it, for two of them on one base cannot be
+        safe.
+        """
         if boot is None:
             self._clear_fault(RIVAL)
         else:
             log.error("rival_agent boot=%s", boot)
             self._set_fault(RIVAL, "another agent runs as this robot")
 
-    # --- from the data channels --------------------------------------------------------------------------------------
+    # --- from the data channels -------------------------------------------------------------------
 
     def heard(self, said: Iterable[tuple[str, Role, Command]], rejected: Mapping[str, int]) -> None:
-        """Take what pages have said. Who may drive is said by the lease, so every peer's commands come here."""
+        """Take what pages have said. Who may drive is said by the lease, so every peer's commands
+        come here.
+        """
         for reason, count in rejected.items():
             self.rejected(reason, count)
         for peer, role, command in said:
@@ -204,13 +219,15 @@ class CommandDispatcher:
             case _:
                 self._travel(command, sender)
 
-    # --- from the adapter (adapter_link.Listener) --------------------------------------------------------------------
+    # --- from the adapter (adapter_link.Listener) -------------------------------------------------
 
     def reading(self, reading: RcaState) -> None:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
         self._kernel.measured(reading.velocity, self._times.now())
-        if self._kernel.button(pressed=reading.estop, now=self._times.now(), unix=self._times.unix()):
+        if self._kernel.button(
+            pressed=reading.estop, now=self._times.now(), unix=self._times.unix()
+        ):
             self.turn_wheels()
             self.actions.button_pressed()
         reading = self._perceived(reading)
@@ -222,14 +239,19 @@ class CommandDispatcher:
                 self.reports.event("docked" if self.reports.docked else "undocked")
 
     def _perceived(self, reading: RcaState) -> RcaState:
-        """Return a reading with what the collision monitor and the agent's own navigation make of it."""
+        """Return a reading with what the collision monitor and the agent's own navigation make of
+        it.
+        """
         monitor, now = self._monitor, self._times.now()
         if monitor is None:
             return self._adapter.located(reading, NO_POINTS)
         monitor.sense(reading, now)
         reading = self._adapter.located(reading, monitor.points())
         monitor.dock = seen_from(reading.pose, self._adapter.dock or self._dock)
-        reading = replace(reading, clearance=monitor.clearance() if reading.clearance is None else reading.clearance)
+        reading = replace(
+            reading,
+            clearance=monitor.clearance() if reading.clearance is None else reading.clearance,
+        )
         if self._kernel.monitor is None:
             return reading
         why, point = monitor.why(now)
@@ -254,7 +276,7 @@ class CommandDispatcher:
             self.reports.event("adapter_lost", detail=reason)
         self._set_fault(ADAPTER_LOST, reason)
 
-    # --- time --------------------------------------------------------------------------------------------------------
+    # --- time -------------------------------------------------------------------------------------
 
     def tick(self) -> None:
         """Fifty times a second: the lease's end, the wheels, and what is due to be said."""
@@ -264,7 +286,9 @@ class CommandDispatcher:
         self._look_after_standstill()
         self._look_after_call()
         if self._heartbeat_due.due(self._times.now()):
-            self.out.send("heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix()))
+            self.out.send(
+                "heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix())
+            )
         if self._disk_due.due(self._times.now()) and not self._looks_at_disk:
             self._looks_at_disk = True
             self._spawn(self._look_at_disk())
@@ -295,12 +319,16 @@ class CommandDispatcher:
         """Tell whether the base was told to stand still."""
         return self._kernel.commanded == ZERO or not self._adapter.up
 
-    # --- handlers ----------------------------------------------------------------------------------------------------
+    # --- handlers ---------------------------------------------------------------------------------
 
     def _travel(self, message: VelocityCommand | Action, sender: Sender) -> None:
-        """Take a command at once, or when the network that a study has put on its driver's commands lets it through."""
+        """Take a command at once, or when the network that a study has put on its driver's commands
+        lets it through.
+        """
         if self._line is not None and is_held(message, sender, self._driver()):
-            self._line.offer(len(codec.encode(message)), functools.partial(self._command, message, sender))
+            self._line.offer(
+                len(codec.encode(message)), functools.partial(self._command, message, sender)
+            )
         else:
             self._command(message, sender)
 
@@ -311,7 +339,9 @@ class CommandDispatcher:
             self.actions.take(message, sender)
 
     def _velocity(self, command: VelocityCommand, sender: Sender) -> None:
-        verdict = self._kernel.velocity(command, sender, now=self._times.now(), unix=self._times.unix())
+        verdict = self._kernel.velocity(
+            command, sender, now=self._times.now(), unix=self._times.unix()
+        )
         if verdict.reason is not None:
             return
         self.turn_wheels()
@@ -337,7 +367,9 @@ class CommandDispatcher:
     def _point(self, peer: str, command: PointCommand, sender: Sender) -> None:
         """Pass on where one side points; neither the kernel nor the record has to do with it."""
         lease, now = self._driver(), self._times.now()
-        by = self._pointing.take(peer, command, sender, lease, shown=self._calls.shows_screen(lease, now), now=now)
+        by = self._pointing.take(
+            peer, command, sender, lease, shown=self._calls.shows_screen(lease, now), now=now
+        )
         if by is not None:
             self.out.point(Pointer(stamp=self._times.unix(), by=by, at=command.at))
 
@@ -346,7 +378,11 @@ class CommandDispatcher:
         announced, driver = kernel.leases.announced(now), kernel.leases.live(now)
         newest = kernel.leases.newest
         if not kernel.take_lease(lease, retained=retained, now=now):
-            log.info("lease_ignored epoch=%s renewal=%s", lease.epoch if lease else None, lease.renewal if lease else None)
+            log.info(
+                "lease_ignored epoch=%s renewal=%s",
+                lease.epoch if lease else None,
+                lease.renewal if lease else None,
+            )
             return
         self.turn_wheels()
         self._set_assist()
@@ -355,12 +391,18 @@ class CommandDispatcher:
             self._close_session(announced)
         self._driver_changed(driver, kernel.leases.live(now))
         self._set_networks()
-        if kernel.leases.newest is not None and (newest is None or newest.epoch != kernel.leases.newest.epoch):
+        if kernel.leases.newest is not None and (
+            newest is None or newest.epoch != kernel.leases.newest.epoch
+        ):
             self._spawn(self._keep_lease())
 
     def _driver_changed(self, before: Lease | None, after: Lease | None) -> None:
-        if after is not None and (before is None or (before.session, before.epoch) != (after.session, after.epoch)):
-            log.info("lease_taken session=%s epoch=%s peer=%s", after.session, after.epoch, after.peer)
+        if after is not None and (
+            before is None or (before.session, before.epoch) != (after.session, after.epoch)
+        ):
+            log.info(
+                "lease_taken session=%s epoch=%s peer=%s", after.session, after.epoch, after.peer
+            )
             self.reports.event("lease_taken", detail=after.who)
         peer = after.peer if after else None
         if peer != (before.peer if before else None):
@@ -385,10 +427,14 @@ class CommandDispatcher:
             self.reports.errors.pop(RUNS_ON, None)
         elif RUNS_ON not in self.reports.errors:
             log.error("robot_runs_on velocity=%s", self.reports.reading.velocity)
-            self.reports.errors[RUNS_ON] = f"{RUNS_ON}: the robot moves though it is told to stand still"
+            self.reports.errors[RUNS_ON] = (
+                f"{RUNS_ON}: the robot moves though it is told to stand still"
+            )
 
     def _look_after_call(self) -> None:
-        """Tell the media side, when it has changed, what of the driver's voice and face is let through."""
+        """Tell the media side, when it has changed, what of the driver's voice and face is let
+        through.
+        """
         passing = self._calls.passing(self._driver(), self._times.now())
         if passing != self._passing:
             self._passing = passing
@@ -421,20 +467,32 @@ class CommandDispatcher:
         asked: AssistLevel = self._config.assist if self._config else "off"
         if lease is not None and lease.assist is not None:
             asked = lease.assist
-        # Steering needs to see obstacles; a robot that sees none is slowed down instead, and says so.
-        level: AssistLevel = "slow" if asked == "steer" and "assist" not in self._kernel.capabilities else asked
+        # Steering needs to see obstacles; a robot that sees none is slowed down instead, and says
+        # so.
+        level: AssistLevel = (
+            "slow" if asked == "steer" and "assist" not in self._kernel.capabilities else asked
+        )
         self._kernel.assist.level = level
 
     def _set_networks(self) -> None:
-        """Give the driver the network that is theirs. What is still on its way is lost with the old one."""
+        """Give the driver the network that is theirs. What is still on its way is lost with the old
+        one.
+        """
         networks = in_force(self._driver(), self._config, self._own_networks)
         if networks == self._networks:
             return
         self._networks = networks
-        log.info("network_lab session=%s control=%s video=%s", networks.session, networks.control, networks.video)
+        log.info(
+            "network_lab session=%s control=%s video=%s",
+            networks.session,
+            networks.control,
+            networks.video,
+        )
         if self._line is not None:
             self._line.close()
-        self._line = TimedLine(networks.control, self._times.now) if networks.control is not None else None
+        self._line = (
+            TimedLine(networks.control, self._times.now) if networks.control is not None else None
+        )
         self._media.impair(networks.video)
 
     def _networks_told(self) -> tuple[LabReport | None, LabReport | None]:
@@ -445,7 +503,9 @@ class CommandDispatcher:
             self.reports.event("charging")
         self._feel(before, after)
         if after.pose.localized != before.pose.localized:
-            self.reports.event("localization_found" if after.pose.localized else "localization_lost")
+            self.reports.event(
+                "localization_found" if after.pose.localized else "localization_lost"
+            )
 
     def _feel(self, before: RcaState, after: RcaState) -> None:
         """Stop for a contact that begins, and go no further towards one that lasts."""
@@ -456,7 +516,7 @@ class CommandDispatcher:
             self.reports.event("collision", detail=" ".join(side for side in SIDES if side in felt))
         self._kernel.contacts.felt(felt)
 
-    # --- faults and what is remembered -------------------------------------------------------------------------------
+    # --- faults and what is remembered ------------------------------------------------------------
 
     def _set_fault(self, name: str, text: str) -> None:
         self._faults[name] = text
@@ -479,7 +539,9 @@ class CommandDispatcher:
     async def _keep_latch(self) -> None:
         async with self._writing:
             latch = self._kernel.latch
-            if latch != self._kept_latch and await self._write(lambda: self._store.keep_latch(latch)):
+            if latch != self._kept_latch and await self._write(
+                lambda: self._store.keep_latch(latch)
+            ):
                 self._kept_latch = latch
 
     async def _keep_lease(self) -> None:
@@ -489,7 +551,9 @@ class CommandDispatcher:
                 await self._write(lambda: self._store.keep_lease(newest))
 
     async def _write(self, write: Callable[[], None]) -> bool:
-        """Write off the loop and tell whether it was done; a full disk is reported, and the robot keeps what it has in memory."""
+        """Write off the loop and tell whether it was done; a full disk is reported, and the robot
+        keeps what it has in memory.
+        """
         try:
             await asyncio.to_thread(write)
         except OSError as error:

@@ -1,7 +1,8 @@
 """The control loop: a thread of its own, because it must run when nothing else does.
 
-Adapter, safety and the broker's connection share one selector loop that no picture and no disk can hold up; the wheels turn at 50 Hz
-of monotonic time, and once more for every command that arrives. When the thread itself is stuck, the base's own watchdog stops it.
+Adapter, safety and the broker's connection share one selector loop that no picture and no disk can
+hold up; the wheels turn at 50 Hz of monotonic time, and once more for every command that arrives.
+When the thread itself is stuck, the base's own watchdog stops it.
 """
 
 import asyncio
@@ -36,7 +37,8 @@ FAREWELL_TIME = 3.0
 
 
 class ControlLoop:
-    """One robot's control. `start`, `close`, `receive`, `reply` and `publish` may be called from any thread.
+    """One robot's control. `start`, `close`, `receive`, `reply` and `publish` may be called from
+    any thread.
 
     Args:
         adapter: the robot control architecture.
@@ -63,13 +65,24 @@ class ControlLoop:
     ) -> None:
         profile = adapter.profile
         monitor = self._monitor = monitor_of(profile)
-        shaper = None if "assist" in profile.capabilities else monitor  # an RCA that assists by itself needs no other
+        # an RCA that assists by itself needs no other
+        shaper = None if "assist" in profile.capabilities else monitor
         assists: frozenset[Capability] = frozenset() if shaper is None else frozenset({"assist"})
         self.kernel = Kernel(
-            profile.limits, profile.watchdog, capabilities | assists, latch=store.latch(), newest_lease=store.lease(), monitor=shaper
+            profile.limits,
+            profile.watchdog,
+            capabilities | assists,
+            latch=store.latch(),
+            newest_lease=store.lease(),
+            monitor=shaper,
         )
         self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
-        self._adapter, self._link, self._store, self._boot = AdapterLink(adapter, rng=rng), link, store, boot
+        self._adapter, self._link, self._store, self._boot = (
+            AdapterLink(adapter, rng=rng),
+            link,
+            store,
+            boot,
+        )
         self._times, self._networks = times or TimeSource(), networks
         self._thread = threading.Thread()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -79,16 +92,20 @@ class ControlLoop:
         self._beside: set[asyncio.Task[None]] = set()
         self._ingress = Ingress(lambda: self._post(self._hear))
 
-    # --- any thread --------------------------------------------------------------------------------------------------
+    # --- any thread -------------------------------------------------------------------------------
 
     def start(self, media: Media) -> None:
         """Start the thread; `media` hears signals, leases and telemetry, and takes pictures."""
-        self._thread = threading.Thread(target=self._run, args=(media,), name="control", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, args=(media,), name="control", daemon=True
+        )
         self._thread.start()
         self._ready.wait()
 
     def receive(self, peer: str, role: Role, heard: ReceivedPacket) -> None:
-        """Take what came on a data channel. The lease says whether `peer` drives; `role` is what signalling makes of that."""
+        """Take what came on a data channel. The lease says whether `peer` drives; `role` is what
+        signalling makes of that.
+        """
         self._ingress.put(peer, role, heard)
 
     def reply(self, peer: str, message: SignalReply) -> None:
@@ -104,23 +121,44 @@ class ControlLoop:
         self._post(self._send_picture, payload, peer)
 
     def close(self) -> None:
-        """Brake, say goodbye, let go of the robot; returns when that is done, after some seconds at most. Idempotent."""
+        """Brake, say goodbye, let go of the robot; returns when that is done, after some seconds at
+        most. Idempotent.
+        """
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def wait(self, timeout: float) -> bool:
-        """Wait until the thread has ended, at most `timeout` seconds; `failed` says that nobody asked for it."""
+        """Wait until the thread has ended, at most `timeout` seconds; `failed` says that nobody
+        asked for it.
+        """
         return self._ended.wait(timeout)
 
-    # --- the thread --------------------------------------------------------------------------------------------------
+    # --- the thread -------------------------------------------------------------------------------
 
     async def run(self, media: Media) -> None:
-        """Control the robot on the caller's own event loop until `close` was called; `start` gives it a thread of its own."""
+        """Control the robot on the caller's own event loop until `close` was called; `start` gives
+        it a thread of its own.
+        """
         loop = self._loop = asyncio.get_running_loop()
-        # What is done beside the loop (disks, pictures, a simulator that is started) has no business to go first.
-        loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)))
-        parts = DispatcherParts(self.kernel, self._adapter, self._link, media, self._store, self._times, self._boot, self._networks, self._monitor)
+        # What is done beside the loop (disks, pictures, a simulator that is started) has no
+        # business to go first.
+        loop.set_default_executor(
+            ThreadPoolExecutor(
+                thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)
+            )
+        )
+        parts = DispatcherParts(
+            self.kernel,
+            self._adapter,
+            self._link,
+            media,
+            self._store,
+            self._times,
+            self._boot,
+            self._networks,
+            self._monitor,
+        )
         dispatcher = self._dispatcher = CommandDispatcher(parts, self._spawn)
         adapter = asyncio.create_task(self._adapter.run(dispatcher))
         link = asyncio.create_task(self._link.run(dispatcher))
@@ -139,7 +177,8 @@ class ControlLoop:
     def _run(self, media: Media) -> None:
         set_nice(FIRST)
         try:
-            # Not asyncio.run: on Windows its default loop can watch no sockets that are not its own, which MQTT needs.
+            # Not asyncio.run: on Windows its default loop can watch no sockets that are not its
+            # own, which MQTT needs.
             with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
                 runner.run(self.run(media))
             self.failed = False
@@ -148,8 +187,12 @@ class ControlLoop:
             self._ready.set()
             self._ended.set()
 
-    async def _until_closing(self, dispatcher: CommandDispatcher, vital: set[asyncio.Task[None]]) -> None:
-        """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one of `vital` fails."""
+    async def _until_closing(
+        self, dispatcher: CommandDispatcher, vital: set[asyncio.Task[None]]
+    ) -> None:
+        """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one
+        of `vital` fails.
+        """
         next_tick = self._times.now()
         while not self._closing.is_set():
             for task in (*vital, *self._beside):

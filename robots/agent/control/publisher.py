@@ -1,11 +1,21 @@
-"""Every way out of a robot: records and presence to the broker, and what a page shows to the data channels as well."""
+"""Every way out of a robot: records and presence to the broker, and what a page shows to the data
+channels as well.
+"""
 
 from typing import Any, Protocol
 
 from robots.agent.broker_link.mqtt import Inbox
 from robots.agent.robot_interface import Frame
 from robots.api import codec, picture, topics
-from robots.api.messages import CameraStatus, LabReport, Message, NetworkLab, PictureRequest, Pointer, Signal
+from robots.api.messages import (
+    CameraStatus,
+    LabReport,
+    Message,
+    NetworkLab,
+    PictureRequest,
+    Pointer,
+    Signal,
+)
 
 
 class Link(Protocol):
@@ -39,7 +49,9 @@ class Media(Protocol):
         """The lease names this peer now, or nobody."""
 
     def let_through(self, *, audio: bool, video: bool, volume: float) -> None:
-        """Let the driver's voice and face through to the people at the robot from now on, or not; `volume` is a share."""
+        """Let the driver's voice and face through to the people at the robot from now on, or not;
+        `volume` is a share.
+        """
 
     def impair(self, lab: NetworkLab | None) -> None:
         """Put this on the driver's picture and sound from now on, or nothing."""
@@ -90,7 +102,9 @@ class Publisher:
             self._media.telemetry(suffix, message)
 
     def point(self, pointer: Pointer) -> None:
-        """Send where one side points to the other: to the server, which knows who that is, and to its pages that are connected."""
+        """Send where one side points to the other: to the server, which knows who that is, and to
+        its pages that are connected.
+        """
         self._link.publish("pointer", codec.encode(pointer))
         self._media.point(pointer)
 

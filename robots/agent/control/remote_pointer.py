@@ -1,7 +1,8 @@
 """Who may point on the picture that the driver shares, and how often: decisions only.
 
-A dot moves nothing and is worth only as much as it is new. So what may not pass is dropped and counted, and nobody is answered. It is
-counted here and not among what the safety kernel refuses, because studies take that for commands that did not reach the wheels.
+A dot moves nothing and is worth only as much as it is new. So what may not pass is dropped and
+counted, and nobody is answered. It is counted here and not among what the safety kernel refuses,
+because studies take that for commands that did not reach the wheels.
 """
 
 import logging
@@ -23,21 +24,32 @@ FORGOTTEN = 5.0  # s after which a peer's stamps may begin anew: its clock was s
 
 @dataclass
 class Hand:
-    """What is known of one peer: the newest stamp by its clock, and how many dots it may still send at once."""
+    """What is known of one peer: the newest stamp by its clock, and how many dots it may still send
+    at once.
+    """
 
     bucket: Bucket
     stamp: float = float("-inf")
 
 
 class Pointing:
-    """What comes of the dots that peers send; `refused` counts by reason what does not pass. `now` is monotonic seconds."""
+    """What comes of the dots that peers send; `refused` counts by reason what does not pass. `now`
+    is monotonic seconds.
+    """
 
     def __init__(self) -> None:
         self._hands: dict[str, Hand] = {}
         self.refused: Counter[str] = Counter()
 
     def take(
-        self, peer: str, command: PointCommand, sender: Sender, lease: Lease | None, *, shown: bool, now: float
+        self,
+        peer: str,
+        command: PointCommand,
+        sender: Sender,
+        lease: Lease | None,
+        *,
+        shown: bool,
+        now: float,
     ) -> Literal["driver", "screen"] | None:
         """Return whose dot it is, or None when it goes nowhere.
 
@@ -50,7 +62,9 @@ class Pointing:
             now: when it came.
         """
         role = role_of(command, sender, lease)
-        reason = self._refusal(role, command, sender, lease, shown=shown) or self._lateness(peer, command.stamp, now)
+        reason = self._refusal(role, command, sender, lease, shown=shown) or self._lateness(
+            peer, command.stamp, now
+        )
         if reason is None:
             return "driver" if role == "driver" else "screen"
         self.refused[reason] += 1
@@ -58,21 +72,28 @@ class Pointing:
             log.info("point_refused reason=%s role=%s way=%s", reason, role, sender.way)
         return None
 
-    def _refusal(self, role: str, command: PointCommand, sender: Sender, lease: Lease | None, *, shown: bool) -> str | None:
+    def _refusal(
+        self, role: str, command: PointCommand, sender: Sender, lease: Lease | None, *, shown: bool
+    ) -> str | None:
         if lease is None:
             return "no_lease"
         if role == "driver":
-            reason = mismatch(command.session, command.epoch, sender, lease) or ("not_allowed" if forbidden(lease, sender) else None)
+            reason = mismatch(command.session, command.epoch, sender, lease) or (
+                "not_allowed" if forbidden(lease, sender) else None
+            )
         else:
             reason = None if role == "screen" else "observer"
         return reason or (None if shown else "not_shown")
 
     def _lateness(self, peer: str, stamp: float, now: float) -> str | None:
-        """Return why a dot of a peer that may point is not taken all the same, or None, and remember it."""
+        """Return why a dot of a peer that may point is not taken all the same, or None, and
+        remember it.
+        """
         hand = self._hands.pop(peer, None)
         if hand is None or now - hand.bucket.at > FORGOTTEN:
             hand = Hand(Bucket(RATE, BURST))
-        self._hands[peer] = hand  # the last one of all, so that the first is whoever has not pointed for longest
+        # the last one of all, so that the first is whoever has not pointed for longest
+        self._hands[peer] = hand
         if len(self._hands) > PEERS:
             del self._hands[next(iter(self._hands))]
         if stamp <= hand.stamp:

@@ -1,6 +1,8 @@
-"""What the robot says about itself: states, events, poses, scans; and the states of the last minutes, to be said again.
+"""What the robot says about itself: states, events, poses, scans; and the states of the last
+minutes, to be said again.
 
-Whoever records a session notices a gap in (boot, seq) and asks for it again, so the record is complete without a perfect network.
+Whoever records a session notices a gap in (boot, seq) and asks for it again, so the record is
+complete without a perfect network.
 """
 
 from collections import deque
@@ -42,7 +44,8 @@ POSE_PERIOD_TILTING = 1 / 30
 SCAN_PERIOD = 0.2
 PATH_PERIOD = 1.0  # a path is said again so often while it is followed, for pages that came later
 PATH_POINTS = 2000
-STILL_MOVING = 0.5  # poses go on for so long after the last motion, so that the page sees the robot come to rest
+# poses go on for so long after the last motion, so that the page sees the robot come to rest
+STILL_MOVING = 0.5
 ERRORS_KEPT = 16
 TILT_MOTION = 1e-4
 
@@ -79,7 +82,13 @@ class Reports:
         networks: Callable[[], tuple[LabReport | None, LabReport | None]] = lambda: (None, None),
         devices: Callable[[], tuple[CameraStatus | None, tuple[str, ...]]] = lambda: (None, ()),
     ) -> None:
-        self.boot, self._kernel, self._send, self._viewers, self._times = boot, kernel, send, viewers, times
+        self.boot, self._kernel, self._send, self._viewers, self._times = (
+            boot,
+            kernel,
+            send,
+            viewers,
+            times,
+        )
         self._screens, self._call, self._networks = screens, call, networks
         self._devices = devices
         self.reading = UNKNOWN
@@ -89,7 +98,11 @@ class Reports:
         self._kept: deque[tuple[int, bytes]] = deque(maxlen=STATES_KEPT)
         self._encoder = msgspec.json.Encoder()
         self._state_due, self._hurried_due = Cadence(STATE_PERIOD), Cadence(HURRIED_PERIOD)
-        self._pose_due, self._tilt_due, self._scan_due = Cadence(POSE_PERIOD), Cadence(POSE_PERIOD_TILTING), Cadence(SCAN_PERIOD)
+        self._pose_due, self._tilt_due, self._scan_due = (
+            Cadence(POSE_PERIOD),
+            Cadence(POSE_PERIOD_TILTING),
+            Cadence(SCAN_PERIOD),
+        )
         self._path: tuple[Point, ...] = ()
         self._path_due = Cadence(PATH_PERIOD)
         self._hurry = False
@@ -99,7 +112,7 @@ class Reports:
         self._contacts = 0
         self._distance = 0.0
 
-    # --- gathering ---------------------------------------------------------------------------------------------------
+    # --- gathering --------------------------------------------------------------------------------
 
     def connected(self) -> None:
         """The RCA was reached anew: what it counts begins anew."""
@@ -113,16 +126,32 @@ class Reports:
         self._dock = docked.follow(
             docked.DOCKED,
             self._dock,
-            DockReading(at=now, contact=reading.charger_contact, linear=velocity.linear, angular=velocity.angular, released=released),
+            DockReading(
+                at=now,
+                contact=reading.charger_contact,
+                linear=velocity.linear,
+                angular=velocity.angular,
+                released=released,
+            ),
         )
         self._distance += max(0.0, reading.distance - before.distance)
         self._contacts += max(0, reading.contacts - before.contacts)
         if reading.clearance is not None:
-            self._clearance = reading.clearance if self._clearance is None else min(self._clearance, reading.clearance)
-        tilting = before.tilt is not None and reading.tilt is not None and abs(reading.tilt - before.tilt) > TILT_MOTION
+            self._clearance = (
+                reading.clearance
+                if self._clearance is None
+                else min(self._clearance, reading.clearance)
+            )
+        tilting = (
+            before.tilt is not None
+            and reading.tilt is not None
+            and abs(reading.tilt - before.tilt) > TILT_MOTION
+        )
         if tilting or self._moving():
             self._moved_at = now
-        if now - self._moved_at < STILL_MOVING and (self._tilt_due.due(now) if tilting else self._pose_due.due(now)):
+        if now - self._moved_at < STILL_MOVING and (
+            self._tilt_due.due(now) if tilting else self._pose_due.due(now)
+        ):
             self._send("pose", _pose_update(reading))
         if reading.scan is not None and self._scan_due.due(now):
             self._send("scan", reading.scan)
@@ -145,7 +174,7 @@ class Reports:
         """Tell whether the robot is docked (robots/api/docked.py)."""
         return self._dock.docked
 
-    # --- saying ------------------------------------------------------------------------------------------------------
+    # --- saying -----------------------------------------------------------------------------------
 
     def tick(self) -> None:
         """Send what is due."""
@@ -155,11 +184,18 @@ class Reports:
             self._hurried()
 
     def state(self, lease: Lease | None = None) -> int:
-        """Send a state of the announced session, or of `lease` when that has just ended; return its seq."""
+        """Send a state of the announced session, or of `lease` when that has just ended; return its
+        seq.
+        """
         self._seq += 1
         now = self._times.now()
         state = self._build(now, lease or self._kernel.leases.announced(now))
-        self._hurry, self._applied, self._contacts, self._clearance = False, [], 0, self.reading.clearance
+        self._hurry, self._applied, self._contacts, self._clearance = (
+            False,
+            [],
+            0,
+            self.reading.clearance,
+        )
         self._kernel.refused.clear()
         self._kept.append((self._seq, self._encoder.encode(state)))
         self._send("state", state)
@@ -170,14 +206,23 @@ class Reports:
         of = lease or self._kernel.leases.announced(self._times.now())
         session, epoch = (of.session, of.epoch) if of else (None, 0)
         detail = str(fields.pop("detail", ""))[:300]
-        event = Event(stamp=self._times.unix(), boot=self.boot, seq=self._seq + 1, session=session, epoch=epoch, type=kind, detail=detail, **fields)
+        event = Event(
+            stamp=self._times.unix(),
+            boot=self.boot,
+            seq=self._seq + 1,
+            session=session,
+            epoch=epoch,
+            type=kind,
+            detail=detail,
+            **fields,
+        )
         self._send("event", event)
 
     def kept(self, first: int, last: int) -> list[bytes]:
         """Return the states `first` to `last` of this boot that are still here, as they were sent."""
         return [payload for seq, payload in self._kept if first <= seq <= last]
 
-    # --- inside ------------------------------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
 
     def _follow(self, stamp: float, path: tuple[Point, ...], now: float) -> None:
         if path != self._path or (path and self._path_due.due(now)):
@@ -190,7 +235,11 @@ class Reports:
 
     def _moving(self) -> bool:
         velocity = self.reading.velocity
-        return abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL or self._kernel.commanded != ZERO
+        return (
+            abs(velocity.linear) > STANDSTILL
+            or abs(velocity.angular) > STANDSTILL
+            or self._kernel.commanded != ZERO
+        )
 
     def _build(self, now: float, lease: Lease | None) -> State:
         reading, kernel = self.reading, self._kernel
@@ -233,7 +282,9 @@ class Reports:
         return Safety(
             estop=latch is not None,
             estop_source=latch.label[:120] if latch else None,
-            collision=self._contacts > 0 or bool(self.reading.bumper) or (self.reading.clearance is not None and self.reading.clearance <= 0.0),
+            collision=self._contacts > 0
+            or bool(self.reading.bumper)
+            or (self.reading.clearance is not None and self.reading.clearance <= 0.0),
             inhibited=kernel.inhibited(now),
             stop_seq=kernel.stop_seq,
             stop_id=kernel.stop_id,

@@ -1,8 +1,10 @@
-"""`run_robot NAME --check`: tries a robot with its wheels off the ground, and measures when its base stops by itself.
+"""`run_robot NAME --check`: tries a robot with its wheels off the ground, and measures when its
+base stops by itself.
 
-It connects the adapter alone, without a site, and looks at what the robot reports; drives slowly for a moment; then says nothing any
-more, not even zero, as an agent that was killed or is stuck. How long the base goes on, by its own odometry, is its watchdog; the one
-that its profile states must not be shorter. Whatever happens, zeros are sent at the end.
+It connects the adapter alone, without a site, and looks at what the robot reports; drives slowly
+for a moment; then says nothing any more, not even zero, as an agent that was killed or is stuck.
+How long the base goes on, by its own odometry, is its watchdog; the one that its profile states
+must not be shorter. Whatever happens, zeros are sent at the end.
 """
 
 import asyncio
@@ -18,14 +20,22 @@ from typing import Any
 from robots.agent.adapters import registry
 from robots.agent.config import AgentConfig, ConfigError, load
 from robots.agent.devices.equipment import equipment_of
-from robots.agent.robot_interface import FROM_PAGE, Adapter, AdapterError, FromPage, RcaState, VideoSource
+from robots.agent.robot_interface import (
+    FROM_PAGE,
+    Adapter,
+    AdapterError,
+    FromPage,
+    RcaState,
+    VideoSource,
+)
 from robots.agent.safety.ramp import LONGEST_WATCHDOG, ZERO
 from robots.api.messages import Velocity
 
 Say = Callable[[str], None]
 WARNING = (
-    "The robot will turn its wheels: {speed:g} m/s for {driving:g} s, then until it stops by itself. Lift it so that no wheel touches "
-    "the ground, and keep your hand at its emergency button."
+    "The robot will turn its wheels: {speed:g} m/s for {driving:g} s, then until it stops by"
+    " itself. Lift it so that no wheel touches the ground, and keep your hand at its emergency"
+    " button."
 )
 
 
@@ -56,7 +66,9 @@ class Sample:
 
 
 def stopped_after(samples: Sequence[Sample], silent_at: float, standing: float) -> float | None:
-    """Return how many seconds after `silent_at` the base stood for good, by the first reading that says so; None when it does not stand."""
+    """Return how many seconds after `silent_at` the base stood for good, by the first reading that
+    says so; None when it does not stand.
+    """
     stood_at: float | None = None
     for sample in samples:
         if abs(sample.speed) >= standing:
@@ -67,17 +79,27 @@ def stopped_after(samples: Sequence[Sample], silent_at: float, standing: float) 
 
 
 def verdict(measured: float | None, stated: float, params: CheckParams) -> tuple[bool, str]:
-    """Return whether a base keeps its stated watchdog, and a sentence that says so; both times in seconds."""
+    """Return whether a base keeps its stated watchdog, and a sentence that says so; both times in
+    seconds.
+    """
     if measured is None:
-        words = f"The base did not stop within {params.longest:g} s of the last velocity. Nothing stops it without its agent: do not drive it."
+        words = (
+            f"The base did not stop within {params.longest:g} s of the last velocity. Nothing stops"
+            " it without its agent: do not drive it."
+        )
         return False, words
-    took = f"The base stopped {measured:.2f} s after the last velocity, braking and the pace of its readings included"
+    took = (
+        f"The base stopped {measured:.2f} s after the last velocity, braking and the pace of its"
+        " readings included"
+    )
     if measured > stated + params.tolerance:
         return False, f"{took}. The profile states a watchdog of {stated:g} s: state what is true."
     return True, f"{took}: it keeps the watchdog of {stated:g} s that the profile states."
 
 
-def reported(states: Sequence[RcaState], capabilities: Sequence[str], seconds: float) -> list[tuple[bool, str]]:
+def reported(
+    states: Sequence[RcaState], capabilities: Sequence[str], seconds: float
+) -> list[tuple[bool, str]]:
     """Return what a robot's readings say, line by line, each with whether that is as it should be."""
     if not states:
         return [(False, "Readings: none came.")]
@@ -88,7 +110,10 @@ def reported(states: Sequence[RcaState], capabilities: Sequence[str], seconds: f
     volts = "" if last.battery.voltage is None else f", {last.battery.voltage:.1f} V"
     lines = [
         (True, f"Readings: {len(states) / seconds:.0f} per second."),
-        (knows_place or "localization" not in capabilities, f"Pose: {place}; odometry: {'yes' if last.odometry is not None else 'none'}."),
+        (
+            knows_place or "localization" not in capabilities,
+            f"Pose: {place}; odometry: {'yes' if last.odometry is not None else 'none'}.",
+        ),
         (True, f"Battery: {charge}{volts}."),
     ]
     if "scan" in capabilities:
@@ -99,9 +124,18 @@ def reported(states: Sequence[RcaState], capabilities: Sequence[str], seconds: f
 
 
 class RobotCheck:
-    """One trial of a robot. `video` is the camera, `page` one that the robot's screen brings, None none."""
+    """One trial of a robot. `video` is the camera, `page` one that the robot's screen brings, None
+    none.
+    """
 
-    def __init__(self, adapter: Adapter, say: Say, *, video: VideoSource | FromPage | None = None, params: CheckParams | None = None) -> None:
+    def __init__(
+        self,
+        adapter: Adapter,
+        say: Say,
+        *,
+        video: VideoSource | FromPage | None = None,
+        params: CheckParams | None = None,
+    ) -> None:
         self._adapter, self._say, self._video = adapter, say, video
         self._params = params or CheckParams()
         self._states: list[RcaState] = []
@@ -145,7 +179,11 @@ class RobotCheck:
     async def _look(self) -> bool:
         video = self._video
         if video is None or video == FROM_PAGE:
-            self._say("Camera: none here." if video is None else "Camera: the page of the robot's screen has it.")
+            self._say(
+                "Camera: none here."
+                if video is None
+                else "Camera: the page of the robot's screen has it."
+            )
             return True
         try:
             picture = await asyncio.to_thread(self._first_picture, video)
@@ -173,8 +211,13 @@ class RobotCheck:
         # A robot in its dock would push against the contacts.
         speed = -params.speed if self._states and self._states[-1].charger_contact else params.speed
         silent_at = await self._drive(speed)
-        if not any(abs(sample.speed) > params.moving for sample in self._samples if sample.at <= silent_at):
-            self._say(f"By its readings the base did not move, though it was told {speed:g} m/s for {params.driving:g} s. Nothing is measured.")
+        if not any(
+            abs(sample.speed) > params.moving for sample in self._samples if sample.at <= silent_at
+        ):
+            self._say(
+                f"By its readings the base did not move, though it was told {speed:g} m/s for"
+                f" {params.driving:g} s. Nothing is measured."
+            )
             return False
         measured = await self._silence(silent_at)
         is_well, line = verdict(measured, self._adapter.profile.watchdog, params)
@@ -237,9 +280,11 @@ class RobotCheck:
 
 
 def check_robot(arguments: Mapping[str, Any], say: Say, ask: Callable[[str], str] = input) -> bool:
-    """Try the robot that command line, environment and credentials file name, after somebody has said yes; return whether all is well.
+    """Try the robot that command line, environment and credentials file name, after somebody has
+    said yes; return whether all is well.
 
-    Ends early, with zeros to the base, on Ctrl-C and on the system's wish; a second Ctrl-C does not wait.
+    Ends early, with zeros to the base, on Ctrl-C and on the system's wish; a second Ctrl-C does not
+    wait.
 
     Raises:
         ConfigError: no such adapter, profile, option or device, or nobody said yes; one sentence.
@@ -278,7 +323,9 @@ def _prepared(config: AgentConfig, say: Say, params: CheckParams) -> RobotCheck:
 
 
 async def _until_signalled(check: RobotCheck) -> bool:
-    """Run a check; the first signal cancels it, so that it brakes, and the next one ends the process."""
+    """Run a check; the first signal cancels it, so that it brakes, and the next one ends the
+    process.
+    """
     loop, work = asyncio.get_running_loop(), asyncio.current_task()
     assert work is not None
 
@@ -286,7 +333,8 @@ async def _until_signalled(check: RobotCheck) -> bool:
         signal.signal(number, signal.default_int_handler)
         loop.call_soon_threadsafe(work.cancel)
 
-    for name in ("SIGINT", "SIGTERM", "SIGBREAK"):  # by name: ignored ones, too, as behind nohup and in a shell's background
+    # by name: ignored ones, too, as behind nohup and in a shell's background
+    for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), end)
     return await check.run()

@@ -1,4 +1,6 @@
-"""What an adapter reports, checked before anybody else sees it: no NaN, nothing out of the Robot API's ranges, angles wrapped."""
+"""What an adapter reports, checked before anybody else sees it: no NaN, nothing out of the Robot
+API's ranges, angles wrapped.
+"""
 
 import math
 from dataclasses import replace
@@ -32,37 +34,63 @@ def sound(reading: RcaState) -> RcaState:
     try:
         return _sound(reading)
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise error if isinstance(error, UnsoundReadingError) else UnsoundReadingError(f"{type(error).__name__}: {error}") from error
+        raise (
+            error
+            if isinstance(error, UnsoundReadingError)
+            else UnsoundReadingError(f"{type(error).__name__}: {error}")
+        ) from error
 
 
 def _sound(reading: RcaState) -> RcaState:
     if not math.isfinite(reading.pose.theta):
         raise UnsoundReadingError("the heading is not a number")
     pose = msgspec.structs.replace(reading.pose, theta=wrap_angle(reading.pose.theta))
-    checked = replace(reading, pose=pose, errors=tuple(text[:ERROR_LENGTH] for text in reading.errors[:ERRORS]), scan=_scan(reading.scan))
+    checked = replace(
+        reading,
+        pose=pose,
+        errors=tuple(text[:ERROR_LENGTH] for text in reading.errors[:ERRORS]),
+        scan=_scan(reading.scan),
+    )
     update = PoseUpdate(
-        stamp=reading.stamp, pose=pose, velocity=reading.velocity, tilt=reading.tilt, assist_why=reading.assist_why, assist_point=reading.assist_point
+        stamp=reading.stamp,
+        pose=pose,
+        velocity=reading.velocity,
+        tilt=reading.tilt,
+        assist_why=reading.assist_why,
+        assist_point=reading.assist_point,
     )
     try:
         codec.decode("pose", codec.encode(update))
-        battery = _battery.decode(codec.encode(reading.battery))  # what is no number becomes unknown
+        # what is no number becomes unknown
+        battery = _battery.decode(codec.encode(reading.battery))
     except (Rejection, msgspec.ValidationError) as error:
         raise UnsoundReadingError(str(error)) from error
     lengths = (reading.distance, reading.clearance or 0.0)
     if not all(math.isfinite(value) and value >= 0.0 for value in lengths) or reading.contacts < 0:
         raise UnsoundReadingError("a distance is negative or not a number")
-    if reading.odometry is not None and not all(math.isfinite(value) and abs(value) <= FARTHEST for value in reading.odometry):
+    if reading.odometry is not None and not all(
+        math.isfinite(value) and abs(value) <= FARTHEST for value in reading.odometry
+    ):
         raise UnsoundReadingError("the odometry is not a number, or out of this world")
-    if not all(math.isfinite(value) and abs(value) <= FARTHEST for point in reading.path or () for value in point):
+    if not all(
+        math.isfinite(value) and abs(value) <= FARTHEST
+        for point in reading.path or ()
+        for value in point
+    ):
         raise UnsoundReadingError("a point of the path is not a number, or out of this world")
     if not all(map(math.isfinite, reading.bumper or ())):
         raise UnsoundReadingError("the direction of a contact is not a number")
     if reading.scan is not None and not abs(reading.scan.angle_increment) > 0.0:
         raise UnsoundReadingError("all beams of the scan go the same way")
-    stamps = (*(echo.stamp for echo in reading.sonar), *(() if reading.points is None else (reading.points.stamp,)))
+    stamps = (
+        *(echo.stamp for echo in reading.sonar),
+        *(() if reading.points is None else (reading.points.stamp,)),
+    )
     if not all(map(math.isfinite, stamps)):
         raise UnsoundReadingError("the time of an echo is not a number")
-    sonar = tuple(echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf)
+    sonar = tuple(
+        echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf
+    )
     return replace(checked, battery=battery, sonar=sonar, points=_points(reading.points))
 
 
@@ -87,5 +115,8 @@ def _scan(scan: Scan | None) -> Scan | None:
     sound_ones = (found >= 0.0) & (found <= scan.range_max)
     if int(np.count_nonzero(sound_ones)) + scan.ranges.count(None) == len(scan.ranges):
         return scan
-    ranges = tuple(value if good else None for value, good in zip(scan.ranges, sound_ones.tolist(), strict=True))
+    ranges = tuple(
+        value if good else None
+        for value, good in zip(scan.ranges, sound_ones.tolist(), strict=True)
+    )
     return msgspec.structs.replace(scan, ranges=ranges)

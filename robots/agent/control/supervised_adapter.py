@@ -1,7 +1,9 @@
-"""The way to the robot control architecture: reached again for ever, watched for silence, and checked for sense.
+"""The way to the robot control architecture: reached again for ever, watched for silence, and
+checked for sense.
 
-Whatever an adapter raises, and whatever it returns that is no velocity and no reading, is that adapter's fault: named, braked for as far
-as the base can still be told, and tried again. The control loop goes on.
+Whatever an adapter raises, and whatever it returns that is no velocity and no reading, is that
+adapter's fault: named, braked for as far as the base can still be told, and tried again. The
+control loop goes on.
 """
 
 import asyncio
@@ -24,7 +26,9 @@ log = logging.getLogger(__name__)
 Told = TypeVar("Told")
 
 CONNECT_TIME = 30.0
-FIRST_READING = 10.0  # from the connection to the first reading: an architecture may need seconds, and nobody drives before
+# from the connection to the first reading: an architecture may need seconds, and nobody drives
+# before
+FIRST_READING = 10.0
 SILENCE = 2.0  # from one reading to the next
 START_TIME = 10.0
 CLOSE_TIME = 5.0
@@ -73,7 +77,9 @@ class AdapterLink:
             await asyncio.sleep(self._backoff.failed(self._backoff.settled if was_up else 0.0))
 
     def apply(self, velocity: Velocity) -> Velocity | None:
-        """Send a velocity to the base and return what was really sent; None when the RCA is gone, which `run` then reports."""
+        """Send a velocity to the base and return what was really sent; None when the RCA is gone,
+        which `run` then reports.
+        """
         if not self.up:
             return None
         try:
@@ -84,11 +90,15 @@ class AdapterLink:
             return None
 
     def wanted(self) -> Velocity | None:
-        """Return what the agent's own navigation wants now; None when there is none, or nothing runs."""
+        """Return what the agent's own navigation wants now; None when there is none, or nothing
+        runs.
+        """
         return self._navigation.wanted() if self.up and self._navigation else None
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
-        """Return a reading with what the agent's own navigation makes of it, and of the points (n, 2) that stand about the robot."""
+        """Return a reading with what the agent's own navigation makes of it, and of the points (n,
+        2) that stand about the robot.
+        """
         if self._navigation is None:
             return reading
         try:
@@ -114,7 +124,8 @@ class AdapterLink:
             self._tell(self.adapter.configure, config)
 
     async def start(self, action: Action) -> None:
-        """Begin an action, after what is being cancelled is gone: not every RCA can tell the two apart.
+        """Begin an action, after what is being cancelled is gone: not every RCA can tell the two
+        apart.
 
         Raises:
             AdapterError: not possible, or no answer.
@@ -151,7 +162,7 @@ class AdapterLink:
                 with its_fault():
                     await self.adapter.close()
 
-    # --- inside ------------------------------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
 
     async def _listen(self, listener: Listener) -> None:
         """Hand on readings and progress until one of them ends or the base refuses a velocity.
@@ -160,7 +171,11 @@ class AdapterLink:
             AdapterError: why it ended.
         """
         self._failure = asyncio.get_running_loop().create_future()
-        tasks = {asyncio.ensure_future(self._states(listener)), asyncio.ensure_future(self._progress(listener)), self._failure}
+        tasks = {
+            asyncio.ensure_future(self._states(listener)),
+            asyncio.ensure_future(self._progress(listener)),
+            self._failure,
+        }
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -174,7 +189,9 @@ class AdapterLink:
                 with its_fault():
                     await self.adapter.cancel(action_id)
         except TimeoutError as error:
-            raise AdapterError(f"an action could not be cancelled: no answer within {START_TIME:.0f} s") from error
+            raise AdapterError(
+                f"an action could not be cancelled: no answer within {START_TIME:.0f} s"
+            ) from error
         except AdapterError as error:
             raise AdapterError(f"an action could not be cancelled: {error}") from error
 
@@ -189,7 +206,8 @@ class AdapterLink:
                     try:
                         checked = sound(reading)
                     except UnsoundReadingError as error:
-                        # Only a sound reading postpones the time-out: nonsense is no better than silence.
+                        # Only a sound reading postpones the time-out: nonsense is no better than
+                        # silence.
                         complaint = f"it reports nonsense: {error}"
                         silent.reschedule(min(silent.when() or now(), now() + SILENCE))
                         continue
@@ -209,7 +227,8 @@ class AdapterLink:
     async def _progress(self, listener: Listener) -> None:
         async for progress in told_by(self.adapter.progress):
             listener.progressed(progress)
-        await asyncio.Future()  # an adapter without actions has no more to say, and is not lost for that
+        # an adapter without actions has no more to say, and is not lost for that
+        await asyncio.Future()
 
     def _tell(self, call: Callable[[Told], None], told: Told) -> None:
         try:
@@ -225,7 +244,8 @@ class AdapterLink:
 
 @contextlib.contextmanager
 def its_fault() -> Iterator[None]:
-    """Turn whatever an adapter raises into an AdapterError; a time-out of ours comes as a cancellation, which passes.
+    """Turn whatever an adapter raises into an AdapterError; a time-out of ours comes as a
+    cancellation, which passes.
 
     Raises:
         AdapterError: the adapter's own, or one that names what it raised.
@@ -256,6 +276,8 @@ def checked_velocity(sent: object) -> Velocity:
     Raises:
         AdapterError: it is no velocity.
     """
-    if not isinstance(sent, Velocity) or not (math.isfinite(sent.linear) and math.isfinite(sent.angular)):
+    if not isinstance(sent, Velocity) or not (
+        math.isfinite(sent.linear) and math.isfinite(sent.angular)
+    ):
         raise AdapterError(f"it says that it has sent {sent!r}, which is no velocity")
     return sent

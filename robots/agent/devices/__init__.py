@@ -1,1 +1,3 @@
-"""Cameras, microphones and loudspeakers of the robot's own computer, whatever its control architecture is."""
+"""Cameras, microphones and loudspeakers of the robot's own computer, whatever its control
+architecture is.
+"""

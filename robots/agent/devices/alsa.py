@@ -1,10 +1,14 @@
-"""Microphone and loudspeaker of Linux through arecord and aplay, as the contract wants them: see adapters/contract.
+"""Microphone and loudspeaker of Linux through arecord and aplay, as the contract wants them: see
+adapters/contract.
 
-A child process for each, and not FFmpeg's own ALSA. The one in PyAV's wheel has its folders compiled in under the temporary directory, where
-anybody may put a configuration, and code for it to load; and pointed at the system's plug-ins it hands them structures of another version of
-libasound. alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that crashes leaves the robot driving.
+A child process for each, and not FFmpeg's own ALSA. The one in PyAV's wheel has its folders
+compiled in under the temporary directory, where anybody may put a configuration, and code for it to
+load; and pointed at the system's plug-ins it hands them structures of another version of libasound.
+alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that crashes
+leaves the robot driving.
 
-    https://www.alsa-project.org/alsa-doc/alsa-lib/pcm_plugins.html -- what `plug` is: any device, in our rate and number of channels
+    https://www.alsa-project.org/alsa-doc/alsa-lib/pcm_plugins.html -- what `plug` is: any device,
+    in our rate and number of channels
 """
 
 import logging
@@ -26,7 +30,8 @@ log = logging.getLogger(__name__)
 RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
 WIDTH = 2  # bytes a sample, S16_LE
 PACKAGES = "alsa-utils libasound2-plugins"
-CARDS = ("default", "pulse", "pipewire", "hw:")  # of what `arecord -L` lists: names of devices, and none of converters
+# of what `arecord -L` lists: names of devices, and none of converters
+CARDS = ("default", "pulse", "pipewire", "hw:")
 # What arecord and aplay (alsa-utils, aplay/aplay.c) say last, in words for the robot's owner.
 REASONS = {
     "No such file or directory": "there is no such device",
@@ -147,9 +152,23 @@ class _Child:
         self._said = b""
         self._began = time.monotonic()
         command = (
-            program, "--quiet", "--device", f"plug:'{address}'", "--file-type", "raw", "--format", "S16_LE", "--rate", str(RATE), "--channels", "1",
-            "--buffer-time", f"{LIMITS.device_buffer * 1e6:.0f}", "--period-time", f"{LIMITS.period * 1e6:.0f}",
-        )  # fmt: skip
+            program,
+            "--quiet",
+            "--device",
+            f"plug:'{address}'",
+            "--file-type",
+            "raw",
+            "--format",
+            "S16_LE",
+            "--rate",
+            str(RATE),
+            "--channels",
+            "1",
+            "--buffer-time",
+            f"{LIMITS.device_buffer * 1e6:.0f}",
+            "--period-time",
+            f"{LIMITS.period * 1e6:.0f}",
+        )
         records = program == "arecord"
         try:
             self._process = subprocess.Popen(  # noqa: S603 -- the owner's words are one argument of alsa-utils
@@ -163,7 +182,10 @@ class _Child:
                 start_new_session=True,  # Ctrl-C is for the agent, which ends it in its own time
             )
         except FileNotFoundError as error:
-            raise AdapterError(f"the {name} {address} cannot be used: {program} is not there; sudo apt install {PACKAGES}") from error
+            raise AdapterError(
+                f"the {name} {address} cannot be used: {program} is not there; sudo apt install"
+                f" {PACKAGES}"
+            ) from error
         except OSError as error:
             raise AdapterError(f"the {name} {address} cannot be used: {error.strerror}") from error
         assert self._process.stderr is not None
@@ -240,20 +262,29 @@ class _Child:
         self._wait()
         self._listen()
         reason = reason_in(self._said.decode(errors="replace")) or f"{self._program} has ended"
-        return AdapterError(f"the {self._name} {self._address} cannot be used: {reason}; there are: {', '.join(devices(self._program)) or 'none'}")
+        return AdapterError(
+            f"the {self._name} {self._address} cannot be used: {reason}; there are:"
+            f" {', '.join(devices(self._program)) or 'none'}"
+        )
 
 
 def reason_in(said: str) -> str:
-    """Return the reason in what arecord or aplay said last, empty when it said none: `aplay: main:831: audio open error: Device or resource busy`."""
+    """Return the reason in what arecord or aplay said last, empty when it said none: `aplay:
+    main:831: audio open error: Device or resource busy`.
+    """
     lines = [line for line in said.splitlines() if line.startswith(("arecord: ", "aplay: "))]
     reason = lines[-1].rpartition(": ")[2].strip(" :") if lines else ""
     return REASONS.get(reason, reason)
 
 
 def devices(program: Program) -> tuple[str, ...]:
-    """Return the names of the devices that there are, those that a person would choose; none when nobody says."""
+    """Return the names of the devices that there are, those that a person would choose; none when
+    nobody says.
+    """
     try:
-        said = subprocess.run((program, "-L"), capture_output=True, text=True, timeout=LIMITS.listing, check=False).stdout  # noqa: S603 -- a fixed list
+        said = subprocess.run(
+            (program, "-L"), capture_output=True, text=True, timeout=LIMITS.listing, check=False
+        ).stdout  # noqa: S603 -- a fixed list
     except (OSError, subprocess.TimeoutExpired):
         return ()
     return tuple(line for line in said.splitlines() if line.startswith(CARDS))

@@ -1,4 +1,6 @@
-"""A camera by device, file or address, as the contract wants one: see adapters/contract.VideoSource."""
+"""A camera by device, file or address, as the contract wants one: see
+adapters/contract.VideoSource.
+"""
 
 from typing import Any
 
@@ -49,8 +51,12 @@ class DeviceCamera:
 
 
 def picture_of(frame: av.VideoFrame, reformatter: VideoReformatter) -> npt.NDArray[np.uint8]:
-    """Return a decoded picture of any format as `contract.Frame` wants yuv420p: even sides, at most LARGEST, video's range of values."""
+    """Return a decoded picture of any format as `contract.Frame` wants yuv420p: even sides, at most
+    LARGEST, video's range of values.
+    """
     scale = min(1.0, LARGEST[0] / frame.width, LARGEST[1] / frame.height)
     width, height = (max(2, int(side * scale) // 2 * 2) for side in (frame.width, frame.height))
-    same = reformatter.reformat(frame, width, height, format="yuv420p", dst_color_range=ColorRange.MPEG, threads=1)
+    same = reformatter.reformat(
+        frame, width, height, format="yuv420p", dst_color_range=ColorRange.MPEG, threads=1
+    )
     return np.ascontiguousarray(same.to_ndarray(), dtype=np.uint8)

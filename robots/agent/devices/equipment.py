@@ -1,6 +1,8 @@
-"""What a robot sees, hears and speaks with: devices of the agent's computer where some are named, the architecture's otherwise.
+"""What a robot sees, hears and speaks with: devices of the agent's computer where some are named,
+the architecture's otherwise.
 
-`page` is the page of the robot's own screen: the browser that shows it gives picture and sound, and the agent passes them on.
+`page` is the page of the robot's own screen: the browser that shows it gives picture and sound, and
+the agent passes them on.
 """
 
 from collections.abc import Callable
@@ -12,7 +14,15 @@ from robots.agent.devices import words
 from robots.agent.devices.alsa import AlsaLoudspeaker, AlsaMicrophone
 from robots.agent.devices.camera import DeviceCamera
 from robots.agent.devices.microphone import DeviceMicrophone
-from robots.agent.robot_interface import FROM_PAGE, Adapter, AudioSource, FromPage, Outputs, VideoSource, outputs_of
+from robots.agent.robot_interface import (
+    FROM_PAGE,
+    Adapter,
+    AudioSource,
+    FromPage,
+    Outputs,
+    VideoSource,
+    outputs_of,
+)
 
 Device = TypeVar("Device")
 
@@ -27,16 +37,24 @@ class Equipment:
 
 
 def equipment_of(adapter: Adapter, config: AgentConfig) -> Equipment:
-    """Return the devices; nothing is opened yet, and what cannot be opened later is told as the reason of a missing picture or sound.
+    """Return the devices; nothing is opened yet, and what cannot be opened later is told as the
+    reason of a missing picture or sound.
 
     Raises:
         ConfigError: no device is named like this; one sentence.
     """
     speaker, display = outputs_of(adapter)
     return Equipment(
-        video=FROM_PAGE if config.camera == FROM_PAGE else _device(config.camera, "camera", DeviceCamera, adapter.video),
-        audio=FROM_PAGE if config.microphone == FROM_PAGE else _device(config.microphone, "microphone", _microphone, adapter.audio),
-        outputs=(_device(config.loudspeaker, "loudspeaker", AlsaLoudspeaker, lambda: speaker), display),
+        video=FROM_PAGE
+        if config.camera == FROM_PAGE
+        else _device(config.camera, "camera", DeviceCamera, adapter.video),
+        audio=FROM_PAGE
+        if config.microphone == FROM_PAGE
+        else _device(config.microphone, "microphone", _microphone, adapter.audio),
+        outputs=(
+            _device(config.loudspeaker, "loudspeaker", AlsaLoudspeaker, lambda: speaker),
+            display,
+        ),
     )
 
 
@@ -44,7 +62,12 @@ def _microphone(named: words.DeviceSetting) -> AudioSource:
     return AlsaMicrophone(named) if named.format == words.ALSA else DeviceMicrophone(named)
 
 
-def _device(said: str, kind: words.Kind, make: Callable[[words.DeviceSetting], Device], otherwise: Callable[[], Device | None]) -> Device | None:
+def _device(
+    said: str,
+    kind: words.Kind,
+    make: Callable[[words.DeviceSetting], Device],
+    otherwise: Callable[[], Device | None],
+) -> Device | None:
     """Return the named device; the architecture's when none is named, and none at all for `none`."""
     if not said:
         return otherwise()

@@ -1,4 +1,6 @@
-"""A microphone by device, file or address that FFmpeg reads, as the contract wants one: see adapters/contract.AudioSource. Linux's own: alsa.py."""
+"""A microphone by device, file or address that FFmpeg reads, as the contract wants one: see
+adapters/contract.AudioSource. Linux's own: alsa.py.
+"""
 
 import threading
 from collections import deque
@@ -48,7 +50,8 @@ class DeviceMicrophone:
         return block
 
     def _take(self, frame: Any, _stamp: float) -> None:
-        frame.pts = None  # a device that begins anew, or a file, has times of its own; only the order counts
+        # a device that begins anew, or a file, has times of its own; only the order counts
+        frame.pts = None
         blocks = [block.to_ndarray()[0] for block in self._resampler.resample(frame)]
         with self._news:
             self._blocks.extend(blocks)

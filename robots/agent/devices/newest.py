@@ -1,4 +1,6 @@
-"""What one thread gives and another takes, of which only the newest counts: a picture that nobody fetched is old."""
+"""What one thread gives and another takes, of which only the newest counts: a picture that nobody
+fetched is old.
+"""
 
 import threading
 from typing import Generic, TypeVar

@@ -1,7 +1,8 @@
-"""Decodes one stream of a device, a file or an address, in a thread of its own: a device that hangs hangs nobody else.
+"""Decodes one stream of a device, a file or an address, in a thread of its own: a device that hangs
+hangs nobody else.
 
-Each start has a thread and a state of its own. A thread that does not come back from its device is left behind, and whatever it
-still says counts for nothing.
+Each start has a thread and a state of its own. A thread that does not come back from its device is
+left behind, and whatever it still says counts for nothing.
 """
 
 import errno
@@ -29,9 +30,12 @@ class ReaderLimits:
     """Times in seconds."""
 
     network: float = 25.0  # FFmpeg's own, after all others: it says less about why
-    opening: float = 20.0  # to the first frame: cameras of the network take up to 3 to be opened, and up to 10 from one whole picture to the next
+    # to the first frame: cameras of the network take up to 3 to be opened, and up to 10 from one
+    # whole picture to the next
+    opening: float = 20.0
     ending: float = 0.5  # to wait for the thread's end
-    clocks_agree: float = 2.0  # between a picture's own time and now, up to which its own is believed
+    # between a picture's own time and now, up to which its own is believed
+    clocks_agree: float = 2.0
     leap: float = 1.0  # a file whose times leap more is begun anew
 
 
@@ -69,11 +73,19 @@ class Reader:
         name: for sentences, such as `camera`.
         words: what to read.
         kind: which of its streams.
-        take: called in the reader's thread with each decoded frame and the Unix time when it was captured.
+        take: called in the reader's thread with each decoded frame and the Unix time when it was
+            captured.
         limits: how long it may take.
     """
 
-    def __init__(self, name: str, words: DeviceSetting, kind: Literal["video", "audio"], take: Take, limits: ReaderLimits = LIMITS) -> None:
+    def __init__(
+        self,
+        name: str,
+        words: DeviceSetting,
+        kind: Literal["video", "audio"],
+        take: Take,
+        limits: ReaderLimits = LIMITS,
+    ) -> None:
         self.name, self.words, self.kind, self.limits = name, words, kind, limits
         self._take = take
         self._run: _Run | None = None
@@ -94,11 +106,17 @@ class Reader:
                 log.warning("device_hangs name=%s address=%s", self.name, self.words.place)
 
     def check(self) -> None:
-        """Raise AdapterError with the reason when the device is gone, or has taken too long to be opened."""
+        """Raise AdapterError with the reason when the device is gone, or has taken too long to be
+        opened.
+        """
         if self._run is None:
             return
         failure = self._run.failure
-        if not failure and self._run.stage is not Stage.SHOWN and time.monotonic() - self._run.began > self.limits.opening:
+        if (
+            not failure
+            and self._run.stage is not Stage.SHOWN
+            and time.monotonic() - self._run.began > self.limits.opening
+        ):
             failure = f"{self._run.stage.value} within {self.limits.opening:g} s"
         if failure:
             raise AdapterError(f"the {self.name} {self.words.place} {failure}")
@@ -140,14 +158,25 @@ class _Run:
         """Read to the end; tell whether there was anything."""
         words, some = self.reader.words, False
         limit = self.reader.limits.network
-        with av.open(words.address, format=words.format or None, options=words.options, timeout=(limit, limit)) as container:
-            for frame, stamp in self._paced(self._frames(container)) if not words.live else self._as_they_come(self._frames(container)):
+        with av.open(
+            words.address,
+            format=words.format or None,
+            options=words.options,
+            timeout=(limit, limit),
+        ) as container:
+            for frame, stamp in (
+                self._paced(self._frames(container))
+                if not words.live
+                else self._as_they_come(self._frames(container))
+            ):
                 some = True
                 self.reader.deliver(self, frame, stamp)
         return some
 
     def _frames(self, container: Any) -> Iterator[Any]:
-        streams = container.streams.video if self.reader.kind == "video" else container.streams.audio
+        streams = (
+            container.streams.video if self.reader.kind == "video" else container.streams.audio
+        )
         if not streams:
             raise ValueError(f"there is no {self.reader.kind} in it")
         if streams[0].codec_context is None:
@@ -166,15 +195,28 @@ class _Run:
     def _as_they_come(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
         for frame in frames:
             now = time.time()
-            yield frame, frame.time if frame.time is not None and 0.0 <= now - frame.time < self.reader.limits.clocks_agree else now
+            yield (
+                frame,
+                frame.time
+                if frame.time is not None
+                and 0.0 <= now - frame.time < self.reader.limits.clocks_agree
+                else now,
+            )
 
     def _paced(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
-        """Give a file's frames at their times, without catching up on what a slow computer has missed."""
+        """Give a file's frames at their times, without catching up on what a slow computer has
+        missed.
+        """
         began = last = None
         leap = self.reader.limits.leap
         for frame in frames:
             at, now = frame.time or 0.0, time.monotonic()
-            if began is None or last is None or not 0.0 <= at - last < leap or now - (began + at) > leap:
+            if (
+                began is None
+                or last is None
+                or not 0.0 <= at - last < leap
+                or now - (began + at) > leap
+            ):
                 began = now - at
             last = at
             if self.ending.wait(max(0.0, began + at - now)):
@@ -183,7 +225,9 @@ class _Run:
 
 
 def _decoded(packet: Any) -> Iterator[Any]:
-    """Give the frames in a packet. One that cannot be decoded lacks what was before it: who comes in the middle waits for the next key frame."""
+    """Give the frames in a packet. One that cannot be decoded lacks what was before it: who comes
+    in the middle waits for the next key frame.
+    """
     try:
         yield from packet.decode()
     except av.InvalidDataError:
@@ -191,7 +235,9 @@ def _decoded(packet: Any) -> Iterator[Any]:
 
 
 def reason_of(error: Exception) -> str:
-    """Return why FFmpeg failed, in words for the robot's owner and without the address, which may have a password in it."""
+    """Return why FFmpeg failed, in words for the robot's owner and without the address, which may
+    have a password in it.
+    """
     for kind, reason in REASONS:
         if isinstance(error, kind):
             return reason

@@ -1,11 +1,12 @@
-"""How a camera, a microphone or a loudspeaker is named: `[FORMAT:]ADDRESS [NAME=VALUE …]`, in FFmpeg's words.
+"""How a camera, a microphone or a loudspeaker is named: `[FORMAT:]ADDRESS [NAME=VALUE …]`, in
+FFmpeg's words.
 
     /dev/video0                                    a camera of Linux
     v4l2:/dev/video0 video_size=1280x720 input_format=mjpeg
     rtsp://192.168.1.40/stream rtsp_transport=tcp  a camera of the network
-    alsa:default                                   the microphone, or the loudspeaker, of Linux (see alsa.py)
-    dshow:video=USB Camera                         a camera of Windows
-    talk.mp4                                       a file, played in real time, over and over
+    alsa:default                                   the microphone, or the loudspeaker, of Linux (see
+    alsa.py) dshow:video=USB Camera                         a camera of Windows talk.mp4
+    a file, played in real time, over and over
 
 What follows the address is given to FFmpeg as it is (https://ffmpeg.org/ffmpeg-devices.html).
 """
@@ -26,8 +27,15 @@ OPTION = re.compile(r"(?:\s+([a-z][a-z0-9_]*)=(\S+))$")
 DEFAULTS: dict[str, dict[str, str]] = {
     # The driver's clock tells when a picture was taken; without it only its arrival is known.
     "v4l2": {"ts": "abs", "video_size": "640x480", "framerate": "30"},
-    # A camera describes its stream before it sends it: 0.1 s (in microseconds) and 100 kB to look into it are enough, FFmpeg's own 5 s cost 2.
-    "rtsp": {"rtsp_transport": "tcp", "fflags": "nobuffer", "flags": "low_delay", "analyzeduration": "100000", "probesize": "100000"},
+    # A camera describes its stream before it sends it: 0.1 s (in microseconds) and 100 kB to look
+    # into it are enough, FFmpeg's own 5 s cost 2.
+    "rtsp": {
+        "rtsp_transport": "tcp",
+        "fflags": "nobuffer",
+        "flags": "low_delay",
+        "analyzeduration": "100000",
+        "probesize": "100000",
+    },
     "http": {"fflags": "nobuffer", "flags": "low_delay"},
 }
 
@@ -38,7 +46,9 @@ class DeviceSettingError(ValueError):
 
 @dataclass(frozen=True)
 class DeviceSetting:
-    """One device. `format` is FFmpeg's, empty where the address tells it; `live` is what gives its own pace and cannot be begun anew."""
+    """One device. `format` is FFmpeg's, empty where the address tells it; `live` is what gives its
+    own pace and cannot be begun anew.
+    """
 
     address: str
     format: str = ""
@@ -47,7 +57,9 @@ class DeviceSetting:
 
     @property
     def place(self) -> str:
-        """Return what sentences call it, which visitors may read: of an address no password, and no path or query that may have one in it."""
+        """Return what sentences call it, which visitors may read: of an address no password, and no
+        path or query that may have one in it.
+        """
         if not SCHEME.match(self.address):
             return self.address
         parts = urlsplit(self.address)
@@ -71,14 +83,23 @@ def read(words: str, kind: Kind) -> DeviceSetting | None:
     if not address:
         raise DeviceSettingError(f"the {kind} {words!r} has no address after {form}:")
     if kind == "loudspeaker" and form != ALSA:
-        raise DeviceSettingError(f"the loudspeaker {words!r} is none: alsa:default, or another device of alsa")
+        raise DeviceSettingError(
+            f"the loudspeaker {words!r} is none: alsa:default, or another device of alsa"
+        )
     if kind == "camera" and form in SOUND:
         raise DeviceSettingError(f"the camera {words!r} is none: {form} has sound alone")
     if form == ALSA and options:
-        raise DeviceSettingError(f"the {kind} {words!r} takes no {', '.join(sorted(options))}: rate and channels are converted as they must be")
+        raise DeviceSettingError(
+            f"the {kind} {words!r} takes no {', '.join(sorted(options))}: rate and channels are"
+            " converted as they must be"
+        )
     found = SCHEME.match(address)
     live = form in DEVICES or (not form and found is not None)
-    usual = DEFAULTS.get(form or (found.group(1).lower().rstrip("s") if found else ""), {}) if kind == "camera" else {}
+    usual = (
+        DEFAULTS.get(form or (found.group(1).lower().rstrip("s") if found else ""), {})
+        if kind == "camera"
+        else {}
+    )
     return DeviceSetting(address, form, {**usual, **options}, live)
 
 

@@ -1,13 +1,22 @@
 """Which network a driver gets, and which of their messages it carries. Pure.
 
-A study's networks are those of one session: whoever drives next has a clean one, also when the server is late to say so. What the agent's
-command line says holds for everybody of whom the server says nothing. Without a driver there is no lab.
+A study's networks are those of one session: whoever drives next has a clean one, also when the
+server is late to say so. What the agent's command line says holds for everybody of whom the server
+says nothing. Without a driver there is no lab.
 """
 
 from dataclasses import dataclass
 
 from robots.agent.safety.permissions import Sender, mismatch, role_of
-from robots.api.messages import UNCONDITIONAL, Action, Cancel, Config, Lease, NetworkLab, VelocityCommand
+from robots.api.messages import (
+    UNCONDITIONAL,
+    Action,
+    Cancel,
+    Config,
+    Lease,
+    NetworkLab,
+    VelocityCommand,
+)
 
 # These pass at once, whatever the network is: nobody is to wait for a robot to stop.
 NEVER_HELD: tuple[type[Action], ...] = (*UNCONDITIONAL, Cancel)
@@ -15,7 +24,9 @@ NEVER_HELD: tuple[type[Action], ...] = (*UNCONDITIONAL, Cancel)
 
 @dataclass(frozen=True)
 class Networks:
-    """What is put on a driver's network: on the way of commands to the robot, and on that of its picture and sound to the page."""
+    """What is put on a driver's network: on the way of commands to the robot, and on that of its
+    picture and sound to the page.
+    """
 
     control: NetworkLab | None = None
     video: NetworkLab | None = None
@@ -43,7 +54,8 @@ def in_force(lease: Lease | None, config: Config | None, own: Networks) -> Netwo
 
 
 def is_held(message: VelocityCommand | Action, sender: Sender, lease: Lease | None) -> bool:
-    """Tell whether a message travels on the driver's network: their velocities and actions, but never what stops the robot.
+    """Tell whether a message travels on the driver's network: their velocities and actions, but
+    never what stops the robot.
 
     What others send is not held, and takes no part in what is drawn for the driver's packets.
     """

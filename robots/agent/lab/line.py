@@ -1,13 +1,18 @@
-"""A bad line, as decisions: what is lost, what is late, and in which order the rest comes out. `now` is any monotonic clock in seconds.
+"""A bad line, as decisions: what is lost, what is late, and in which order the rest comes out.
+`now` is any monotonic clock in seconds.
 
-Each packet draws three numbers from the seeded generator, whatever becomes of it, so that one packet's fate does not shift another's: the
-same seed and the same arrivals (moments and sizes) end in the same fates.
+Each packet draws three numbers from the seeded generator, whatever becomes of it, so that one
+packet's fate does not shift another's: the same seed and the same arrivals (moments and sizes) end
+in the same fates.
 
 - *Loss* and *reordering* are independent from packet to packet.
-- *Bitrate* is a queue in front of a transmitter: a packet leaves when all before it have, and takes its size to do so. What would
-  wait longer than `QUEUE` seconds for its turn is dropped, as at the tail of a router's queue.
-- *Delay* comes after that; *jitter* changes it evenly by up to so much either way, never below nothing, and never changes the order.
-- A *reordered* packet waits until the next one has come out, and at most `HOLD` seconds longer than its own time.
+- *Bitrate* is a queue in front of a transmitter: a packet leaves when all before it have, and takes
+  its size to do so. What would wait longer than `QUEUE` seconds for its turn is dropped, as at the
+  tail of a router's queue.
+- *Delay* comes after that; *jitter* changes it evenly by up to so much either way, never below
+  nothing, and never changes the order.
+- A *reordered* packet waits until the next one has come out, and at most `HOLD` seconds longer than
+  its own time.
 """
 
 import heapq
@@ -19,7 +24,8 @@ from robots.api.messages import NetworkLab
 
 QUEUE = 0.5  # s of transmission; a home router's is about as deep
 HOLD = 0.1  # s
-MOST_WAITING = 4096  # packets; twice what a camera's best tier has under way in the longest delay of a study
+# packets; twice what a camera's best tier has under way in the longest delay of a study
+MOST_WAITING = 4096
 BITS = 8.0
 
 Deliver = Callable[[], None]
@@ -27,7 +33,9 @@ Deliver = Callable[[], None]
 
 @dataclass
 class Counts:
-    """What became of the packets; `held` is the sum of the seconds for which those were held that came out."""
+    """What became of the packets; `held` is the sum of the seconds for which those were held that
+    came out.
+    """
 
     taken: int = 0
     lost: int = 0
@@ -39,7 +47,9 @@ class Counts:
 
 @dataclass(frozen=True, order=True)
 class _Packet:
-    """A packet on its way: when it comes out, its place among those of one moment, since when it has been held, and what it is."""
+    """A packet on its way: when it comes out, its place among those of one moment, since when it
+    has been held, and what it is.
+    """
 
     at: float
     place: int
@@ -76,7 +86,9 @@ class Line:
         if leaves is None or self.waiting >= MOST_WAITING:
             self.counts.overflowed += 1
             return
-        at = max(self._last, leaves + max(0.0, self.lab.delay + self.lab.jitter * (2.0 * late - 1.0)))
+        at = max(
+            self._last, leaves + max(0.0, self.lab.delay + self.lab.jitter * (2.0 * late - 1.0))
+        )
         if reordered < self.lab.reorder:
             self._overtaken.append(self._packet(at + HOLD, now, deliver))
         else:
@@ -100,10 +112,12 @@ class Line:
         moments = [packets[0].at for packets in (self._under_way, self._overtaken) if packets]
         return min(moments, default=None)
 
-    # --- inside ------------------------------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
 
     def _transmitted(self, size: int, now: float) -> float | None:
-        """Return when the last bit of a packet has left, None when the queue before the transmitter is full."""
+        """Return when the last bit of a packet has left, None when the queue before the transmitter
+        is full.
+        """
         if self.lab.bitrate is None:
             return now
         begins = max(now, self._free)
@@ -117,10 +131,14 @@ class Line:
         return _Packet(at, self._place, since, deliver)
 
     def _overtake(self, at: float) -> None:
-        """A packet that comes out at `at` has overtaken those that were to wait for it, unless they come out before."""
+        """A packet that comes out at `at` has overtaken those that were to wait for it, unless they
+        come out before.
+        """
         for packet in self._overtaken:
             self.counts.reordered += packet.at > at
-            heapq.heappush(self._under_way, self._packet(min(packet.at, at), packet.since, packet.deliver))
+            heapq.heappush(
+                self._under_way, self._packet(min(packet.at, at), packet.since, packet.deliver)
+            )
         self._overtaken.clear()
 
     def _give_up_waiting(self, now: float) -> None:

@@ -24,7 +24,9 @@ class TimedLine:
         self._closed = False
 
     def offer(self, size: int, deliver: Deliver) -> None:
-        """Put a packet of `size` bytes in; `deliver` is called when it comes out, which may be now, later, or never."""
+        """Put a packet of `size` bytes in; `deliver` is called when it comes out, which may be now,
+        later, or never.
+        """
         if not self._closed:
             self._line.offer(deliver, size, self._now())
             self._let_out()
@@ -39,9 +41,14 @@ class TimedLine:
         """Return what is put on the line and what has become of its packets; from any thread."""
         counts = self._line.counts
         return LabReport(
-            lab=self._line.lab, taken=counts.taken, lost=counts.lost, overflowed=counts.overflowed, reordered=counts.reordered,
-            waiting=self._line.waiting, held=counts.held / counts.out if counts.out else 0.0,
-        )  # fmt: skip
+            lab=self._line.lab,
+            taken=counts.taken,
+            lost=counts.lost,
+            overflowed=counts.overflowed,
+            reordered=counts.reordered,
+            waiting=self._line.waiting,
+            held=counts.held / counts.out if counts.out else 0.0,
+        )
 
     def _let_out(self) -> None:
         for deliver in self._line.due(self._now()):

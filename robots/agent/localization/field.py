@@ -1,8 +1,10 @@
-"""A map as the localizer reads it: how far every place is from the nearest surface, and the log-likelihood of a laser point there.
+"""A map as the localizer reads it: how far every place is from the nearest surface, and the
+log-likelihood of a laser point there.
 
-The signed distance is positive in the open and negative inside of what stands, zero on its surface, half a cell off the centres of
-the cells on both sides. Everything here is in the field's own frame: metres to the right and up from its lower left corner, which is
-that of the map's image less a margin, so that what lies off the map is far from everything on it.
+The signed distance is positive in the open and negative inside of what stands, zero on its surface,
+half a cell off the centres of the cells on both sides. Everything here is in the field's own frame:
+metres to the right and up from its lower left corner, which is that of the map's image less a
+margin, so that what lies off the map is far from everything on it.
 """
 
 import math
@@ -35,14 +37,18 @@ class Field:
     world_from_field: Pose2D
 
     def cells(self, x: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return the row and column of the cells that hold points of any shape; beyond the edge, the cell on the edge."""
+        """Return the row and column of the cells that hold points of any shape; beyond the edge,
+        the cell on the edge.
+        """
         rows, columns = self.signed.shape
         row = np.minimum(np.maximum(y / self.resolution, 0.0), rows - 1).astype(np.intp)
         column = np.minimum(np.maximum(x / self.resolution, 0.0), columns - 1).astype(np.intp)
         return row, column
 
     def look_up(self, layer: Floats, x: Floats, y: Floats) -> Floats:
-        """Return the values of a layer (h, w) in the cells that hold points of any shape; beyond the edge, those on the edge."""
+        """Return the values of a layer (h, w) in the cells that hold points of any shape; beyond
+        the edge, those on the edge.
+        """
         row, column = self.cells(x, y)
         row *= layer.shape[1]
         row += column
@@ -51,7 +57,9 @@ class Field:
     def inside(self, x: Floats, y: Floats) -> Bools:
         """Tell for points of any shape whether they lie on the map."""
         rows, columns = self.signed.shape
-        on_map: Bools = (x >= 0.0) & (y >= 0.0) & (x < columns * self.resolution) & (y < rows * self.resolution)
+        on_map: Bools = (
+            (x >= 0.0) & (y >= 0.0) & (x < columns * self.resolution) & (y < rows * self.resolution)
+        )
         return on_map
 
     def is_free(self, x: Floats, y: Floats) -> Bools:
@@ -60,7 +68,9 @@ class Field:
         return free
 
     def distances(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the signed distance, interpolated, and its slope along x and along y, at points of any shape."""
+        """Return the signed distance, interpolated, and its slope along x and along y, at points of
+        any shape.
+        """
         rows, columns = self.signed.shape
         across = np.minimum(np.maximum(x / self.resolution - 0.5, 0.0), columns - 1.001)
         up = np.minimum(np.maximum(y / self.resolution - 0.5, 0.0), rows - 1.001)
@@ -69,18 +79,23 @@ class Field:
         corner = row * columns + column
         flat = self.signed.ravel()
         here, north = flat.take(corner), flat.take(corner + columns)
-        eastwards, along_north = flat.take(corner + 1) - here, flat.take(corner + (columns + 1)) - north
+        eastwards, along_north = (
+            flat.take(corner + 1) - here,
+            flat.take(corner + (columns + 1)) - north,
+        )
         low, high = here + right * eastwards, north + right * along_north
         northwards = high - low
         slope_x = (eastwards + above * (along_north - eastwards)) / self.resolution
         return low + above * northwards, slope_x, northwards / self.resolution
 
     def cast(self, x: Floats, y: Floats, angles: Floats, reach: float | Floats) -> Floats:
-        """Return how far rays from (x, y) go before they meet a surface, at most `reach`; all of one shape.
+        """Return how far rays from (x, y) go before they meet a surface, at most `reach`; all of
+        one shape.
 
-        Each step goes as far as the distance field says that nothing stands (sphere tracing); an end may lie up to a cell in the wall.
-        Rays that leave the map meet nothing; so no step has to look whether it is still on it. The shorter the reach, the fewer steps:
-        those close to a surface are the shortest.
+        Each step goes as far as the distance field says that nothing stands (sphere tracing); an
+        end may lie up to a cell in the wall. Rays that leave the map meet nothing; so no step has
+        to look whether it is still on it. The shorter the reach, the fewer steps: those close to a
+        surface are the shortest.
         """
         cosine, sine = np.cos(angles), np.sin(angles)
         columns, signed = self.signed.shape[1], self.signed.ravel()
@@ -101,8 +116,13 @@ class Field:
         """Return how far rays (n,) go before they leave the map, negative from outside of it."""
         high, wide = self.signed.shape[0] * self.resolution, self.signed.shape[1] * self.resolution
         with np.errstate(divide="ignore", invalid="ignore"):
-            edge: Floats = np.fmin(np.maximum(-x / cosine, (wide - x) / cosine), np.maximum(-y / sine, (high - y) / sine))
-        return np.where((x >= 0.0) & (y >= 0.0) & (x < wide) & (y < high), edge * (1.0 - ROUNDING), -1.0)
+            edge: Floats = np.fmin(
+                np.maximum(-x / cosine, (wide - x) / cosine),
+                np.maximum(-y / sine, (high - y) / sine),
+            )
+        return np.where(
+            (x >= 0.0) & (y >= 0.0) & (x < wide) & (y < high), edge * (1.0 - ROUNDING), -1.0
+        )
 
 
 def field_of(grid: OccupancyGrid) -> Field:
@@ -119,12 +139,23 @@ def field_of(grid: OccupancyGrid) -> Field:
     resolution = grid.transform.resolution
     margin = math.ceil(MARGIN / resolution)
     corner = grid.transform.origin.compose(Pose2D(-margin * resolution, -margin * resolution, 0.0))
-    return Field(signed_distance(np.pad(occupied, margin), resolution), np.pad(free, margin), resolution, corner)
+    return Field(
+        signed_distance(np.pad(occupied, margin), resolution),
+        np.pad(free, margin),
+        resolution,
+        corner,
+    )
 
 
 def signed_distance(occupied: Bools, resolution: float) -> Floats:
-    """Return for (h, w) cells the metres from their centres to the nearest border between standing and open, negative inside."""
+    """Return for (h, w) cells the metres from their centres to the nearest border between standing
+    and open, negative inside.
+    """
     outside = ndimage.distance_transform_edt(~occupied)
-    within = ndimage.distance_transform_edt(occupied) if not occupied.all() else np.full(occupied.shape, float(max(occupied.shape)))
+    within = (
+        ndimage.distance_transform_edt(occupied)
+        if not occupied.all()
+        else np.full(occupied.shape, float(max(occupied.shape)))
+    )
     signed: Floats = np.where(occupied, 0.5 - within, outside - 0.5) * resolution
     return signed

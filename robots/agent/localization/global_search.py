@@ -1,8 +1,10 @@
-"""Where on the whole map could this sweep have been seen? A search that is done in slices, so that no update of the filter waits.
+"""Where on the whole map could this sweep have been seen? A search that is done in slices, so that
+no update of the filter waits.
 
-Coarse: a raster of poses over all free space, each judged by a few beams on a likelihood field so wide that the true pose cannot fall
-through the raster. Fine: the best of them, no two from the same spot, are matched to the map and judged thoroughly, with what lies
-between robot and wall. What comes out are all poses that explain the sweep nearly as well as the best one: rooms look alike.
+Coarse: a raster of poses over all free space, each judged by a few beams on a likelihood field so
+wide that the true pose cannot fall through the raster. Fine: the best of them, no two from the same
+spot, are matched to the map and judged thoroughly, with what lies between robot and wall. What
+comes out are all poses that explain the sweep nearly as well as the best one: rooms look alike.
 """
 
 import math
@@ -15,16 +17,24 @@ import numpy.typing as npt
 from robots.agent.localization.field import Field
 from robots.agent.localization.particle_filter import wrapped
 from robots.agent.localization.scan_matching import Matching, refine
-from robots.agent.localization.sensor_model import LikelihoodField, SensorModel, Sweep, agreement, likelihood_field
+from robots.agent.localization.sensor_model import (
+    LikelihoodField,
+    SensorModel,
+    Sweep,
+    agreement,
+    likelihood_field,
+)
 from robots.world.sensing import Floats
 
 
 @dataclass(frozen=True)
 class Searching:
-    """`place` metres and `heading` radians of the raster, `sigma` metres of its likelihood, `beams` a pose is judged by.
+    """`place` metres and `heading` radians of the raster, `sigma` metres of its likelihood, `beams`
+    a pose is judged by.
 
-    `slice` is how many beams are looked up between two pauses; `finalists` poses are matched; `most` are returned, those whose share of
-    explained beams is at least the best one's less `margin`.
+    `slice` is how many beams are looked up between two pauses; `finalists` poses are matched;
+    `most` are returned, those whose share of explained beams is at least the best one's less
+    `margin`.
     """
 
     place: float = 0.25
@@ -61,7 +71,9 @@ class GlobalSearch:
         self.places = _free_places(field, settings.place)
 
     def begin(self, sweep: Sweep) -> Search:
-        """Return a search of a sweep; every `next()` does a slice of it, and the last one's StopIteration carries what was found."""
+        """Return a search of a sweep; every `next()` does a slice of it, and the last one's
+        StopIteration carries what was found.
+        """
         if not len(sweep):
             return NOTHING
         coarse = yield from self._raster(sweep.thinned(self.settings.beams))
@@ -71,7 +83,13 @@ class GlobalSearch:
         merits: list[Floats] = []
         for start in range(0, len(finalists), self.settings.batch):
             yield
-            poses = refine(self.field, finalists[start : start + self.settings.batch], judged.points, _WEAK, Matching(scale=0.3, rounds=12))
+            poses = refine(
+                self.field,
+                finalists[start : start + self.settings.batch],
+                judged.points,
+                _WEAK,
+                Matching(scale=0.3, rounds=12),
+            )
             matched.append(poses)
             merits.append(self._merit(poses, judged))
         return _best(np.vstack(matched), np.concatenate(merits), self.settings)
@@ -89,7 +107,9 @@ class GlobalSearch:
                     yield
                     done = 0
                 done += len(places)
-                result[row, start : start + at_once] = self.wide.of(np.column_stack([places, np.full(len(places), heading)]), sweep)
+                result[row, start : start + at_once] = self.wide.of(
+                    np.column_stack([places, np.full(len(places), heading)]), sweep
+                )
         return result
 
     def _merit(self, poses: Floats, sweep: Sweep) -> Floats:
@@ -100,7 +120,10 @@ class GlobalSearch:
 
 def _free_places(field: Field, spacing: float) -> Floats:
     rows, columns = field.signed.shape
-    x, y = np.meshgrid(np.arange(spacing / 2, columns * field.resolution, spacing), np.arange(spacing / 2, rows * field.resolution, spacing))
+    x, y = np.meshgrid(
+        np.arange(spacing / 2, columns * field.resolution, spacing),
+        np.arange(spacing / 2, rows * field.resolution, spacing),
+    )
     free = field.is_free(x, y) & (field.signed[field.cells(x, y)] > spacing / 2)
     places = np.column_stack([x[free], y[free]])
     if len(places):
@@ -110,7 +133,9 @@ def _free_places(field: Field, spacing: float) -> Floats:
 
 
 def _apart(coarse: Floats, places: Floats, settings: Searching) -> Floats:
-    """Return the poses (n, 3), best first, of the best blocks of the raster, one of each: two places wide, three headings deep."""
+    """Return the poses (n, 3), best first, of the best blocks of the raster, one of each: two
+    places wide, three headings deep.
+    """
     block = np.floor(places / (2.0 * settings.place)).astype(np.int64) @ np.array([1, 1 << 20])
     blocks = block[None, :] + (np.arange(len(coarse), dtype=np.int64)[:, None] // 3 << 40)
     order = np.argsort(coarse, axis=None)[::-1]
@@ -130,7 +155,9 @@ def _thinned(poses: Floats, place: float, heading: float, most: int) -> npt.NDAr
         if len(chosen) == most:
             break
         offset = poses - poses[number]
-        open_ &= (np.hypot(offset[:, 0], offset[:, 1]) >= place) | (np.abs(wrapped(offset[:, 2])) >= heading)
+        open_ &= (np.hypot(offset[:, 0], offset[:, 1]) >= place) | (
+            np.abs(wrapped(offset[:, 2])) >= heading
+        )
     return np.array(chosen, dtype=np.intp)
 
 

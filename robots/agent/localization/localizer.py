@@ -1,11 +1,13 @@
-"""Where the robot is: a particle filter on laser and odometry, with a search of the whole map for when it does not know.
+"""Where the robot is: a particle filter on laser and odometry, with a search of the whole map for
+when it does not know.
 
     unknown ──search──► guesses at every place that fits ──drive──► one cluster ──match──► pose
                 ▲                                                        │
                 └──────────── the sweeps stop fitting (carried away) ◄───┘
 
-Pure: no clock, no thread. The filter works at the moments of the sweeps; an estimate is the last one's pose moved on by odometry to the
-moment that is asked for. A search is spread over updates, a slice in each, so that none takes much longer than another.
+Pure: no clock, no thread. The filter works at the moments of the sweeps; an estimate is the last
+one's pose moved on by odometry to the moment that is asked for. A search is spread over updates, a
+slice in each, so that none takes much longer than another.
 
 Longer than most files: it is the one place that knows the state.
 """
@@ -19,30 +21,53 @@ from robots.agent.localization.field import field_of
 from robots.agent.localization.global_search import Found, GlobalSearch, Search, Searching
 from robots.agent.localization.motion_model import MotionNoise, move
 from robots.agent.localization.odometry import Track
-from robots.agent.localization.particle_filter import Cluster, ParticleSet, Sampling, around, evenly, heaviest, places
+from robots.agent.localization.particle_filter import (
+    Cluster,
+    ParticleSet,
+    Sampling,
+    around,
+    evenly,
+    heaviest,
+    places,
+)
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.score import Scoring, decay, quality, way_of
-from robots.agent.localization.sensor_model import Agreement, SensorModel, Sweep, agreement, likelihood_field, sweep_of
+from robots.agent.localization.sensor_model import (
+    Agreement,
+    SensorModel,
+    Sweep,
+    agreement,
+    likelihood_field,
+    sweep_of,
+)
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import CENTRE, Covariance, Estimate, Floats, LaserScan
 
 NOWHERE: Covariance = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)  # variances of somebody who knows nothing
-FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])  # what cells of five centimetres leave open however much the guesses agree
+# what cells of five centimetres leave open however much the guesses agree
+FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])
 
-NOTICING = 0.3  # how slowly the score may follow sweeps that say little, as a share: who is carried away must notice within seconds
-STAYING = 3.0  # log odds that a robot which seems lost is where it thought and only surrounded, against having been carried away
+# how slowly the score may follow sweeps that say little, as a share: who is carried away must
+# notice within seconds
+NOTICING = 0.3
+# log odds that a robot which seems lost is where it thought and only surrounded, against having
+# been carried away
+STAYING = 3.0
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything that can be tuned; the defaults suit an indoor robot with a laser of some metres and 180 degrees or more.
+    """Everything that can be tuned; the defaults suit an indoor robot with a laser of some metres
+    and 180 degrees or more.
 
-    A sweep is weighed when the robot went `way` metres or turned `turn` radians; while it stands, every `pause` seconds, the first
-    `standing` and all of which the share `much` says something. `beams` weigh a guess, `matched` are matched. Fewer than `fewest_beams`
-    say nothing, nor do those shorter than `shortest` metres. Guesses within `cluster` metres and `cluster_turn` radians are one; where
-    the heaviest has less than `clear` of the weight, all places are looked at closely. A search follows the last one after `again`
-    seconds, or `again_here` when the robot has not gone `elsewhere` metres.
+    A sweep is weighed when the robot went `way` metres or turned `turn` radians; while it stands,
+    every `pause` seconds, the first `standing` and all of which the share `much` says something.
+    `beams` weigh a guess, `matched` are matched. Fewer than `fewest_beams` say nothing, nor do
+    those shorter than `shortest` metres. Guesses within `cluster` metres and `cluster_turn` radians
+    are one; where the heaviest has less than `clear` of the weight, all places are looked at
+    closely. A search follows the last one after `again` seconds, or `again_here` when the robot has
+    not gone `elsewhere` metres.
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
@@ -71,7 +96,9 @@ class Settings:
 class Localizer:
     """One robot on one map. It begins without knowing where; `set_pose` tells it."""
 
-    def __init__(self, grid: OccupancyGrid, rng: np.random.Generator, settings: Settings | None = None) -> None:
+    def __init__(
+        self, grid: OccupancyGrid, rng: np.random.Generator, settings: Settings | None = None
+    ) -> None:
         """Read the map.
 
         Raises:
@@ -103,11 +130,16 @@ class Localizer:
         self._contested = False
 
     def set_pose(self, pose: Pose2D, spread: float = 0.5, turn: float = math.radians(20.0)) -> None:
-        """Believe to be at `pose` of the world, give or take `spread` metres and `turn` radians (standard deviations)."""
+        """Believe to be at `pose` of the world, give or take `spread` metres and `turn` radians
+        (standard deviations).
+        """
         self.forget()
-        self.confidence = self.fit = self.settings.scoring.lost  # whoever says so is believed until the laser disagrees
+        # whoever says so is believed until the laser disagrees
+        self.confidence = self.fit = self.settings.scoring.lost
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
-        self.particles = evenly(around(start, np.array([self.settings.sampling.most]), spread, turn, self.rng))
+        self.particles = evenly(
+            around(start, np.array([self.settings.sampling.most]), spread, turn, self.rng)
+        )
         self.believed = heaviest(self.particles, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
@@ -137,27 +169,41 @@ class Localizer:
         step = self._weighed_from.inverse().compose(there)
         if self.particles is None:
             self._weighed_from = there
-        elif math.hypot(step.x, step.y) >= self.settings.way or abs(step.theta) >= self.settings.turn:
+        elif (
+            math.hypot(step.x, step.y) >= self.settings.way or abs(step.theta) >= self.settings.turn
+        ):
             self._stood = 0
             self._weigh(sweep, there, stamp)
         elif not 0.0 <= stamp - self._judged_at < self.settings.pause:
             self._stand(sweep, there, stamp)
         if self._is_time_to_search(there, stamp):
-            self._searching, self._searched_from, self._searched_at = self.search.begin(sweep), there, stamp
+            self._searching, self._searched_from, self._searched_at = (
+                self.search.begin(sweep),
+                there,
+                stamp,
+            )
 
     def _is_time_to_search(self, there: Pose2D, stamp: float) -> bool:
         if self._searching is not None or self.fit >= self.settings.scoring.lost:
             return False
         moved = way_of(self._searched_from.inverse().compose(there)) >= self.settings.elsewhere
-        return not 0.0 <= stamp - self._searched_at < (self.settings.again if moved else self.settings.again_here)
+        return (
+            not 0.0
+            <= stamp - self._searched_at
+            < (self.settings.again if moved else self.settings.again_here)
+        )
 
     def _stand(self, sweep: Sweep, there: Pose2D, stamp: float) -> None:
-        """Of the sweeps of a robot that stands, weigh the first and those that say much: a door at its nose would slowly bend the pose."""
+        """Of the sweeps of a robot that stands, weigh the first and those that say much: a door at
+        its nose would slowly bend the pose.
+        """
         self._stood += 1
         if self._stood <= self.settings.standing or self._telling() > self.settings.much:
             self._weigh(sweep, there, stamp)
         elif self.believed is not None:
-            pose = Pose2D(*self.believed.mean.tolist()).compose(self._weighed_from.inverse().compose(there))
+            pose = Pose2D(*self.believed.mean.tolist()).compose(
+                self._weighed_from.inverse().compose(there)
+            )
             self._judge(np.array([pose]), sweep, stamp)
 
     def _weigh(self, sweep: Sweep, there: Pose2D, stamp: float) -> None:
@@ -166,48 +212,77 @@ class Localizer:
         self._proven += way_of(step)
         poses = move(self.particles.poses, step, self.settings.motion, self.rng)
         evidence = self._telling() * self._evidence(poses, sweep)
-        particles = ParticleSet(poses, self.particles.weights).weighed(evidence - 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1]))
+        particles = ParticleSet(poses, self.particles.weights).weighed(
+            evidence - 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1])
+        )
         self.believed = self._match(particles, sweep)
         self._judge(self.believed.mean[None], sweep, stamp)
         self._contested = self.believed.share < self.settings.clear
-        self.particles = particles.drawn(self.settings.sampling, self.rng) if particles.is_depleted() else particles
+        self.particles = (
+            particles.drawn(self.settings.sampling, self.rng)
+            if particles.is_depleted()
+            else particles
+        )
 
     def _evidence(self, poses: Floats, sweep: Sweep) -> Floats:
         """Return (n,) what a sweep says for each of poses (n, 3), on a logarithmic scale.
 
-        About one place the nearness of the beams' ends decides. Between places what lies between robot and wall decides instead, which is
-        too costly for every guess: an open door's leaf at the robot's side may hide half of what the map promises, and a corner across the
-        building that shows a wall there would win by as many beams, did it not have to let some others through its walls.
+        About one place the nearness of the beams' ends decides. Between places what lies between
+        robot and wall decides instead, which is too costly for every guess: an open door's leaf at
+        the robot's side may hide half of what the map promises, and a corner across the building
+        that shows a wall there would win by as many beams, did it not have to let some others
+        through its walls.
         """
         fits = self.likelihood.of(poses, sweep.thinned(self.settings.beams))
         if not self._contested:
             return fits
         owner, best = places(poses, fits, self.settings.cluster, self.settings.cluster_turn)
-        judged = agreement(self.field, self.settings.sensor, poses[best], sweep.thinned(self.settings.beams))
+        judged = agreement(
+            self.field, self.settings.sensor, poses[best], sweep.thinned(self.settings.beams)
+        )
         return fits + (self.settings.sensor.worth * judged.against_others - fits[best])[owner]
 
     def _match(self, particles: ParticleSet, sweep: Sweep) -> Cluster:
         """Return the heaviest cluster, its mean moved onto the map if it fits better there."""
         cluster = heaviest(particles, self.settings.cluster, self.settings.cluster_turn)
-        prior = np.asarray(np.linalg.inv(cluster.covariance + FLOOR), dtype=np.float64) / self._telling()
+        prior = (
+            np.asarray(np.linalg.inv(cluster.covariance + FLOOR), dtype=np.float64)
+            / self._telling()
+        )
         start = cluster.mean[None]
-        matched = refine(self.field, start, sweep.thinned(self.settings.matched).points, prior, self.settings.matching)
+        matched = refine(
+            self.field,
+            start,
+            sweep.thinned(self.settings.matched).points,
+            prior,
+            self.settings.matching,
+        )
         both = np.vstack([start, matched])
-        return Cluster(both[np.argmax(self.likelihood.of(both, sweep))], cluster.covariance + FLOOR, cluster.share)
+        return Cluster(
+            both[np.argmax(self.likelihood.of(both, sweep))],
+            cluster.covariance + FLOOR,
+            cluster.share,
+        )
 
     def _judge(self, pose: Floats, sweep: Sweep, stamp: float) -> None:
         """Learn from how well the believed pose (1, 3) explains a sweep whether to trust it."""
         assert self.believed is not None
         seconds, self._judged_at = min(max(stamp - self._judged_at, 0.0), 1.0), stamp
-        self.judged = agreement(self.field, self.settings.sensor, pose, sweep.thinned(self.settings.beams))
+        self.judged = agreement(
+            self.field, self.settings.sensor, pose, sweep.thinned(self.settings.beams)
+        )
         certain = self.believed.share**4 * min(1.0, self._proven / self.settings.scoring.proof)
         fit = quality(self.judged, self.settings.scoring)
-        gain = 1.0 - math.exp(-seconds * max(self._telling(), NOTICING) / self.settings.scoring.memory)
+        gain = 1.0 - math.exp(
+            -seconds * max(self._telling(), NOTICING) / self.settings.scoring.memory
+        )
         self.fit += (fit - self.fit) * gain
         self.confidence += (fit * certain - self.confidence) * gain
 
     def _telling(self) -> float:
-        """Return how much a sweep has to say, from 0.1 to 1: little when most of it ends on what the map does not know."""
+        """Return how much a sweep has to say, from 0.1 to 1: little when most of it ends on what
+        the map does not know.
+        """
         return max(0.1, 1.0 - float(self.judged.short[0])) if self.believed is not None else 1.0
 
     def _search_on(self) -> None:
@@ -229,7 +304,11 @@ class Localizer:
         stay = (
             0.0
             if self.particles is None
-            else math.exp(self.settings.sensor.worth * (float(self.judged.against_others[0]) - float(found.merit[0])) + STAYING)
+            else math.exp(
+                self.settings.sensor.worth
+                * (float(self.judged.against_others[0]) - float(found.merit[0]))
+                + STAYING
+            )
         )
         share = np.exp(self.settings.sensor.worth * (found.merit[good] - found.merit[0]))
         each = np.full(len(poses), max(self.settings.sampling.fewest // len(poses), 50))
@@ -246,28 +325,49 @@ class Localizer:
     def _open_up(self) -> None:
         """Allow for what may have happened while the wheels' counters were away."""
         if self.particles is not None:
-            spread = self.rng.standard_normal(self.particles.poses.shape) * (0.15, 0.15, math.radians(8.0))
+            spread = self.rng.standard_normal(self.particles.poses.shape) * (
+                0.15,
+                0.15,
+                math.radians(8.0),
+            )
             self.particles = ParticleSet(self.particles.poses + spread, self.particles.weights)
 
     def _estimate(self, stamp: float, here: Pose2D) -> Estimate:
         if self.believed is None:
             rows, columns = self.field.signed.shape
-            middle = Pose2D(columns * self.field.resolution / 2.0, rows * self.field.resolution / 2.0, 0.0)
-            return Estimate(stamp, self.field.world_from_field.compose(middle), NOWHERE, 0.0, localized=False)
+            middle = Pose2D(
+                columns * self.field.resolution / 2.0, rows * self.field.resolution / 2.0, 0.0
+            )
+            return Estimate(
+                stamp, self.field.world_from_field.compose(middle), NOWHERE, 0.0, localized=False
+            )
         step = self._weighed_from.inverse().compose(here)
         x, y, theta = (float(value) for value in self.believed.mean)
         pose = self.field.world_from_field.compose(Pose2D(x, y, wrap_angle(theta)).compose(step))
         score = self.confidence * decay(step, self.settings.scoring)
-        return Estimate(stamp, pose, self._covariance(step), score, localized=score >= self.settings.scoring.lost)
+        return Estimate(
+            stamp,
+            pose,
+            self._covariance(step),
+            score,
+            localized=score >= self.settings.scoring.lost,
+        )
 
     def _covariance(self, step: Pose2D) -> Covariance:
         assert self.believed is not None
         noise, way, turn = self.settings.motion, math.hypot(step.x, step.y), abs(step.theta)
         grown = self.believed.covariance.copy()
         grown[2, 2] += noise.turn_by_turn * turn + noise.turn_by_way * way
-        grown[[0, 1], [0, 1]] += noise.way_by_way * way + noise.way_by_turn * turn + way**2 * grown[2, 2]
+        grown[[0, 1], [0, 1]] += (
+            noise.way_by_way * way + noise.way_by_turn * turn + way**2 * grown[2, 2]
+        )
         turned = np.eye(3)
-        cosine, sine = math.cos(self.field.world_from_field.theta), math.sin(self.field.world_from_field.theta)
+        cosine, sine = (
+            math.cos(self.field.world_from_field.theta),
+            math.sin(self.field.world_from_field.theta),
+        )
         turned[:2, :2] = [[cosine, -sine], [sine, cosine]]
         world: Floats = turned @ grown @ turned.T
-        return tuple(float(world[pair]) for pair in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))  # type: ignore[return-value]
+        return tuple(
+            float(world[pair]) for pair in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+        )  # type: ignore[return-value]

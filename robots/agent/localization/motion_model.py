@@ -1,8 +1,9 @@
-"""How odometry errs (Thrun, Burgard, Fox: Probabilistic Robotics, table 5.6: turn, go straight, turn, each with an error).
+"""How odometry errs (Thrun, Burgard, Fox: Probabilistic Robotics, table 5.6: turn, go straight,
+turn, each with an error).
 
-Two changes. The odometry's own step is kept as it is and only the errors are drawn, so that creeping and going backwards need no
-angle of a step that is nearly zero. And variances grow with the way driven, not with its square, so that the spread does not depend
-on how often one asks.
+Two changes. The odometry's own step is kept as it is and only the errors are drawn, so that
+creeping and going backwards need no angle of a step that is nearly zero. And variances grow with
+the way driven, not with its square, so that the spread does not depend on how often one asks.
 """
 
 import math
@@ -16,7 +17,9 @@ from robots.world.sensing import Floats
 
 @dataclass(frozen=True)
 class MotionNoise:
-    """Variances: of a turn per radian turned and per metre driven, of a way per metre driven and per radian turned."""
+    """Variances: of a turn per radian turned and per metre driven, of a way per metre driven and
+    per radian turned.
+    """
 
     turn_by_turn: float = 0.0016
     turn_by_way: float = 0.0012
@@ -25,7 +28,9 @@ class MotionNoise:
 
 
 def move(poses: Floats, step: Pose2D, noise: MotionNoise, rng: np.random.Generator) -> Floats:
-    """Return poses (n, 3) x, y, theta after a step that odometry reports in the robot's frame, each with its own error."""
+    """Return poses (n, 3) x, y, theta after a step that odometry reports in the robot's frame, each
+    with its own error.
+    """
     way, turn = math.hypot(step.x, step.y), abs(step.theta)
     draws = rng.standard_normal((4, len(poses)))
     turned = math.sqrt((noise.turn_by_turn * turn + noise.turn_by_way * way) / 2.0)
@@ -34,5 +39,9 @@ def move(poses: Floats, step: Pose2D, noise: MotionNoise, rng: np.random.Generat
     along, aside = step.x + slid * draws[1], step.y + slid / 3.0 * draws[2]
     cosine, sine = np.cos(heading), np.sin(heading)
     return np.column_stack(
-        [poses[:, 0] + cosine * along - sine * aside, poses[:, 1] + sine * along + cosine * aside, heading + step.theta + turned * draws[3]]
+        [
+            poses[:, 0] + cosine * along - sine * aside,
+            poses[:, 1] + sine * along + cosine * aside,
+            heading + step.theta + turned * draws[3],
+        ]
     )

@@ -1,7 +1,9 @@
-"""The way a robot believes to have gone, without gaps: jumps are taken out, and past moments can be asked for.
+"""The way a robot believes to have gone, without gaps: jumps are taken out, and past moments can be
+asked for.
 
-A wheel counter that starts again at zero, or a base that was restarted, moves the odometry by metres within a tick. Nothing was
-driven then: the track goes on from where it was and counts the jump, so that the filter can open up a little.
+A wheel counter that starts again at zero, or a base that was restarted, moves the odometry by
+metres within a tick. Nothing was driven then: the track goes on from where it was and counts the
+jump, so that the filter can open up a little.
 """
 
 import math
@@ -16,7 +18,9 @@ KEPT = 200  # readings: 10 s at 20 Hz
 
 @dataclass
 class Track:
-    """Readings so far; a step is a jump when it is faster than `speed` m/s or `turning` rad/s, beyond a little that is always granted."""
+    """Readings so far; a step is a jump when it is faster than `speed` m/s or `turning` rad/s,
+    beyond a little that is always granted.
+    """
 
     speed: float = 3.0
     turning: float = 6.0
@@ -26,7 +30,8 @@ class Track:
     _past: deque[tuple[float, Pose2D]] = field(default_factory=lambda: deque(maxlen=KEPT))
 
     def add(self, stamp: float, odometry: Pose2D) -> Pose2D:
-        """Take a reading and return it in the steady frame; what is no number counts as standing still.
+        """Take a reading and return it in the steady frame; what is no number counts as standing
+        still.
 
         A clock that steps back begins the past anew, at the same place.
         """
@@ -35,7 +40,9 @@ class Track:
         steady = self._steady_from_odometry.compose(odometry)
         if self._past:
             before, last = self._past[-1]
-            if self._is_jump(last.distance(steady), wrap_angle(steady.theta - last.theta), stamp - before):
+            if self._is_jump(
+                last.distance(steady), wrap_angle(steady.theta - last.theta), stamp - before
+            ):
                 self.jumps += 1
                 self._steady_from_odometry = last.compose(odometry.inverse())
                 steady = last
@@ -49,7 +56,9 @@ class Track:
         return self._past[-1][1] if self._past else CENTRE
 
     def at(self, stamp: float) -> Pose2D:
-        """Return where the robot was at `stamp`, in the steady frame: between readings interpolated, beyond them the nearest one."""
+        """Return where the robot was at `stamp`, in the steady frame: between readings
+        interpolated, beyond them the nearest one.
+        """
         if not self._past:
             return CENTRE
         later = self._past[-1]
@@ -57,14 +66,19 @@ class Track:
             return later[1]
         for earlier in reversed(self._past):
             if earlier[0] <= stamp:
-                share = (stamp - earlier[0]) / (later[0] - earlier[0]) if later[0] > earlier[0] else 1.0
+                share = (
+                    (stamp - earlier[0]) / (later[0] - earlier[0]) if later[0] > earlier[0] else 1.0
+                )
                 return _between(earlier[1], later[1], share)
             later = earlier
         return later[1]
 
     def _is_jump(self, way: float, turn: float, seconds: float) -> bool:
         seconds = max(seconds, 0.0)
-        return way > self.speed * seconds + self.slack or abs(turn) > self.turning * seconds + self.slack
+        return (
+            way > self.speed * seconds + self.slack
+            or abs(turn) > self.turning * seconds + self.slack
+        )
 
 
 def _between(first: Pose2D, second: Pose2D, share: float) -> Pose2D:

@@ -1,6 +1,8 @@
-"""Many guesses of one pose, weighed by what the laser sees, as many as their spread needs (Thrun, Burgard, Fox, tables 8.3 and 8.4).
+"""Many guesses of one pose, weighed by what the laser sees, as many as their spread needs (Thrun,
+Burgard, Fox, tables 8.3 and 8.4).
 
-How many: Fox's KLD sampling. The more cells of a coarse raster over x, y and heading the guesses fill, the more of them are drawn.
+How many: Fox's KLD sampling. The more cells of a coarse raster over x, y and heading the guesses
+fill, the more of them are drawn.
 """
 
 import math
@@ -16,7 +18,9 @@ NORMAL_99 = 2.326  # upper quantile of the normal distribution at 0.99
 
 @dataclass(frozen=True)
 class Sampling:
-    """`fewest` and `most` guesses; raster of `place` metres and `heading` radians; `error` that KLD sampling grants."""
+    """`fewest` and `most` guesses; raster of `place` metres and `heading` radians; `error` that KLD
+    sampling grants.
+    """
 
     fewest: int = 200
     most: int = 3000
@@ -42,7 +46,9 @@ class ParticleSet:
         return bool(1.0 / (self.weights**2).sum() < 0.5 * len(self.weights))
 
     def drawn(self, sampling: Sampling, rng: np.random.Generator) -> "ParticleSet":
-        """Return guesses of equal weight, drawn by the weights at even distances (low variance sampling)."""
+        """Return guesses of equal weight, drawn by the weights at even distances (low variance
+        sampling).
+        """
         count = needed(self.poses[self.weights > 0.01 / len(self.weights)], sampling)
         ladder = (rng.random() + np.arange(count)) / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), ladder), len(self.weights) - 1)
@@ -54,24 +60,42 @@ def evenly(poses: Floats) -> ParticleSet:
     return ParticleSet(poses, np.full(len(poses), 1.0 / len(poses)))
 
 
-def around(poses: Floats, counts: npt.NDArray[np.intp], place: float, heading: float, rng: np.random.Generator) -> Floats:
-    """Return (sum of counts, 3) guesses, normally spread about each of the poses (n, 3): `place` metres, `heading` radians."""
-    return np.repeat(poses, counts, axis=0) + rng.standard_normal((int(counts.sum()), 3)) * (place, place, heading)
+def around(
+    poses: Floats,
+    counts: npt.NDArray[np.intp],
+    place: float,
+    heading: float,
+    rng: np.random.Generator,
+) -> Floats:
+    """Return (sum of counts, 3) guesses, normally spread about each of the poses (n, 3): `place`
+    metres, `heading` radians.
+    """
+    return np.repeat(poses, counts, axis=0) + rng.standard_normal((int(counts.sum()), 3)) * (
+        place,
+        place,
+        heading,
+    )
 
 
 def needed(poses: Floats, sampling: Sampling) -> int:
-    """Return how many guesses approximate the spread of these, with 99 % probability to within `error` (Fox 2003)."""
+    """Return how many guesses approximate the spread of these, with 99 % probability to within
+    `error` (Fox 2003).
+    """
     filled = int(groups(poses, sampling.place, sampling.heading).max(initial=0)) + 1
     if filled < 2:  # noqa: PLR2004 -- one cell: the formula has no degree of freedom left
         return sampling.fewest
     ninth = 2.0 / (9.0 * (filled - 1))
-    count = (filled - 1) / (2.0 * sampling.error) * (1.0 - ninth + math.sqrt(ninth) * NORMAL_99) ** 3
+    count = (
+        (filled - 1) / (2.0 * sampling.error) * (1.0 - ninth + math.sqrt(ninth) * NORMAL_99) ** 3
+    )
     return int(min(max(count, sampling.fewest), sampling.most))
 
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """The guesses about one place: their `mean` (3,), `covariance` (3, 3) and `share` of all weight."""
+    """The guesses about one place: their `mean` (3,), `covariance` (3, 3) and `share` of all
+    weight.
+    """
 
     mean: Floats
     covariance: Floats
@@ -79,23 +103,31 @@ class Cluster:
 
 
 def groups(poses: Floats, reach: float, turn: float) -> npt.NDArray[np.intp]:
-    """Return for each of the poses (n, 3) the number of the cell of a raster that it lies in, `reach` metres wide and `turn` radians deep."""
+    """Return for each of the poses (n, 3) the number of the cell of a raster that it lies in,
+    `reach` metres wide and `turn` radians deep.
+    """
     raster = np.floor(poses / (reach, reach, turn)).astype(np.int64)
     raster[:, 2] %= round(2.0 * math.pi / turn)
     _, owner = np.unique(raster @ np.array([1, 1 << 20, 1 << 40]), return_inverse=True)
     return owner
 
 
-def places(poses: Floats, fits: Floats, reach: float, turn: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return for each of the poses (n, 3) the number of its place, and (k,) which of them fits its place best.
+def places(
+    poses: Floats, fits: Floats, reach: float, turn: float
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return for each of the poses (n, 3) the number of its place, and (k,) which of them fits its
+    place best.
 
-    The best of those that are left, by `fits` (n,), is the middle of the next place, `reach` metres and `turn` radians about it.
+    The best of those that are left, by `fits` (n,), is the middle of the next place, `reach` metres
+    and `turn` radians about it.
     """
     owner, best = np.full(len(poses), -1, dtype=np.intp), list[int]()
     left = np.argsort(-fits)
     while len(left):
         offset = poses[left] - poses[left[0]]
-        near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (np.abs(wrapped(offset[:, 2])) < turn)
+        near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (
+            np.abs(wrapped(offset[:, 2])) < turn
+        )
         near[0] = True  # what is not a number is near nothing
         owner[left[near]] = len(best)
         best.append(int(left[0]))
@@ -104,18 +136,24 @@ def places(poses: Floats, fits: Floats, reach: float, turn: float) -> tuple[npt.
 
 
 def heaviest(particles: ParticleSet, reach: float, turn: float) -> Cluster:
-    """Return the cluster with the most weight: all within `reach` metres and `turn` radians of where the guesses are densest."""
+    """Return the cluster with the most weight: all within `reach` metres and `turn` radians of
+    where the guesses are densest.
+    """
     owner = groups(particles.poses, reach, turn)
     centre = moments(particles, owner == np.argmax(np.bincount(owner, particles.weights)))
     for _ in range(2):
         offset = particles.poses - centre.mean
-        near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (np.abs(wrapped(offset[:, 2])) < turn)
+        near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (
+            np.abs(wrapped(offset[:, 2])) < turn
+        )
         centre = moments(particles, near) if near.any() else centre
     return centre
 
 
 def moments(particles: ParticleSet, chosen: npt.NDArray[np.bool_]) -> Cluster:
-    """Return mean and covariance of the chosen guesses, at least one; headings are averaged on the circle."""
+    """Return mean and covariance of the chosen guesses, at least one; headings are averaged on the
+    circle.
+    """
     poses, weights = particles.poses[chosen], particles.weights[chosen]
     share = float(weights.sum())
     weights = weights / share if share > 0.0 else np.full(len(weights), 1.0 / len(weights))

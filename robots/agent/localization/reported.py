@@ -8,7 +8,9 @@ from robots.world.sensing import Estimate, LaserScan
 
 
 class ReportedLocalizer:
-    """As `localizer.Localizer`: whoever asks for the pose need not know whose it is. Nobody tells this one where the robot stands."""
+    """As `localizer.Localizer`: whoever asks for the pose need not know whose it is. Nobody tells
+    this one where the robot stands.
+    """
 
     def __init__(self) -> None:
         self._pose: Pose | None = None
@@ -28,7 +30,13 @@ class ReportedLocalizer:
         pose = self._pose
         if pose is None or not pose.localized:
             return Estimate(stamp, Pose2D(0.0, 0.0, 0.0), LOST, 0.0, localized=False)
-        return Estimate(stamp, Pose2D(pose.x, pose.y, pose.theta), pose.covariance or EXACT, pose.score, localized=True)
+        return Estimate(
+            stamp,
+            Pose2D(pose.x, pose.y, pose.theta),
+            pose.covariance or EXACT,
+            pose.score,
+            localized=True,
+        )
 
 
 LOST = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)

@@ -1,8 +1,10 @@
-"""Poses moved so that the beams' ends fall onto the map's surfaces: Gauss-Newton on the signed distance, many poses at once.
+"""Poses moved so that the beams' ends fall onto the map's surfaces: Gauss-Newton on the signed
+distance, many poses at once.
 
-The residual of a beam is the distance from its end to the nearest surface; what ends far from every surface is pulled by nothing
-(Geman-McClure weights), so that people and chairs do not bend the fit. A pose comes with what was known before as a prior: along a
-bare corridor the laser says nothing, and there the pose stays where the odometry had it.
+The residual of a beam is the distance from its end to the nearest surface; what ends far from every
+surface is pulled by nothing (Geman-McClure weights), so that people and chairs do not bend the fit.
+A pose comes with what was known before as a prior: along a bare corridor the laser says nothing,
+and there the pose stays where the odometry had it.
 """
 
 from dataclasses import dataclass
@@ -18,7 +20,9 @@ SETTLED = 1e-3  # metres, or radians: no further round
 
 @dataclass(frozen=True)
 class Matching:
-    """`noise` of an end in metres, `scale` the distance in metres from which on a beam loses its say, `beams` a sweep is worth."""
+    """`noise` of an end in metres, `scale` the distance in metres from which on a beam loses its
+    say, `beams` a sweep is worth.
+    """
 
     noise: float = 0.04
     scale: float = 0.15
@@ -26,7 +30,9 @@ class Matching:
     rounds: int = 6
 
 
-def refine(field: Field, poses: Floats, points: Floats, prior: Floats, settings: Matching) -> Floats:
+def refine(
+    field: Field, poses: Floats, points: Floats, prior: Floats, settings: Matching
+) -> Floats:
     """Return poses (n, 3) moved onto the map.
 
     Args:
@@ -48,7 +54,15 @@ def refine(field: Field, poses: Floats, points: Floats, prior: Floats, settings:
     return found
 
 
-def _step(field: Field, start: Floats, poses: Floats, points: Floats, prior: Floats, certainty: float, scale: float) -> Floats:  # noqa: PLR0917
+def _step(
+    field: Field,
+    start: Floats,
+    poses: Floats,
+    points: Floats,
+    prior: Floats,
+    certainty: float,
+    scale: float,
+) -> Floats:  # noqa: PLR0917
     x, y = placed(points, poses)
     distance, slope_x, slope_y = field.distances(x, y)
     turning = slope_y * (x - poses[:, :1]) - slope_x * (y - poses[:, 1:2])

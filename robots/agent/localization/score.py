@@ -9,10 +9,12 @@ from robots.api.geometry import Pose2D
 
 @dataclass(frozen=True)
 class Scoring:
-    """`even` is the merit of a pose that scores one half, `slope` how fast the score rises there; a search finds poses from `plausible` on.
+    """`even` is the merit of a pose that scores one half, `slope` how fast the score rises there; a
+    search finds poses from `plausible` on.
 
-    Of several places that a search found, one is believed when it held for `proof` metres of way. The score follows over `memory`
-    seconds, so that somebody who walks past loses nobody. Without a sweep it falls to 1/e over `blind` metres beyond the first `granted`.
+    Of several places that a search found, one is believed when it held for `proof` metres of way.
+    The score follows over `memory` seconds, so that somebody who walks past loses nobody. Without a
+    sweep it falls to 1/e over `blind` metres beyond the first `granted`.
     """
 
     lost: float = 0.5

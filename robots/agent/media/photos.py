@@ -25,7 +25,9 @@ class Photo:
 
 
 def develop(frame: Frame, largest: int = LARGEST) -> Photo | None:
-    """Return the frame as a JPEG of at most `largest` bytes, as good as fits; None when nothing does. Takes some milliseconds."""
+    """Return the frame as a JPEG of at most `largest` bytes, as good as fits; None when nothing
+    does. Takes some milliseconds.
+    """
     picture = video_frame(frame).reformat(format="yuvj420p")
     for quantizer in QUANTIZERS:
         jpeg = _encode(picture, quantizer)
@@ -35,7 +37,9 @@ def develop(frame: Frame, largest: int = LARGEST) -> Photo | None:
 
 
 def reduced(frame: Frame, width: int, height: int, quantizer: int) -> bytes:
-    """Return the frame as a JPEG of (width, height), both even; the quantizer is one of 2 (the best) to 31 (the smallest)."""
+    """Return the frame as a JPEG of (width, height), both even; the quantizer is one of 2 (the
+    best) to 31 (the smallest).
+    """
     picture = video_frame(frame).reformat(width=width, height=height, format="yuvj420p")
     return _encode(picture, quantizer)
 
@@ -43,6 +47,11 @@ def reduced(frame: Frame, width: int, height: int, quantizer: int) -> bytes:
 def _encode(picture: av.VideoFrame, quantizer: int) -> bytes:
     codec = VideoCodecContext.create("mjpeg", "w")
     assert isinstance(codec, VideoCodecContext)
-    codec.width, codec.height, codec.pix_fmt, codec.time_base = picture.width, picture.height, "yuvj420p", Fraction(1, 1)
+    codec.width, codec.height, codec.pix_fmt, codec.time_base = (
+        picture.width,
+        picture.height,
+        "yuvj420p",
+        Fraction(1, 1),
+    )
     codec.options = {"qmin": str(quantizer), "qmax": str(quantizer), "flags": "+qscale"}
     return b"".join(bytes(packet) for packet in (*codec.encode(picture), *codec.encode(None)))

@@ -1,8 +1,10 @@
-"""The media side of an agent: camera and microphone out, data channels both ways, in a thread and a loop of its own.
+"""The media side of an agent: camera and microphone out, data channels both ways, in a thread and a
+loop of its own.
 
-The control loop must run when nothing else does, so nothing here shares its thread: it hands signals and telemetry in, and hears
-frames and answers through callbacks that run on the media loop and must return at once. Reading and encoding happen in capture
-threads, off this loop too, so that a frame on a data channel never waits for a picture.
+The control loop must run when nothing else does, so nothing here shares its thread: it hands
+signals and telemetry in, and hears frames and answers through callbacks that run on the media loop
+and must return at once. Reading and encoding happen in capture threads, off this loop too, so that
+a frame on a data channel never waits for a picture.
 """
 
 import asyncio
@@ -32,9 +34,27 @@ from robots.agent.media.webrtc.relays import Relays
 from robots.agent.media.webrtc.rtp import RtpClock
 from robots.agent.media.webrtc.sdp import Kind
 from robots.agent.media.webrtc.telemetry import for_page
-from robots.agent.robot_interface import FROM_PAGE, AudioSource, Frame, FromPage, Outputs, VideoSource
+from robots.agent.robot_interface import (
+    FROM_PAGE,
+    AudioSource,
+    Frame,
+    FromPage,
+    Outputs,
+    VideoSource,
+)
 from robots.api.codec import encode_frame
-from robots.api.messages import CameraStatus, Heartbeat, LabReport, Message, NetworkLab, PictureRequest, Pointer, Role, Signal, SignalReply
+from robots.api.messages import (
+    CameraStatus,
+    Heartbeat,
+    LabReport,
+    Message,
+    NetworkLab,
+    PictureRequest,
+    Pointer,
+    Role,
+    Signal,
+    SignalReply,
+)
 
 log = logging.getLogger(__name__)
 
@@ -44,17 +64,21 @@ REASON_LENGTH = 300  # characters: messages.Reason
 
 
 class MediaSide:
-    """Everything that travels over WebRTC, and its substitute. All methods may be called from any thread.
+    """Everything that travels over WebRTC, and its substitute. All methods may be called from any
+    thread.
 
     Args:
-        video: the driving camera, FROM_PAGE where the page of the robot's own screen gives the picture, or None.
+        video: the driving camera, FROM_PAGE where the page of the robot's own screen gives the
+            picture, or None.
         audio: the microphone, likewise.
         viewers: how many pages may be connected at once; the driver always finds room.
-        on_command: called on the media loop with (peer, its role at this moment, command or why it could not be read) for every frame on a
-            data channel that is not oversized and not one too many; what an observer sends comes too, for the control side to refuse and count.
+        on_command: called on the media loop with (peer, its role at this moment, command or why it
+            could not be read) for every frame on a data channel that is not oversized and not one
+            too many; what an observer sends comes too, for the control side to refuse and count.
         reply: called on the media loop with (peer, message) for the page.
-        on_picture: called in a thread of its own, or on the media loop, with each picture for pages that WebRTC does not reach and the
-            one peer that it is for, None for all who have asked; without it they get none.
+        on_picture: called in a thread of its own, or on the media loop, with each picture for pages
+            that WebRTC does not reach and the one peer that it is for, None for all who have asked;
+            without it they get none.
         outputs: the robot's own loudspeaker and display.
         trust: whose certificates are believed of a relay, those that the system believes when None.
     """
@@ -88,18 +112,26 @@ class MediaSide:
             self._microphone = MicrophoneFeed(audio, self._sound_from_microphone)
         self._on_picture = on_picture
         self._line: TimedLine | None = None  # what is put on the driver's picture and sound
-        self._slow = JpegFallback(self._camera.snapshot, self._send_slow, self._pages.drives) if self._camera and on_picture else None
+        self._slow = (
+            JpegFallback(self._camera.snapshot, self._send_slow, self._pages.drives)
+            if self._camera and on_picture
+            else None
+        )
         self._outputs = OutputFeed(*outputs) if any(outputs) else None
         pages = self._pages
         self._visitor = VisitorMedia(
-            drives=pages.drives, ask=pages.ask_driver, show=pages.show_at_robot, sound=pages.sound_at_robot, outputs=self._outputs
-        )  # fmt: skip
+            drives=pages.drives,
+            ask=pages.ask_driver,
+            show=pages.show_at_robot,
+            sound=pages.sound_at_robot,
+            outputs=self._outputs,
+        )
         self._thread = threading.Thread(target=self._run, name="media", daemon=True)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._ready = threading.Event()
         self._closing: asyncio.Event | None = None
 
-    # --- for the control side, any thread ------------------------------------------------------------------------
+    # --- for the control side, any thread ---------------------------------------------------------
 
     def start(self) -> None:
         """Start the media thread; returns when it takes signals."""
@@ -107,7 +139,9 @@ class MediaSide:
         self._ready.wait()
 
     def close(self) -> None:
-        """Say goodbye to every page, stop camera and microphone, end the thread; waits at most some seconds. Idempotent."""
+        """Say goodbye to every page, stop camera and microphone, end the thread; waits at most some
+        seconds. Idempotent.
+        """
         self._post(self._set_closing)
         if self._slow is not None:
             self._slow.close()
@@ -119,17 +153,24 @@ class MediaSide:
         self._post(self._pages.take_signal, peer, message)
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """Say which peer the lease names; every other one is an observer from now on, None means that nobody drives."""
-        # At once and not through the loop: the next frame of the old driver must already come as an observer's.
+        """Say which peer the lease names; every other one is an observer from now on, None means
+        that nobody drives.
+        """
+        # At once and not through the loop: the next frame of the old driver must already come as an
+        # observer's.
         self._pages.lease_changed(driver_peer)
         self._post(self._lead)
 
     def impair(self, lab: NetworkLab | None) -> None:
-        """Put this on the driver's picture and sound from now on, or nothing; nobody else's are touched."""
+        """Put this on the driver's picture and sound from now on, or nothing; nobody else's are
+        touched.
+        """
         self._post(self._put_on, lab)
 
     def let_through(self, *, audio: bool, video: bool, volume: float = 1.0) -> None:
-        """Let the driver's voice and face through to the people at the robot from now on, or not; `volume` is a share of the robot's own."""
+        """Let the driver's voice and face through to the people at the robot from now on, or not;
+        `volume` is a share of the robot's own.
+        """
         self._visitor.let_through(audio=audio, video=video, volume=volume)
 
     def telemetry(self, suffix: str, message: Message) -> None:
@@ -142,17 +183,23 @@ class MediaSide:
             self._post(self._pages.send, suffix, encode_frame(suffix, for_page(message)))
 
     def point(self, pointer: Pointer) -> None:
-        """Send where one side points to the other alone: the driver's page, or the robot's own displays; dropped for a page that is behind."""
+        """Send where one side points to the other alone: the driver's page, or the robot's own
+        displays; dropped for a page that is behind.
+        """
         if not self._pages.is_empty:
             self._post(self._pages.point, pointer.by, encode_frame("pointer", pointer))
 
     def picture_wanted(self, request: PictureRequest) -> None:
-        """Send one more picture through the server, for a page that WebRTC does not reach; nothing happens without a camera."""
+        """Send one more picture through the server, for a page that WebRTC does not reach; nothing
+        happens without a camera.
+        """
         if self._slow is not None:
             self._slow.ask(request.peer, request)
 
     def snapshot(self) -> Frame | None:
-        """Return a fresh frame of the camera, started for it if need be; None when there is none. Blocks up to 3 s."""
+        """Return a fresh frame of the camera, started for it if need be; None when there is none.
+        Blocks up to 3 s.
+        """
         return self._camera.snapshot() if self._camera else None
 
     @property
@@ -168,7 +215,9 @@ class MediaSide:
 
     @property
     def visitor_counts(self) -> dict[str, int]:
-        """Return what came of the visitor's media: sounds and pictures let through, and what was not, by reason."""
+        """Return what came of the visitor's media: sounds and pictures let through, and what was
+        not, by reason.
+        """
         return dict(self._visitor.counts)
 
     @property
@@ -182,13 +231,23 @@ class MediaSide:
         state = self.camera
         if state is None or state.status not in {"starting", "failed"}:
             return None
-        return CameraStatus(status="failed" if state.status == "failed" else "starting", reason=state.reason[:REASON_LENGTH])
+        return CameraStatus(
+            status="failed" if state.status == "failed" else "starting",
+            reason=state.reason[:REASON_LENGTH],
+        )
 
     @property
     def errors(self) -> tuple[str, ...]:
         """Return why camera, microphone, loudspeaker and display do not work, a sentence each."""
-        captured = tuple(state.reason for state in (self.camera, self.microphone) if state is not None and state.reason)
-        return tuple(reason[:REASON_LENGTH] for reason in (*captured, *(self._outputs.errors if self._outputs is not None else ())))
+        captured = tuple(
+            state.reason
+            for state in (self.camera, self.microphone)
+            if state is not None and state.reason
+        )
+        return tuple(
+            reason[:REASON_LENGTH]
+            for reason in (*captured, *(self._outputs.errors if self._outputs is not None else ()))
+        )
 
     @property
     def microphone(self) -> CaptureState | None:
@@ -197,7 +256,9 @@ class MediaSide:
 
     @property
     def network(self) -> LabReport | None:
-        """Return what is put on the driver's picture and sound, and what became of their packets; None while nothing is."""
+        """Return what is put on the driver's picture and sound, and what became of their packets;
+        None while nothing is.
+        """
         line = self._line
         return line.report() if line is not None else None
 
@@ -205,7 +266,7 @@ class MediaSide:
         """Return counts for each peer: see `Viewer.statistics`."""
         return self._pages.statistics()
 
-    # --- the thread ----------------------------------------------------------------------------------------------
+    # --- the thread -------------------------------------------------------------------------------
 
     def _run(self) -> None:
         asyncio.run(self._main())
@@ -252,10 +313,14 @@ class MediaSide:
             self._start_feeds()
             self._pages.end_lost(time.monotonic())
 
-    # --- pages, on the media loop --------------------------------------------------------------------------------
+    # --- pages, on the media loop -----------------------------------------------------------------
 
-    def _viewer_for(self, peer: str, role: Role, source: str, on_end: Callable[[str], None]) -> Viewer:
-        """Return the connection of a page: displays see and hear the visitor, everybody else the robot."""
+    def _viewer_for(
+        self, peer: str, role: Role, source: str, on_end: Callable[[str], None]
+    ) -> Viewer:
+        """Return the connection of a page: displays see and hear the visitor, everybody else the
+        robot.
+        """
         is_screen = role == "screen"
         return Viewer(
             peer,
@@ -267,12 +332,16 @@ class MediaSide:
             relays=self._relays,
         )
 
-    def _listener_to(self, peer: str, source: str, role: Role) -> Callable[[Kind, bytes, int], None] | None:
+    def _listener_to(
+        self, peer: str, source: str, role: Role
+    ) -> Callable[[Kind, bytes, int], None] | None:
         """Return who takes what a page sends, None when nobody does."""
         if role == "driver":
             return functools.partial(self._visitor.take, peer, source)
         gives = isinstance(self._camera, PageCamera) or isinstance(self._microphone, PageMicrophone)
-        return functools.partial(self._take_from_page, source) if role == "screen" and gives else None
+        return (
+            functools.partial(self._take_from_page, source) if role == "screen" and gives else None
+        )
 
     def _take_from_page(self, source: str, kind: Kind, data: bytes, ticks: int) -> None:
         """Take what the page of the robot's screen gives; of two such pages the newer."""
@@ -289,7 +358,7 @@ class MediaSide:
     def _sound_from_microphone(self, payload: bytes, ticks: int) -> None:
         self._post(self._pages.sound, payload, ticks)
 
-    # --- the network lab, on the media loop ----------------------------------------------------------------------
+    # --- the network lab, on the media loop -------------------------------------------------------
 
     def _put_on(self, lab: NetworkLab | None) -> None:
         if self._line is not None:
@@ -308,7 +377,8 @@ class MediaSide:
         if self._line is None:
             self._on_picture(payload, None)
             return
-        # Each gets a copy of their own, so that the driver's can be lost or late and nobody else's is.
+        # Each gets a copy of their own, so that the driver's can be lost or late and nobody else's
+        # is.
         for peer in sorted(peers):
             if self._pages.drives(peer):
                 self._post(self._send_slow_to_driver, payload, peer)

@@ -1,7 +1,9 @@
-"""Going to places, along lines, into the charging station and out of it: one task at a time, stepped 10 to 20 times a second.
+"""Going to places, along lines, into the charging station and out of it: one task at a time,
+stepped 10 to 20 times a second.
 
-Pure: no clock, no thread. Before every step the navigator makes sure that the robot sees, knows where it is and can move; a task
-that cannot go on ends with one sentence that says why, and with the robot standing.
+Pure: no clock, no thread. Before every step the navigator makes sure that the robot sees, knows
+where it is and can move; a task that cannot go on ends with one sentence that says why, and with
+the robot standing.
 """
 
 import math
@@ -28,7 +30,8 @@ from robots.api.messages import Limits, Velocity
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import Estimate, Floats, LaserScan
 
-BLIND, BLIND_FOR_GOOD = 0.5, 2.5  # age of the newest sweep with which the robot stops, and gives up: seconds
+# age of the newest sweep with which the robot stops, and gives up: seconds
+BLIND, BLIND_FOR_GOOD = 0.5, 2.5
 LOST_FOR_GOOD = 4.0  # seconds
 DRAWN_SPACING = 0.4  # points of a drawn line are taken so far apart: metres
 
@@ -38,7 +41,8 @@ class Navigator:
 
     Args:
         grid: the map.
-        plan: names of doors, rooms and places, and the charging stations; None when there is only a map.
+        plan: names of doors, rooms and places, and the charging stations; None when there is only a
+            map.
         footprint: convex polygon (n, 2) in the robot's frame, counter-clockwise, metres.
         limits: speeds and accelerations; may be replaced between tasks.
         series: which charging stations are the robot's.
@@ -47,7 +51,14 @@ class Navigator:
         NoWayError: the map has no free space.
     """
 
-    def __init__(self, grid: OccupancyGrid, plan: FloorPlan | None, footprint: Floats, limits: Limits, series: str) -> None:
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        plan: FloorPlan | None,
+        footprint: Floats,
+        limits: Limits,
+        series: str,
+    ) -> None:
         self.plan, self.limits, self.series = plan, limits, series
         self._costmap = CostMap(grid, np.asarray(footprint, dtype=np.float64))
         self._planner = Planner(self._costmap)
@@ -76,7 +87,7 @@ class Navigator:
         """The names of the doors that were seen closed."""
         return tuple(door.name for door in self._obstacle_map.doors.closed(self._now))
 
-    # --- tasks --------------------------------------------------------------------------------------------------------
+    # --- tasks ------------------------------------------------------------------------------------
 
     def goto(self, x: float, y: float, theta: float | None = None) -> None:
         """Go to a point, to end with a heading or with any.
@@ -94,7 +105,9 @@ class Navigator:
         Raises:
             NoWayError: the plan knows no such place, or nothing stands free there.
         """
-        place = next((place for place in (self.plan.places if self.plan else ()) if place.name == name), None)
+        place = next(
+            (place for place in (self.plan.places if self.plan else ()) if place.name == name), None
+        )
         if place is None:
             raise NoWayError(f"the plan knows no place {name!r}")
         self.goto(place.x, place.y, place.theta)
@@ -135,14 +148,24 @@ class Navigator:
             self._last = Step(None, "FAILED", "cancelled")
 
     def forget(self) -> None:
-        """Forget what was seen that is not on the map: the robot has been carried away, or was given another pose."""
+        """Forget what was seen that is not on the map: the robot has been carried away, or was
+        given another pose.
+        """
         self._obstacle_map.forget()
 
-    # --- steps --------------------------------------------------------------------------------------------------------
+    # --- steps ------------------------------------------------------------------------------------
 
     def step(
-        self, *, estimate: Estimate, odometry: Pose2D, velocity: Velocity, points: Floats, beams: LaserScan | None, charger_contact: bool, now: float,
-    ) -> Step:  # fmt: skip
+        self,
+        *,
+        estimate: Estimate,
+        odometry: Pose2D,
+        velocity: Velocity,
+        points: Floats,
+        beams: LaserScan | None,
+        charger_contact: bool,
+        now: float,
+    ) -> Step:
         """Return what to do now; call it while idle too, so that the robot knows what stands about.
 
         Args:
@@ -150,7 +173,8 @@ class Navigator:
             odometry: the pose by the wheels, now.
             velocity: how the robot moves now.
             points: (n, 2) what stands about, remembered, in the robot's frame now.
-            beams: the newest sweep; its stamp and that of the estimate are by the same clock as `now`.
+            beams: the newest sweep; its stamp and that of the estimate are by the same clock as
+                `now`.
             charger_contact: the contacts of the charging station meet.
             now: seconds.
         """
@@ -162,7 +186,9 @@ class Navigator:
         if self._task is None:
             return self._idle(velocity)
         self._began = now if self._began is None else self._began
-        step = self._halted(estimate, odometry, now) or self._carry_on(odometry, velocity, points, charger_contact=charger_contact, now=now)
+        step = self._halted(estimate, odometry, now) or self._carry_on(
+            odometry, velocity, points, charger_contact=charger_contact, now=now
+        )
         return self._take(step)
 
     def _begin(self, task: Journey | Docking | Undocking) -> None:
@@ -170,7 +196,15 @@ class Navigator:
         self._wheels = WheelWatch()
 
     def _journey(self, over: list[tuple[float, float]], heading: float | None) -> Journey:
-        return Journey(self._obstacle_map, self._planner, self._check, self.limits, self.plan, over=over, heading=heading)
+        return Journey(
+            self._obstacle_map,
+            self._planner,
+            self._check,
+            self.limits,
+            self.plan,
+            over=over,
+            heading=heading,
+        )
 
     def _approach(self, pose: Pose2D) -> Journey:
         return self._journey([self._planner.goal(pose.x, pose.y)], pose.theta)
@@ -187,9 +221,17 @@ class Navigator:
     def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> Step | None:
         """Return why the robot must stand now, whatever it is doing; None when nothing is amiss."""
         assert self._began is not None
-        seen = self._beams.stamp if self._beams is not None and sees(self._beams) else self._began - BLIND
+        seen = (
+            self._beams.stamp
+            if self._beams is not None and sees(self._beams)
+            else self._began - BLIND
+        )
         if now - seen > BLIND_FOR_GOOD:
-            return failed("the laser is silent" if self._beams is None or sees(self._beams) else "the laser sees nothing")
+            return failed(
+                "the laser is silent"
+                if self._beams is None or sees(self._beams)
+                else "the laser sees nothing"
+            )
         if now - seen > BLIND:
             return Step(ZERO, "RUNNING", "waits for the laser")
         if estimate.localized or not self._task_needs_map():
@@ -206,20 +248,38 @@ class Navigator:
     def _task_needs_map(self) -> bool:
         return isinstance(self._task, Journey) or (self._task is not None and self._task.needs_map)
 
-    def _carry_on(self, odometry: Pose2D, velocity: Velocity, points: Floats, *, charger_contact: bool, now: float) -> Step:
+    def _carry_on(
+        self,
+        odometry: Pose2D,
+        velocity: Velocity,
+        points: Floats,
+        *,
+        charger_contact: bool,
+        now: float,
+    ) -> Step:
         assert self._task is not None
         assert self._beams is not None
         if charger_contact and isinstance(self._task, Journey) and self._then is None:
-            self._then, self._task = self._task, self._undocking(about=False)  # the journey turns as its way asks for
-        pose, beams_from = self._pose_buffer.pose(), self._pose_buffer.odometry_at(self._beams.stamp)
+            # the journey turns as its way asks for
+            self._then, self._task = self._task, self._undocking(about=False)
+        pose, beams_from = (
+            self._pose_buffer.pose(),
+            self._pose_buffer.odometry_at(self._beams.stamp),
+        )
         hazards = self._hazards(odometry, beams_from, points, now)
-        return self._task.step(Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, charger_contact))
+        return self._task.step(
+            Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, charger_contact)
+        )
 
     def _hazards(self, odometry: Pose2D, beams_from: Pose2D, points: Floats, now: float) -> Hazards:
         assert self._beams is not None
         strange = self._obstacle_map.strange(self._pose_buffer.pose(), points, now)
         hidden = self._lost_obstacles.out_of_sight(now, odometry, self._beams)
-        return Hazards(points[~strange], points[strange], np.vstack([moved(self._walkers, beams_from, odometry), hidden]))
+        return Hazards(
+            points[~strange],
+            points[strange],
+            np.vstack([moved(self._walkers, beams_from, odometry), hidden]),
+        )
 
     def _look(self, beams: LaserScan, now: float, *, localized: bool) -> None:
         """Note what a new sweep shows, and who in it may be walking."""

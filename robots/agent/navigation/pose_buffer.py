@@ -11,7 +11,9 @@ KEPT = 60  # odometry readings
 
 @dataclass
 class PoseBuffer:
-    """Odometry readings with their times, and where their frame lies on the map. All times are of one clock, in seconds."""
+    """Odometry readings with their times, and where their frame lies on the map. All times are of
+    one clock, in seconds.
+    """
 
     _readings: deque[tuple[float, Pose2D]] = field(default_factory=lambda: deque(maxlen=KEPT))
     _map_from_odometry: Pose2D = CENTRE
@@ -22,7 +24,9 @@ class PoseBuffer:
         self._readings.append((now, odometry))
         if estimate.stamp != self._stamp:
             self._stamp = estimate.stamp
-            self._map_from_odometry = estimate.pose.compose(self.odometry_at(estimate.stamp).inverse())
+            self._map_from_odometry = estimate.pose.compose(
+                self.odometry_at(estimate.stamp).inverse()
+            )
 
     def pose(self) -> Pose2D:
         """Return the pose on the map at the newest reading."""
@@ -33,7 +37,9 @@ class PoseBuffer:
         return self._map_from_odometry.compose(odometry)
 
     def odometry_at(self, stamp: float) -> Pose2D:
-        """Return the odometry at a time, between the readings before and after it; the nearest one outside of what is kept."""
+        """Return the odometry at a time, between the readings before and after it; the nearest one
+        outside of what is kept.
+        """
         later_time, later = self._readings[-1]
         if stamp >= later_time:
             return later
@@ -41,7 +47,10 @@ class PoseBuffer:
             if time <= stamp:
                 share = (stamp - time) / (later_time - time) if later_time > time else 0.0
                 turn = wrap_angle(later.theta - reading.theta)
-                x, y = reading.x + share * (later.x - reading.x), reading.y + share * (later.y - reading.y)
+                x, y = (
+                    reading.x + share * (later.x - reading.x),
+                    reading.y + share * (later.y - reading.y),
+                )
                 return Pose2D(x, y, wrap_angle(reading.theta + share * turn))
             later_time, later = time, reading
         return later

@@ -10,7 +10,9 @@ ASKED = 0.03  # m/s or rad/s that must move a base
 
 
 class WheelWatch:
-    """Tells when a base has been asked to move for `IN_VAIN` seconds and its odometry has not changed."""
+    """Tells when a base has been asked to move for `IN_VAIN` seconds and its odometry has not
+    changed.
+    """
 
     def __init__(self) -> None:
         self._from: Pose2D | None = None
@@ -26,4 +28,7 @@ class WheelWatch:
 
     def _moved(self, odometry: Pose2D) -> bool:
         assert self._from is not None
-        return odometry.distance(self._from) > MOVED or abs(wrap_angle(odometry.theta - self._from.theta)) > TURNED
+        return (
+            odometry.distance(self._from) > MOVED
+            or abs(wrap_angle(odometry.theta - self._from.theta)) > TURNED
+        )

@@ -1,10 +1,12 @@
 """How far each peer's clock is from ours, from heartbeats and their echoes.
 
-The four stamps of the Network Time Protocol (Mills, RFC 5905, section 8): we sent a beat, the peer received it, the peer sent one
-that echoes it, we received that. Half of what is left after the peer's own pause is the way there, so the offset's error is at most
-half the round trip: of the last ten, the sample with the least round trip is believed.
+The four stamps of the Network Time Protocol (Mills, RFC 5905, section 8): we sent a beat, the peer
+received it, the peer sent one that echoes it, we received that. Half of what is left after the
+peer's own pause is the way there, so the offset's error is at most half the round trip: of the last
+ten, the sample with the least round trip is believed.
 
-Our side of every sample is monotonic time, so that a step of this computer's own clock makes no command look old or young.
+Our side of every sample is monotonic time, so that a step of this computer's own clock makes no
+command look old or young.
 """
 
 from collections import OrderedDict, deque
@@ -30,12 +32,16 @@ class PeerClock:
     samples: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=SAMPLES))
 
     def add(self, *, sent: float, peer_received: float, peer_sent: float, received: float) -> bool:
-        """Take the four stamps of one echo, in seconds; return False when they contradict each other."""
+        """Take the four stamps of one echo, in seconds; return False when they contradict each
+        other.
+        """
         pause = peer_sent - peer_received
         round_trip = (received - sent) - pause
         if pause < 0.0 or not -STAMP_NOISE <= round_trip <= LONGEST_ROUND_TRIP:
             return False
-        self.samples.append((max(0.0, round_trip), ((peer_received - sent) + (peer_sent - received)) / 2))
+        self.samples.append(
+            (max(0.0, round_trip), ((peer_received - sent) + (peer_sent - received)) / 2)
+        )
         return True
 
     @property
@@ -45,11 +51,15 @@ class PeerClock:
 
     @property
     def round_trip(self) -> float:
-        """Return the least round trip of the last samples, in seconds; twice the largest error of the offset."""
+        """Return the least round trip of the last samples, in seconds; twice the largest error of
+        the offset.
+        """
         return min(self.samples)[0] if self.samples else LONGEST_ROUND_TRIP
 
     def age(self, stamp: float, now: float) -> float:
-        """Return how many seconds before `now` (monotonic) the peer wrote `stamp` (its Unix time); needs a sample."""
+        """Return how many seconds before `now` (monotonic) the peer wrote `stamp` (its Unix time);
+        needs a sample.
+        """
         return now - (stamp - min(self.samples)[1])
 
 
@@ -57,7 +67,8 @@ class PeerClock:
 class _Peer:
     """One peer's clock, and the last beat heard from it on each way: (n, its stamp, our Unix time).
 
-    `delays` are the last differences between our monotonic time and its stamps: its offset, plus the way here.
+    `delays` are the last differences between our monotonic time and its stamps: its offset, plus
+    the way here.
     """
 
     heard: float
@@ -75,24 +86,33 @@ class Clocks:
         self._n = 0
 
     def beat(self, now: float, unix: float) -> Heartbeat:
-        """Return the next heartbeat of this robot, with the echo of every peer heard lately, one a way."""
+        """Return the next heartbeat of this robot, with the echo of every peer heard lately, one a
+        way.
+        """
         self._n += 1
         self._sent[self._n] = now
         while len(self._sent) > BEATS_KEPT:
             self._sent.popitem(last=False)
         return Heartbeat(n=self._n, stamp=unix, echoes=self._echoes(now))
 
-    def heard(self, peer: str, way: Way, beat: CommandHeartbeat, *, now: float, unix: float) -> None:
-        """Take a peer's heartbeat that arrived at `now` (monotonic), `unix` by this computer's clock."""
+    def heard(
+        self, peer: str, way: Way, beat: CommandHeartbeat, *, now: float, unix: float
+    ) -> None:
+        """Take a peer's heartbeat that arrived at `now` (monotonic), `unix` by this computer's
+        clock.
+        """
         entry = self._peers.pop(peer, None) or _Peer(now)
         self._peers[peer] = entry
         while len(self._peers) > PEERS_KEPT:
             self._peers.popitem(last=False)
         entry.heard, entry.beats[way] = now, (beat.n, beat.stamp, unix)
         entry.delays.append(now - beat.stamp)
-        # Our own record of when beat n left is what counts, not the stamp that the peer says it had.
+        # Our own record of when beat n left is what counts, not the stamp that the peer says it
+        # had.
         if beat.echo is not None and (sent := self._sent.get(beat.echo.n)) is not None:
-            entry.clock.add(sent=sent, peer_received=beat.echo.received, peer_sent=beat.stamp, received=now)
+            entry.clock.add(
+                sent=sent, peer_received=beat.echo.received, peer_sent=beat.stamp, received=now
+            )
 
     def of(self, peer: str) -> PeerClock | None:
         """Return the clock of a peer once it is known, else None."""
@@ -100,7 +120,8 @@ class Clocks:
         return entry.clock if entry and entry.clock.known else None
 
     def rough_age(self, peer: str, stamp: float, now: float) -> float | None:
-        """Return a stamp's age in seconds, also by a peer that beats without echoing us: too young by its fastest beat's way here.
+        """Return a stamp's age in seconds, also by a peer that beats without echoing us: too young
+        by its fastest beat's way here.
 
         Good enough for limits of seconds. None when the peer was never heard.
         """
@@ -110,7 +131,13 @@ class Clocks:
         return entry.clock.age(stamp, now) if entry.clock.known else now - stamp - min(entry.delays)
 
     def _echoes(self, now: float) -> tuple[Echo, ...]:
-        lately = [(name, peer) for name, peer in reversed(self._peers.items()) if now - peer.heard <= ECHO_WITHIN]
+        lately = [
+            (name, peer)
+            for name, peer in reversed(self._peers.items())
+            if now - peer.heard <= ECHO_WITHIN
+        ]
         return tuple(
-            Echo(peer=name, n=n, stamp=stamp, received=received) for name, peer in lately[:PEERS_ECHOED] for n, stamp, received in peer.beats.values()
+            Echo(peer=name, n=n, stamp=stamp, received=received)
+            for name, peer in lately[:PEERS_ECHOED]
+            for n, stamp, received in peer.beats.values()
         )

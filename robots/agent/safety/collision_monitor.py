@@ -1,7 +1,9 @@
-"""The collision monitor: a stage of the safety kernel's tick. It knows what stands about the robot, and shapes what a driver asks for.
+"""The collision monitor: a stage of the safety kernel's tick. It knows what stands about the robot,
+and shapes what a driver asks for.
 
-Pure: readings and times in, velocities out. It works at once, on what the sensors said last, and needs neither a map nor a process beside
-it: help for the driver must not depend on whether the robot knows where it is.
+Pure: readings and times in, velocities out. It works at once, on what the sensors said last, and
+needs neither a map nor a process beside it: help for the driver must not depend on whether the
+robot knows where it is.
 """
 
 import math
@@ -23,19 +25,26 @@ from robots.world.sensing import CENTRE, Floats
 
 ABOUT = 4.0  # metres about the robot that navigation is told of
 TOUCHING = 0.005  # metres: a sensor's own error never counts as a contact, the bumper says so
-CREEP = 0.1  # m/s: how fast a robot may be where nothing looks, so that what it touches takes no harm
+# m/s: how fast a robot may be where nothing looks, so that what it touches takes no harm
+CREEP = 0.1
 TELLING = 0.5  # seconds for which what the assistance did last is told
 QUIET = ("off", "free")
-NEAR_ARC = 0.3  # metres beyond the footprint, where the arc of a cone of 30 degrees is narrower than most robots
+# metres beyond the footprint, where the arc of a cone of 30 degrees is narrower than most robots
+NEAR_ARC = 0.3
 STEP = 0.5  # seconds: the longest time for which a velocity says where the robot went
 UNASSISTED = Assisted(ZERO, "off")
 
 
 class CollisionMonitor:
-    """One robot's. `dock` is the docked robot's pose seen from the robot, None when unknown: its station may be touched."""
+    """One robot's. `dock` is the docked robot's pose seen from the robot, None when unknown: its
+    station may be touched.
+    """
 
-    def __init__(self, footprint: tuple[Point, ...], limits: Limits, sources: Sequence[ObstacleSource]) -> None:
-        """Take the footprint (convex, about the robot's centre), the base's own limits, and what tells of obstacles.
+    def __init__(
+        self, footprint: tuple[Point, ...], limits: Limits, sources: Sequence[ObstacleSource]
+    ) -> None:
+        """Take the footprint (convex, about the robot's centre), the base's own limits, and what
+        tells of obstacles.
 
         Raises:
             ValueError: not such a footprint.
@@ -44,7 +53,9 @@ class CollisionMonitor:
         self.track = Track()
         self._assist = Assist(footprint, limits)
         self._sources = tuple(sources)
-        self._looked_at = tuple(any(source.looks(bearing) for source in self._sources) for bearing in (0.0, math.pi))
+        self._looked_at = tuple(
+            any(source.looks(bearing) for source in self._sources) for bearing in (0.0, math.pi)
+        )
         self._here: Pose2D | None = None
         self._reckoning, self._reckoned_at = CENTRE, math.inf
         self._shaped_at = -math.inf
@@ -52,7 +63,9 @@ class CollisionMonitor:
 
     def sense(self, reading: RcaState, now: float) -> None:
         """Take a reading; `now` is monotonic time in seconds."""
-        self.moved(reading.stamp, self._reckoned(reading) if reading.odometry is None else reading.odometry)
+        self.moved(
+            reading.stamp, self._reckoned(reading) if reading.odometry is None else reading.odometry
+        )
         for source in self._sources:
             source.sense(reading, self.track, now)
 
@@ -70,19 +83,30 @@ class CollisionMonitor:
             now: monotonic time in seconds.
         """
         points, errors = self._about(self._assist.reach)
-        lost = {source.loss for source in self._sources if not now - source.last_received_at() <= source.silence}
+        lost = {
+            source.loss
+            for source in self._sources
+            if not now - source.last_received_at() <= source.silence
+        }
         silence = math.inf if "stand" in lost else 0.0
         slower = self._crept(wanted, everywhere="creep" in lost or self._is_vague())
-        found = self._assist.shape(slower, told, points, level, errors=errors, silence=silence, dock=self.dock)
-        self._last = replace(found, why="slow") if slower != wanted and found.why in QUIET else found
+        found = self._assist.shape(
+            slower, told, points, level, errors=errors, silence=silence, dock=self.dock
+        )
+        self._last = (
+            replace(found, why="slow") if slower != wanted and found.why in QUIET else found
+        )
         self._shaped_at = now
         return self._last
 
     def _crept(self, wanted: Velocity, *, everywhere: bool) -> Velocity:
         """Return no more than a creep of what leads to where nothing looks."""
-        speed = abs(wanted.linear) + self._assist.hull.radius * abs(wanted.angular)  # at most, of any corner
+        # at most, of any corner
+        speed = abs(wanted.linear) + self._assist.hull.radius * abs(wanted.angular)
         if everywhere and speed > CREEP:
-            return Velocity(linear=wanted.linear * CREEP / speed, angular=wanted.angular * CREEP / speed)
+            return Velocity(
+                linear=wanted.linear * CREEP / speed, angular=wanted.angular * CREEP / speed
+            )
         high, low = (math.inf if looked_at else CREEP for looked_at in self._looked_at)
         return Velocity(linear=min(max(wanted.linear, -low), high), angular=wanted.angular)
 
@@ -91,8 +115,15 @@ class CollisionMonitor:
         if self._here is None:
             return False
         reach = self._assist.hull.radius
-        near = [(source.vague, source.seen(self._here, reach + source.vague)) for source in self._sources if source.vague > 0.0]
-        return any(len(points) and float(outside(self._assist.hull, points).min()) < vague for vague, points in near)
+        near = [
+            (source.vague, source.seen(self._here, reach + source.vague))
+            for source in self._sources
+            if source.vague > 0.0
+        ]
+        return any(
+            len(points) and float(outside(self._assist.hull, points).min()) < vague
+            for vague, points in near
+        )
 
     def _reckoned(self, reading: RcaState) -> Pose2D:
         """Return dead reckoning for a robot that gives none: by the velocity that was measured."""
@@ -100,28 +131,37 @@ class CollisionMonitor:
         seconds = min(max(reading.stamp - before, 0.0), STEP)
         turn = reading.velocity.angular * seconds
         way = reading.velocity.linear * seconds
-        self._reckoning = self._reckoning.compose(Pose2D(way * math.cos(turn / 2.0), way * math.sin(turn / 2.0), turn))
+        self._reckoning = self._reckoning.compose(
+            Pose2D(way * math.cos(turn / 2.0), way * math.sin(turn / 2.0), turn)
+        )
         return self._reckoning
 
     def points(self) -> Floats:
         """Return (n, 2) what was seen within `ABOUT` metres lately, in the robot's frame.
 
-        Navigation looks for a path between them. An arc of a sonar is as wide as it is far away, and a robot that sees places would take
-        doorways for closed: beside another sensor only near arcs count, such as that of a glass door which a laser looks through.
+        Navigation looks for a path between them. An arc of a sonar is as wide as it is far away,
+        and a robot that sees places would take doorways for closed: beside another sensor only near
+        arcs count, such as that of a glass door which a laser looks through.
         """
         if not any(source.tells == "place" for source in self._sources):
             return self._seen(ABOUT, self._sources)
         exact = [source for source in self._sources if source.tells != "arc"]
         arcs = [source for source in self._sources if source.tells == "arc"]
-        return np.concatenate([self._seen(ABOUT, exact), self._seen(self._assist.hull.radius + NEAR_ARC, arcs)])
+        return np.concatenate(
+            [self._seen(ABOUT, exact), self._seen(self._assist.hull.radius + NEAR_ARC, arcs)]
+        )
 
     def clearance(self) -> float | None:
-        """Return the distance in metres from the footprint to the nearest thing that was seen lately, None when nothing is near."""
+        """Return the distance in metres from the footprint to the nearest thing that was seen
+        lately, None when nothing is near.
+        """
         near = self._seen(self._assist.reach, self._sources)
         return max(float(outside(self._assist.hull, near).min()), TOUCHING) if len(near) else None
 
     def why(self, now: float) -> tuple[str, Point | None]:
-        """Return in one word what the assistance does, "" when nothing, and the point that it minds, in the robot's frame."""
+        """Return in one word what the assistance does, "" when nothing, and the point that it
+        minds, in the robot's frame.
+        """
         silent = self._last.why in QUIET or now - self._shaped_at > TELLING
         return ("", None) if silent else (self._last.why, self._last.point)
 
@@ -129,7 +169,14 @@ class CollisionMonitor:
         if self._here is None:
             return NO_POINTS, np.zeros(0)
         found = [source.about(self._here, radius) for source in self._sources]
-        return found[0] if len(found) == 1 else (np.concatenate([points for points, _ in found]), np.concatenate([off for _, off in found]))
+        return (
+            found[0]
+            if len(found) == 1
+            else (
+                np.concatenate([points for points, _ in found]),
+                np.concatenate([off for _, off in found]),
+            )
+        )
 
     def _seen(self, radius: float, sources: Sequence[ObstacleSource]) -> Floats:
         if self._here is None:
@@ -144,7 +191,9 @@ def monitor_of(profile: Profile) -> CollisionMonitor | None:
 
 
 def seen_from(pose: Pose, dock: Station | None) -> Pose2D | None:
-    """Return the docked robot's pose seen from a robot at `pose` in the map, None when either is unknown."""
+    """Return the docked robot's pose seen from a robot at `pose` in the map, None when either is
+    unknown.
+    """
     if dock is None or not pose.localized:
         return None
     return Pose2D(pose.x, pose.y, pose.theta).inverse().compose(Pose2D(dock.x, dock.y, dock.theta))

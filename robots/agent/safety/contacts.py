@@ -1,8 +1,9 @@
 """What the robot has touched, and which motions that forbids until it has backed away. Pure.
 
-A contact is on one of four sides. Ahead it forbids to drive on, behind to go back; beside the robot it forbids to turn, which would swing
-a corner in. Whoever may not turn may drive along, and whoever may not drive on may go back and turn. Between a contact ahead and one behind
-the robot may creep, so that there is a way out of any of them.
+A contact is on one of four sides. Ahead it forbids to drive on, behind to go back; beside the robot
+it forbids to turn, which would swing a corner in. Whoever may not turn may drive along, and whoever
+may not drive on may go back and turn. Between a contact ahead and one behind the robot may creep,
+so that there is a way out of any of them.
 """
 
 import math
@@ -19,7 +20,9 @@ CREEP = 0.05  # m/s
 
 
 def side_of(bearing: float) -> Side:
-    """Return on which side of the robot a direction lies, in quarters about ahead (0 rad), left, behind and right."""
+    """Return on which side of the robot a direction lies, in quarters about ahead (0 rad), left,
+    behind and right.
+    """
     return SIDES[round(bearing / (math.pi / 2.0)) % 4]
 
 
@@ -50,7 +53,11 @@ class Contacts:
     def moved(self, metres: float) -> None:
         """Take that the robot has driven so far ahead, or back where that is negative."""
         away = {"ahead": -metres, "behind": metres, "left": abs(metres), "right": abs(metres)}
-        self._left = {side: left - max(0.0, away[side]) for side, left in self._left.items() if left > max(0.0, away[side])}
+        self._left = {
+            side: left - max(0.0, away[side])
+            for side, left in self._left.items()
+            if left > max(0.0, away[side])
+        }
 
     def clamp(self, velocity: Velocity) -> Velocity:
         """Return the velocity without what goes further towards anything that was touched."""

@@ -1,4 +1,6 @@
-"""The e-stop latch: once set it holds, across restarts of the agent, until the right person lets go of it."""
+"""The e-stop latch: once set it holds, across restarts of the agent, until the right person lets go
+of it.
+"""
 
 from dataclasses import dataclass
 
@@ -11,7 +13,9 @@ UNREADABLE = "unreadable"
 
 @dataclass(frozen=True)
 class EStopLatch:
-    """A pressed e-stop: `source` is the role that asked, or `button` for the robot's own; `user` who; `stamp` Unix time."""
+    """A pressed e-stop: `source` is the role that asked, or `button` for the robot's own; `user`
+    who; `stamp` Unix time.
+    """
 
     source: str
     stamp: float
@@ -32,7 +36,9 @@ def stricter(held: EStopLatch | None, new: EStopLatch) -> EStopLatch:
 
 
 def refusal(latch: EStopLatch | None, action: ClearEStop, *, button_pressed: bool) -> str | None:
-    """Return in one word why this clear_estop (whose role and user were checked already) does not open the latch, or None."""
+    """Return in one word why this clear_estop (whose role and user were checked already) does not
+    open the latch, or None.
+    """
     if button_pressed:
         return "button_pressed"
     if latch is not None and latch.source == BUTTON and action.role != "owner":

@@ -1,11 +1,14 @@
-"""Whether a command is young enough to move a robot, and how fast it still may: delay is what makes remote driving dangerous."""
+"""Whether a command is young enough to move a robot, and how fast it still may: delay is what makes
+remote driving dangerous.
+"""
 
 from dataclasses import dataclass
 
 from robots.agent.safety.clock_sync import PeerClock
 from robots.api.messages import Lease, Limits, VelocityCommand
 
-# What the estimate of a clock may be wrong by, besides half the round trip, before a stamp counts as from the future.
+# What the estimate of a clock may be wrong by, besides half the round trip, before a stamp counts
+# as from the future.
 FUTURE_TOLERANCE = 0.05
 FUTURE_TOLERANCE_CEILING = 0.25
 # Frames are stamped and judged by the same clock; the page interpolates between two frames.
@@ -15,14 +18,24 @@ LONGEST_FRAME_AGE = 10.0
 
 @dataclass(frozen=True)
 class Freshness:
-    """What a command's age means: `reason` to refuse it or None, its `age` in seconds, and the share of the speed caps it keeps."""
+    """What a command's age means: `reason` to refuse it or None, its `age` in seconds, and the
+    share of the speed caps it keeps.
+    """
 
     reason: str | None
     age: float = 0.0
     scale: float = 0.0
 
 
-def judge(command: VelocityCommand, lease: Lease, limits: Limits, clock: PeerClock | None, *, now: float, unix: float) -> Freshness:
+def judge(
+    command: VelocityCommand,
+    lease: Lease,
+    limits: Limits,
+    clock: PeerClock | None,
+    *,
+    now: float,
+    unix: float,
+) -> Freshness:
     """Judge a command by its own age and by that of the frame the visitor saw.
 
     Args:
@@ -49,17 +62,23 @@ def judge(command: VelocityCommand, lease: Lease, limits: Limits, clock: PeerClo
 
 
 def frame_age(command: VelocityCommand, unix: float) -> float | None:
-    """Return how old the picture that the visitor saw is, in seconds; None when none was named, or one that cannot have been this robot's."""
+    """Return how old the picture that the visitor saw is, in seconds; None when none was named, or
+    one that cannot have been this robot's.
+    """
     age = None if command.frame is None else unix - command.frame
     return age if age is not None and abs(age) <= LONGEST_FRAME_AGE else None
 
 
 def fading(age: float, limit: float) -> float:
-    """Return the share of full speed at an age: 1 up to half the limit, then falling linearly to 0 at the limit."""
+    """Return the share of full speed at an age: 1 up to half the limit, then falling linearly to 0
+    at the limit.
+    """
     return min(1.0, max(0.0, 2.0 * (1.0 - age / limit)))
 
 
-def _frame(command: VelocityCommand, lease: Lease, limits: Limits, unix: float) -> tuple[str | None, float]:
+def _frame(
+    command: VelocityCommand, lease: Lease, limits: Limits, unix: float
+) -> tuple[str | None, float]:
     if command.frame is None:
         return "no_frame", 0.0
     age = unix - command.frame

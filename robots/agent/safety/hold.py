@@ -1,7 +1,9 @@
-"""After somebody else's stop the robot stays stopped until its driver has let go, lest a held key moves it by surprise.
+"""After somebody else's stop the robot stays stopped until its driver has let go, lest a held key
+moves it by surprise.
 
-Letting go is a zero velocity of that driver, the end of that driver's lease, or a second without a velocity other than zero. That second
-counts only while the driver's heartbeats arrive on the transport of the driver's velocities: silence of a network is nobody's decision.
+Letting go is a zero velocity of that driver, the end of that driver's lease, or a second without a
+velocity other than zero. That second counts only while the driver's heartbeats arrive on the
+transport of the driver's velocities: silence of a network is nobody's decision.
 """
 
 from dataclasses import dataclass, field
@@ -9,12 +11,14 @@ from dataclasses import dataclass, field
 from robots.api.messages import Way
 
 QUIET_RELEASES = 1.0  # s without a velocity other than zero
-HEARTBEAT_GAP = 0.5  # s between two heartbeats, which come five times a second, from which something may have been lost
+# s between two heartbeats, which come five times a second, from which something may have been lost
+HEARTBEAT_GAP = 0.5
 
 
 @dataclass
 class Hold:
-    """One stop that waits. `grant` is the session and epoch of the lease under which it came, `way` the transport of the driver's velocities.
+    """One stop that waits. `grant` is the session and epoch of the lease under which it came, `way`
+    the transport of the driver's velocities.
 
     All times are monotonic, in seconds.
     """
@@ -28,7 +32,9 @@ class Hold:
         self.last_received_at = self.since
 
     def is_released_with(self, grant: tuple[str, int]) -> bool:
-        """Take a newly granted lease, and tell whether it is that of another driver: then nobody holds a key any more."""
+        """Take a newly granted lease, and tell whether it is that of another driver: then nobody
+        holds a key any more.
+        """
         known, self.grant = self.grant, grant
         return known is not None and known != grant
 

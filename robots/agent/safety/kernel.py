@@ -1,28 +1,37 @@
-"""The safety kernel: the only thing between a message and the wheels. It runs on the robot's side of every link.
+"""The safety kernel: the only thing between a message and the wheels. It runs on the robot's side
+of every link.
 
-It decides and does nothing: no sockets, no threads, no clock of its own (`now` is monotonic time in seconds, `unix` this computer's
-Unix time). Its caller sends what `Decision.velocity` says to the base, cancels what `cancelled` names, and stays silent otherwise.
-A velocity passes these stages, in every tick and on every path:
+It decides and does nothing: no sockets, no threads, no clock of its own (`now` is monotonic time in
+seconds, `unix` this computer's Unix time). Its caller sends what `Decision.velocity` says to the
+base, cancels what `cancelled` names, and stays silent otherwise. A velocity passes these stages, in
+every tick and on every path:
 
     driver ──────────────┐
     navigation (ours) ───┴► permission ► limits ► collision monitor ► ramp ► base
     navigation (the RCA's): hands off, but watched
 
-The collision monitor is a pure object that the kernel is given (`Shaper`), and shapes what a driver asks for; our navigation looks out for
-itself. Limits hold after it as well as before. What the base was last told is `commanded`, whoever moved it.
+The collision monitor is a pure object that the kernel is given (`Shaper`), and shapes what a driver
+asks for; our navigation looks out for itself. Limits hold after it as well as before. What the base
+was last told is `commanded`, whoever moved it.
 
 The rules, in the order in which they bite:
 
-- Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop of whoever is answerable latches (latch.py).
-- A velocity counts when it is the driver's and of an input method and on a way that the lease allows (permissions.py), newer than every
-  other of its epoch, and young enough (freshness.py).
-- Somebody else's stop holds the robot until the driver has let go (hold.py). So do a cleared e-stop and a robot that has come back.
-- Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the driver's last heartbeat.
-- Idle is silence, so that nobody fights a planner; but from the last that moved the robot until it was measured to stand, zeros are sent.
-- The RCA's own navigation begins when the robot was measured to stand, and is left alone while it runs. However it ends, the robot is braked
-  from the speed that was measured last, and nobody drives before it stands. Navigation that runs in the agent itself
-  (contract.Navigating) tells here what it wants, and gets what the limits leave of it.
-- A contact stops the robot. Nothing moves it further that way before it has been backed away (contact.py).
+- Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop of
+  whoever is answerable latches (latch.py).
+- A velocity counts when it is the driver's and of an input method and on a way that the lease
+  allows (permissions.py), newer than every other of its epoch, and young enough (freshness.py).
+- Somebody else's stop holds the robot until the driver has let go (hold.py). So do a cleared e-stop
+  and a robot that has come back.
+- Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the
+  driver's last heartbeat.
+- Idle is silence, so that nobody fights a planner; but from the last that moved the robot until it
+  was measured to stand, zeros are sent.
+- The RCA's own navigation begins when the robot was measured to stand, and is left alone while it
+  runs. However it ends, the robot is braked from the speed that was measured last, and nobody
+  drives before it stands. Navigation that runs in the agent itself (contract.Navigating) tells here
+  what it wants, and gets what the limits leave of it.
+- A contact stops the robot. Nothing moves it further that way before it has been backed away
+  (contact.py).
 
 Longer than most files, because whoever answers for a robot wants all of it on one page.
 """
@@ -39,15 +48,37 @@ from robots.agent.safety.estop_latch import refusal as latch_refusal
 from robots.agent.safety.freshness import judge
 from robots.agent.safety.hold import Hold
 from robots.agent.safety.lease import LeaseKeeper, Remembered
-from robots.agent.safety.permissions import MOVING, Sender, forbidden, mismatch, refusal, role_of, staleness
+from robots.agent.safety.permissions import (
+    MOVING,
+    Sender,
+    forbidden,
+    mismatch,
+    refusal,
+    role_of,
+    staleness,
+)
 from robots.agent.safety.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
-from robots.api.messages import Action, AssistLevel, Capability, ClearEStop, EStop, Lease, Limits, Mode, Stop, Velocity, VelocityCommand, Way
+from robots.api.messages import (
+    Action,
+    AssistLevel,
+    Capability,
+    ClearEStop,
+    EStop,
+    Lease,
+    Limits,
+    Mode,
+    Stop,
+    Velocity,
+    VelocityCommand,
+    Way,
+)
 
 NAVIGATION_SILENCE = 2.0
 MAX_STEP = 0.04  # two ticks: the longest time that one output may accelerate for
 STANDSTILL, STANDSTILL_TURNING = 0.02, 0.05  # m/s and rad/s: a robot that is slower stands
 STANDS_FOR = 0.3  # s for which it has to have been measured so
-RUNS_ON = 2.0  # s beyond its braking time after which a robot that was told to stand and moves is an error
+# s beyond its braking time after which a robot that was told to stand and moves is an error
+RUNS_ON = 2.0
 GRANTS_KEPT = 16
 STOPS_KEPT = 256
 SAME_STOP = 3.0
@@ -63,7 +94,9 @@ class Decision:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a velocity command: refused for a `reason`, or accepted with its age in seconds."""
+    """What became of a velocity command: refused for a `reason`, or accepted with its age in
+    seconds.
+    """
 
     reason: str | None
     age: float = 0.0
@@ -71,7 +104,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Navigation:
-    """What the robot is doing by itself: an action, and since when the driver counts as heard. It `may_begin` once the robot stands."""
+    """What the robot is doing by itself: an action, and since when the driver counts as heard. It
+    `may_begin` once the robot stands.
+    """
 
     action_id: str
     mode: Mode
@@ -81,7 +116,9 @@ class Navigation:
 
 
 class Shaped(Protocol):
-    """What a shaper makes of a velocity; `own` is what of it is the driver's, from where the driver's ramp goes on."""
+    """What a shaper makes of a velocity; `own` is what of it is the driver's, from where the
+    driver's ramp goes on.
+    """
 
     @property
     def velocity(self) -> Velocity:
@@ -117,7 +154,8 @@ class Kernel:
         capabilities: what the robot can do.
         latch: an e-stop that was held when the agent ended.
         newest_lease: the newest grant known when the agent ended.
-        monitor: shapes what a driver asks for, None on a robot that sees no obstacles, or whose architecture assists by itself.
+        monitor: shapes what a driver asks for, None on a robot that sees no obstacles, or whose
+            architecture assists by itself.
 
     Raises:
         ValueError: nobody would stop the robot soon enough: deadman or watchdog is too long.
@@ -143,7 +181,8 @@ class Kernel:
     def __post_init__(self) -> None:
         check_times(self.watchdog, self.limits)
         self.leases = LeaseKeeper(self.newest_lease)
-        self._floors: dict[tuple[str | None, int], int] = {}  # of a session and an epoch: the highest number that counted
+        # of a session and an epoch: the highest number that counted
+        self._floors: dict[tuple[str | None, int], int] = {}
         self._stops: dict[tuple[str, str], float] = {}
         self._target = ZERO  # what the driver wants, within permission and limits
         self._own = ZERO  # as far as the ramp has it, without what the collision monitor added
@@ -155,15 +194,19 @@ class Kernel:
         self._motion = ZERO  # as measured last
         self._still_since: float | None = None
         self._told_to_stand_at: float | None = None
-        self._restless = False  # the robot may be moving: it was told to, or moves by itself, and has not been measured to stand since
+        # the robot may be moving: it was told to, or moves by itself, and has not been measured to
+        # stand since
+        self._restless = False
         self._yields = False  # whoever drives waits until it stands
         self._hands_off = False  # the RCA moves the robot
         self.contacts = Contacts()
 
-    # --- who drives --------------------------------------------------------------------------------------------------
+    # --- who drives -------------------------------------------------------------------------------
 
     def take_lease(self, lease: Lease | None, *, retained: bool, now: float) -> bool:
-        """Take a lease, or None for "nobody drives"; return False when it was older than what is known."""
+        """Take a lease, or None for "nobody drives"; return False when it was older than what is
+        known.
+        """
         before = self.leases.live(now)
         if lease is None:
             self.leases.clear()
@@ -173,32 +216,52 @@ class Kernel:
         after = self.leases.live(now)
         if _grant(before) != _grant(after):
             # A new driver starts from a standing robot, and the old one's last wish is void.
-            self._target, self._accepted_at, self.driver_heard, self._driven_by = ZERO, float("-inf"), None, None
+            self._target, self._accepted_at, self.driver_heard, self._driven_by = (
+                ZERO,
+                float("-inf"),
+                None,
+                None,
+            )
             self._yields = self._yields or self._restless
-            if self._hold is not None and after is not None and self._hold.is_released_with((after.session, after.epoch)):
+            if (
+                self._hold is not None
+                and after is not None
+                and self._hold.is_released_with((after.session, after.epoch))
+            ):
                 self._hold = None
             if after is not None and not self._knew_driver:
                 self._knew_driver = True
-                if after.renewal > 0:  # an agent that begins in the middle of a drive: a key may be held
+                # an agent that begins in the middle of a drive: a key may be held
+                if after.renewal > 0:
                     self._hold_on(now)
             if self.navigation and not self.navigation.ordered_by_server:
                 self._cancel_navigation("lease_changed")
         return True
 
     def heard(self, peer: str, way: Way, now: float) -> None:
-        """Note a heartbeat: the driver's keeps navigation going, and tells that a silence of the hands is meant."""
+        """Note a heartbeat: the driver's keeps navigation going, and tells that a silence of the
+        hands is meant.
+        """
         lease = self.leases.live(now)
         if lease is not None and lease.peer == peer:
             self.driver_heard = now
             if self._hold is not None and self._hold.is_released_by(way, now):
                 self._hold = None
 
-    # --- velocities --------------------------------------------------------------------------------------------------
+    # --- velocities -------------------------------------------------------------------------------
 
-    def velocity(self, command: VelocityCommand, sender: Sender, *, now: float, unix: float) -> Verdict:
-        """Judge a velocity command; an accepted one is the new target, which `tick` then approaches."""
+    def velocity(
+        self, command: VelocityCommand, sender: Sender, *, now: float, unix: float
+    ) -> Verdict:
+        """Judge a velocity command; an accepted one is the new target, which `tick` then
+        approaches.
+        """
         lease = self.leases.live(now)
-        reason = "retained" if sender.retained else mismatch(command.session, command.epoch, sender, lease)
+        reason = (
+            "retained"
+            if sender.retained
+            else mismatch(command.session, command.epoch, sender, lease)
+        )
         if reason or lease is None:
             return self._refuse(reason or "no_lease")
         if forbidden(lease, sender, method=command.method):
@@ -224,9 +287,11 @@ class Kernel:
         return Verdict(None, fresh.age)
 
     def tick(self, now: float, wanted: Velocity | None = None) -> Decision:
-        """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or stop.
+        """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or
+        stop.
 
-        `wanted` is what the agent's own navigation wants; without it, navigation is the RCA's and hears nothing from here.
+        `wanted` is what the agent's own navigation wants; without it, navigation is the RCA's and
+        hears nothing from here.
         """
         if self._hold is not None and self.leases.live(now) is None and self._hold.is_nobodys(now):
             self._hold = None
@@ -242,7 +307,9 @@ class Kernel:
         return self._output(self._target, why or "driving", now)
 
     def applied(self, velocity: Velocity) -> None:
-        """Take note of what the base was really told, where that is not what it was to be told: ramps go on from there."""
+        """Take note of what the base was really told, where that is not what it was to be told:
+        ramps go on from there.
+        """
         if velocity != self._current:
             self._own, self._current = no_faster(self._own, velocity), velocity
 
@@ -256,14 +323,17 @@ class Kernel:
             self._still_since = now
 
     def touched(self, sides: Collection[Side] = ()) -> None:
-        """Take note of a contact: stop, end the RCA's own travel, and go no further towards it; without a side it is where the robot was going."""
+        """Take note of a contact: stop, end the RCA's own travel, and go no further towards it;
+        without a side it is where the robot was going.
+        """
         forward = self._motion.linear if self.commanded.linear == 0.0 else self.commanded.linear
         if not sides and forward != 0.0:
             sides = ["ahead" if forward > 0.0 else "behind"]
         self.contacts.felt(sides)
         self._target = ZERO
         self._restless = True
-        if self._hands_off and self.navigation and self.navigation.mode != "docking":  # a station is there to be touched
+        # a station is there to be touched
+        if self._hands_off and self.navigation and self.navigation.mode != "docking":
             self._cancel_navigation("collision")
 
     @property
@@ -279,12 +349,23 @@ class Kernel:
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
         lease = self.leases.live(now)
-        # A collision monitor, ours or the RCA's, slows the robot down by itself, and better: it knows where the obstacle is.
-        level = "off" if self.monitor is not None or "assist" in self.capabilities else self.assist.level
-        return caps(self.limits, lease.limits if lease else None, assist_speed(level, self.assist.clearance, self.limits))
+        # A collision monitor, ours or the RCA's, slows the robot down by itself, and better: it
+        # knows where the obstacle is.
+        level = (
+            "off"
+            if self.monitor is not None or "assist" in self.capabilities
+            else self.assist.level
+        )
+        return caps(
+            self.limits,
+            lease.limits if lease else None,
+            assist_speed(level, self.assist.clearance, self.limits),
+        )
 
     def inhibited(self, now: float) -> str | None:
-        """Return why velocity commands cannot move the robot now, or not everywhere, in one word, or None."""
+        """Return why velocity commands cannot move the robot now, or not everywhere, in one word,
+        or None.
+        """
         return self._barred(now) or ("collision" if self.contacts else None)
 
     def braking(self, now: float) -> str | None:
@@ -306,19 +387,28 @@ class Kernel:
 
     def visitor_silence(self, now: float) -> float | None:
         """Return how many seconds ago the driver was heard, None without a live lease."""
-        return now - self.driver_heard if self.driver_heard is not None and self.leases.live(now) else None
+        return (
+            now - self.driver_heard
+            if self.driver_heard is not None and self.leases.live(now)
+            else None
+        )
 
     @property
     def commanded(self) -> Velocity:
         """Return the velocity that the base was last told."""
         return self._current
 
-    # --- stop --------------------------------------------------------------------------------------------------------
+    # --- stop -------------------------------------------------------------------------------------
 
     def stop(self, action: Stop, sender: Sender, now: float) -> bool:
-        """Brake. Return False when it only repeats a stop that was obeyed, and the driver has gone on since."""
+        """Brake. Return False when it only repeats a stop that was obeyed, and the driver has gone
+        on since.
+        """
         lease = self.leases.live(now)
-        own = role_of(action, sender, lease) == "driver" and mismatch(action.session, action.epoch, sender, lease) is None
+        own = (
+            role_of(action, sender, lease) == "driver"
+            and mismatch(action.session, action.epoch, sender, lease) is None
+        )
         grant = action.session, action.epoch
         floor = self._floors.get(grant, -1)
         self.stop_seq, self.stop_id = action.seq, action.action_id
@@ -338,20 +428,28 @@ class Kernel:
         self._halt("stopped", now)
 
     def estop(self, action: EStop, sender: Sender, *, now: float, unix: float) -> bool:
-        """Brake, and latch for whoever is answerable: one that only watches stops. Return False when it only repeats one that was obeyed."""
+        """Brake, and latch for whoever is answerable: one that only watches stops. Return False
+        when it only repeats one that was obeyed.
+        """
         lease = self.leases.live(now)
         role = role_of(action, sender, lease)
         if role == "observer":
-            return self.stop(Stop(action_id=action.action_id, stamp=action.stamp, role="observer"), sender, now)
+            return self.stop(
+                Stop(action_id=action.action_id, stamp=action.stamp, role="observer"), sender, now
+            )
         if self._repeats("estop", action.action_id, now):
             return False
         self._remember_stop("estop", action.action_id, now)
-        user = action.user if sender.way == "mqtt" else lease.who if lease and role == "driver" else ""
+        user = (
+            action.user if sender.way == "mqtt" else lease.who if lease and role == "driver" else ""
+        )
         self._press(EStopLatch(role, unix, user, action.detail), now)
         return True
 
     def button(self, *, pressed: bool, now: float, unix: float) -> bool:
-        """Take the state of the robot's own emergency button; return True when it has just been pressed."""
+        """Take the state of the robot's own emergency button; return True when it has just been
+        pressed.
+        """
         newly, self.button_pressed = pressed and not self.button_pressed, pressed
         if newly:
             self._press(EStopLatch(BUTTON, unix), now)
@@ -370,10 +468,12 @@ class Kernel:
         self._own = self._current = self._target = ZERO
         self._unsettle()
 
-    # --- actions -----------------------------------------------------------------------------------------------------
+    # --- actions ----------------------------------------------------------------------------------
 
     def permit(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
-        """Return in one word why an action (other than stop and estop) is refused, and count it; None when it may be done."""
+        """Return in one word why an action (other than stop and estop) is refused, and count it;
+        None when it may be done.
+        """
         reason = self._why_not(action, sender, now=now, unix=unix)
         if reason:
             self.refused[reason] += 1
@@ -392,7 +492,9 @@ class Kernel:
         self._target = ZERO
 
     def navigation_ended(self, action_id: str) -> bool:
-        """The robot has come to the end of what it did by itself; return False when it was not doing that."""
+        """The robot has come to the end of what it did by itself; return False when it was not
+        doing that.
+        """
         if self.navigation is None or self.navigation.action_id != action_id:
             return False
         self._leave_navigation(ZERO)
@@ -411,14 +513,16 @@ class Kernel:
         drained, self.cancelled = self.cancelled, []
         return drained
 
-    # --- inside ------------------------------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
 
     def _refuse(self, reason: str, age: float = 0.0) -> Verdict:
         self.refused[reason] += 1
         return Verdict(reason, age)
 
     def _unmoved(self, *, moving: bool) -> str | None:
-        """Return why a valid command of the driver moves nothing; a zero lets go of a hold and leaves a planner alone."""
+        """Return why a valid command of the driver moves nothing; a zero lets go of a hold and
+        leaves a planner alone.
+        """
         if self.latch:
             return "estop"
         if self.fault:
@@ -439,7 +543,9 @@ class Kernel:
 
     def _why_not(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
         lease = self.leases.live(now)
-        reason = refusal(action, sender, lease, self.capabilities) or staleness(action, sender, lease, self.clocks, now=now, unix=unix)
+        reason = refusal(action, sender, lease, self.capabilities) or staleness(
+            action, sender, lease, self.clocks, now=now, unix=unix
+        )
         if reason:
             return reason
         if isinstance(action, ClearEStop):
@@ -520,7 +626,8 @@ class Kernel:
 
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
         self._approach(target, now, shaped=target != ZERO)
-        if self._yields:  # what the robot has lost of the speed at which it was left, it is not given again
+        # what the robot has lost of the speed at which it was left, it is not given again
+        if self._yields:
             self._own = self._current = no_faster(self._current, self._motion)
         if self._current == ZERO and not self._restless:
             return Decision(None, "idle")
@@ -534,7 +641,9 @@ class Kernel:
         return Decision(None, "navigating")
 
     def _navigated(self, wanted: Velocity, now: float) -> Decision:
-        """Return what the agent's own navigation gets: its wish within limits and ramps, and zeros too, for they hold it in its place."""
+        """Return what the agent's own navigation gets: its wish within limits and ramps, and zeros
+        too, for they hold it in its place.
+        """
         self._hands_off = False
         self._approach(wanted, now)
         self._output_at = now
@@ -544,7 +653,8 @@ class Kernel:
         """Let a target pass limits, collision monitor (when it is to be `shaped`) and ramp."""
         since = now - self._output_at
         if since > min(self.limits.deadman, self.watchdog):
-            # So long without a word from us the base has stopped by itself; going on from the old speed would start it again.
+            # So long without a word from us the base has stopped by itself; going on from the old
+            # speed would start it again.
             self._own = self._current = ZERO
         self.contacts.moved(self._current.linear * min(since, MAX_STEP))
         step = min(since, MAX_STEP)
@@ -553,7 +663,9 @@ class Kernel:
             allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=since, dt_up=step), now)
             self._current = ramp(self._current, allowed, self.limits, dt=since, dt_up=step)
         else:  # who brakes stays on the course that was looked at when it was begun
-            self._own = self._current = ramp(self._current, allowed, self.limits, dt=since, dt_up=step)
+            self._own = self._current = ramp(
+                self._current, allowed, self.limits, dt=since, dt_up=step
+            )
 
     def _limited(self, velocity: Velocity, now: float) -> Velocity:
         return self.caps(now).clamp(self.contacts.clamp(velocity))
@@ -563,7 +675,9 @@ class Kernel:
         assert self.monitor is not None
         found = self.monitor.shape(wanted, self._current, self.assist.level, now)
         allowed = self._limited(found.velocity, now)
-        if allowed != found.velocity:  # a turn that was added is too much for a limit: less of it leads elsewhere, so look once more
+        # a turn that was added is too much for a limit: less of it leads elsewhere, so look once
+        # more
+        if allowed != found.velocity:
             found = self.monitor.shape(allowed, self._current, "slow", now)
         self._own = found.own
         return found.velocity

@@ -1,7 +1,9 @@
-"""What tells the collision monitor about obstacles: one class for each kind of sensor, chosen by what the adapter's profile names.
+"""What tells the collision monitor about obstacles: one class for each kind of sensor, chosen by
+what the adapter's profile names.
 
-Each keeps what it was told in the frame of the odometry, which is smooth, and gives it back as points about the robot. Each has a silence
-after which it counts as lost, and says what its loss means. Where no source looks, a driver who is helped creeps.
+Each keeps what it was told in the frame of the odometry, which is smooth, and gives it back as
+points about the robot. Each has a silence after which it counts as lost, and says what its loss
+means. Where no source looks, a driver who is helped creeps.
 
 | source | silence | its loss | looks |
 |---|---|---|---|
@@ -21,7 +23,13 @@ import numpy as np
 from robots.agent.autonomy.sensor_snapshot import beams_of
 from robots.agent.localization.odometry import Track
 from robots.agent.navigation.assistance.swept import Hull, hull
-from robots.agent.navigation.obstacles.memory import SAME_BEARING, MemorySettings, RollingObstacleMap, into, out_of
+from robots.agent.navigation.obstacles.memory import (
+    SAME_BEARING,
+    MemorySettings,
+    RollingObstacleMap,
+    into,
+    out_of,
+)
 from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Laser
@@ -31,15 +39,19 @@ Loss = Literal["stand", "creep"]
 Tells = Literal["place", "arc", "touch"]
 NO_POINTS: Floats = np.zeros((0, 2))
 NOTHING = NO_POINTS, np.zeros(0)
-SAME_WAY = 0.3  # rad beside its cone in which a sensor counts as looking still: a robot that drives a little askew sees where it goes
+# rad beside its cone in which a sensor counts as looking still: a robot that drives a little askew
+# sees where it goes
+SAME_WAY = 0.3
 
 
 class ObstacleSource(Protocol):
-    """A sensor of one robot. Stamps are the robot's Unix time, `now` is monotonic time, both in seconds.
+    """A sensor of one robot. Stamps are the robot's Unix time, `now` is monotonic time, both in
+    seconds.
 
-    `silence` is how long it may say nothing before it is lost, in seconds; `loss` what the robot may do then. Nearer to the footprint than
-    `vague` metres it cannot tell how near something is, and a driver who is helped creeps. `tells` says what its points are: where
-    something is, an arc somewhere on which something is, or a touch.
+    `silence` is how long it may say nothing before it is lost, in seconds; `loss` what the robot
+    may do then. Nearer to the footprint than `vague` metres it cannot tell how near something is,
+    and a driver who is helped creeps. `tells` says what its points are: where something is, an arc
+    somewhere on which something is, or a touch.
     """
 
     silence: float
@@ -51,13 +63,19 @@ class ObstacleSource(Protocol):
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
 
     def last_received_at(self) -> float:
-        """Return when it said something last; of several sensors, the one that has been silent for longest."""
+        """Return when it said something last; of several sensors, the one that has been silent for
+        longest.
+        """
 
     def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
-        """Return (n, 2) points within `radius` metres in the robot's frame at `here`, and (n,) by how much each may be off, in metres."""
+        """Return (n, 2) points within `radius` metres in the robot's frame at `here`, and (n,) by
+        how much each may be off, in metres.
+        """
 
     def seen(self, here: Pose2D, radius: float) -> Floats:
-        """Return the same points without those that are only guessed at, behind the edges of others."""
+        """Return the same points without those that are only guessed at, behind the edges of
+        others.
+        """
 
     def looks(self, bearing: float) -> bool:
         """Tell whether it knows what stands in that direction from the robot, radians."""
@@ -82,7 +100,9 @@ class LaserSource:
             self.look(beams_of(reading.scan, self._laser), track, now)
 
     def look(self, beams: LaserScan, track: Track, now: float) -> None:
-        """Take a sweep; one that sees nothing at all is that of a broken laser, and no sign of life."""
+        """Take a sweep; one that sees nothing at all is that of a broken laser, and no sign of
+        life.
+        """
         before = self._memory.seen
         self._memory.update(track.at(beams.stamp), beams)
         if self._memory.seen != before:
@@ -106,10 +126,14 @@ class LaserSource:
 
 
 class DepthSource(LaserSource):
-    """A depth camera: its points are taken as the sweep of a laser with its field of view, the nearest in each direction."""
+    """A depth camera: its points are taken as the sweep of a laser with its field of view, the
+    nearest in each direction.
+    """
 
     def __init__(self, camera: DepthCamera, beams: int = 120) -> None:
-        super().__init__(Laser(x=camera.x, y=camera.y, theta=camera.theta), MemorySettings(sees=0.0, blind=0.0))
+        super().__init__(
+            Laser(x=camera.x, y=camera.y, theta=camera.theta), MemorySettings(sees=0.0, blind=0.0)
+        )
         self._camera, self._beams = camera, beams
         self._mount = Pose2D(camera.x, camera.y, camera.theta)
 
@@ -120,12 +144,18 @@ class DepthSource(LaserSource):
             return
         step = camera.width / (self._beams - 1)
         local = into(self._mount, seen.points)
-        beam = np.rint((np.arctan2(local[:, 1], local[:, 0]) + camera.width / 2.0) / step).astype(np.intp)
+        beam = np.rint((np.arctan2(local[:, 1], local[:, 0]) + camera.width / 2.0) / step).astype(
+            np.intp
+        )
         distance = np.hypot(local[:, 0], local[:, 1])
         inside = (beam >= 0) & (beam < self._beams) & (distance < camera.farthest)
         ranges = np.full(self._beams, np.inf)
         np.minimum.at(ranges, beam[inside], distance[inside])
-        self.look(LaserScan(seen.stamp, -camera.width / 2.0, step, camera.farthest, ranges, self._mount), track, now)
+        self.look(
+            LaserScan(seen.stamp, -camera.width / 2.0, step, camera.farthest, ranges, self._mount),
+            track,
+            now,
+        )
 
     def looks(self, bearing: float) -> bool:
         """Tell whether that is in its field of view."""
@@ -133,10 +163,12 @@ class DepthSource(LaserSource):
 
 
 class SonarSource:
-    """Sensors with cones. An echo comes from somewhere on an arc, and all of the arc is kept where it lay.
+    """Sensors with cones. An echo comes from somewhere on an arc, and all of the arc is kept where
+    it lay.
 
-    A point is taken away when a cone looks through it twice, and forgotten after so much way. Twice, because an echo is easily lost once:
-    crosstalk, or a wall that is met at a slant. It has to be kept, because a ring is blind between two cones close to the robot.
+    A point is taken away when a cone looks through it twice, and forgotten after so much way.
+    Twice, because an echo is easily lost once: crosstalk, or a wall that is met at a slant. It has
+    to be kept, because a ring is blind between two cones close to the robot.
     """
 
     silence = 1.0
@@ -147,12 +179,14 @@ class SonarSource:
     OFF = 0.02  # metres that an echo may be off
     MARGIN = 0.06  # metres by which a point must be nearer than an echo to be looked through
     DOUBTS = 2
-    WAY, TURN = 2.0, 0.3  # metres driven for which a point is kept, and how many of them a radian of turning counts as
+    # metres driven for which a point is kept, and how many of them a radian of turning counts as
+    WAY, TURN = 2.0, 0.3
 
     def __init__(self, sonars: Sequence[Sonar]) -> None:
         self._sonars = tuple(sonars)
         self._heard = [-math.inf] * len(self._sonars)
-        self._points: Floats = np.zeros((0, 4))  # x, y, the way driven when it was heard, how many cones have looked through it since
+        # x, y, the way driven when it was heard, how many cones have looked through it since
+        self._points: Floats = np.zeros((0, 4))
         self._way = 0.0
         self._was: Pose2D | None = None
 
@@ -178,7 +212,10 @@ class SonarSource:
 
     def looks(self, bearing: float) -> bool:
         """Tell whether that is in one of the cones."""
-        return any(abs(wrap_angle(bearing - each.theta)) <= each.width / 2.0 + SAME_WAY for each in self._sonars)
+        return any(
+            abs(wrap_angle(bearing - each.theta)) <= each.width / 2.0 + SAME_WAY
+            for each in self._sonars
+        )
 
     def _take(self, sonar: Sonar, distance: float | None, robot: Pose2D) -> None:
         self._travel(robot)
@@ -198,20 +235,28 @@ class SonarSource:
 
     def _travel(self, robot: Pose2D) -> None:
         if self._was is not None:
-            self._way += self._was.distance(robot) + self.TURN * abs(wrap_angle(robot.theta - self._was.theta))
+            self._way += self._was.distance(robot) + self.TURN * abs(
+                wrap_angle(robot.theta - self._was.theta)
+            )
         self._was = robot
 
     def _arc(self, sonar: Sonar, reach: float) -> Floats:
-        """Return (n, 2) where an echo may come from, seen from the sensor; what is too near to be measured is taken to be halfway to that."""
+        """Return (n, 2) where an echo may come from, seen from the sensor; what is too near to be
+        measured is taken to be halfway to that.
+        """
         if reach >= sonar.farthest:
             return NO_POINTS
         distance = sonar.nearest / 2.0 if reach <= sonar.nearest else reach
-        angles = np.linspace(-sonar.width / 2.0, sonar.width / 2.0, 2 + int(distance * sonar.width / self.SPACING))
+        angles = np.linspace(
+            -sonar.width / 2.0, sonar.width / 2.0, 2 + int(distance * sonar.width / self.SPACING)
+        )
         return np.column_stack([distance * np.cos(angles), distance * np.sin(angles)])
 
 
 class BumperSource:
-    """A bumper that knows directions: what was touched stands there, at the edge of the footprint, for `KEPT` seconds after."""
+    """A bumper that knows directions: what was touched stands there, at the edge of the footprint,
+    for `KEPT` seconds after.
+    """
 
     silence = 0.5
     loss: Loss = "creep"
@@ -236,7 +281,9 @@ class BumperSource:
         before, self._pressed = self._pressed, reading.bumper
         if reading.bumper != before:
             points = [self._edge(bearing) for bearing in (*before, *reading.bumper)]
-            self._felt.append((now, out_of(track.at(reading.stamp), np.concatenate([NO_POINTS, *points]))))
+            self._felt.append(
+                (now, out_of(track.at(reading.stamp), np.concatenate([NO_POINTS, *points])))
+            )
 
     def last_received_at(self) -> float:
         """Return when it was last known what is touched."""
@@ -251,7 +298,9 @@ class BumperSource:
         """Return the same."""
         while self._felt and self._now - self._felt[0][0] > self.KEPT:
             self._felt.popleft()
-        return within(np.concatenate([NO_POINTS, *(points for _, points in self._felt)]), here, radius)
+        return within(
+            np.concatenate([NO_POINTS, *(points for _, points in self._felt)]), here, radius
+        )
 
     def looks(self, bearing: float) -> bool:  # noqa: ARG002 -- as the others
         """Return False: it knows nothing before it is touched."""
@@ -268,7 +317,9 @@ class BumperSource:
 
 
 def within(points: Floats, here: Pose2D, radius: float) -> Floats:
-    """Return (n, 2) those of points (m, 2 or more) that are within `radius` metres of a robot at `here`, in its frame."""
+    """Return (n, 2) those of points (m, 2 or more) that are within `radius` metres of a robot at
+    `here`, in its frame.
+    """
     local = into(here, points)
     near: Floats = local[np.hypot(local[:, 0], local[:, 1]) <= radius]
     return near

@@ -1,6 +1,7 @@
 """Who may ask a robot for what: one table, and one question.
 
-Everything needs the live lease, but for what this table gives to a role. Stop and e-stop never come here: they are for anybody.
+Everything needs the live lease, but for what this table gives to a role. Stop and e-stop never come
+here: they are for anybody.
 """
 
 from dataclasses import dataclass
@@ -63,7 +64,8 @@ NEEDS: dict[type[Action], Capability] = {
 
 @dataclass(frozen=True)
 class Sender:
-    """How a message came: `peer` is the data channel's, given by signalling, and `role` that of its offer, which the server has stamped.
+    """How a message came: `peer` is the data channel's, given by signalling, and `role` that of its
+    offer, which the server has stamped.
 
     On MQTT the server has stamped role, session and epoch in the message itself.
     """
@@ -75,7 +77,9 @@ class Sender:
 
 
 def role_of(action: Action | PointCommand, sender: Sender, lease: Lease | None) -> str:
-    """Return the role that counts: on a data channel the page's own word is worth nothing, its peer is, and that it is the robot's screen."""
+    """Return the role that counts: on a data channel the page's own word is worth nothing, its peer
+    is, and that it is the robot's screen.
+    """
     if sender.way == "mqtt":
         return action.role
     if lease is not None and sender.peer == lease.peer:
@@ -94,16 +98,26 @@ def mismatch(session: str | None, epoch: int, sender: Sender, lease: Lease | Non
     return "wrong_epoch" if epoch != lease.epoch else None
 
 
-def forbidden(lease: Lease, sender: Sender, *, method: str | None = None, action: Action | None = None) -> bool:
-    """Tell whether the terms of a lease keep its driver from a way of control, an input method, or a type of action."""
+def forbidden(
+    lease: Lease, sender: Sender, *, method: str | None = None, action: Action | None = None
+) -> bool:
+    """Tell whether the terms of a lease keep its driver from a way of control, an input method, or
+    a type of action.
+    """
     if lease.ways is not None and sender.way not in lease.ways:
         return True
     if method is not None:
         return lease.methods is not None and method not in lease.methods
-    return lease.actions is not None and action is not None and action.__struct_config__.tag not in lease.actions
+    return (
+        lease.actions is not None
+        and action is not None
+        and action.__struct_config__.tag not in lease.actions
+    )
 
 
-def refusal(action: Action, sender: Sender, lease: Lease | None, capabilities: frozenset[Capability]) -> str | None:
+def refusal(
+    action: Action, sender: Sender, lease: Lease | None, capabilities: frozenset[Capability]
+) -> str | None:
     """Return in one word why this sender may not have this action, or None when it may."""
     role = role_of(action, sender, lease)
     kind = type(action)
@@ -112,18 +126,30 @@ def refusal(action: Action, sender: Sender, lease: Lease | None, capabilities: f
     if isinstance(action, ClearEStop) and (sender.way != "mqtt" or not action.user):
         return "not_from_server"
     if role == "driver":
-        reason = "role" if kind in NEVER_THE_DRIVER else mismatch(action.session, action.epoch, sender, lease)
-        if reason is None and lease is not None and kind not in NEVER_LIMITED and forbidden(lease, sender, action=action):
+        reason = (
+            "role"
+            if kind in NEVER_THE_DRIVER
+            else mismatch(action.session, action.epoch, sender, lease)
+        )
+        if (
+            reason is None
+            and lease is not None
+            and kind not in NEVER_LIMITED
+            and forbidden(lease, sender, action=action)
+        ):
             reason = "not_allowed"
     else:
         reason = None if role in WITHOUT_LEASE.get(kind, ()) else "role"
     return reason or ("unsupported" if kind in NEEDS and NEEDS[kind] not in capabilities else None)
 
 
-def staleness(action: Action, sender: Sender, lease: Lease | None, clocks: Clocks, *, now: float, unix: float) -> str | None:
+def staleness(
+    action: Action, sender: Sender, lease: Lease | None, clocks: Clocks, *, now: float, unix: float
+) -> str | None:
     """Return why an action is not of this moment, or None.
 
-    A driver's stamp is judged by the driver's clock; everybody else's by the server's, or ours before the server was heard.
+    A driver's stamp is judged by the driver's clock; everybody else's by the server's, or ours
+    before the server was heard.
     """
     if sender.retained:
         return "retained"

@@ -1,4 +1,6 @@
-"""Speed ramps: how fast a velocity may change, and how large it may be. Pure, per axis, in SI units."""
+"""Speed ramps: how fast a velocity may change, and how large it may be. Pure, per axis, in SI
+units.
+"""
 
 import math
 from dataclasses import dataclass
@@ -10,14 +12,17 @@ ZERO = Velocity(linear=0.0, angular=0.0)
 # How long a robot that nobody steers any more may go on, in seconds.
 LONGEST_DEADMAN = 1.0
 LONGEST_WATCHDOG = 2.0
-# With assistance the robot keeps this much room (m) and never asks the visitor to creep slower than this (m/s).
+# With assistance the robot keeps this much room (m) and never asks the visitor to creep slower than
+# this (m/s).
 ASSIST_MARGIN = 0.05
 ASSIST_CREEP = 0.1
 
 
 @dataclass(frozen=True)
 class Caps:
-    """The largest speeds allowed right now: forward and backward in m/s, turning in rad/s, none negative."""
+    """The largest speeds allowed right now: forward and backward in m/s, turning in rad/s, none
+    negative.
+    """
 
     linear: float
     reverse: float
@@ -33,13 +38,19 @@ class Caps:
 
 def caps(limits: Limits, lease: LeaseLimits | None, assist_linear: float | None = None) -> Caps:
     """Return the smallest of what the robot, the lease and the assistance allow."""
-    linear = min((limit for limit in (lease.linear if lease else None, assist_linear) if limit is not None), default=math.inf)
+    linear = min(
+        (limit for limit in (lease.linear if lease else None, assist_linear) if limit is not None),
+        default=math.inf,
+    )
     angular = math.inf if lease is None or lease.angular is None else lease.angular
-    return Caps(min(limits.linear, linear), min(limits.reverse, linear), min(limits.angular, angular))
+    return Caps(
+        min(limits.linear, linear), min(limits.reverse, linear), min(limits.angular, angular)
+    )
 
 
 def assist_speed(level: AssistLevel, clearance: float | None, limits: Limits) -> float | None:
-    """Return the speed in m/s from which the robot can stop within its clearance, None when nobody assists.
+    """Return the speed in m/s from which the robot can stop within its clearance, None when nobody
+    assists.
 
     Without a measured clearance (m) half of the robot's own limit.
     """
@@ -47,17 +58,37 @@ def assist_speed(level: AssistLevel, clearance: float | None, limits: Limits) ->
         return None
     if clearance is None:
         return limits.linear / 2
-    return max(ASSIST_CREEP, float((2 * limits.linear_braking * max(0.0, clearance - ASSIST_MARGIN)) ** 0.5))
+    return max(
+        ASSIST_CREEP,
+        float((2 * limits.linear_braking * max(0.0, clearance - ASSIST_MARGIN)) ** 0.5),
+    )
 
 
-def ramp(current: Velocity, target: Velocity, limits: Limits, *, dt: float, dt_up: float) -> Velocity:
+def ramp(
+    current: Velocity, target: Velocity, limits: Limits, *, dt: float, dt_up: float
+) -> Velocity:
     """Return the velocity `dt` seconds after `current` on the way to `target`.
 
-    Getting slower is bounded by the braking limits over `dt`, getting faster by the acceleration limits over `dt_up` <= `dt`.
+    Getting slower is bounded by the braking limits over `dt`, getting faster by the acceleration
+    limits over `dt_up` <= `dt`.
     """
     return Velocity(
-        linear=approach(current.linear, target.linear, limits.linear_acceleration, limits.linear_braking, dt=dt, dt_up=dt_up),
-        angular=approach(current.angular, target.angular, limits.angular_acceleration, limits.angular_braking, dt=dt, dt_up=dt_up),
+        linear=approach(
+            current.linear,
+            target.linear,
+            limits.linear_acceleration,
+            limits.linear_braking,
+            dt=dt,
+            dt_up=dt_up,
+        ),
+        angular=approach(
+            current.angular,
+            target.angular,
+            limits.angular_acceleration,
+            limits.angular_braking,
+            dt=dt,
+            dt_up=dt_up,
+        ),
     )
 
 
@@ -67,10 +98,15 @@ def no_faster(velocity: Velocity, motion: Velocity) -> Velocity:
     def least(one: float, other: float) -> float:
         return 0.0 if one * other <= 0.0 else math.copysign(min(abs(one), abs(other)), one)
 
-    return Velocity(linear=least(velocity.linear, motion.linear), angular=least(velocity.angular, motion.angular))
+    return Velocity(
+        linear=least(velocity.linear, motion.linear),
+        angular=least(velocity.angular, motion.angular),
+    )
 
 
-def approach(value: float, target: float, acceleration: float, braking: float, *, dt: float, dt_up: float) -> float:
+def approach(
+    value: float, target: float, acceleration: float, braking: float, *, dt: float, dt_up: float
+) -> float:
     """Return one axis of `ramp`."""
     sign = 1.0 if value > 0 or (value == 0 and target >= 0) else -1.0
     speed, goal = abs(value), max(0.0, target * sign)
@@ -79,12 +115,15 @@ def approach(value: float, target: float, acceleration: float, braking: float, *
         if slower > goal or goal == target * sign:
             return sign * slower + 0.0  # never -0.0, which JSON would show
         # Reversing: what is left of the time after standing still goes into the other direction.
-        return approach(0.0, target, acceleration, braking, dt=dt, dt_up=max(0.0, dt_up - speed / braking))
+        return approach(
+            0.0, target, acceleration, braking, dt=dt, dt_up=max(0.0, dt_up - speed / braking)
+        )
     return sign * min(goal, speed + acceleration * dt_up)
 
 
 def check_times(watchdog: float, limits: Limits) -> None:
-    """See to it that a robot which nobody steers any more stops soon, by one of two: the agent's deadman, then the base's watchdog.
+    """See to it that a robot which nobody steers any more stops soon, by one of two: the agent's
+    deadman, then the base's watchdog.
 
     Args:
         watchdog: seconds after which the base stops by itself.
@@ -95,8 +134,17 @@ def check_times(watchdog: float, limits: Limits) -> None:
     """
     deadman = limits.deadman
     if not deadman <= LONGEST_DEADMAN:
-        raise ValueError(f"a deadman of {deadman:g} s is too long: the agent brakes at most {LONGEST_DEADMAN:g} s after the last command")
+        raise ValueError(
+            f"a deadman of {deadman:g} s is too long: the agent brakes at most {LONGEST_DEADMAN:g}"
+            " s after the last command"
+        )
     if not watchdog <= LONGEST_WATCHDOG:
-        raise ValueError(f"a watchdog of {watchdog:g} s is too long: the base has to stop at most {LONGEST_WATCHDOG:g} s after the last velocity")
+        raise ValueError(
+            f"a watchdog of {watchdog:g} s is too long: the base has to stop at most"
+            f" {LONGEST_WATCHDOG:g} s after the last velocity"
+        )
     if not watchdog >= deadman:
-        raise ValueError(f"a watchdog of {watchdog:g} s is shorter than the deadman of {deadman:g} s: the base would stop between two commands")
+        raise ValueError(
+            f"a watchdog of {watchdog:g} s is shorter than the deadman of {deadman:g} s: the base"
+            " would stop between two commands"
+        )

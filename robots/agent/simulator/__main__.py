@@ -1,4 +1,5 @@
-"""`python -m robots.agent.simulator --profile giraff --plan office --seed 1`: a robot on a loopback port.
+"""`python -m robots.agent.simulator --profile giraff --plan office --seed 1`: a robot on a loopback
+port.
 
 Prints one line of JSON with its address when it is ready, and what happens on standard error.
 """
@@ -31,17 +32,42 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 def parser() -> argparse.ArgumentParser:
     """Return the words of the command line."""
-    words = argparse.ArgumentParser(prog="python -m robots.agent.simulator", description="A simulated robot on a loopback port.")
+    words = argparse.ArgumentParser(
+        prog="python -m robots.agent.simulator", description="A simulated robot on a loopback port."
+    )
     words.add_argument("--profile", default="giraff", help=f"one of {', '.join(sorted(MODELS))}")
-    words.add_argument("--plan", default="office", help="a shipped site, or a folder with a plan.json")
+    words.add_argument(
+        "--plan", default="office", help="a shipped site, or a folder with a plan.json"
+    )
     words.add_argument("--seed", type=int, default=1, help="of everything random")
-    words.add_argument("--start", default="dock", help="dock, a start or place of the plan, or x,y,theta")
-    words.add_argument("--charge", type=float, default=0.9, help="of the battery at the start, 0 to 1")
-    words.add_argument("--people", type=int, default=0, help=f"who walk about, at most {MOST_PEOPLE}")
-    words.add_argument("--door-changes", type=float, default=0.0, help="seconds between two doors that move by themselves, on average; 0 for never")
-    words.add_argument("--listen", default="127.0.0.1:0", help="loopback address and port; port 0 takes a free one")
-    words.add_argument("--linger", type=float, help="end so many seconds after the last driver; without it, run until stopped")
-    words.add_argument("--tied", action="store_true", help="do not wait for a first driver when standard input is closed: who started it is dead")
+    words.add_argument(
+        "--start", default="dock", help="dock, a start or place of the plan, or x,y,theta"
+    )
+    words.add_argument(
+        "--charge", type=float, default=0.9, help="of the battery at the start, 0 to 1"
+    )
+    words.add_argument(
+        "--people", type=int, default=0, help=f"who walk about, at most {MOST_PEOPLE}"
+    )
+    words.add_argument(
+        "--door-changes",
+        type=float,
+        default=0.0,
+        help="seconds between two doors that move by themselves, on average; 0 for never",
+    )
+    words.add_argument(
+        "--listen", default="127.0.0.1:0", help="loopback address and port; port 0 takes a free one"
+    )
+    words.add_argument(
+        "--linger",
+        type=float,
+        help="end so many seconds after the last driver; without it, run until stopped",
+    )
+    words.add_argument(
+        "--tied",
+        action="store_true",
+        help="do not wait for a first driver when standard input is closed: who started it is dead",
+    )
     words.add_argument("--no-camera", action="store_true", help="no pictures")
     words.add_argument("--sonar", action="store_true", help="sonars besides the laser")
     words.add_argument("--fps", type=float, help="pictures a second, instead of the camera's own")
@@ -92,10 +118,13 @@ def announce(address: str) -> None:
 
 
 def watch_input(loop: asyncio.AbstractEventLoop, server: Server) -> None:
-    """Tell the server when standard input is closed. In a thread, because Windows cannot wait for a pipe in a loop."""
+    """Tell the server when standard input is closed. In a thread, because Windows cannot wait for a
+    pipe in a loop.
+    """
 
     def read() -> None:
-        while os.read(sys.stdin.fileno(), 64):  # not sys.stdin: its lock would be held when the interpreter ends
+        # not sys.stdin: its lock would be held when the interpreter ends
+        while os.read(sys.stdin.fileno(), 64):
             pass
         with contextlib.suppress(RuntimeError):  # the loop has just ended
             loop.call_soon_threadsafe(server.orphaned)
@@ -119,22 +148,41 @@ async def serve(server: Server, host: str, port: int, *, tied: bool) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run a simulated robot; return 2 with one sentence when it cannot be what it was asked to be."""
     words = parser().parse_args(arguments)
-    logging.basicConfig(level=logging.WARNING, stream=sys.stderr, format="simulator %(levelname)s %(name)s %(message)s")
+    logging.basicConfig(
+        level=logging.WARNING,
+        stream=sys.stderr,
+        format="simulator %(levelname)s %(name)s %(message)s",
+    )
     try:
         model = with_fps(model_of(words.profile), words.fps)
         plan, _ = load_plan(words.plan)
         host, port = listen_address(words.listen)
-        simulation = Simulation(model, plan, seed=words.seed, start=words.start, charge=words.charge, **company(words.people, words.door_changes))
+        simulation = Simulation(
+            model,
+            plan,
+            seed=words.seed,
+            start=words.start,
+            charge=words.charge,
+            **company(words.people, words.door_changes),
+        )
     except (UnknownProfileError, SiteError, StartError, ValueError) as error:
         print(error, file=sys.stderr)  # noqa: T201 -- one sentence for who started it
         return 2
 
     def renderer() -> Renderer:
-        from robots.agent.simulator.render.camera import SceneCamera  # noqa: PLC0415 -- textures take long; nothing waits for them
+        from robots.agent.simulator.render.camera import (
+            SceneCamera,
+        )  # noqa: PLC0415 -- textures take long; nothing waits for them
 
         return SceneCamera(model, plan, seed=words.seed)
 
-    server = Server(simulation, None if words.no_camera else renderer, linger=words.linger, seed=words.seed, sonar=words.sonar)
+    server = Server(
+        simulation,
+        None if words.no_camera else renderer,
+        linger=words.linger,
+        seed=words.seed,
+        sonar=words.sonar,
+    )
     try:
         asyncio.run(serve(server, host, port, tied=words.tied))
     except KeyboardInterrupt:

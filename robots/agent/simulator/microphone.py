@@ -1,4 +1,6 @@
-"""What the robot hears: a quiet room, and its own motors, louder and higher the faster the wheels turn."""
+"""What the robot hears: a quiet room, and its own motors, louder and higher the faster the wheels
+turn.
+"""
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +17,9 @@ INAUDIBLE = 1e-6  # an effort below this is no effort
 
 
 def room_tone(rng: np.random.Generator) -> npt.NDArray[np.float32]:
-    """Return some seconds of brownish noise that end where they begin: the spectrum of a quiet room falls with frequency."""
+    """Return some seconds of brownish noise that end where they begin: the spectrum of a quiet room
+    falls with frequency.
+    """
     count = RATE * ROOM_SECONDS
     frequencies = np.fft.rfftfreq(count, 1.0 / RATE)
     strength = 1.0 / np.maximum(frequencies, 60.0)
@@ -37,14 +41,23 @@ class Microphone:
 
     def block(self, effort: float) -> npt.NDArray[np.int16]:
         """Return the next 20 ms, (960,) int16; `effort` from 0, standing, to 1, full speed."""
-        before, self._effort = self._effort, self._effort + SMOOTHING * (min(max(effort, 0.0), 1.0) - self._effort)
+        before, self._effort = (
+            self._effort,
+            self._effort + SMOOTHING * (min(max(effort, 0.0), 1.0) - self._effort),
+        )
         room = np.take(self._room, np.arange(self._at, self._at + BLOCK), mode="wrap")
         self._at = (self._at + BLOCK) % len(self._room)
         if max(before, self._effort) < INAUDIBLE:
             return room.astype(np.int16)
         ramp = np.linspace(before, self._effort, BLOCK, endpoint=False)
-        phase = self._phase + np.cumsum(2.0 * np.pi * (HUM_LOWEST + (HUM_HIGHEST - HUM_LOWEST) * ramp) / RATE)
-        self._phase = float(phase[-1] % (2.0 * np.pi * 50.0))  # 50 turns: a whole number for every harmonic above
+        phase = self._phase + np.cumsum(
+            2.0 * np.pi * (HUM_LOWEST + (HUM_HIGHEST - HUM_LOWEST) * ramp) / RATE
+        )
+        # 50 turns: a whole number for every harmonic above
+        self._phase = float(phase[-1] % (2.0 * np.pi * 50.0))
         # float32 is a quarter of the work, and exact to -80 dB.
-        hum = sum(np.float32(share) * np.sin((multiple * phase).astype(np.float32)) for multiple, share in HARMONICS)
+        hum = sum(
+            np.float32(share) * np.sin((multiple * phase).astype(np.float32))
+            for multiple, share in HARMONICS
+        )
         return np.clip(room + HUM_LEVEL * np.sqrt(ramp) * hum, -32768, 32767).astype(np.int16)

@@ -1,4 +1,6 @@
-"""The simulated robot's loudspeaker and display: they make no noise, and can say what they were given."""
+"""The simulated robot's loudspeaker and display: they make no noise, and can say what they were
+given.
+"""
 
 import threading
 from collections import deque

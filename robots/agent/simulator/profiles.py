@@ -1,8 +1,9 @@
 """The robots that can be simulated, as data.
 
-Giraff: wheel separation, speeds, accelerations and the range of the head's height are the manufacturer's; rhodon is a Pioneer
-PatrolBot base (0.51 m x 0.425 m) with a fixed camera on a mast. Braking, cameras, lasers and batteries are ours, chosen so that
-the floor in front is in view and a charge lasts a working day.
+Giraff: wheel separation, speeds, accelerations and the range of the head's height are the
+manufacturer's; rhodon is a Pioneer PatrolBot base (0.51 m x 0.425 m) with a fixed camera on a mast.
+Braking, cameras, lasers and batteries are ours, chosen so that the floor in front is in view and a
+charge lasts a working day.
 """
 
 import math
@@ -19,9 +20,11 @@ class UnknownProfileError(ValueError):
 
 @dataclass(frozen=True)
 class LaserModel:
-    """A planar scanner: `x` ahead of the centre, `height` above the floor, beams over `fov` radians, `rate` in Hz.
+    """A planar scanner: `x` ahead of the centre, `height` above the floor, beams over `fov`
+    radians, `rate` in Hz.
 
-    `noise` is the standard deviation of a range in metres, `dropout` the share of beams that are lost.
+    `noise` is the standard deviation of a range in metres, `dropout` the share of beams that are
+    lost.
     """
 
     x: float
@@ -51,11 +54,13 @@ class LaserModel:
 
 @dataclass(frozen=True)
 class SonarModel:
-    """A ring of ultrasonic sensors at the edge of the footprint: `count` of them, the first looks ahead, each with a cone of `width` radians.
+    """A ring of ultrasonic sensors at the edge of the footprint: `count` of them, the first looks
+    ahead, each with a cone of `width` radians.
 
-    Metres: from `nearest` to `farthest`, `noise` is a standard deviation, `dropout` the share of echoes that are lost. A smooth wall
-    sends nothing back from more than `slant` radians off its normal; an edge within `edge` metres does. `volley` of them, spread evenly,
-    sound every `period` seconds. Of the order of a Devantech SRF08.
+    Metres: from `nearest` to `farthest`, `noise` is a standard deviation, `dropout` the share of
+    echoes that are lost. A smooth wall sends nothing back from more than `slant` radians off its
+    normal; an edge within `edge` metres does. `volley` of them, spread evenly, sound every `period`
+    seconds. Of the order of a Devantech SRF08.
     """
 
     count: int = 16
@@ -70,8 +75,12 @@ class SonarModel:
     period: float = 0.04
 
     def mounts(self, footprint: tuple[tuple[float, float], ...]) -> tuple[Pose2D, ...]:
-        """Return where they sit in the robot's frame: at the edge of a convex footprint about its centre."""
-        return tuple(_edge_at(footprint, 2.0 * math.pi * index / self.count) for index in range(self.count))
+        """Return where they sit in the robot's frame: at the edge of a convex footprint about its
+        centre.
+        """
+        return tuple(
+            _edge_at(footprint, 2.0 * math.pi * index / self.count) for index in range(self.count)
+        )
 
     def sounding(self, volley: int) -> tuple[int, ...]:
         """Return which of them sound in the volley of that number."""
@@ -92,7 +101,9 @@ def _edge_at(footprint: tuple[tuple[float, float], ...], bearing: float) -> Pose
 
 @dataclass(frozen=True)
 class BatteryModel:
-    """Capacity in Wh, powers in W: `idle` always, `drive` on top at full speed, `charge` into it in the dock; volts by charge."""
+    """Capacity in Wh, powers in W: `idle` always, `drive` on top at full speed, `charge` into it in
+    the dock; volts by charge.
+    """
 
     capacity: float
     idle: float
@@ -104,7 +115,9 @@ class BatteryModel:
 
 @dataclass(frozen=True)
 class BodyPart:
-    """A piece of the robot's body as a mirror shows it, in the robot's frame; `face` is what its front looks like."""
+    """A piece of the robot's body as a mirror shows it, in the robot's frame; `face` is what its
+    front looks like.
+    """
 
     x: float
     y: float
@@ -121,7 +134,8 @@ class BodyPart:
 class DockTolerance:
     """How far from the dock's pose the contacts meet: metres ahead or back, metres aside, radians.
 
-    They sit on springs: once they meet they go on meeting until the robot is `travel` metres, or `twist` radians, farther off.
+    They sit on springs: once they meet they go on meeting until the robot is `travel` metres, or
+    `twist` radians, farther off.
     """
 
     longitudinal: float = 0.07
@@ -133,7 +147,9 @@ class DockTolerance:
 
 @dataclass(frozen=True)
 class OdometryModel:
-    """What the wheels' encoders get wrong on every drive of one robot: standard deviations among robots, as shares of the true value."""
+    """What the wheels' encoders get wrong on every drive of one robot: standard deviations among
+    robots, as shares of the true value.
+    """
 
     radius_error: float = 0.005
     separation_error: float = 0.01
@@ -144,7 +160,8 @@ class RobotModel:
     """Everything about one kind of robot.
 
     Which of its sensors are fitted, whoever makes the robot says.
-    `wheel_noise` is the relative slip of a wheel (standard deviation over one metre), `odometry` how wrong its dead reckoning is.
+    `wheel_noise` is the relative slip of a wheel (standard deviation over one metre), `odometry`
+    how wrong its dead reckoning is.
     """
 
     series: str
@@ -179,13 +196,23 @@ def octagon(length: float, width: float, corner: float) -> tuple[tuple[float, fl
 GIRAFF = RobotModel(
     series="giraff",
     title="Giraff",
-    limits=Limits(linear=0.7, reverse=0.3, angular=0.7, linear_acceleration=0.2, angular_acceleration=0.4, linear_braking=0.8, angular_braking=1.6),
+    limits=Limits(
+        linear=0.7,
+        reverse=0.3,
+        angular=0.7,
+        linear_acceleration=0.2,
+        angular_acceleration=0.4,
+        linear_braking=0.8,
+        angular_braking=1.6,
+    ),
     footprint=octagon(0.64, 0.56, 0.14),
     wheel_separation=0.467,
     camera=Camera(width=640, height=480, fps=30.0, hfov=1.5, x=0.1, z=1.32, pitch=0.0),
     tilt=TiltRange(minimum=-0.5, maximum=0.9, home=0.28, speed=0.8),
     laser=LaserModel(x=0.22, height=0.3, fov=math.radians(240.0), beams=241, range_max=10.0),
-    battery=BatteryModel(capacity=260.0, idle=32.0, drive=45.0, charge=120.0, empty_voltage=24.0, full_voltage=29.0),
+    battery=BatteryModel(
+        capacity=260.0, idle=32.0, drive=45.0, charge=120.0, empty_voltage=24.0, full_voltage=29.0
+    ),
     body=(
         BodyPart(0.0, 0.0, 0.62, 0.54, 0.04, 0.16, "#c3c7ca"),
         BodyPart(-0.04, 0.0, 0.34, 0.30, 0.16, 0.30, "#8e969e"),
@@ -197,13 +224,23 @@ GIRAFF = RobotModel(
 RHODON = RobotModel(
     series="rhodon",
     title="Rhodon",
-    limits=Limits(linear=0.5, reverse=0.25, angular=1.0, linear_acceleration=0.3, angular_acceleration=0.8, linear_braking=0.8, angular_braking=2.0),
+    limits=Limits(
+        linear=0.5,
+        reverse=0.25,
+        angular=1.0,
+        linear_acceleration=0.3,
+        angular_acceleration=0.8,
+        linear_braking=0.8,
+        angular_braking=2.0,
+    ),
     footprint=octagon(0.51, 0.425, 0.11),
     wheel_separation=0.38,
     camera=Camera(width=640, height=480, fps=30.0, hfov=1.4, x=0.12, z=1.15, pitch=0.26),
     tilt=None,
     laser=LaserModel(x=0.15, height=0.28, fov=math.radians(180.0), beams=181, range_max=12.0),
-    battery=BatteryModel(capacity=430.0, idle=55.0, drive=70.0, charge=180.0, empty_voltage=22.0, full_voltage=27.6),
+    battery=BatteryModel(
+        capacity=430.0, idle=55.0, drive=70.0, charge=180.0, empty_voltage=22.0, full_voltage=27.6
+    ),
     body=(
         BodyPart(0.0, 0.0, 0.50, 0.42, 0.05, 0.38, "#b3322b"),
         BodyPart(-0.05, 0.0, 0.32, 0.32, 0.38, 0.46, "#2d2f33"),
@@ -224,5 +261,7 @@ def model_of(series: str) -> RobotModel:
         UnknownProfileError: there is no such robot.
     """
     if series not in MODELS:
-        raise UnknownProfileError(f"no robot profile {series!r}; there are {', '.join(sorted(MODELS))}")
+        raise UnknownProfileError(
+            f"no robot profile {series!r}; there are {', '.join(sorted(MODELS))}"
+        )
     return MODELS[series]

@@ -1,8 +1,8 @@
 """The simulated robot as a process: clock, connections, pictures and sound around one `Simulation`.
 
-It is the robot, so it outlives its agent: what stops the wheels when the agent is dead or stuck is the simulation's own watchdog,
-which counts from the last velocity that came in here. When the driver is gone for good, the process ends, but only after the robot
-stands.
+It is the robot, so it outlives its agent: what stops the wheels when the agent is dead or stuck is
+the simulation's own watchdog, which counts from the last velocity that came in here. When the
+driver is gone for good, the process ends, but only after the robot stands.
 """
 
 import asyncio
@@ -29,7 +29,8 @@ from robots.api.geometry import Pose2D, wrap_angle
 STATE_PERIOD = 0.02
 SOUND_PERIOD = 0.02
 FIRST_DRIVER = 60.0  # seconds that a child waits for its first driver
-BACKLOG = 256 << 10  # bytes unread by a client, after which it misses news instead of costing memory
+# bytes unread by a client, after which it misses news instead of costing memory
+BACKLOG = 256 << 10
 
 log = logging.getLogger(__name__)
 
@@ -69,7 +70,13 @@ class Server:
     """
 
     def __init__(
-        self, simulation: Simulation, make_renderer: Callable[[], Renderer] | None, *, linger: float | None, seed: int, sonar: bool = False
+        self,
+        simulation: Simulation,
+        make_renderer: Callable[[], Renderer] | None,
+        *,
+        linger: float | None,
+        seed: int,
+        sonar: bool = False,
     ) -> None:
         self.playback = Playback(simulation, time.monotonic(), time.time())
         self.simulation = simulation
@@ -123,7 +130,9 @@ class Server:
             with contextlib.suppress(RuntimeError):  # the loop has just ended
                 loop.call_soon_threadsafe(self._tell, "camera", wire.FrameReady(number, stamp))
 
-        self._camera = CameraThread(self._make_renderer, self._ring, model.fps, lambda: self.playback.view, ready)
+        self._camera = CameraThread(
+            self._make_renderer, self._ring, model.fps, lambda: self.playback.view, ready
+        )
 
     def _close_camera(self) -> None:
         if self._camera is not None:
@@ -141,7 +150,8 @@ class Server:
                 log.info("driver_gone")
                 return
             due = max(due + STATE_PERIOD, now)
-            await asyncio.sleep(max(0.0, due - time.monotonic()))  # waiting for the end instead would be a task each time
+            # waiting for the end instead would be a task each time
+            await asyncio.sleep(max(0.0, due - time.monotonic()))
 
     def _publish(self, now: float) -> None:
         if self.simulation.time > self._told and self._is_due("state", STATE_PERIOD, now):
@@ -174,11 +184,16 @@ class Server:
             self._tell("driver", self._scan)
 
     def _scan(self) -> wire.Ranges:
-        return wire.Ranges(self.playback.stamp(), self.simulation.scan().astype(np.float32).tobytes())
+        return wire.Ranges(
+            self.playback.stamp(), self.simulation.scan().astype(np.float32).tobytes()
+        )
 
     def _echoes(self) -> wire.Echoes:
         sounding = self.simulation.model.sonar.sounding(self._volley)
-        heard = (distance if math.isfinite(distance) else None for distance in self.simulation.echoes(sounding))
+        heard = (
+            distance if math.isfinite(distance) else None
+            for distance in self.simulation.echoes(sounding)
+        )
         return wire.Echoes(self.playback.stamp(), tuple(zip(sounding, heard, strict=True)))
 
     def _sound(self) -> wire.Sound:
@@ -237,7 +252,9 @@ class Server:
             case _ if client.role == "operator":
                 client.say(self._play_fate(message))
             case _:
-                raise framing.WireError(f"{type(message).__name__} from {client.role or 'a stranger'}")
+                raise framing.WireError(
+                    f"{type(message).__name__} from {client.role or 'a stranger'}"
+                )
 
     def _drive(self, message: wire.ToSimulator) -> None:
         match message:
@@ -273,7 +290,9 @@ class Server:
                 other.role = None  # the newest driver is the agent that lives
                 other.writer.transport.abort()
         client.role = role
-        client.say(wire.Welcome(self.simulation.model.series, self.simulation.plan.map_id, os.getpid()))
+        client.say(
+            wire.Welcome(self.simulation.model.series, self.simulation.plan.map_id, os.getpid())
+        )
         if role == "camera":
             self._show(client)
 

@@ -13,7 +13,8 @@ RAYS = 13
 
 
 def echo(segments: Floats, mount: Pose2D, model: SonarModel, rng: np.random.Generator) -> float:
-    """Return the distance in metres at which a sonar at `mount` in the world hears something, `inf` when it hears nothing.
+    """Return the distance in metres at which a sonar at `mount` in the world hears something, `inf`
+    when it hears nothing.
 
     `segments` (n, 4) are the sides of what stands at its height.
     """

@@ -1,8 +1,9 @@
 """What a simulated robot and its clients say to each other over TCP, framed as framing.py says.
 
-A connection has one role, said in `Hello`: the driver moves the robot and hears its state, an observer only looks (tests and
-benchmarks read the truth there), an operator plays fate (carries the robot away, breaks it, moves doors), a camera is told of
-pictures in shared memory, a microphone gets sound. Each is a connection of its own, so that media never stand before a velocity.
+A connection has one role, said in `Hello`: the driver moves the robot and hears its state, an
+observer only looks (tests and benchmarks read the truth there), an operator plays fate (carries the
+robot away, breaks it, moves doors), a camera is told of pictures in shared memory, a microphone
+gets sound. Each is a connection of its own, so that media never stand before a velocity.
 """
 
 import asyncio
@@ -53,7 +54,9 @@ class Shutdown(Said, frozen=True):
 
 
 class CarryTo(Said, frozen=True):
-    """An operator puts the robot somewhere else; answered with `Done`, or `Refused` when something stands there."""
+    """An operator puts the robot somewhere else; answered with `Done`, or `Refused` when something
+    stands there.
+    """
 
     x: float
     y: float
@@ -85,10 +88,12 @@ class Welcome(Said, frozen=True):
 
 
 class Truth(Said, frozen=True):
-    """The robot as it is; `stamp` in Unix seconds, `commanded_at` that of the last velocity, 0 before the first.
+    """The robot as it is; `stamp` in Unix seconds, `commanded_at` that of the last velocity, 0
+    before the first.
 
-    `clearance` is measured for observers only. `people` are x, y, heading of those who walk about; `bumped` how often one of them
-    walked into the robot; `bumper` the directions in which something is touched, in the robot's frame.
+    `clearance` is measured for observers only. `people` are x, y, heading of those who walk about;
+    `bumped` how often one of them walked into the robot; `bumper` the directions in which something
+    is touched, in the robot's frame.
     """
 
     stamp: float
@@ -129,7 +134,9 @@ class Echoes(Said, frozen=True):
 
 
 class History(Said, frozen=True):
-    """Rows of (stamp, commanded linear, commanded angular, linear, angular, x, y, theta), oldest first, one every step."""
+    """Rows of (stamp, commanded linear, commanded angular, linear, angular, x, y, theta), oldest
+    first, one every step.
+    """
 
     rows: tuple[tuple[float, float, float, float, float, float, float, float], ...]
 
@@ -161,13 +168,17 @@ class Done(Said, frozen=True):
 
 
 class Refused(Said, frozen=True):
-    """Why something was not done; unless it was an operator's wish, the simulator closes the connection."""
+    """Why something was not done; unless it was an operator's wish, the simulator closes the
+    connection.
+    """
 
     reason: str
 
 
 ToSimulator = Hello | Drive | TiltTo | SetDoors | Shutdown | AskTruth | AskHistory | CarryTo | Break
-FromSimulator = Welcome | Truth | Ranges | Echoes | History | Pictures | FrameReady | Sound | Done | Refused
+FromSimulator = (
+    Welcome | Truth | Ranges | Echoes | History | Pictures | FrameReady | Sound | Done | Refused
+)
 
 _to_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(ToSimulator)
 _from_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(FromSimulator)

@@ -1,4 +1,6 @@
-"""`manage.py enrol NAME`: a one-time token with which the computer on a robot fetches its credentials."""
+"""`manage.py enrol NAME`: a one-time token with which the computer on a robot fetches its
+credentials.
+"""
 
 from argparse import ArgumentParser
 from typing import Any
@@ -18,8 +20,18 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
-        parser.add_argument("--server", metavar="URL", required=True, help="the site's address, as the robot reaches it")
-        parser.add_argument("--hours", type=float, default=HOURS, help="how long the token is good (default: %(default)s)")
+        parser.add_argument(
+            "--server",
+            metavar="URL",
+            required=True,
+            help="the site's address, as the robot reaches it",
+        )
+        parser.add_argument(
+            "--hours",
+            type=float,
+            default=HOURS,
+            help="how long the token is good (default: %(default)s)",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         robot = Robot.objects.filter(name=options["robot"]).first()
@@ -29,6 +41,9 @@ class Command(BaseCommand):
             raise CommandError("--hours must be positive.")
         token = make_token(robot, timezone.now(), options["hours"])
         audit.note("enrolment_made", robot=robot)
-        self.stdout.write("On the robot's computer, with the ADAPTER of its control architecture and its PROFILE (docs/howto/connect-a-robot.md):")
+        self.stdout.write(
+            "On the robot's computer, with the ADAPTER of its control architecture and its PROFILE"
+            " (docs/howto/connect-a-robot.md):"
+        )
         where = f"--server {options['server'].rstrip('/')} --adapter ADAPTER --profile PROFILE"
         self.stdout.write(f"python manage.py run_robot {robot.name} {where} --enrol {token}")

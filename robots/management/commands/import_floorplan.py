@@ -1,4 +1,6 @@
-"""`manage.py import_floorplan DIR`: a site that was made elsewhere, into the database and to where simulators find it."""
+"""`manage.py import_floorplan DIR`: a site that was made elsewhere, into the database and to where
+simulators find it.
+"""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -12,9 +14,14 @@ from robots.models import FloorPlan
 
 
 class Command(BaseCommand):
-    """Check a folder with map.yaml, its image and plan.json, and take it in place of an earlier one with the same map id."""
+    """Check a folder with map.yaml, its image and plan.json, and take it in place of an earlier one
+    with the same map id.
+    """
 
-    help = "Take a site from a folder with map.yaml, its image and plan.json: checked, into the database and for simulators."
+    help = (
+        "Take a site from a folder with map.yaml, its image and plan.json: checked, into the"
+        " database and for simulators."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("directory", type=Path, help="the folder")
@@ -28,7 +35,14 @@ class Command(BaseCommand):
             else:
                 self._take(directory)
         except FloorPlanRefusedError as error:
-            raise CommandError("\n".join((f"The site in {directory} cannot be used:", *(f"  {problem}" for problem in error.problems)))) from error
+            raise CommandError(
+                "\n".join(
+                    (
+                        f"The site in {directory} cannot be used:",
+                        *(f"  {problem}" for problem in error.problems),
+                    )
+                )
+            ) from error
         except OSError as error:
             raise CommandError(f"{error.filename}: {error.strerror}.") from error
 
@@ -40,5 +54,10 @@ class Command(BaseCommand):
         kept = keep_site(directory, settings.VAR_DIR / "sites")
         known = set(FloorPlan.objects.values_list("name", flat=True))
         plan = store_floor_plan(kept)
-        self.stdout.write(f"{'Replaced' if plan.name in known else 'Took'} the site {plan.name} ({plan.title}).")
-        self.stdout.write(f"Choose it for a robot in the admin. A simulated robot stands in it with `run_robot NAME --option plan={kept}`.")
+        self.stdout.write(
+            f"{'Replaced' if plan.name in known else 'Took'} the site {plan.name} ({plan.title})."
+        )
+        self.stdout.write(
+            "Choose it for a robot in the admin. A simulated robot stands in it with `run_robot"
+            f" NAME --option plan={kept}`."
+        )

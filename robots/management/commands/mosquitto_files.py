@@ -1,4 +1,6 @@
-"""`manage.py mosquitto_files`: users and permissions of a mosquitto that is not our child, written from the database."""
+"""`manage.py mosquitto_files`: users and permissions of a mosquitto that is not our child, written
+from the database.
+"""
 
 import asyncio
 import logging
@@ -22,17 +24,37 @@ GROUP_MAY_READ = 0o640
 
 
 class Command(BaseCommand):
-    """Write `passwords` and `permissions` for mosquitto, once or whenever the database says something new."""
+    """Write `passwords` and `permissions` for mosquitto, once or whenever the database says
+    something new.
+    """
 
-    help = "Write the users and permissions of this machine's own mosquitto from the database, and have it read them."
+    help = (
+        "Write the users and permissions of this machine's own mosquitto from the database, and"
+        " have it read them."
+    )
     requires_system_checks: list[str] = []
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("directory", type=Path, help="where mosquitto.conf looks for them; mosquitto's group may read what is written")
-        parser.add_argument("--watch", action="store_true", help="go on, and write again whenever robots change")
-        parser.add_argument("--reload", action="store_true", help="send mosquitto SIGHUP when something has changed")
-        parser.add_argument("--pid-file", type=Path, default=PID_FILE, help=f"whom to send it ({PID_FILE})")
-        parser.add_argument("--poll", type=float, default=POLL_SECONDS, help="seconds between two looks at the database (2)")
+        parser.add_argument(
+            "directory",
+            type=Path,
+            help="where mosquitto.conf looks for them; mosquitto's group may read what is written",
+        )
+        parser.add_argument(
+            "--watch", action="store_true", help="go on, and write again whenever robots change"
+        )
+        parser.add_argument(
+            "--reload", action="store_true", help="send mosquitto SIGHUP when something has changed"
+        )
+        parser.add_argument(
+            "--pid-file", type=Path, default=PID_FILE, help=f"whom to send it ({PID_FILE})"
+        )
+        parser.add_argument(
+            "--poll",
+            type=float,
+            default=POLL_SECONDS,
+            help="seconds between two looks at the database (2)",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         files = Files(options["directory"], options["pid_file"] if options["reload"] else None)
@@ -47,7 +69,10 @@ class Command(BaseCommand):
             return
         except (FilesError, UsersUnavailableError) as error:
             raise CommandError(str(error)) from error
-        self.stdout.write(f"{len(users)} users {'written to' if changed else 'as before in'} {options['directory']}")
+        self.stdout.write(
+            f"{len(users)} users {'written to' if changed else 'as before in'}"
+            f" {options['directory']}"
+        )
 
 
 class FilesError(Exception):
@@ -55,7 +80,9 @@ class FilesError(Exception):
 
 
 class Files:
-    """The two files in one directory, and the mosquitto to tell (None: somebody else tells it, or nobody needs to)."""
+    """The two files in one directory, and the mosquitto to tell (None: somebody else tells it, or
+    nobody needs to).
+    """
 
     def __init__(self, directory: Path, pid_file: Path | None) -> None:
         self._directory, self._pid_file = directory, pid_file
@@ -80,7 +107,9 @@ class Files:
         return True
 
     async def follow(self, poll: float) -> None:
-        """Keep the files as the database has it, until this process is ended; a database that is away changes nothing."""
+        """Keep the files as the database has it, until this process is ended; a database that is
+        away changes nothing.
+        """
         while True:
             try:
                 users = await read_users()
@@ -96,11 +125,14 @@ class Files:
         if self._pid_file is None:
             return
         if sys.platform == "win32":
-            raise FilesError("Mosquitto on Windows reads its files only when it starts: restart it.")
+            raise FilesError(
+                "Mosquitto on Windows reads its files only when it starts: restart it."
+            )
         try:
             os.kill(int(self._pid_file.read_text()), signal.SIGHUP)
         except (FileNotFoundError, ProcessLookupError):
-            logger.info("mosquitto_not_running pid_file=%s", self._pid_file)  # it will read them when it starts
+            # it will read them when it starts
+            logger.info("mosquitto_not_running pid_file=%s", self._pid_file)
         except (ValueError, OSError) as error:
             raise FilesError(f"Mosquitto could not be told ({self._pid_file}): {error}.") from error
 

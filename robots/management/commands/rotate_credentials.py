@@ -14,17 +14,27 @@ from robots.models import Robot
 class Command(BaseCommand):
     """Ask for new credentials of some robots, or all."""
 
-    help = "Have the agents of robots fetch new credentials by themselves; the present ones hold for a day more."
+    help = (
+        "Have the agents of robots fetch new credentials by themselves; the present ones hold for a"
+        " day more."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("robots", nargs="*", metavar="robot", help="names; without any: all that have credentials")
+        parser.add_argument(
+            "robots",
+            nargs="*",
+            metavar="robot",
+            help="names; without any: all that have credentials",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         rows = Robot.objects.exclude(credential_hash="")
         chosen = list(rows.filter(name__in=options["robots"]) if options["robots"] else rows)
         missing = set(options["robots"]) - {robot.name for robot in chosen}
         if missing:
-            raise CommandError(f"No such robot, or none with credentials: {', '.join(sorted(missing))}.")
+            raise CommandError(
+                f"No such robot, or none with credentials: {', '.join(sorted(missing))}."
+            )
         for robot in chosen:
             ask_for_renewal(robot, timezone.now())
             audit.note("rotation_asked", robot=robot)

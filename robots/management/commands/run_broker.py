@@ -1,4 +1,6 @@
-"""`manage.py run_broker`: the MQTT broker between robots and server, with users and permissions from the database."""
+"""`manage.py run_broker`: the MQTT broker between robots and server, with users and permissions
+from the database.
+"""
 
 import asyncio
 import contextlib
@@ -22,16 +24,29 @@ from robots.interpreter import set_up_for_latency
 class Command(BaseCommand):
     """Run Mosquitto when it is installed, and the embedded broker otherwise."""
 
-    help = "Run the MQTT broker: Mosquitto when it is installed, the embedded one otherwise. Port 0 takes a free one."
-    requires_system_checks: list[str] = ["telepresence", "security"]  # of the settings; to check every page takes a second
+    help = (
+        "Run the MQTT broker: Mosquitto when it is installed, the embedded one otherwise. Port 0"
+        " takes a free one."
+    )
+    # of the settings; to check every page takes a second
+    requires_system_checks: list[str] = ["telepresence", "security"]
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
-        parser.add_argument("--port", type=int, default=1883, help="port (1883; 0 takes a free one)")
-        parser.add_argument("--require", choices=("mosquitto", "embedded"), help="take this broker, or fail")
+        parser.add_argument(
+            "--port", type=int, default=1883, help="port (1883; 0 takes a free one)"
+        )
+        parser.add_argument(
+            "--require", choices=("mosquitto", "embedded"), help="take this broker, or fail"
+        )
         parser.add_argument("--certificate", type=Path, help="certificate chain (PEM), for TLS")
         parser.add_argument("--key", type=Path, help="key of the certificate (PEM)")
-        parser.add_argument("--poll", type=float, default=POLL_SECONDS, help="seconds between two looks at the database (2)")
+        parser.add_argument(
+            "--poll",
+            type=float,
+            default=POLL_SECONDS,
+            help="seconds between two looks at the database (2)",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         tls = _tls(options["certificate"], options["key"])
@@ -46,9 +61,14 @@ class Command(BaseCommand):
         except ssl.SSLError as error:
             raise CommandError(f"The certificate and key cannot be used: {error}") from error
         except OSError as error:
-            raise CommandError(f"The broker cannot listen on {options['host']}:{options['port']}: {_reason(error)}.") from error
+            raise CommandError(
+                f"The broker cannot listen on {options['host']}:{options['port']}:"
+                f" {_reason(error)}."
+            ) from error
 
-    async def _serve(self, broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None) -> None:
+    async def _serve(
+        self, broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None
+    ) -> None:
         ended = asyncio.Event()
         _end_on_signals(ended)
         try:
@@ -63,7 +83,9 @@ class Command(BaseCommand):
 
 
 def _reason(error: OSError) -> str:
-    """Return the system's own word; asyncio wraps it in one with the address, which we have said already."""
+    """Return the system's own word; asyncio wraps it in one with the address, which we have said
+    already.
+    """
     return os.strerror(error.errno) if error.errno else str(error)
 
 
@@ -84,7 +106,9 @@ def _broker(required: str | None, poll: float) -> EmbeddedBroker | MosquittoBrok
     return EmbeddedBroker(read_users, poll=poll)
 
 
-async def _start(broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None) -> int:
+async def _start(
+    broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None
+) -> int:
     if isinstance(broker, MosquittoBroker):
         return await broker.start(host, port, tls)
     if tls is None:
@@ -109,7 +133,8 @@ async def _first(*waits: Any) -> None:
 
 def _end_on_signals(ended: asyncio.Event) -> None:
     loop = asyncio.get_running_loop()
-    # Windows has neither SIGHUP nor signal handlers of loops: there Ctrl-C arrives as KeyboardInterrupt.
+    # Windows has neither SIGHUP nor signal handlers of loops: there Ctrl-C arrives as
+    # KeyboardInterrupt.
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         with contextlib.suppress(NotImplementedError, AttributeError):
             loop.add_signal_handler(getattr(signal, name), ended.set)

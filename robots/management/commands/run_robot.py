@@ -1,4 +1,6 @@
-"""`manage.py run_robot NAME`: the robot's agent. On the server's own machine it finds credentials and broker by itself."""
+"""`manage.py run_robot NAME`: the robot's agent. On the server's own machine it finds credentials
+and broker by itself.
+"""
 
 import os
 from argparse import ArgumentParser
@@ -16,7 +18,10 @@ from robots.agent.control.robot_check import check_robot, say_line
 class Command(BaseCommand):
     """Run the agent of one robot until Ctrl-C; the same as `python -m robots.agent`."""
 
-    help = "Run the agent of a robot: on the robot's own computer with --server and --credentials, here with its name alone."
+    help = (
+        "Run the agent of a robot: on the robot's own computer with --server and --credentials,"
+        " here with its name alone."
+    )
     requires_system_checks: list[str] = []
 
     def add_arguments(self, parser: ArgumentParser) -> None:

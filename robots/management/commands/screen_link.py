@@ -18,7 +18,12 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
-        parser.add_argument("--server", metavar="URL", required=True, help="the site's address, as the display reaches it")
+        parser.add_argument(
+            "--server",
+            metavar="URL",
+            required=True,
+            help="the site's address, as the display reaches it",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         robot = Robot.objects.filter(name=options["robot"]).first()

@@ -16,7 +16,10 @@ from sessions.models import ApiKey
 class Command(BaseCommand):
     """Shows the key once."""
 
-    help = "Make, list or revoke keys of the JSON API. A key reads how one robot is, and may stop it and send it home."
+    help = (
+        "Make, list or revoke keys of the JSON API. A key reads how one robot is, and may stop it"
+        " and send it home."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
@@ -32,8 +35,13 @@ class Command(BaseCommand):
             for key in robot.api_keys.order_by("label"):
                 used = f"{key.last_used_at:%Y-%m-%d %H:%M}" if key.last_used_at else "never"
                 self.stdout.write(f"{key.label}  made {key.made_at:%Y-%m-%d %H:%M}  used {used}")
-        elif not options["label"] or len(options["label"]) > ApiKey._meta.get_field("label").max_length:  # noqa: SLF001 -- Django's own way
-            raise CommandError("Give the key a label of at most 60 characters, such as home-assistant.")
+        elif (
+            not options["label"]
+            or len(options["label"]) > ApiKey._meta.get_field("label").max_length
+        ):  # noqa: SLF001 -- Django's own way
+            raise CommandError(
+                "Give the key a label of at most 60 characters, such as home-assistant."
+            )
         elif options["revoke"]:
             if not robot.api_keys.filter(label=options["label"]).delete()[0]:
                 raise CommandError(f"{robot} has no key “{options['label']}”.")

@@ -17,20 +17,30 @@ from sessions.manager.service import RecorderDied, SessionManager
 class Command(BaseCommand):
     """Keeps the time of all sessions, and records them."""
 
-    help = "Run the session manager: leases, queue, time limits, presence and the record of every session."
-    requires_system_checks: list[str] = ["telepresence", "security"]  # of the settings; to check every page takes a second
+    help = (
+        "Run the session manager: leases, queue, time limits, presence and the record of every"
+        " session."
+    )
+    # of the settings; to check every page takes a second
+    requires_system_checks: list[str] = ["telepresence", "security"]
 
     def handle(self, *_args: Any, **_options: Any) -> None:
-        set_up_for_latency()  # taking turns more often gave a third more states a second, and a quicker lease
+        # taking turns more often gave a third more states a second, and a quicker lease
+        set_up_for_latency()
         try:
             asyncio.run(self._run())
         except BadAddress as error:
             raise CommandError(str(error)) from error
         except RecorderDied as error:
-            raise CommandError("The recorder ended by an error; see the log above. Start the session manager again.") from error
+            raise CommandError(
+                "The recorder ended by an error; see the log above. Start the session manager"
+                " again."
+            ) from error
 
     async def _run(self) -> None:
-        manager = SessionManager(settings.MQTT_URL, server_credentials("session-manager"), random.Random())  # noqa: S311 -- spreads reconnections
+        manager = SessionManager(
+            settings.MQTT_URL, server_credentials("session-manager"), random.Random()
+        )  # noqa: S311 -- spreads reconnections
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, manager.stop)

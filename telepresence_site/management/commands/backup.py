@@ -1,4 +1,6 @@
-"""`manage.py backup FILE`: the database, secrets, credentials and media of a running site in one file."""
+"""`manage.py backup FILE`: the database, secrets, credentials and media of a running site in one
+file.
+"""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -14,11 +16,16 @@ from telepresence_site.ops.backup.whole import back_up
 class Command(BaseCommand):
     """Never overwrites anything."""
 
-    help = "Write everything that cannot be made again into one new file, readable by its owner alone; the site may go on running."
+    help = (
+        "Write everything that cannot be made again into one new file, readable by its owner alone;"
+        " the site may go on running."
+    )
     requires_system_checks: list[str] = []
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("file", type=Path, help="such as /backup/telepresence-2026-11-21.tar.gz")
+        parser.add_argument(
+            "file", type=Path, help="such as /backup/telepresence-2026-11-21.tar.gz"
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         try:
@@ -26,4 +33,7 @@ class Command(BaseCommand):
         except BackupError as error:
             raise CommandError(str(error)) from error
         size = sum(file["size"] for file in manifest["files"].values())
-        self.stdout.write(f"{len(manifest['files'])} files, {size / 1e6:.1f} MB, in {options['file']}. It holds keys: keep it like one.")
+        self.stdout.write(
+            f"{len(manifest['files'])} files, {size / 1e6:.1f} MB, in {options['file']}. It holds"
+            " keys: keep it like one."
+        )

@@ -10,19 +10,45 @@ from telepresence_site.environment import flag
 
 
 class Command(BaseCommand):
-    """Start the broker, the session manager, the web server and two simulated robots, and say where they are."""
+    """Start the broker, the session manager, the web server and two simulated robots, and say where
+    they are.
+    """
 
     help = "Run the whole system on this machine with two simulated robots."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("--port", default=os.environ.get("PORT") or "8000", help="port of the web page (8000)")
-        parser.add_argument("--lan", action="store_true", default=flag("LAN"), help="let other devices in, with a self-made certificate")
-        parser.add_argument("--reset", action="store_true", default=flag("RESET"), help="forget everything of earlier runs")
+        parser.add_argument(
+            "--port", default=os.environ.get("PORT") or "8000", help="port of the web page (8000)"
+        )
+        parser.add_argument(
+            "--lan",
+            action="store_true",
+            default=flag("LAN"),
+            help="let other devices in, with a self-made certificate",
+        )
+        parser.add_argument(
+            "--reset",
+            action="store_true",
+            default=flag("RESET"),
+            help="forget everything of earlier runs",
+        )
 
     def handle(self, *_args: object, **options: object) -> None:
-        # Before anything reads the settings of the demo: plain http unless the page leaves this machine.
+        # Before anything reads the settings of the demo: plain http unless the page leaves this
+        # machine.
         if not str(options["port"]).isdigit() or not 0 < int(str(options["port"])) < 2**16:
             raise CommandError(f"PORT must be a number from 1 to 65535, not “{options['port']}”.")
-        from telepresence_site.demo.run import Options, run  # noqa: PLC0415 -- after the arguments are known to be good
+        from telepresence_site.demo.run import (
+            Options,
+            run,
+        )  # noqa: PLC0415 -- after the arguments are known to be good
 
-        sys.exit(run(Options(port=int(str(options["port"])), lan=bool(options["lan"]), reset=bool(options["reset"]))))
+        sys.exit(
+            run(
+                Options(
+                    port=int(str(options["port"])),
+                    lan=bool(options["lan"]),
+                    reset=bool(options["reset"]),
+                )
+            )
+        )

@@ -1,4 +1,6 @@
-"""`manage.py forget`: what has been kept long enough goes. To be run daily; `--dry-run` only counts."""
+"""`manage.py forget`: what has been kept long enough goes. To be run daily; `--dry-run` only
+counts.
+"""
 
 from argparse import ArgumentParser
 from typing import Any
@@ -22,7 +24,9 @@ class Command(BaseCommand):
     def handle(self, *_args: Any, **options: Any) -> None:
         dry_run = options["dry_run"]
         for kind, count in forget_all(timezone.now(), dry_run=dry_run):
-            self.stdout.write(f"{kind}: {count}{' would be forgotten' if dry_run else ' forgotten'}")
+            self.stdout.write(
+                f"{kind}: {count}{' would be forgotten' if dry_run else ' forgotten'}"
+            )
             if count and not dry_run:
                 system_log.log("forgotten", kind=kind, count=count)
         if not dry_run:

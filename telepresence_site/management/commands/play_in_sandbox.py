@@ -1,4 +1,6 @@
-"""`manage.py play_in_sandbox`: the process that run_bots and rehearse_study start in a sandbox; of no use by hand."""
+"""`manage.py play_in_sandbox`: the process that run_bots and rehearse_study start in a sandbox; of
+no use by hand.
+"""
 
 from typing import Any
 

@@ -1,4 +1,6 @@
-"""`manage.py rehearse_study STUDY`: bots play a draft through every condition and branch, and what they find is kept with it."""
+"""`manage.py rehearse_study STUDY`: bots play a draft through every condition and branch, and what
+they find is kept with it.
+"""
 
 import json
 from argparse import ArgumentParser
@@ -26,13 +28,30 @@ ASIDE = (Ending.SKIPS_PHOTO, Ending.REFUSES, Ending.LEAVES_AT_DOCK, Ending.COMES
 class Command(BaseCommand):
     """Rehearse a study."""
 
-    help = "Let bots play a study in a sandbox, through every condition, branch and door state, and keep the report with it."
+    help = (
+        "Let bots play a study in a sandbox, through every condition, branch and door state, and"
+        " keep the report with it."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("study", help="name of the study, or name:version")
-        parser.add_argument("--seed", type=int, default=1, metavar="S", help="of everything that the bots decide")
-        parser.add_argument("--speed", type=float, default=10.0, metavar="X", help="up to so many times faster than real time (default 10)")
-        parser.add_argument("--each", type=int, default=2, metavar="N", help="bots that go through each condition to the end (default 2)")
+        parser.add_argument(
+            "--seed", type=int, default=1, metavar="S", help="of everything that the bots decide"
+        )
+        parser.add_argument(
+            "--speed",
+            type=float,
+            default=10.0,
+            metavar="X",
+            help="up to so many times faster than real time (default 10)",
+        )
+        parser.add_argument(
+            "--each",
+            type=int,
+            default=2,
+            metavar="N",
+            help="bots that go through each condition to the end (default 2)",
+        )
         parser.add_argument("--report", type=Path, help="a file for the report, as JSON")
 
     def handle(self, *_args: Any, **options: Any) -> None:
@@ -42,7 +61,9 @@ class Command(BaseCommand):
         if wrong:
             rehearsed.keep(rehearsal, None, " ".join(wrong))
             raise CommandError("\n".join(["It cannot be played as it is:", *wrong]))
-        orders = orders_for(study.as_definition(), options["each"], options["seed"], options["speed"])
+        orders = orders_for(
+            study.as_definition(), options["each"], options["seed"], options["speed"]
+        )
         try:
             with interrupted_by_signals(), sandbox_folder(study.slug) as folder:
                 played = play(study, orders, folder, self.stdout.write)
@@ -59,7 +80,10 @@ class Command(BaseCommand):
             self.stdout.write(line_of(one))
         self.stdout.write(f"A participant needs about {report.expected_minutes:g} minutes.")
         for need in report.power:
-            self.stdout.write(f"A difference of {need['effect']:g} standard deviations needs {need['total']:g} participants (80 %).")
+            self.stdout.write(
+                f"A difference of {need['effect']:g} standard deviations needs {need['total']:g}"
+                " participants (80 %)."
+            )
         for sentence in report.notes:
             self.stdout.write(f"  note: {sentence}")
         for sentence in report.problems:
@@ -84,7 +108,9 @@ def named_draft(text: str) -> Study:
 
 
 def orders_for(definition: Definition, each: int, seed: int, speed: float) -> Orders:
-    """Return what goes through every cell so many times, answers every list with each of its options, and leaves in a few other ways."""
+    """Return what goes through every cell so many times, answers every list with each of its
+    options, and leaves in a few other ways.
+    """
     through = max(2, each) * max(1, len(definition.conditions))
     endings = [str(Ending.COMPLETES)] * through + [str(ending) for ending in ASIDE]
     return Orders(endings, seed, speed, explore=True, sites=str(settings.VAR_DIR / "sites"))
@@ -93,6 +119,11 @@ def orders_for(definition: Definition, each: int, seed: int, speed: float) -> Or
 def line_of(one: ConditionReport) -> str:
     """Return a condition's report in one line."""
     took = (
-        f"{one.median_seconds / 60.0:.1f} min by bots, about {one.expected_minutes:g} by people" if one.median_seconds else "nobody came to the end"
+        f"{one.median_seconds / 60.0:.1f} min by bots, about {one.expected_minutes:g} by people"
+        if one.median_seconds
+        else "nobody came to the end"
     )
-    return f"{one.key:<24} {one.completed} of {one.drives} completed; {took}; limit {one.limit_minutes:g} min"
+    return (
+        f"{one.key:<24} {one.completed} of {one.drives} completed; {took}; limit"
+        f" {one.limit_minutes:g} min"
+    )

@@ -18,7 +18,11 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("file", type=Path)
-        parser.add_argument("--check", action="store_true", help="only read it to its end and compare every checksum")
+        parser.add_argument(
+            "--check",
+            action="store_true",
+            help="only read it to its end and compare every checksum",
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         try:
@@ -26,6 +30,8 @@ class Command(BaseCommand):
         except BackupError as error:
             raise CommandError(str(error)) from error
         done = "is sound" if options["check"] else "is restored"
-        self.stdout.write(f"The backup of {manifest['made_at']} with {len(manifest['files'])} files {done}.")
+        self.stdout.write(
+            f"The backup of {manifest['made_at']} with {len(manifest['files'])} files {done}."
+        )
         for sentence in words:
             self.stdout.write(sentence)

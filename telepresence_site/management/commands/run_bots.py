@@ -1,4 +1,6 @@
-"""`manage.py run_bots STUDY`: scripted participants take part, at real time on this site or many times faster in a sandbox."""
+"""`manage.py run_bots STUDY`: scripted participants take part, at real time on this site or many
+times faster in a sandbox.
+"""
 
 import asyncio
 import json
@@ -24,25 +26,65 @@ FASTEST = 50.0
 class Command(BaseCommand):
     """Let bots take part in a study."""
 
-    help = "Let bots take part in a study: with --url on a running site, with --speed in a sandbox that lives faster than real time."
+    help = (
+        "Let bots take part in a study: with --url on a running site, with --speed in a sandbox"
+        " that lives faster than real time."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("study", help="name of the study, or name:version")
-        parser.add_argument("--participants", type=int, default=2, metavar="N", help="how many bots (default 2)")
-        parser.add_argument("--seed", type=int, default=1, metavar="S", help="of everything that the bots decide")
-        parser.add_argument("--speed", type=float, metavar="X", help="in a sandbox, up to so many times faster than real time")
-        parser.add_argument("--url", default="http://127.0.0.1:8000", help="the site on which they take part, which has this database")
-        parser.add_argument("--at-once", type=int, default=2, metavar="K", help="how many take part at a time (default 2)")
-        parser.add_argument("--endings", default="usual", help="usual, every, or names divided by commas: " + ", ".join(Ending))
-        parser.add_argument("--visits", type=int, default=1, metavar="V", help="how often each of them takes part (default once)")
         parser.add_argument(
-            "--effect", action="append", default=[], metavar="E", help="question@circumstance=value:size, such as easy@assist=steer:0.8"
+            "--participants", type=int, default=2, metavar="N", help="how many bots (default 2)"
+        )
+        parser.add_argument(
+            "--seed", type=int, default=1, metavar="S", help="of everything that the bots decide"
+        )
+        parser.add_argument(
+            "--speed",
+            type=float,
+            metavar="X",
+            help="in a sandbox, up to so many times faster than real time",
+        )
+        parser.add_argument(
+            "--url",
+            default="http://127.0.0.1:8000",
+            help="the site on which they take part, which has this database",
+        )
+        parser.add_argument(
+            "--at-once",
+            type=int,
+            default=2,
+            metavar="K",
+            help="how many take part at a time (default 2)",
+        )
+        parser.add_argument(
+            "--endings",
+            default="usual",
+            help="usual, every, or names divided by commas: " + ", ".join(Ending),
+        )
+        parser.add_argument(
+            "--visits",
+            type=int,
+            default=1,
+            metavar="V",
+            help="how often each of them takes part (default once)",
+        )
+        parser.add_argument(
+            "--effect",
+            action="append",
+            default=[],
+            metavar="E",
+            help="question@circumstance=value:size, such as easy@assist=steer:0.8",
         )
         parser.add_argument("--report", type=Path, help="a file for the bots' diaries, as JSON")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         study, orders = study_named(options["study"]), _orders(options)
-        diaries = self._beside(study, orders, options["url"]) if options["speed"] is None else self._in_sandbox(study, orders)
+        diaries = (
+            self._beside(study, orders, options["url"])
+            if options["speed"] is None
+            else self._in_sandbox(study, orders)
+        )
         if options["report"] is not None:
             options["report"].write_text(json.dumps(diaries, indent=1), encoding="utf-8")
         stuck = sum(1 for diary in diaries if diary["stuck"])
@@ -53,7 +95,8 @@ class Command(BaseCommand):
     def _beside(self, study: Study, orders: Orders, url: str) -> list[dict[str, Any]]:
         if study.status == Study.Status.CLOSED:
             raise CommandError("The study is closed: it takes nobody new.")
-        with ended_by_signals():  # a bot waits minutes for a site that does not answer, and leaves nothing behind
+        # a bot waits minutes for a site that does not answer, and leaves nothing behind
+        with ended_by_signals():
             diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
         return [diary.as_data() for diary in diaries]
 
@@ -67,22 +110,40 @@ class Command(BaseCommand):
         times = played.seconds / max(played.real_seconds, 1e-6)
         for sentence in played.report.problems:
             self.stdout.write(f"  {sentence}")
-        self.stdout.write(f"{played.seconds / 60.0:.1f} minutes passed in {played.real_seconds / 60.0:.1f}: {times:.1f} times real time.")
+        self.stdout.write(
+            f"{played.seconds / 60.0:.1f} minutes passed in {played.real_seconds / 60.0:.1f}:"
+            f" {times:.1f} times real time."
+        )
         return played.diaries
 
 
 def _orders(options: dict[str, Any]) -> Orders:
     speed = options["speed"] or 1.0
-    if not 1.0 <= speed <= FASTEST or options["participants"] < 1 or min(options["at_once"], options["visits"]) < 1:
-        raise CommandError(f"--speed takes 1 to {FASTEST:g}; --participants, --at-once and --visits at least 1.")
+    if (
+        not 1.0 <= speed <= FASTEST
+        or options["participants"] < 1
+        or min(options["at_once"], options["visits"]) < 1
+    ):
+        raise CommandError(
+            f"--speed takes 1 to {FASTEST:g}; --participants, --at-once and --visits at least 1."
+        )
     try:
         for text in options["effect"]:
             effect(text)
     except EffectError as error:
         raise CommandError(str(error)) from error
-    endings = [str(ending) for ending in _endings(options["endings"], options["participants"], options["seed"])]
+    endings = [
+        str(ending)
+        for ending in _endings(options["endings"], options["participants"], options["seed"])
+    ]
     return Orders(
-        endings, options["seed"], speed, options["at_once"], options["effect"], visits=options["visits"], sites=str(settings.VAR_DIR / "sites")
+        endings,
+        options["seed"],
+        speed,
+        options["at_once"],
+        options["effect"],
+        visits=options["visits"],
+        sites=str(settings.VAR_DIR / "sites"),
     )
 
 

@@ -15,10 +15,16 @@ READY = "practice ready"
 
 
 class Command(BaseCommand):
-    """Run up to PRACTICE_ROBOTS simulated robots, each only when somebody may want it, until Ctrl-C."""
+    """Run up to PRACTICE_ROBOTS simulated robots, each only when somebody may want it, until
+    Ctrl-C.
+    """
 
-    help = "Run simulated robots in which visitors practise while they wait for a real one (PRACTICE_ROBOTS says how many at once)."
-    requires_system_checks: list[str] = ["telepresence", "security"]  # of the settings; to check every page takes a second
+    help = (
+        "Run simulated robots in which visitors practise while they wait for a real one"
+        " (PRACTICE_ROBOTS says how many at once)."
+    )
+    # of the settings; to check every page takes a second
+    requires_system_checks: list[str] = ["telepresence", "security"]
 
     def handle(self, *_args: Any, **_options: Any) -> None:
         if settings.PRACTICE_ROBOTS < 1:

@@ -1,1 +1,3 @@
-"""The whole site in one file and back: archive (pure files), databases (one way for each engine), and what joins them."""
+"""The whole site in one file and back: archive (pure files), databases (one way for each engine),
+and what joins them.
+"""

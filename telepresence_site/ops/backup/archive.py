@@ -1,7 +1,9 @@
-"""One file with everything: a gzipped tar whose last member, `manifest.json`, has the size and SHA-256 of every other.
+"""One file with everything: a gzipped tar whose last member, `manifest.json`, has the size and
+SHA-256 of every other.
 
-The manifest stands last because it is known last: what was cut off has none. Nothing is trusted that it does not name, and nothing is
-put into place before all of it has been read and found to be what it was.
+The manifest stands last because it is known last: what was cut off has none. Nothing is trusted
+that it does not name, and nothing is put into place before all of it has been read and found to be
+what it was.
 """
 
 import hashlib
@@ -39,7 +41,9 @@ class _Hashing(io.RawIOBase):
         return data
 
 
-def write(target: Path, members: Iterable[tuple[str, Path]], facts: dict[str, Any]) -> dict[str, Any]:
+def write(
+    target: Path, members: Iterable[tuple[str, Path]], facts: dict[str, Any]
+) -> dict[str, Any]:
     """Write an archive and return its manifest.
 
     Args:
@@ -68,7 +72,9 @@ def write(target: Path, members: Iterable[tuple[str, Path]], facts: dict[str, An
     return manifest
 
 
-def _write(file: BinaryIO, members: Iterable[tuple[str, Path]], facts: dict[str, Any]) -> dict[str, Any]:
+def _write(
+    file: BinaryIO, members: Iterable[tuple[str, Path]], facts: dict[str, Any]
+) -> dict[str, Any]:
     files: dict[str, dict[str, Any]] = {}
     with tarfile.open(fileobj=file, mode="w|gz") as archive:
         for name, path in members:
@@ -134,12 +140,23 @@ def _unpack_one(content: BinaryIO, path: Path) -> dict[str, Any]:
     return {"size": size, "sha256": digest.hexdigest()}
 
 
-def _checked(source: Path, manifest: dict[str, Any] | None, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def _checked(
+    source: Path, manifest: dict[str, Any] | None, found: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
     if manifest is None:
         raise BackupError(f"{source} has no manifest: it was cut off, or is no backup of ours.")
     if manifest.get("format") != FORMAT:
-        raise BackupError(f"{source} has format {manifest.get('format')!r}; this code reads {FORMAT}.")
-    wrong = sorted(name for name in manifest["files"].keys() | found.keys() if manifest["files"].get(name) != found.get(name))
+        raise BackupError(
+            f"{source} has format {manifest.get('format')!r}; this code reads {FORMAT}."
+        )
+    wrong = sorted(
+        name
+        for name in manifest["files"].keys() | found.keys()
+        if manifest["files"].get(name) != found.get(name)
+    )
     if wrong:
-        raise BackupError(f"{source} is damaged: {', '.join(wrong[:5])} {'is' if len(wrong) == 1 else 'are'} not what was written.")
+        raise BackupError(
+            f"{source} is damaged: {', '.join(wrong[:5])} {'is' if len(wrong) == 1 else 'are'} not"
+            " what was written."
+        )
     return manifest

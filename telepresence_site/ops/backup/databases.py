@@ -1,4 +1,5 @@
-"""A database into one file and back, with each engine's own means: SQLite's online backup, PostgreSQL's pg_dump and pg_restore.
+"""A database into one file and back, with each engine's own means: SQLite's online backup,
+PostgreSQL's pg_dump and pg_restore.
 
 Both give one moment of a running site. A database is restored only where none is: no table at all.
 """
@@ -26,14 +27,20 @@ def member() -> str:
         BackupError: this engine has other means.
     """
     if connection.vendor not in MEMBERS:
-        raise BackupError(f"A database of the kind {connection.vendor} is backed up with its own tools (MongoDB: mongodump, mongorestore).")
+        raise BackupError(
+            f"A database of the kind {connection.vendor} is backed up with its own tools (MongoDB:"
+            " mongodump, mongorestore)."
+        )
     return MEMBERS[connection.vendor]
 
 
 def dump(path: Path) -> None:
     """Write the database into a new file."""
     if connection.vendor == "sqlite":
-        with closing(sqlite3.connect(_sqlite_file())) as source, closing(sqlite3.connect(path)) as target:
+        with (
+            closing(sqlite3.connect(_sqlite_file())) as source,
+            closing(sqlite3.connect(path)) as target,
+        ):
             source.backup(target)
     else:
         _run("pg_dump", "--format=custom", "--no-owner", "--no-privileges", f"--file={path}")
@@ -43,12 +50,23 @@ def dump(path: Path) -> None:
 def load(path: Path) -> None:
     """Fill the empty database from a file."""
     if connection.vendor == "sqlite":
-        with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(_sqlite_file())) as target:
+        with (
+            closing(sqlite3.connect(path)) as source,
+            closing(sqlite3.connect(_sqlite_file())) as target,
+        ):
             source.backup(target)
         _sqlite_file().chmod(0o600)
     else:
         # All of it or nothing.
-        _run("pg_restore", "--single-transaction", "--exit-on-error", "--no-owner", "--no-privileges", f"--dbname={_name()}", str(path))
+        _run(
+            "pg_restore",
+            "--single-transaction",
+            "--exit-on-error",
+            "--no-owner",
+            "--no-privileges",
+            f"--dbname={_name()}",
+            str(path),
+        )
 
 
 def is_empty() -> bool:
@@ -71,15 +89,34 @@ def _run(program: str, *arguments: str) -> None:
     found = shutil.which(program)
     if found is None:
         raise BackupError(f"{program} is not installed (Debian: apt install postgresql-client).")
-    done = subprocess.run([found, *arguments], env={**os.environ, **_environment()}, capture_output=True, text=True, check=False)  # noqa: S603 -- our own arguments
+    done = subprocess.run(
+        [found, *arguments],
+        env={**os.environ, **_environment()},
+        capture_output=True,
+        text=True,
+        check=False,
+    )  # noqa: S603 -- our own arguments
     if done.returncode:
-        raise BackupError(f"{program} failed: {done.stderr.strip().splitlines()[-1] if done.stderr.strip() else done.returncode}")
+        raise BackupError(
+            f"{program} failed:"
+            f" {done.stderr.strip().splitlines()[-1] if done.stderr.strip() else done.returncode}"
+        )
 
 
 def _environment() -> dict[str, str]:
     """Return libpq's variables: a password does not belong on a command line."""
     given: dict[str, Any] = connection.settings_dict
-    names = {"PGHOST": "HOST", "PGPORT": "PORT", "PGUSER": "USER", "PGPASSWORD": "PASSWORD", "PGDATABASE": "NAME"}
+    names = {
+        "PGHOST": "HOST",
+        "PGPORT": "PORT",
+        "PGUSER": "USER",
+        "PGPASSWORD": "PASSWORD",
+        "PGDATABASE": "NAME",
+    }
     variables = {variable: str(given[name]) for variable, name in names.items() if given.get(name)}
-    options = {f"PG{name.upper()}": str(given["OPTIONS"][name]) for name in SSL_OPTIONS if given.get("OPTIONS", {}).get(name)}
+    options = {
+        f"PG{name.upper()}": str(given["OPTIONS"][name])
+        for name in SSL_OPTIONS
+        if given.get("OPTIONS", {}).get(name)
+    }
     return variables | options

@@ -1,4 +1,6 @@
-"""Backup and restore of a site: its database, and the files in VAR_DIR that are not made again by themselves."""
+"""Backup and restore of a site: its database, and the files in VAR_DIR that are not made again by
+themselves.
+"""
 
 import shutil
 import tempfile
@@ -15,7 +17,8 @@ from django.utils.crypto import salted_hmac
 from telepresence_site.ops.backup import archive, databases
 from telepresence_site.ops.backup.archive import BackupError
 
-# Not the broker's store (robots and servers publish again what it must hold), logs, collected files, sandboxes, mail.
+# Not the broker's store (robots and servers publish again what it must hold), logs, collected
+# files, sandboxes, mail.
 FOLDERS = ("secrets", "credentials", "media", "sites")
 # Every command makes one where there is none, so that it is there before anything can be restored.
 REPLACED = Path("secrets/secret_key")
@@ -31,17 +34,24 @@ def back_up(target: Path, now: datetime) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(dir=settings.VAR_DIR, prefix="backup-") as directory:
         dump = Path(directory) / name
         databases.dump(dump)
-        facts = {"made_at": now.isoformat(), "engine": connection.vendor, "migrations": _applied(), "key": _key()}
+        facts = {
+            "made_at": now.isoformat(),
+            "engine": connection.vendor,
+            "migrations": _applied(),
+            "key": _key(),
+        }
         return archive.write(target, [(name, dump), *_files()], facts)
 
 
 def restore(source: Path, *, check_only: bool = False) -> tuple[dict[str, Any], list[str]]:
-    """Fill an empty site from a backup; return the manifest and what the operator should know, in sentences.
+    """Fill an empty site from a backup; return the manifest and what the operator should know, in
+    sentences.
 
     With `check_only` nothing is changed: the backup is read to its end and every checksum compared.
 
     Raises:
-        BackupError: the backup is damaged or not for this site, or the site is not empty; nothing was changed.
+        BackupError: the backup is damaged or not for this site, or the site is not empty; nothing
+            was changed.
     """
     if not check_only:
         _must_be_empty()
@@ -66,24 +76,41 @@ def _files() -> Iterator[tuple[str, Path]]:
 
 def _must_be_empty() -> None:
     if not databases.is_empty():
-        raise BackupError("The database is not empty; a restore never overwrites anything. Name an empty one in DATABASE_URL, or another VAR_DIR.")
+        raise BackupError(
+            "The database is not empty; a restore never overwrites anything. Name an empty one in"
+            " DATABASE_URL, or another VAR_DIR."
+        )
     there = [name for name, _ in _files() if Path(name) != REPLACED]
     if there:
-        raise BackupError(f"{settings.VAR_DIR} is not empty ({there[0]}); a restore never overwrites anything.")
+        raise BackupError(
+            f"{settings.VAR_DIR} is not empty ({there[0]}); a restore never overwrites anything."
+        )
 
 
 def _fits(manifest: dict[str, Any]) -> list[str]:
     if manifest["engine"] != connection.vendor:
-        raise BackupError(f"The backup is of a {manifest['engine']} database, and DATABASE_URL names a {connection.vendor} one.")
-    known = {f"{app}.{name}" for app, name in MigrationLoader(None, ignore_no_migrations=True).disk_migrations}
+        raise BackupError(
+            f"The backup is of a {manifest['engine']} database, and DATABASE_URL names a"
+            f" {connection.vendor} one."
+        )
+    known = {
+        f"{app}.{name}"
+        for app, name in MigrationLoader(None, ignore_no_migrations=True).disk_migrations
+    }
     newer = sorted(set(manifest["migrations"]) - known)
     if newer:
-        raise BackupError(f"The backup is of newer code ({newer[0]} and {len(newer) - 1} more migrations are unknown here): update the code first.")
+        raise BackupError(
+            f"The backup is of newer code ({newer[0]} and {len(newer) - 1} more migrations are"
+            " unknown here): update the code first."
+        )
     words = []
     if known - set(manifest["migrations"]):
         words.append("The backup is of older code: run manage.py migrate.")
     if "secrets/secret_key" not in manifest["files"] and manifest["key"] != _key():
-        words.append("SECRET_KEY is not that of the backup: everybody has to sign in again, and links that were sent are void.")
+        words.append(
+            "SECRET_KEY is not that of the backup: everybody has to sign in again, and links that"
+            " were sent are void."
+        )
     return words
 
 
@@ -93,7 +120,9 @@ def _applied() -> list[str]:
 
 def _key() -> str:
     """Return what tells two secret keys apart and gives neither away."""
-    return salted_hmac("telepresence_site.ops.backup", "which key", algorithm="sha256").hexdigest()[:16]
+    return salted_hmac("telepresence_site.ops.backup", "which key", algorithm="sha256").hexdigest()[
+        :16
+    ]
 
 
 def _put(staged: Path, target: Path) -> None:

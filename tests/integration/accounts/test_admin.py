@@ -38,12 +38,17 @@ def test_accounts_are_closed_and_opened_again_but_not_ones_own(client, staff):
 def test_a_person_is_made_with_a_shown_name(client, staff):
     form = {"username": "ada", "display_name": "Countess", "email": "", "usable_password": "true"}
     secret = "eleven blue ladders"
-    response = client.post(reverse("admin:accounts_user_add"), form | {"password1": secret, "password2": secret})
+    response = client.post(
+        reverse("admin:accounts_user_add"), form | {"password1": secret, "password2": secret}
+    )
     assert response.status_code == 302
     assert User.objects.get(username="ada").display_name == "Countess"
 
 
-@pytest.mark.parametrize("name", ["admin:index", PEOPLE, "admin:accounts_user_add", "admin:account_emailaddress_changelist"])
+@pytest.mark.parametrize(
+    "name",
+    ["admin:index", PEOPLE, "admin:accounts_user_add", "admin:account_emailaddress_changelist"],
+)
 def test_the_administration_has_the_sites_face_and_needs_no_inline_code(client, staff, name):
     html = client.get(reverse(name)).content.decode()
     assert re.search(r"css/admin(\.[0-9a-f]{12})?\.css", html)
@@ -58,24 +63,44 @@ def test_staff_without_rights_see_no_numbers(client):
 
 
 def test_the_first_page_tells_that_nothing_is_recorded(client, staff):
-    assert "The session manager is not running" in client.get(reverse("admin:index")).content.decode()
+    assert (
+        "The session manager is not running" in client.get(reverse("admin:index")).content.decode()
+    )
 
 
 @pytest.fixture
 def helper(client):
     """Somebody who may change people, and is no administrator."""
     user = person("helper", is_staff=True)
-    user.user_permissions.set(Permission.objects.filter(codename__in=["view_user", "change_user", "delete_user"]))
+    user.user_permissions.set(
+        Permission.objects.filter(codename__in=["view_user", "change_user", "delete_user"])
+    )
     client.force_login(user)
     return user
 
 
 def test_whoever_may_change_people_makes_nobody_an_administrator(client, helper):
     page = reverse("admin:accounts_user_change", args=[helper.pk])
-    form = {"username": "helper", "display_name": "Helper", "email": "", "is_active": "on", "is_staff": "on", "is_superuser": "on"}
-    assert client.post(page, form | {"user_permissions": [p.pk for p in Permission.objects.all()[:5]]}).status_code == 302
+    form = {
+        "username": "helper",
+        "display_name": "Helper",
+        "email": "",
+        "is_active": "on",
+        "is_staff": "on",
+        "is_superuser": "on",
+    }
+    assert (
+        client.post(
+            page, form | {"user_permissions": [p.pk for p in Permission.objects.all()[:5]]}
+        ).status_code
+        == 302
+    )
     changed = User.objects.get(pk=helper.pk)
-    assert (changed.display_name, changed.is_superuser, changed.user_permissions.count()) == ("Helper", False, 3)
+    assert (changed.display_name, changed.is_superuser, changed.user_permissions.count()) == (
+        "Helper",
+        False,
+        3,
+    )
 
 
 def test_whoever_may_change_people_changes_no_administrator_nor_their_password(client, helper):
@@ -83,7 +108,13 @@ def test_whoever_may_change_people_changes_no_administrator_nor_their_password(c
     for name in ("admin:accounts_user_change", "admin:auth_user_password_change"):
         secret = "eleven blue ladders"
         answer = client.post(
-            reverse(name, args=[boss.pk]), {"username": "mallory", "password1": secret, "password2": secret, "usable_password": "true"}
+            reverse(name, args=[boss.pk]),
+            {
+                "username": "mallory",
+                "password1": secret,
+                "password2": secret,
+                "usable_password": "true",
+            },
         )
         assert answer.status_code == 403
     client.post(reverse(PEOPLE), {"action": "close_accounts", "_selected_action": [boss.pk]})
@@ -92,7 +123,10 @@ def test_whoever_may_change_people_changes_no_administrator_nor_their_password(c
     assert (kept.username, kept.is_active, kept.check_password(PASSWORD)) == ("boss", True, True)
 
 
-@pytest.mark.parametrize("lookup", ["robot_sessions", "participations", "robot_permits", "password__startswith", "id__startswith"])
+@pytest.mark.parametrize(
+    "lookup",
+    ["robot_sessions", "participations", "robot_permits", "password__startswith", "id__startswith"],
+)
 def test_whoever_may_change_people_does_not_ask_whose_something_is(client, helper, lookup):
     assert client.get(reverse(PEOPLE), {lookup: str(helper.pk)}).status_code == 400
 
@@ -102,7 +136,9 @@ def test_whoever_may_change_people_filters_them(client, helper):
         assert client.get(reverse(PEOPLE), {lookup: value}).context["cl"].result_count == 1
 
 
-def test_an_address_is_marked_as_verified_by_who_may_change_it_and_not_by_who_may_look(client, helper):
+def test_an_address_is_marked_as_verified_by_who_may_change_it_and_not_by_who_may_look(
+    client, helper
+):
     address = EmailAddress.objects.create(user=helper, email="helper@example.org")
     chosen = {"action": "make_verified", "_selected_action": [address.pk]}
     for right, is_verified in (("view_emailaddress", False), ("change_emailaddress", True)):

@@ -38,7 +38,9 @@ def test_log_in_leads_to_no_other_site(client):
     assert log_in(client, "ada", next="//elsewhere.example/").url == reverse("home")
 
 
-@pytest.mark.parametrize(("login", "password"), [("ada", "wrong"), ("nobody", PASSWORD), ("", ""), ("ada", "")])
+@pytest.mark.parametrize(
+    ("login", "password"), [("ada", "wrong"), ("nobody", PASSWORD), ("", ""), ("ada", "")]
+)
 def test_a_wrong_log_in_says_so_and_signs_nobody_in(client, login, password):
     person()
     response = log_in(client, login, password)
@@ -51,13 +53,18 @@ def test_a_wrong_log_in_says_so_and_signs_nobody_in(client, login, password):
 
 def test_an_unknown_name_and_a_wrong_password_are_answered_alike(client):
     person()
-    errors = [log_in(client, login, "wrong").context["form"].non_field_errors() for login in ("ada", "nobody")]
+    errors = [
+        log_in(client, login, "wrong").context["form"].non_field_errors()
+        for login in ("ada", "nobody")
+    ]
     assert errors[0] == errors[1]
 
 
 def test_a_closed_account_is_told_so(client):
     person(is_active=False)
-    response = client.post(reverse("account_login"), {"login": "ada", "password": PASSWORD}, follow=True)
+    response = client.post(
+        reverse("account_login"), {"login": "ada", "password": PASSWORD}, follow=True
+    )
     assert "This account is closed" in read(response).text
     assert not signed_in(client)
 
@@ -70,7 +77,11 @@ def test_guessing_is_stopped_even_when_the_sixth_guess_is_right(client):
     assert (refused.status_code, refused["Retry-After"]) == (429, "300")
     assert not signed_in(client)
     page = read(refused)
-    assert any("Too many failed login attempts" in e.text for e in page.elements if e.attributes.get("role") == "alert")
+    assert any(
+        "Too many failed login attempts" in e.text
+        for e in page.elements
+        if e.attributes.get("role") == "alert"
+    )
     assert faults(page) == []
 
 
@@ -83,7 +94,11 @@ def test_who_logs_in_after_a_few_wrong_guesses_is_answered_as_ever(client):
 def test_a_script_that_guesses_reads_the_same_code(client):
     person()
     codes = [
-        client.post(reverse("account_login"), {"login": "ada", "password": "wrong"}, headers={"x-requested-with": "XMLHttpRequest"}).status_code
+        client.post(
+            reverse("account_login"),
+            {"login": "ada", "password": "wrong"},
+            headers={"x-requested-with": "XMLHttpRequest"},
+        ).status_code
         for _ in range(6)
     ]
     assert codes == [400] * 5 + [429]
@@ -97,7 +112,10 @@ def test_wrong_passwords_of_somebody_who_is_signed_in_are_counted_alike(client):
     assert codes[5] == 429
 
 
-@pytest.mark.parametrize(("name", "data", "limit"), [("account_reset_password", {"email": "ada@example.org"}, 5), ("account_login", {}, 30)])
+@pytest.mark.parametrize(
+    ("name", "data", "limit"),
+    [("account_reset_password", {"email": "ada@example.org"}, 5), ("account_login", {}, 30)],
+)
 def test_every_door_of_accounts_says_when_to_come_again(client, name, data, limit):
     answers = [client.post(reverse(name), data) for _ in range(limit + 1)]
     assert 429 not in {answer.status_code for answer in answers[:limit]}
@@ -124,7 +142,10 @@ def test_logging_out_takes_a_post(client):
 
 def test_a_forgotten_password_is_replaced_through_a_link_that_works_once(client):
     person("ada", email="ada@example.org")
-    assert client.post(reverse("account_reset_password"), {"email": "ada@example.org"}).status_code == 302
+    assert (
+        client.post(reverse("account_reset_password"), {"email": "ada@example.org"}).status_code
+        == 302
+    )
     link = re.search(r"https?://testserver(/\S+)", mail.outbox[0].body)[1]
     page = client.get(link, follow=True)
     form = page.request["PATH_INFO"]
@@ -137,7 +158,10 @@ def test_a_forgotten_password_is_replaced_through_a_link_that_works_once(client)
 
 def test_asking_for_a_new_password_does_not_tell_who_has_an_account(client):
     person("ada", email="ada@example.org")
-    answers = [client.post(reverse("account_reset_password"), {"email": e}).url for e in ("ada@example.org", "nobody@example.org")]
+    answers = [
+        client.post(reverse("account_reset_password"), {"email": e}).url
+        for e in ("ada@example.org", "nobody@example.org")
+    ]
     assert answers[0] == answers[1]
 
 
@@ -145,13 +169,25 @@ def test_a_password_is_changed_with_the_old_one(client):
     client.force_login(person())
     fresh = "eleven blue ladders"
     url = reverse("account_change_password")
-    assert client.post(url, {"oldpassword": "wrong", "password1": fresh, "password2": fresh}).status_code == 200
-    assert client.post(url, {"oldpassword": PASSWORD, "password1": fresh, "password2": fresh}).status_code == 302
+    assert (
+        client.post(
+            url, {"oldpassword": "wrong", "password1": fresh, "password2": fresh}
+        ).status_code
+        == 200
+    )
+    assert (
+        client.post(
+            url, {"oldpassword": PASSWORD, "password1": fresh, "password2": fresh}
+        ).status_code
+        == 302
+    )
     assert User.objects.get().check_password(fresh)
 
 
 def test_the_administration_has_no_door_of_its_own_at_which_guesses_are_not_counted(client):
-    answer = client.post(reverse("admin:login"), {"username": "boss", "password": "guess", "next": "/admin/"})
+    answer = client.post(
+        reverse("admin:login"), {"username": "boss", "password": "guess", "next": "/admin/"}
+    )
     assert (answer.status_code, answer.url.partition("?")[0]) == (302, reverse("account_login"))
     client.force_login(person())
     assert client.get(reverse("admin:login")).status_code == 403
@@ -162,7 +198,11 @@ def test_behind_a_proxy_of_ours_each_visitors_guesses_are_counted_alone(client, 
     settings.ACCOUNT_RATE_LIMITS = {"login": "3/m/ip"}
 
     def code(address):
-        return client.post(reverse("account_login"), {"login": "ada", "password": "guess"}, headers={"x-forwarded-for": address}).status_code
+        return client.post(
+            reverse("account_login"),
+            {"login": "ada", "password": "guess"},
+            headers={"x-forwarded-for": address},
+        ).status_code
 
     assert [code("198.51.100.7") for _ in range(4)] == [200, 200, 200, 429]
     assert code("198.51.100.8") == 200

@@ -27,7 +27,10 @@ def test_a_refused_name_changes_nothing_not_even_the_header(client):
 
 def test_only_the_shown_name_can_be_changed_there(client):
     client.force_login(person())
-    client.post(reverse("profile"), {"display_name": "Ada", "is_staff": "on", "username": "root", "is_superuser": "on"})
+    client.post(
+        reverse("profile"),
+        {"display_name": "Ada", "is_staff": "on", "username": "root", "is_superuser": "on"},
+    )
     user = User.objects.get()
     assert (user.username, user.is_staff, user.is_superuser) == ("ada", False, False)
 

@@ -28,7 +28,9 @@ def asking(rf, view, *, user=None, address="198.51.100.7", method="post"):
 
 
 def view_of(**options):
-    return limited(Attempts(f"test-{next(NUMBERS)}", limit=2), **options)(lambda _request: HttpResponse("done"))
+    return limited(Attempts(f"test-{next(NUMBERS)}", limit=2), **options)(
+        lambda _request: HttpResponse("done")
+    )
 
 
 def test_the_third_of_two_is_told_to_wait_and_for_how_long(rf):
@@ -47,7 +49,9 @@ def test_reading_is_counted_only_where_that_was_asked_for(rf):
 
 def test_where_only_refusals_count_whoever_does_all_right_is_never_told_to_wait(rf):
     codes = [200] * 5 + [403, 403] + [200]
-    view = limited(Attempts(f"test-{next(NUMBERS)}", limit=2), refusals={403})(lambda _request: HttpResponse(status=codes.pop(0)))
+    view = limited(Attempts(f"test-{next(NUMBERS)}", limit=2), refusals={403})(
+        lambda _request: HttpResponse(status=codes.pop(0))
+    )
     assert [asking(rf, view).status_code for _ in range(8)] == [200] * 5 + [403, 403, 429]
 
 
@@ -63,7 +67,10 @@ def test_visitors_behind_one_address_are_counted_each_by_themselves(rf):
 )
 def test_every_door_that_could_be_tried_without_end_has_a_limit(client, name, args, limit, data):
     address = reverse(name, args=args)
-    codes = [(client.get(address) if data is None else client.post(address, data)).status_code for _ in range(limit + 1)]
+    codes = [
+        (client.get(address) if data is None else client.post(address, data)).status_code
+        for _ in range(limit + 1)
+    ]
     assert 429 not in codes[:limit]
     assert codes[limit] == 429
     page = client.get(address) if data is None else client.post(address, data)

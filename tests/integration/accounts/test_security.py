@@ -1,4 +1,6 @@
-"""Headers and cookies, as a browser gets them, with the settings of a public server in a process of its own."""
+"""Headers and cookies, as a browser gets them, with the settings of a public server in a process of
+its own.
+"""
 
 import json
 import os
@@ -36,7 +38,9 @@ print(json.dumps({"plain": [plain.status_code, plain.get("location")], "headers"
 @pytest.fixture(scope="module")
 def public_server(tmp_path_factory):
     """What a server with its defaults answers, and one name that it is known by."""
-    environment = {key: value for key, value in os.environ.items() if key not in {"HTTP_ONLY", "DEBUG"}}
+    environment = {
+        key: value for key, value in os.environ.items() if key not in {"HTTP_ONLY", "DEBUG"}
+    }
     environment |= {
         "VAR_DIR": str(tmp_path_factory.mktemp("public")),
         "STATIC_ROOT": str(collected_files()),
@@ -44,7 +48,15 @@ def public_server(tmp_path_factory):
         "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
         "LOG_LEVEL": "ERROR",
     }
-    done = subprocess.run([sys.executable, "-c", ASK], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", ASK],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -54,12 +66,18 @@ def test_a_public_server_sends_plain_http_to_https(public_server):
     assert public_server["page"] == 200
 
 
-def test_a_public_servers_cookies_travel_over_https_alone_and_are_hidden_from_scripts(public_server):
+def test_a_public_servers_cookies_travel_over_https_alone_and_are_hidden_from_scripts(
+    public_server,
+):
     assert public_server["answer"] == 302
     assert {"sessionid", "csrftoken"} <= set(public_server["cookies"])
     for name in ("sessionid", "csrftoken"):
         cookie = public_server["cookies"][name]
-        assert (cookie["secure"], cookie["httponly"], cookie["samesite"]) == (True, True, "Lax"), name
+        assert (cookie["secure"], cookie["httponly"], cookie["samesite"]) == (
+            True,
+            True,
+            "Lax",
+        ), name
 
 
 def test_a_public_server_insists_on_https_and_says_what_a_page_may_do(public_server):
@@ -72,7 +90,10 @@ def test_a_public_server_insists_on_https_and_says_what_a_page_may_do(public_ser
 
 
 @pytest.mark.django_db
-@pytest.mark.parametrize("name", ["home", "about", "account_login", "account_signup", "account_reset_password", "admin:login"])
+@pytest.mark.parametrize(
+    "name",
+    ["home", "about", "account_login", "account_signup", "account_reset_password", "admin:login"],
+)
 def test_every_page_carries_a_policy_without_inline_code(client, name):
     policy = client.get(reverse(name))["Content-Security-Policy"]
     rules = {part.split()[0]: part.split()[1:] for part in policy.split("; ")}
@@ -86,7 +107,9 @@ def test_every_page_carries_a_policy_without_inline_code(client, name):
 
 
 @pytest.mark.django_db
-@pytest.mark.parametrize("name", ["account_login", "account_signup", "account_logout", "set_language", "profile"])
+@pytest.mark.parametrize(
+    "name", ["account_login", "account_signup", "account_logout", "set_language", "profile"]
+)
 def test_a_form_of_another_site_is_refused_with_a_page_that_says_what_to_do(name):
     client = Client(enforce_csrf_checks=True)
     client.force_login(person())

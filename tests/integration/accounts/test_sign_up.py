@@ -6,7 +6,12 @@ from tests.support.html_page import faults, read
 from tests.support.people import PASSWORD, person
 
 pytestmark = pytest.mark.django_db
-FORM = {"username": "ada", "display_name": "Ada Lovelace", "email": "Ada@Example.org", "password1": PASSWORD}
+FORM = {
+    "username": "ada",
+    "display_name": "Ada Lovelace",
+    "email": "Ada@Example.org",
+    "password1": PASSWORD,
+}
 
 
 def sign_up(client, **changes):
@@ -18,7 +23,11 @@ def test_a_visitor_signs_up_with_one_form_and_is_signed_in(client):
     assert response.status_code == 302
     assert response.url == reverse("home")
     user = User.objects.get(username="ada")
-    assert (user.display_name, user.shown_name, user.email) == ("Ada Lovelace", "Ada Lovelace", "ada@example.org")
+    assert (user.display_name, user.shown_name, user.email) == (
+        "Ada Lovelace",
+        "Ada Lovelace",
+        "ada@example.org",
+    )
     assert client.get(reverse("home")).context["user"] == user
 
 

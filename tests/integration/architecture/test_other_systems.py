@@ -1,7 +1,9 @@
-"""The agent runs on Windows and on newer Pythons: what only POSIX has, and what 3.12 and 3.13 no longer have, is not called unguarded.
+"""The agent runs on Windows and on newer Pythons: what only POSIX has, and what 3.12 and 3.13 no
+longer have, is not called unguarded.
 
-`mypy --platform win32 --python-version 3.13` finds the same from the types, in `make lint`; this says it in a second, and knows what types do not
-tell: which loop watches foreign sockets, and which paths are Linux's own.
+`mypy --platform win32 --python-version 3.13` finds the same from the types, in `make lint`; this
+says it in a second, and knows what types do not tell: which loop watches foreign sockets, and which
+paths are Linux's own.
 """
 
 import ast
@@ -12,29 +14,94 @@ import pytest
 
 from tests.support.paths import ROOT
 
-SOURCES = sorted((ROOT / "robots" / "agent").rglob("*.py")) + sorted((ROOT / "robots" / "api").rglob("*.py"))
+SOURCES = sorted((ROOT / "robots" / "agent").rglob("*.py")) + sorted(
+    (ROOT / "robots" / "api").rglob("*.py")
+)
 ONLY_POSIX = {
-    "os": "chown chroot ctermid fchmod fchown fork forkpty geteuid getgid getgroups getloadavg getpgid getpgrp getpriority getresuid getsid getuid killpg "
-    "lchown lockf major mkfifo mknod nice openpty pathconf pipe2 posix_fadvise posix_spawn pread pwrite sched_getaffinity sched_setaffinity sched_yield "
-    "sched_setscheduler sendfile setgid setgroups setpgid setpriority setsid setuid statvfs sync sysconf tcsetpgrp ttyname uname wait wait3 wait4 waitid",
-    "signal": "SIGALRM SIGCHLD SIGCONT SIGHUP SIGKILL SIGPIPE SIGQUIT SIGSTOP SIGTSTP SIGUSR1 SIGUSR2 SIGWINCH alarm pause pthread_kill pthread_sigmask "
-    "set_wakeup_fd setitimer sigpending sigtimedwait sigwait sigwaitinfo",
-    "socket": "AF_UNIX AF_PACKET AF_NETLINK SO_BINDTODEVICE SO_REUSEPORT MSG_DONTWAIT MSG_NOSIGNAL socketpair_unix recv_fds send_fds",
+    "os": (
+        "chown chroot ctermid fchmod fchown fork forkpty geteuid getgid getgroups getloadavg"
+        " getpgid getpgrp getpriority getresuid getsid getuid killpg lchown lockf major mkfifo"
+        " mknod nice openpty pathconf pipe2 posix_fadvise posix_spawn pread pwrite"
+        " sched_getaffinity sched_setaffinity sched_yield sched_setscheduler sendfile setgid"
+        " setgroups setpgid setpriority setsid setuid statvfs sync sysconf tcsetpgrp ttyname uname"
+        " wait wait3 wait4 waitid"
+    ),
+    "signal": (
+        "SIGALRM SIGCHLD SIGCONT SIGHUP SIGKILL SIGPIPE SIGQUIT SIGSTOP SIGTSTP SIGUSR1 SIGUSR2"
+        " SIGWINCH alarm pause pthread_kill pthread_sigmask set_wakeup_fd setitimer sigpending"
+        " sigtimedwait sigwait sigwaitinfo"
+    ),
+    "socket": (
+        "AF_UNIX AF_PACKET AF_NETLINK SO_BINDTODEVICE SO_REUSEPORT MSG_DONTWAIT MSG_NOSIGNAL"
+        " socketpair_unix recv_fds send_fds"
+    ),
     "select": "epoll poll kqueue",
-    "time": "CLOCK_BOOTTIME CLOCK_MONOTONIC CLOCK_MONOTONIC_RAW CLOCK_REALTIME clock_gettime clock_settime tzset",
-    "asyncio": "open_unix_connection start_unix_server create_subprocess_exec create_subprocess_shell ThreadedChildWatcher get_child_watcher",
+    "time": (
+        "CLOCK_BOOTTIME CLOCK_MONOTONIC CLOCK_MONOTONIC_RAW CLOCK_REALTIME clock_gettime"
+        " clock_settime tzset"
+    ),
+    "asyncio": (
+        "open_unix_connection start_unix_server create_subprocess_exec create_subprocess_shell"
+        " ThreadedChildWatcher get_child_watcher"
+    ),
     "multiprocessing": "set_start_method",
 }
-# Of whatever object: a loop cannot do these on Windows (the control loop there watches sockets, and can start no process).
+# Of whatever object: a loop cannot do these on Windows (the control loop there watches sockets, and
+# can start no process).
 OF_ANYTHING = {
-    "add_signal_handler", "create_unix_connection", "create_unix_server", "connect_read_pipe", "connect_write_pipe", "subprocess_exec", "subprocess_shell",
-}  # fmt: skip
-POSIX_MODULES = {"crypt", "fcntl", "grp", "posix", "pty", "pwd", "resource", "spwd", "syslog", "termios", "tty", "uvloop"}
+    "add_signal_handler",
+    "create_unix_connection",
+    "create_unix_server",
+    "connect_read_pipe",
+    "connect_write_pipe",
+    "subprocess_exec",
+    "subprocess_shell",
+}
+POSIX_MODULES = {
+    "crypt",
+    "fcntl",
+    "grp",
+    "posix",
+    "pty",
+    "pwd",
+    "resource",
+    "spwd",
+    "syslog",
+    "termios",
+    "tty",
+    "uvloop",
+}
 GONE = {  # in 3.12, 3.13
-    "asynchat", "asyncore", "distutils", "imp", "smtpd", "aifc", "audioop", "cgi", "cgitb", "chunk", "crypt", "imghdr", "lib2to3", "mailcap", "msilib", "nis", "nntplib",
-    "ossaudiodev", "pipes", "sndhdr", "spwd", "sunau", "telnetlib", "uu", "xdrlib", "pkg_resources", "setuptools",
-}  # fmt: skip
-OPTIONS = {"preexec_fn", "pass_fds", "process_group", "umask", "user", "group", "extra_groups"}  # of subprocess
+    "asynchat",
+    "asyncore",
+    "distutils",
+    "imp",
+    "smtpd",
+    "aifc",
+    "audioop",
+    "cgi",
+    "cgitb",
+    "chunk",
+    "crypt",
+    "imghdr",
+    "lib2to3",
+    "mailcap",
+    "msilib",
+    "nis",
+    "nntplib",
+    "ossaudiodev",
+    "pipes",
+    "sndhdr",
+    "spwd",
+    "sunau",
+    "telnetlib",
+    "uu",
+    "xdrlib",
+    "pkg_resources",
+    "setuptools",
+}
+# of subprocess
+OPTIONS = {"preexec_fn", "pass_fds", "process_group", "umask", "user", "group", "extra_groups"}
 PATHS = ("/dev/", "/proc/", "/sys/", "/run/", "/etc/", "/tmp/", "/var/", "/usr/", "/bin/", "/home/")
 GUARDS = ("sys.platform", "os.name", "hasattr", "getattr")
 EXCUSES = {"NotImplementedError", "AttributeError"}
@@ -53,7 +120,12 @@ def asks_for_the_system(test: ast.AST) -> bool:
 
 
 def is_excused(handlers: list[ast.ExceptHandler]) -> bool:
-    return any(dotted(node) in EXCUSES for handler in handlers if handler.type for node in ast.walk(handler.type))
+    return any(
+        dotted(node) in EXCUSES
+        for handler in handlers
+        if handler.type
+        for node in ast.walk(handler.type)
+    )
 
 
 def leaves(body: list[ast.stmt]) -> bool:
@@ -61,7 +133,9 @@ def leaves(body: list[ast.stmt]) -> bool:
 
 
 class Finder(ast.NodeVisitor):
-    """Collects (line, what) of everything that is called without having asked on which system it runs."""
+    """Collects (line, what) of everything that is called without having asked on which system it
+    runs.
+    """
 
     def __init__(self, *, words: bool = False) -> None:
         self.found: list[tuple[int, str]] = []
@@ -80,7 +154,11 @@ class Finder(ast.NodeVisitor):
         left = 0
         for statement in body:
             self.visit(statement)
-            if isinstance(statement, ast.If) and asks_for_the_system(statement.test) and leaves(statement.body):
+            if (
+                isinstance(statement, ast.If)
+                and asks_for_the_system(statement.test)
+                and leaves(statement.body)
+            ):
                 self.guarded, left = self.guarded + 1, left + 1
         self.guarded -= left
 
@@ -138,7 +216,12 @@ class Finder(ast.NodeVisitor):
             self.add(node, module)
 
     def visit_Call(self, node: ast.Call) -> None:
-        if dotted(node.func) in {"subprocess.Popen", "subprocess.run", "subprocess.call", "subprocess.check_output"}:
+        if dotted(node.func) in {
+            "subprocess.Popen",
+            "subprocess.run",
+            "subprocess.call",
+            "subprocess.check_output",
+        }:
             for keyword in node.keywords:
                 if keyword.arg in OPTIONS:
                     self.add(node, f"{keyword.arg}=")
@@ -182,7 +265,10 @@ def test_the_agent_calls_nothing_that_windows_or_a_newer_python_lacks(path):
         ("import socket\nsocket.socket(socket.AF_UNIX)", ["socket.AF_UNIX"]),
         ("asyncio.open_unix_connection('x')", ["asyncio.open_unix_connection"]),
         ("self.loop().add_signal_handler(2, end)", [".add_signal_handler"]),
-        ("try:\n    loop.add_signal_handler(2, end)\nexcept ValueError:\n    pass", ["loop.add_signal_handler"]),
+        (
+            "try:\n    loop.add_signal_handler(2, end)\nexcept ValueError:\n    pass",
+            ["loop.add_signal_handler"],
+        ),
         ("subprocess.Popen(['x'], preexec_fn=f)", ["preexec_fn="]),
         ("await asyncio.create_subprocess_exec('x')", ["asyncio.create_subprocess_exec"]),
         ("open('/proc/self/stat')", ["/proc/self/stat"]),
@@ -212,9 +298,23 @@ def test_what_is_guarded_or_everywhere_is_let_through(source):
 
 
 def test_the_control_loop_is_one_that_watches_foreign_sockets_on_windows_too():
-    """asyncio.run would give Windows a loop that cannot, and the broker's client brings a socket of its own."""
-    calls = [node for node in ast.walk(ast.parse((ROOT / "robots/agent/control/loop.py").read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
-    loops = [keyword.value for call in calls if dotted(call.func) == "asyncio.Runner" for keyword in call.keywords if keyword.arg == "loop_factory"]
+    """asyncio.run would give Windows a loop that cannot, and the broker's client brings a socket of
+    its own.
+    """
+    calls = [
+        node
+        for node in ast.walk(
+            ast.parse((ROOT / "robots/agent/control/loop.py").read_text(encoding="utf-8"))
+        )
+        if isinstance(node, ast.Call)
+    ]
+    loops = [
+        keyword.value
+        for call in calls
+        if dotted(call.func) == "asyncio.Runner"
+        for keyword in call.keywords
+        if keyword.arg == "loop_factory"
+    ]
     assert [dotted(loop) for loop in loops] == ["asyncio.SelectorEventLoop"]
     assert not [call for call in calls if dotted(call.func) == "asyncio.run"]
 
@@ -225,10 +325,22 @@ def test_the_agents_modules_are_written_in_the_grammar_of_the_oldest_python():
 
 
 def test_the_agent_is_imported_without_a_module_that_windows_lacks():
-    """What others' modules import by themselves is theirs to guard; this is that none of ours makes them need it."""
+    """What others' modules import by themselves is theirs to guard; this is that none of ours makes
+    them need it.
+    """
     blocked = sorted(
         POSIX_MODULES - {"posix", "crypt", "spwd", "pwd", "grp", "tty"}
     )  # the standard library itself asks for these when they are there
-    code = f"import sys; sys.modules.update(dict.fromkeys({blocked!r})); import robots.agent.agent, robots.agent.adapters.simulator.adapter, robots.agent.adapters.moos.adapter"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=240, check=False)
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({blocked!r})); import robots.agent.agent,"
+        " robots.agent.adapters.simulator.adapter, robots.agent.adapters.moos.adapter"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,6 @@
-"""axe-core finds nothing on any page: a stranger's, a visitor's, a participant's, a researcher's, the drive page and the robot's own screen."""
+"""axe-core finds nothing on any page: a stranger's, a visitor's, a participant's, a researcher's,
+the drive page and the robot's own screen.
+"""
 
 import re
 
@@ -37,7 +39,15 @@ def opened(browser, live_server):
         context = browser.new_context(base_url=live_server.url, locale=LANGUAGE, **STILL)
         contexts.append(context)
         if client is not None:
-            context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
+            context.add_cookies(
+                [
+                    {
+                        "name": "sessionid",
+                        "value": client.cookies["sessionid"].value,
+                        "url": live_server.url,
+                    }
+                ]
+            )
         return context.new_page()
 
     yield open_it
@@ -47,7 +57,12 @@ def opened(browser, live_server):
 
 def called(where: str) -> str:
     """Return what a picture of a page is called: its address without what is of this run alone."""
-    return re.sub(r"[^a-z]+", "-", re.sub(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", "", where.lower())).strip("-") or "home"
+    return (
+        re.sub(
+            r"[^a-z]+", "-", re.sub(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", "", where.lower())
+        ).strip("-")
+        or "home"
+    )
 
 
 def faults(page: Page, where: str, sizes=SIZES) -> list[str]:
@@ -57,8 +72,12 @@ def faults(page: Page, where: str, sizes=SIZES) -> list[str]:
         page.set_viewport_size({"width": width, "height": height})
         keep(page, f"{called(where)}-{NAMES[width]}", whole=True)
         for violation in Axe().run(page).response["violations"]:
-            places = "; ".join(f"{node['target'][0]} {node['html'][:120]}" for node in violation["nodes"][:4])
-            found.append(f"{where} {width}x{height}: {violation['id']} ({violation['impact']}): {places}")
+            places = "; ".join(
+                f"{node['target'][0]} {node['html'][:120]}" for node in violation["nodes"][:4]
+            )
+            found.append(
+                f"{where} {width}x{height}: {violation['id']} ({violation['impact']}): {places}"
+            )
     return found
 
 
@@ -76,7 +95,15 @@ def test_a_strangers_pages(opened):
     robot = p.site()
     Robot.objects.filter(pk=robot.pk).update(report={"battery": {"charge": 0.5}})
     p.published(p.of("exploration"))
-    addresses = ["/", "/about/", "/accounts/login/", "/accounts/signup/", "/accounts/password/reset/", "/no/such/page/", "/studies/exploration/"]
+    addresses = [
+        "/",
+        "/about/",
+        "/accounts/login/",
+        "/accounts/signup/",
+        "/accounts/password/reset/",
+        "/no/such/page/",
+        "/studies/exploration/",
+    ]
     check(opened(), *addresses)
 
 
@@ -91,7 +118,15 @@ def test_a_visitors_pages(opened):
     robot = p.site()
     client = Client()
     client.force_login(person())
-    check(opened(client), "/", "/profile/", "/profile/data/", f"/robots/{robot.name}/", "/accounts/password/change/", "/accounts/email/")
+    check(
+        opened(client),
+        "/",
+        "/profile/",
+        "/profile/data/",
+        f"/robots/{robot.name}/",
+        "/accounts/password/change/",
+        "/accounts/email/",
+    )
 
 
 def test_every_step_of_a_study(opened):
@@ -119,7 +154,11 @@ def test_a_researchers_pages(opened):
     client.force_login(person("owner", is_superuser=True, is_staff=True))
     study = p.published(p.of("exploration"))
     page = opened(client)
-    own = [f"/studies/replay/{visit.pk}/", f"/studies/{study.slug}/live/", f"/studies/{study.slug}/analysis/"]
+    own = [
+        f"/studies/replay/{visit.pk}/",
+        f"/studies/{study.slug}/live/",
+        f"/studies/{study.slug}/analysis/",
+    ]
     built = f"/admin/experiments/study/{study.pk}/build"
     ours = [f"{built}/about/", f"{built}/steps/0/", f"{built}/conditions/0/", f"{built}/courses/0/"]
     check(page, *own, *ours)
@@ -161,11 +200,22 @@ def test_the_drive_page_with_a_task(browser):
         page.goto(f"{site.url}?go=1")
         driving(page)
         tell(site, "go_to_checkpoint", number=2, x=8.4, y=1.0, passed=(1,), remaining=119.0)
-        expect(page.get_by_text("Go to checkpoint 2.", exact=True).first).to_be_visible(timeout=PATIENCE)
+        expect(page.get_by_text("Go to checkpoint 2.", exact=True).first).to_be_visible(
+            timeout=PATIENCE
+        )
         found = faults(page, "task")
         site.tell(
             "session/task",
-            protocol.Task(session=site.session, stamp=0.0, cue="photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open"),
+            protocol.Task(
+                session=site.session,
+                stamp=0.0,
+                cue="photo_turn_left",
+                number=4,
+                x=8.1,
+                y=2.2,
+                passed=(1, 2, 3, 4),
+                window="open",
+            ),
         )
         expect(page.get_by_role("region", name="Photo")).to_be_visible(timeout=PATIENCE)
         found += faults(page, "photo")

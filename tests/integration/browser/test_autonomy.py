@@ -1,4 +1,6 @@
-"""What a visitor sees and does of a robot that drives by itself: the dock, a point on the map, help near obstacles, a lost robot, the way home."""
+"""What a visitor sees and does of a robot that drives by itself: the dock, a point on the map, help
+near obstacles, a lost robot, the way home.
+"""
 
 import math
 import re
@@ -28,7 +30,10 @@ def fate(giraff):
 def on_the_map(visitor, x, y):
     """Return where a point of the world is on the page, in CSS pixels."""
     view, box = visitor.marker(), visitor.page.locator("#map").bounding_box()
-    left, top = box["width"] / 2 + (x - view["viewX"]) * view["viewScale"], box["height"] / 2 - (y - view["viewY"]) * view["viewScale"]
+    left, top = (
+        box["width"] / 2 + (x - view["viewX"]) * view["viewScale"],
+        box["height"] / 2 - (y - view["viewY"]) * view["viewScale"],
+    )
     return box["x"] + left, box["y"] + top
 
 
@@ -50,7 +55,9 @@ def press(visitor, name):
 
 
 def offer(visitor, word, within=15.0):
-    expect(visitor.page.locator("#offer")).to_have_attribute("data-word", word, timeout=patient(within) * 1000)
+    expect(visitor.page.locator("#offer")).to_have_attribute(
+        "data-word", word, timeout=patient(within) * 1000
+    )
 
 
 def alert_of(visitor):
@@ -61,7 +68,9 @@ def newest_state(site):
     return (site.states(site.sessions()[-1][0]) or [{}])[-1]
 
 
-def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(visitor, giraff):
+def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(
+    visitor, giraff
+):
     anna = visitor("anna").drive()
     offer(anna, "dock.here")
     keep_at_all_sizes(anna.page, "dock")
@@ -89,7 +98,11 @@ def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visito
     truth = giraff.truth()
     assert math.hypot(truth.x - goal[0], truth.y - goal[1]) <= 0.3
     assert truth.contacts == 0
-    wait_for(lambda: "goto" in {state.get("mode") for state in site.states(site.sessions()[-1][0])}, 5, "the record of it")
+    wait_for(
+        lambda: "goto" in {state.get("mode") for state in site.states(site.sessions()[-1][0])},
+        5,
+        "the record of it",
+    )
 
 
 def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
@@ -104,7 +117,12 @@ def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor,
     cora.page.keyboard.down("ArrowLeft")
     offer(cora, "task.yours")
     before = giraff.truth().theta
-    cora.hold("ArrowLeft", lambda: math.remainder(giraff.truth().theta - before, math.tau) > 0.2, 10, "a turn to the left")
+    cora.hold(
+        "ArrowLeft",
+        lambda: math.remainder(giraff.truth().theta - before, math.tau) > 0.2,
+        10,
+        "a turn to the left",
+    )
     cora.page.keyboard.up("ArrowLeft")
 
 
@@ -126,9 +144,16 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
     eva = visitor("eva").drive()
     press(eva, "Steering")
     expect(eva.page.locator("[data-action=assist-steer]")).to_have_attribute("aria-pressed", "true")
-    wait_for(lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record")
+    wait_for(
+        lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record"
+    )
     contacts = giraff.truth().contacts
-    eva.hold("ArrowUp", lambda: re.match(r"assist\.(slow|stop|steer)", alert_of(eva)), 20, "why it holds back")
+    eva.hold(
+        "ArrowUp",
+        lambda: re.match(r"assist\.(slow|stop|steer)", alert_of(eva)),
+        20,
+        "why it holds back",
+    )
     keep_at_all_sizes(eva.page, "assisted")
     eva.page.keyboard.up("ArrowUp")
     assert giraff.truth().contacts == contacts
@@ -137,7 +162,9 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
 def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, fate):
     fay = visitor("fay").drive()
     assert fate.wish(CarryTo(8.6, 4.4, 1.57)) == ""
-    fay.hold("ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost")
+    fay.hold(
+        "ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost"
+    )
     press(fay, "Show it")  # at once: it looks for itself all the while
     fay.page.keyboard.up("ArrowLeft")
     show_place(fay, giraff.truth())
@@ -147,7 +174,9 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, fate):
     expect(fay.page.locator("#alert")).to_be_hidden()
 
 
-def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(site, visitor, giraff, fate):
+def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(
+    site, visitor, giraff, fate
+):
     gil, hans, stranger = visitor("gil").drive(), visitor("hans").open(go=True), visitor()
     assert fate.wish(CarryTo(1.9, 5.2, 0.0)) == ""
     press(gil, "Go to…")
@@ -159,7 +188,9 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     site.django("from robots.models import Robot; Robot.objects.update(returns_home=True)")
     stranger.page.goto("/")  # before it sets out: its way is short
     gil.leave()
-    expect(hans.page.locator("#card")).to_have_attribute("data-card", "queued.returning", timeout=40_000)
+    expect(hans.page.locator("#card")).to_have_attribute(
+        "data-card", "queued.returning", timeout=40_000
+    )
     expect(stranger.page.locator("[data-robot=giraff]")).to_contain_text("On its way home")
     keep_at_all_sizes(hans.page, "queue")
     hans.wait_for("phase", "turn", within=60)

@@ -1,4 +1,6 @@
-"""What a visitor sees of a camera that starts slowly, cannot be reached, goes and comes back: a real RTSP server behind a real agent."""
+"""What a visitor sees of a camera that starts slowly, cannot be reached, goes and comes back: a
+real RTSP server behind a real agent.
+"""
 
 import pytest
 from playwright.sync_api import expect
@@ -25,16 +27,27 @@ def camera(site):
 
 
 def errors_of(site) -> list[str]:
-    return [error for state in (site.states(site.sessions()[-1][0]) or [])[-1:] for error in state.get("errors", [])]
+    return [
+        error
+        for state in (site.states(site.sessions()[-1][0]) or [])[-1:]
+        for error in state.get("errors", [])
+    ]
 
 
 def test_a_camera_out_of_reach_is_said_until_it_is_there(site, visitor, camera):
     anna = visitor("anna").open("giraff", go=True)
     card = anna.page.locator("#card")
     expect(card).to_contain_text("The camera isn't working", timeout=LATER)
-    expect(card).to_contain_text(f"The robot reports: the camera rtsp://127.0.0.1:{camera.port} cannot be read: connection refused.")
+    expect(card).to_contain_text(
+        f"The robot reports: the camera rtsp://127.0.0.1:{camera.port} cannot be read: connection"
+        " refused."
+    )
     keep_at_all_sizes(anna.page, "camera-failed")
-    wait_for(lambda: any("connection refused" in error for error in errors_of(site)), 20, "the reason in the robot's state")
+    wait_for(
+        lambda: any("connection refused" in error for error in errors_of(site)),
+        20,
+        "the reason in the robot's state",
+    )
     assert not any("hunter2" in error for error in errors_of(site))
     camera.plug()
     anna.wait_for_picture(within=patient(40.0))
@@ -43,7 +56,9 @@ def test_a_camera_out_of_reach_is_said_until_it_is_there(site, visitor, camera):
     anna.leave()
 
 
-def test_a_camera_that_takes_seconds_is_said_to_start_and_blamed_on_nobodys_network(visitor, camera):
+def test_a_camera_that_takes_seconds_is_said_to_start_and_blamed_on_nobodys_network(
+    visitor, camera
+):
     ben = visitor("ben").open("giraff", go=True)
     card = ben.page.locator("#card")
     ben.wait_for("link", "live")
@@ -54,7 +69,9 @@ def test_a_camera_that_takes_seconds_is_said_to_start_and_blamed_on_nobodys_netw
     ben.leave()
 
 
-def test_a_camera_that_goes_in_the_middle_is_said_over_the_last_picture_and_comes_back(visitor, camera):
+def test_a_camera_that_goes_in_the_middle_is_said_over_the_last_picture_and_comes_back(
+    visitor, camera
+):
     cleo = visitor("cleo").drive()
     alert = cleo.page.locator("#alert")
     for _ in range(2):

@@ -1,4 +1,6 @@
-"""A course is drawn on the floor plan, in a real browser: with the mouse, with a finger, and with keys."""
+"""A course is drawn on the floor plan, in a real browser: with the mouse, with a finger, and with
+keys.
+"""
 
 import pytest
 from playwright.sync_api import expect
@@ -35,7 +37,9 @@ def course(site, visitor):
 
     def open_it(name: str, **context):
         site.sign_in(name)
-        study = site.django(";".join(line for line in SETUP.format(name=name).strip().splitlines())).strip()
+        study = site.django(
+            ";".join(line for line in SETUP.format(name=name).strip().splitlines())
+        ).strip()
         page = visitor(name, **context).page
         page.goto(f"/admin/experiments/study/{study}/build/courses/0/")
         return page
@@ -44,11 +48,15 @@ def course(site, visitor):
 
 
 def place(page, n: int) -> tuple[float, float]:
-    return tuple(float(page.locator(f'[name="checkpoints.{n}.{axis}"]').input_value()) for axis in "xy")
+    return tuple(
+        float(page.locator(f'[name="checkpoints.{n}.{axis}"]').input_value()) for axis in "xy"
+    )
 
 
 def middle(page, n: int) -> tuple[float, float]:
-    """Return where a checkpoint's handle is on the screen: of what stays when the map is drawn anew, and once nothing moves the map any more."""
+    """Return where a checkpoint's handle is on the screen: of what stays when the map is drawn
+    anew, and once nothing moves the map any more.
+    """
     expect(page.locator("#course-check")).not_to_be_empty()
     handle = page.get_by_role("button", name=f"Checkpoint {n}: ")
     handle.scroll_into_view_if_needed()
@@ -79,13 +87,16 @@ def test_the_mouse_and_the_keys_move_a_checkpoint_and_the_server_says_what_is_no
 
 def test_a_click_adds_a_checkpoint_and_a_point_of_the_path(course):
     page = course("mona")
-    expect(page.locator("#course-check")).not_to_be_empty()  # the map is drawn, and nothing moves it any more
+    # the map is drawn, and nothing moves it any more
+    expect(page.locator("#course-check")).not_to_be_empty()
     path = page.locator('[name="path"]')
     before = len(path.input_value().splitlines())
     page.get_by_label("Add to the path").check()
     box = page.locator("#course-map").bounding_box()
     page.locator("#course-map").click(position={"x": box["width"] * 0.5, "y": box["height"] * 0.8})
-    wait_for(lambda: len(path.input_value().splitlines()) == before + 1, 5, "one more point of the path")
+    wait_for(
+        lambda: len(path.input_value().splitlines()) == before + 1, 5, "one more point of the path"
+    )
     page.get_by_label("Add a checkpoint").check()
     page.locator("#course-map").click(position={"x": box["width"] * 0.4, "y": box["height"] * 0.35})
     expect(page.get_by_role("group", name="Checkpoint 5", exact=True)).to_be_visible()
@@ -97,9 +108,14 @@ def test_a_finger_moves_a_checkpoint_on_a_phone(course):
     page = course("tina", viewport={"width": 390, "height": 844}, has_touch=True)
     x, y = middle(page, 3)
     fingers = page.context.new_cdp_session(page)
-    fingers.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    fingers.send(
+        "Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
+    )
     for step in range(1, 6):
-        fingers.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x + 4 * step, "y": y}]})
+        fingers.send(
+            "Input.dispatchTouchEvent",
+            {"type": "touchMove", "touchPoints": [{"x": x + 4 * step, "y": y}]},
+        )
     fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     wait_for(lambda: place(page, 3)[0] > 9.9, 5, "a checkpoint that was moved")
     moved = place(page, 3)

@@ -1,4 +1,6 @@
-"""Every script of ours runs in a real browser as it is delivered: collected, under its hashed name, with its page's own content policy."""
+"""Every script of ours runs in a real browser as it is delivered: collected, under its hashed name,
+with its page's own content policy.
+"""
 
 import re
 
@@ -35,7 +37,11 @@ LOAD = """async (urls) => {
 
 def entries() -> set[str]:
     """Return the scripts that pages name themselves."""
-    return {name for path in (ROOT / "templates").rglob("*.html") for name in ENTRY.findall(path.read_text())}
+    return {
+        name
+        for path in (ROOT / "templates").rglob("*.html")
+        for name in ENTRY.findall(path.read_text())
+    }
 
 
 class Complaints(list[str]):
@@ -45,7 +51,14 @@ class Complaints(list[str]):
         self.ran: set[str] = set()
         page.on("pageerror", lambda error: self.append(f"{page.url}: {error}"))
         # A page whose server has no WebSocket says so, and goes on trying.
-        page.on("console", lambda line: self.append(f"{page.url}: {line.text}") if line.type == "error" and "WebSocket" not in line.text else None)
+        page.on(
+            "console",
+            lambda line: (
+                self.append(f"{page.url}: {line.text}")
+                if line.type == "error" and "WebSocket" not in line.text
+                else None
+            ),
+        )
         page.on("request", lambda request: self.ran.add(request.url.partition("/static/")[2]))
 
     def check(self, *names: str) -> None:
@@ -58,9 +71,16 @@ class Complaints(list[str]):
 def test_every_module_that_no_page_names_can_be_loaded_by_itself(opened):  # noqa: F811 -- a fixture
     page = opened()
     page.goto("/about/")
-    names = {str(path.relative_to(ROOT / "static")) for path in (ROOT / "static/js").rglob("*.js")} - entries()
+    names = {
+        str(path.relative_to(ROOT / "static")) for path in (ROOT / "static/js").rglob("*.js")
+    } - entries()
     assert len(names) > 100
-    assert page.evaluate(LOAD, [f"/static/{staticfiles_storage.stored_name(name)}" for name in sorted(names)]) == []
+    assert (
+        page.evaluate(
+            LOAD, [f"/static/{staticfiles_storage.stored_name(name)}" for name in sorted(names)]
+        )
+        == []
+    )
 
 
 def test_every_script_that_a_page_names_runs_on_it(opened, browser):  # noqa: F811 -- fixtures

@@ -1,4 +1,6 @@
-"""Ten practices in a row, and every process of the demo killed in turn while somebody drives: it goes on, and says what died."""
+"""Ten practices in a row, and every process of the demo killed in turn while somebody drives: it
+goes on, and says what died.
+"""
 
 import contextlib
 
@@ -83,7 +85,9 @@ def test_a_practice_robot_that_is_killed_is_there_again_for_whoever_practises(pe
     people.ana_drives()
 
 
-def test_a_practice_supervisor_that_is_killed_leaves_no_robot_behind_and_its_successor_goes_on(people):
+def test_a_practice_supervisor_that_is_killed_leaves_no_robot_behind_and_its_successor_goes_on(
+    people,
+):
     people.cy_begins_to_practise()
     robot = practice_robot(people)
     assert robot is not None

@@ -1,4 +1,6 @@
-"""The demo as somebody who drives it meets it when its parts die, and when others practise meanwhile."""
+"""The demo as somebody who drives it meets it when its parts die, and when others practise
+meanwhile.
+"""
 
 import signal
 
@@ -9,7 +11,9 @@ from tests.support.demo_visitors import demo_with_people
 pytestmark = pytest.mark.browser
 
 
-def test_whoever_drives_goes_on_while_another_practises_twice_and_all_servers_are_killed(tmp_path, browser):
+def test_whoever_drives_goes_on_while_another_practises_twice_and_all_servers_are_killed(
+    tmp_path, browser
+):
     with demo_with_people(tmp_path / "var", browser) as people:
         people.ana_sets_out()
         for _ in range(2):

@@ -34,7 +34,10 @@ def test_an_agent_that_stays_away_ends_the_visit_as_the_robots_fault(site, visit
 
 @pytest.mark.usefixtures("giraff")
 def test_a_cable_that_stays_pulled_ends_the_visit_as_a_lost_connection(tmp_path, playwright, site):
-    with namespace() as network, chromium(playwright, str(network.wrapper(tmp_path, CHROMIUM))) as browser:
+    with (
+        namespace() as network,
+        chromium(playwright, str(network.wrapper(tmp_path, CHROMIUM))) as browser,
+    ):
         far = Visitor(browser, site, "far", host=HERE).drive()
         far.wait_for("link", "live")
         network.pull()

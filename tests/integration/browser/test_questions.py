@@ -1,4 +1,6 @@
-"""Questionnaires in a real Chromium: desktop and phone, network lost, a reload, conditions, sliders."""
+"""Questionnaires in a real Chromium: desktop and phone, network lost, a reload, conditions,
+sliders.
+"""
 
 import pytest
 from django.urls import reverse
@@ -13,9 +15,14 @@ from tests.support.questionnaires import NOW, defined, item, rows
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
 KINDS = [
-    item("grid", "g", rows=rows("g1", "g2")), item("single", "s"), item("text", "why", show_if={"item": "s", "is": ["c"]}),
-    item("multiple", "m", not_applicable=True), item("slider", "x", step=5), item("number", "n", maximum=5), item("text", "t", prefer_not=True),
-]  # fmt: skip
+    item("grid", "g", rows=rows("g1", "g2")),
+    item("single", "s"),
+    item("text", "why", show_if={"item": "s", "is": ["c"]}),
+    item("multiple", "m", not_applicable=True),
+    item("slider", "x", step=5),
+    item("number", "n", maximum=5),
+    item("text", "t", prefer_not=True),
+]
 
 
 @pytest.fixture
@@ -26,13 +33,37 @@ def respondent(browser, live_server, client):
     def open_(questionnaire, viewport=DESKTOP, **context):
         user = person()
         client.force_login(user)
-        page = browser.new_context(base_url=live_server.url, locale="en", viewport=viewport, **context).new_page()
-        page.context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
+        page = browser.new_context(
+            base_url=live_server.url, locale="en", viewport=viewport, **context
+        ).new_page()
+        page.context.add_cookies(
+            [
+                {
+                    "name": "sessionid",
+                    "value": client.cookies["sessionid"].value,
+                    "url": live_server.url,
+                }
+            ]
+        )
         page.problems = []
         page.on("pageerror", lambda error: page.problems.append(str(error)))
-        page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
+        page.on(
+            "console",
+            lambda message: (
+                page.problems.append(message.text)
+                if "Content Security Policy" in message.text
+                else None
+            ),
+        )
         opened.append(page)
-        row = begin(questionnaire, Respondent(user=user), Context(key="c", robot=("giraff",)), language="en", seed=1, now=NOW)
+        row = begin(
+            questionnaire,
+            Respondent(user=user),
+            Context(key="c", robot=("giraff",)),
+            language="en",
+            seed=1,
+            now=NOW,
+        )
         page.goto(reverse("survey", args=[row.pk]))
         return page
 
@@ -49,12 +80,14 @@ def stored(page) -> dict:
 
 @pytest.mark.parametrize("slug", ["ict", "experience", "sus", "tlx"])
 @pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
-def test_no_page_is_wider_than_its_screen_and_every_choice_is_large_enough_for_a_thumb(respondent, slug, viewport):
+def test_no_page_is_wider_than_its_screen_and_every_choice_is_large_enough_for_a_thumb(
+    respondent, slug, viewport
+):
     page = respondent(current(slug, NOW), viewport)
     assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
-    sizes = page.locator(".choice label, .reason label, .slider__range, .survey__foot .button").evaluate_all(
-        "all => all.map(e => e.getBoundingClientRect().height)"
-    )
+    sizes = page.locator(
+        ".choice label, .reason label, .slider__range, .survey__foot .button"
+    ).evaluate_all("all => all.map(e => e.getBoundingClientRect().height)")
     assert sizes
     assert min(sizes) >= 44
 
@@ -150,7 +183,16 @@ def test_without_javascript_the_same_questionnaire_is_answered(respondent):
     page.get_by_role("button", name="Send the answers").click()
     expect(page.get_by_role("heading", name="Thank you")).to_be_visible()
     values = {row.item: row.missing or row.value for row in Answer.objects.all()}
-    assert values == {"g1": "skipped", "g2": "skipped", "s": "c", "why": "because", "m": "skipped", "x": 65, "n": "skipped", "t": "skipped"}
+    assert values == {
+        "g1": "skipped",
+        "g2": "skipped",
+        "s": "c",
+        "why": "because",
+        "m": "skipped",
+        "x": 65,
+        "n": "skipped",
+        "t": "skipped",
+    }
 
 
 def test_whoever_was_signed_out_meanwhile_loses_no_answer(respondent):

@@ -1,4 +1,6 @@
-"""A firewall that lets no datagram through on either side, and a relay outside of it that is reached by TCP."""
+"""A firewall that lets no datagram through on either side, and a relay outside of it that is
+reached by TCP.
+"""
 
 import shutil
 import tempfile
@@ -37,13 +39,18 @@ def relay(computer):
 @pytest.fixture(scope="module")
 def site(relay, tmp_path_factory):
     turn = ",".join(relay.server("udp", "tcp").urls)
-    # An address server that nobody hears here is on every site with a relay: neither side may wait for it.
+    # An address server that nobody hears here is on every site with a relay: neither side may wait
+    # for it.
     stun = f"stun:{relay.address}:{relay.port}"
-    with running_site(tmp_path_factory.mktemp("site"), STUN_URLS=stun, TURN_URLS=turn, TURN_SECRET=SECRET) as site:
+    with running_site(
+        tmp_path_factory.mktemp("site"), STUN_URLS=stun, TURN_URLS=turn, TURN_SECRET=SECRET
+    ) as site:
         yield site
 
 
-def test_where_no_datagram_passes_live_video_and_driving_go_through_the_relay(computer, site, playwright):
+def test_where_no_datagram_passes_live_video_and_driving_go_through_the_relay(
+    computer, site, playwright
+):
     giraff = site.start_robot("giraff", "--start", "corridor-centre")
     with chromium(playwright) as browser:
         anna = Visitor(browser, site, "anna").open(go=True)
@@ -61,5 +68,8 @@ def test_where_no_datagram_passes_live_video_and_driving_go_through_the_relay(co
 
 
 def path_of(site) -> str:
-    rows = site.rows("SELECT json_extract(data, '$.path') FROM telepresence_sessions_networksample ORDER BY received_at DESC LIMIT 1")
+    rows = site.rows(
+        "SELECT json_extract(data, '$.path') FROM telepresence_sessions_networksample ORDER BY"
+        " received_at DESC LIMIT 1"
+    )
     return rows[0][0] if rows else ""

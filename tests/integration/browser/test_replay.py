@@ -1,4 +1,6 @@
-"""Replay and live view in a real Chromium: the marker is where the states say, by slider, strip, key, finger and play."""
+"""Replay and live view in a real Chromium: the marker is where the states say, by slider, strip,
+key, finger and play.
+"""
 
 import datetime
 import math
@@ -27,13 +29,28 @@ def page(browser, live_server, request):
     client = Client()
     client.force_login(person("owner", is_superuser=True, is_staff=True))
     touch = request.param == "phone"
-    context = browser.new_context(base_url=live_server.url, locale="en", viewport=SIZES[request.param], has_touch=touch, is_mobile=touch)
-    context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
+    context = browser.new_context(
+        base_url=live_server.url,
+        locale="en",
+        viewport=SIZES[request.param],
+        has_touch=touch,
+        is_mobile=touch,
+    )
+    context.add_cookies(
+        [{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}]
+    )
     page = context.new_page()
     page.size = request.param
     page.problems = []
     page.on("pageerror", lambda error: page.problems.append(str(error)))
-    page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
+    page.on(
+        "console",
+        lambda message: (
+            page.problems.append(message.text)
+            if "Content Security Policy" in message.text
+            else None
+        ),
+    )
     yield page
     context.close()
     assert page.problems == []
@@ -42,7 +59,9 @@ def page(browser, live_server, request):
 def made(seconds: int = 60):
     visit = replays.session(replays.cabin_robot(), person("ada"), seconds=seconds)
     replays.record(visit, seconds=seconds)
-    drive = replays.drive(replays.participant(replays.study(), visit.visitor), visit, outcome="completed")
+    drive = replays.drive(
+        replays.participant(replays.study(), visit.visitor), visit, outcome="completed"
+    )
     replays.task_told(drive, 1.0, "task_started")
     replays.task_told(drive, 2.0, "checkpoint", number=1)
     replays.told(visit, seconds / 2, "collision", detail="front")
@@ -51,7 +70,9 @@ def made(seconds: int = 60):
 
 
 def marker(page) -> tuple[float, float, float]:
-    """Where the map's canvas says the robot was drawn, in CSS pixels, and for which moment, as soon as it is drawn at all."""
+    """Where the map's canvas says the robot was drawn, in CSS pixels, and for which moment, as soon
+    as it is drawn at all.
+    """
     expect(page.locator("#replay-map")).to_have_attribute("data-marker-t", ANYTHING)
     data = page.evaluate("({...document.getElementById('replay-map').dataset})")
     return float(data["markerX"]), float(data["markerY"]), float(data["markerT"])
@@ -66,10 +87,15 @@ def assert_is_where_it_was(page, t: float, within: float = 0.05) -> None:
 def assert_is_where_it_says(page) -> None:
     """The cabin is fitted into the canvas as map/transform.js does; the robot drives a circle."""
     x, y, at = marker(page)
-    box = page.evaluate("(({clientWidth, clientHeight}) => [clientWidth, clientHeight])(document.getElementById('replay-map'))")
+    box = page.evaluate(
+        "(({clientWidth, clientHeight}) => [clientWidth,"
+        " clientHeight])(document.getElementById('replay-map'))"
+    )
     scale = min((box[0] - 24) / 8.0, (box[1] - 24) / 4.0)
     true_x, true_y, _ = replays.place(at)
-    assert (x, y) == pytest.approx((box[0] / 2 + (true_x - 4.0) * scale, box[1] / 2 - (true_y - 2.0) * scale), abs=1.5)
+    assert (x, y) == pytest.approx(
+        (box[0] / 2 + (true_x - 4.0) * scale, box[1] / 2 - (true_y - 2.0) * scale), abs=1.5
+    )
 
 
 def shot(page, name: str) -> None:
@@ -101,7 +127,9 @@ def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):
 
 
 def test_it_plays_at_its_speed_to_the_end_and_again(page):
-    """What is clicked while it plays has a minute for it; only the end is waited for at four times its speed."""
+    """What is clicked while it plays has a minute for it; only the end is waited for at four times
+    its speed.
+    """
     visit = made(60)
     page.goto(reverse("replay", args=[visit.pk]))
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
@@ -141,7 +169,12 @@ def test_a_session_without_states_says_so_and_one_that_cannot_be_loaded_too(page
 
 
 def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
-    report = {"stamp": 5.0, "pose": {"x": 1.0, "y": 2.0, "theta": 0.0}, "battery": {"charge": 0.7}, "docked": True}
+    report = {
+        "stamp": 5.0,
+        "pose": {"x": 1.0, "y": 2.0, "theta": 0.0},
+        "battery": {"charge": 0.7},
+        "docked": True,
+    }
     heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any page takes to load
     robot = replays.cabin_robot(connection="ONLINE", last_seen_at=heard, report=report)
     study = replays.study()
@@ -149,7 +182,9 @@ def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
     card = page.locator("[data-robot=giraff]")
     expect(card).to_contain_text("nobody")
     expect(card).to_contain_text("70 %")
-    visit = replays.session(robot, person("ada"), granted=timezone.now() - datetime.timedelta(seconds=8))
+    visit = replays.session(
+        robot, person("ada"), granted=timezone.now() - datetime.timedelta(seconds=8)
+    )
     replays.record(visit, seconds=8)
     drive = replays.drive(replays.participant(study, visit.visitor), visit)
     replays.task_told(drive, 1.0, "task_started")
@@ -159,10 +194,17 @@ def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
     x, _y, _ = replays.place(7.75)
 
     def is_drawn_there() -> bool:
-        marker, width, height = card.locator("canvas").evaluate("canvas => [Number(canvas.dataset.markerX), canvas.clientWidth, canvas.clientHeight]")
-        return math.isclose(marker, width / 2 + (x - 4.0) * min((width - 24) / 8.0, (height - 24) / 4.0), abs_tol=1.5)
+        marker, width, height = card.locator("canvas").evaluate(
+            "canvas => [Number(canvas.dataset.markerX), canvas.clientWidth, canvas.clientHeight]"
+        )
+        return math.isclose(
+            marker,
+            width / 2 + (x - 4.0) * min((width - 24) / 8.0, (height - 24) / 4.0),
+            abs_tol=1.5,
+        )
 
-    wait_for(is_drawn_there, 5, "the marker where the robot is")  # the words come first, and may change the map's size
+    # the words come first, and may change the map's size
+    wait_for(is_drawn_there, 5, "the marker where the robot is")
     shot(page, "live")
     card.get_by_label("Message or reason").fill("a new carpet")
     card.get_by_role("button", name="Pause visits").click()

@@ -1,4 +1,6 @@
-"""The landing page in a real Chromium: cards change by themselves, and the visitor's menu and forms work by keyboard."""
+"""The landing page in a real Chromium: cards change by themselves, and the visitor's menu and forms
+work by keyboard.
+"""
 
 import datetime
 
@@ -17,11 +19,20 @@ pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 
 @pytest.fixture
 def page(browser, live_server):
-    context = browser.new_context(base_url=live_server.url, locale="en", viewport={"width": 390, "height": 844})
+    context = browser.new_context(
+        base_url=live_server.url, locale="en", viewport={"width": 390, "height": 844}
+    )
     page = context.new_page()
     page.problems = []
     page.on("pageerror", lambda error: page.problems.append(str(error)))
-    page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
+    page.on(
+        "console",
+        lambda message: (
+            page.problems.append(message.text)
+            if "Content Security Policy" in message.text
+            else None
+        ),
+    )
     yield page
     context.close()
 
@@ -29,7 +40,13 @@ def page(browser, live_server):
 @pytest.fixture
 def giraff():
     heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any page takes to load
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=heard, report={"battery": {"charge": 0.5}})
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        connection="ONLINE",
+        last_seen_at=heard,
+        report={"battery": {"charge": 0.5}},
+    )
 
 
 def later(page, milliseconds: int = 5100) -> None:
@@ -42,7 +59,13 @@ def test_a_card_follows_its_robot_without_a_reload(page, giraff):
     page.goto("/")
     card = page.locator("[data-robot=giraff]")
     expect(card).to_contain_text("Free now")
-    session = Session.objects.create(robot=giraff, visitor=person("driver"), state="driving", live_key="x", queued_at=timezone.now())
+    session = Session.objects.create(
+        robot=giraff,
+        visitor=person("driver"),
+        state="driving",
+        live_key="x",
+        queued_at=timezone.now(),
+    )
     Robot.objects.update(report={"battery": {"charge": 0.25}})
     page.evaluate("window.sameDocument = true")
     later(page)
@@ -98,7 +121,8 @@ def test_the_menu_closes_with_escape_and_gives_the_focus_back(page, giraff):
     page.goto(reverse("account_login"))
     page.fill("#id_login", "ada")
     page.fill("#id_password", PASSWORD)
-    with page.expect_navigation():  # until the next page's scripts are there: without them Escape closes nothing
+    # until the next page's scripts are there: without them Escape closes nothing
+    with page.expect_navigation():
         page.get_by_role("button", name="Log in").click()
     menu = page.locator("[data-menu] > summary")
     menu.focus()

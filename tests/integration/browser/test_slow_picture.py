@@ -1,4 +1,6 @@
-"""With no network interface but lo no WebRTC path exists: the picture comes through the server, and the robot is driven all the same."""
+"""With no network interface but lo no WebRTC path exists: the picture comes through the server, and
+the robot is driven all the same.
+"""
 
 import json
 import math
@@ -59,7 +61,9 @@ def giraff(site):
 
 def wait_for_slow_picture(visitor):
     visitor.wait_for("slow", "", within=20)
-    wait_for(lambda: not visitor.page.locator("#slow").is_hidden(), 10, "a picture through the server")
+    wait_for(
+        lambda: not visitor.page.locator("#slow").is_hidden(), 10, "a picture through the server"
+    )
 
 
 def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(site, visitor, giraff):
@@ -67,12 +71,19 @@ def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(sit
     wait_for_slow_picture(anna)
     anna.page.evaluate(COUNT)
     assert anna.page.evaluate(SPREAD) > 8
-    expect(anna.page.locator("#status-text")).to_have_text(re.compile("slow picture", re.IGNORECASE))
+    expect(anna.page.locator("#status-text")).to_have_text(
+        re.compile("slow picture", re.IGNORECASE)
+    )
     expect(anna.page.locator("#alert")).to_contain_text("without sound")
     expect(anna.page.locator("#sound")).to_be_hidden()
     assert anna.cockpit("way") == "mqtt"
     before = giraff.truth()
-    anna.hold("ArrowUp", lambda: math.hypot(giraff.truth().x - before.x, giraff.truth().y - before.y) > 0.8, 20, "a drive")
+    anna.hold(
+        "ArrowUp",
+        lambda: math.hypot(giraff.truth().x - before.x, giraff.truth().y - before.y) > 0.8,
+        20,
+        "a drive",
+    )
     wait_for(lambda: anna.page.evaluate("window.pictures()") > 15, 10, "pictures that move")
     keep(anna.page, "slow-desktop")
     anna.page.keyboard.up("ArrowUp")
@@ -83,12 +94,19 @@ def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(sit
     anna.page.set_viewport_size({"width": 1280, "height": 800})
     anna.leave()
     session = site.sessions()[0][0]
-    states = wait_for(lambda: (found := site.states(session)) and len(found) > 20 and found, 10, "the record")
+    states = wait_for(
+        lambda: (found := site.states(session)) and len(found) > 20 and found, 10, "the record"
+    )
     applied = [command for state in states for command in state.get("applied", [])]
     assert {command["way"] for command in applied} == {"mqtt"}
     assert max(command["age"] for command in applied) < 1.0
     wait_for(lambda: site.sessions()[0][2:] == ("ended", "completed"), 10, "the outcome")
-    seconds = [json.loads(data) for (data,) in site.rows("SELECT data FROM telepresence_sessions_networksample WHERE session_id = ?", session)]
+    seconds = [
+        json.loads(data)
+        for (data,) in site.rows(
+            "SELECT data FROM telepresence_sessions_networksample WHERE session_id = ?", session
+        )
+    ]
     slow = [second for second in seconds if second.get("path") == "server/jpeg"]
     assert len(slow) >= 2
     assert max(second["fps"] for second in slow) > 2
@@ -99,14 +117,28 @@ def test_firefox_without_a_direct_way_drives_by_the_slow_picture_as_well(site, g
     with firefox() as browser:
         browser.set_cookie("sessionid", site.sign_in("fiona"), LOOPBACK)
         browser.goto(f"{site.url}/robots/giraff/?go=1")
-        wait_for(lambda: not browser.evaluate("document.getElementById('slow').hidden"), 40, "a picture through the server in Firefox")
+        wait_for(
+            lambda: not browser.evaluate("document.getElementById('slow').hidden"),
+            40,
+            "a picture through the server in Firefox",
+        )
         assert browser.evaluate(f"({SPREAD})()") > 8
         before = giraff.truth()
-        browser.hold(ARROW_LEFT, lambda: abs(giraff.truth().theta - before.theta) > 0.2, 20, "a turn")
+        browser.hold(
+            ARROW_LEFT, lambda: abs(giraff.truth().theta - before.theta) > 0.2, 20, "a turn"
+        )
         browser.evaluate("document.getElementById('leave').click()")
-        wait_for(lambda: browser.evaluate("!document.getElementById('card').hidden"), 10, "the question whether to leave")
+        wait_for(
+            lambda: browser.evaluate("!document.getElementById('card').hidden"),
+            10,
+            "the question whether to leave",
+        )
         browser.evaluate("document.getElementById('card-main').click()")
-        wait_for(lambda: browser.evaluate("document.getElementById('cockpit').dataset.phase") == "ended", 10, "the end of the visit")
+        wait_for(
+            lambda: browser.evaluate("document.getElementById('cockpit').dataset.phase") == "ended",
+            10,
+            "the end of the visit",
+        )
 
 
 def test_whoever_watches_sees_it_too_and_whoever_does_not_gets_nothing(site, visitor, giraff):
@@ -126,7 +158,9 @@ def test_whoever_watches_sees_it_too_and_whoever_does_not_gets_nothing(site, vis
     wait_for(lambda: otto.page.evaluate("window.denied.length") > 2, 10, "a refusal")
     assert otto.page.evaluate("[...new Set(window.denied)]") == ["no_role"]
     assert otto.page.evaluate("window.binary") == 0
-    otto.page.locator("#card-other, #card-main").filter(has_text=re.compile("watch", re.IGNORECASE)).click()
+    otto.page.locator("#card-other, #card-main").filter(
+        has_text=re.compile("watch", re.IGNORECASE)
+    ).click()
     wait_for_slow_picture(otto)
     expect(otto.page.locator("#alert")).to_contain_text("without sound")
     assert otto.page.evaluate(SPREAD) > 8
@@ -149,34 +183,54 @@ def test_on_a_narrow_network_the_picture_becomes_smaller_instead_of_older(site, 
         ended, way.rate = time.time(), None
         dan.leave()
         dan.close()
-    # Each sample is of the second before its stamp, and here all clocks are one. In one of them the computer may have been busy.
+    # Each sample is of the second before its stamp, and here all clocks are one. In one of them the
+    # computer may have been busy.
     within = "session_id = ? AND stamp BETWEEN ? AND ?"
-    samples = site.rows(f"SELECT data FROM telepresence_sessions_networksample WHERE {within}", session, begun + 1.0, ended)
-    slow = [second for (data,) in samples if (second := json.loads(data)).get("path") == "server/jpeg"]
+    samples = site.rows(
+        f"SELECT data FROM telepresence_sessions_networksample WHERE {within}",
+        session,
+        begun + 1.0,
+        ended,
+    )
+    slow = [
+        second for (data,) in samples if (second := json.loads(data)).get("path") == "server/jpeg"
+    ]
     assert len(slow) >= 3, samples
     assert median(second["frameAge"] for second in slow) < 0.8, slow
     assert median(second["fps"] for second in slow) >= 1, slow
     assert median(second["bitrate"] for second in slow) < 8 * 60_000, slow
 
 
-def test_a_restart_of_the_web_server_stands_the_robot_still_and_the_picture_comes_back(site, visitor, giraff):
+def test_a_restart_of_the_web_server_stands_the_robot_still_and_the_picture_comes_back(
+    site, visitor, giraff
+):
     eva = visitor("eva").open(go=True)
     wait_for_slow_picture(eva)
     eva.page.keyboard.down("ArrowLeft")
     wait_for(lambda: abs(giraff.truth().angular) > 0.1, 10, "a turn")
     site.stop("web")
     wait_for(lambda: abs(giraff.truth().angular) < 0.01, 5, "a standing robot")
-    wait_for(lambda: eva.page.locator("#cockpit[data-frozen]").count(), 10, "a picture that is marked as old")
+    wait_for(
+        lambda: eva.page.locator("#cockpit[data-frozen]").count(),
+        10,
+        "a picture that is marked as old",
+    )
     eva.page.keyboard.up("ArrowLeft")
     site.start("web")
     wait_for(site.web_answers, 40, "the web server")
-    wait_for(lambda: eva.page.locator("#cockpit[data-slow][data-playing]").count(), 30, "a picture of the present")
+    wait_for(
+        lambda: eva.page.locator("#cockpit[data-slow][data-playing]").count(),
+        30,
+        "a picture of the present",
+    )
     wait_for(lambda: turned_by(eva, giraff), 40, "a turn")
     eva.leave()
 
 
 def turned_by(someone, giraff):
-    """Hold a key for some seconds: a picture that was old for a moment lets go of it, and people press again."""
+    """Hold a key for some seconds: a picture that was old for a moment lets go of it, and people
+    press again.
+    """
     before = giraff.truth()
     someone.page.keyboard.down("ArrowRight")
     someone.page.wait_for_timeout(4000)
@@ -184,7 +238,9 @@ def turned_by(someone, giraff):
     return abs(giraff.truth().theta - before.theta) > 0.2
 
 
-def test_behind_a_firewall_the_slow_picture_lasts_until_a_direct_way_opens(computer, site, playwright, giraff):
+def test_behind_a_firewall_the_slow_picture_lasts_until_a_direct_way_opens(
+    computer, site, playwright, giraff
+):
     computer.plug()
     computer.close_udp()
     with chromium(playwright) as browser:

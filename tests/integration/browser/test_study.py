@@ -1,6 +1,8 @@
-"""A study for real, from the link to the thanks: newcomers in Chromium, a simulated robot, a real broker, and nobody who helps.
+"""A study for real, from the link to the thanks: newcomers in Chromium, a simulated robot, a real
+broker, and nobody who helps.
 
-A short course at the size of a desktop; a phone, and the paper's whole course whatever door is closed, are a matter of endurance.
+A short course at the size of a desktop; a phone, and the paper's whole course whatever door is
+closed, are a matter of endurance.
 """
 
 import json
@@ -17,11 +19,19 @@ from tests.support.site import Site, running_site, wait_for
 pytestmark = pytest.mark.browser
 SIZES = {
     "desktop": {"viewport": {"width": 1280, "height": 800}},
-    "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2},
+    "phone": {
+        "viewport": {"width": 390, "height": 844},
+        "has_touch": True,
+        "is_mobile": True,
+        "device_scale_factor": 2,
+    },
 }
 CONDITIONS = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
 SHORT = [("desktop", "giraff_lounge_closed", True)]
-ENDURANCE = [("phone", "giraff_open", True), *((size, condition, False) for size in SIZES for condition in CONDITIONS)]
+ENDURANCE = [
+    ("phone", "giraff_open", True),
+    *((size, condition, False) for size in SIZES for condition in CONDITIONS),
+]
 
 
 @pytest.fixture(scope="module")
@@ -33,18 +43,36 @@ def site(tmp_path_factory):
 @pytest.fixture(scope="module")
 def giraff(site):
     robot = site.start_robot("giraff", "--start", "dock", "--seed", "3")
-    wait_for(lambda: site.rows("SELECT 1 FROM robots_robot WHERE name = 'giraff' AND factsheet IS NOT NULL"), 20, "the factsheet")
+    wait_for(
+        lambda: site.rows(
+            "SELECT 1 FROM robots_robot WHERE name = 'giraff' AND factsheet IS NOT NULL"
+        ),
+        20,
+        "the factsheet",
+    )
     return robot
 
 
 def publish(site: Site, condition: str, *, short: bool) -> str:
-    """Publish the paper's study with one of its conditions, and return what its address is called; `short` leaves checkpoints out."""
+    """Publish the paper's study with one of its conditions, and return what its address is called;
+    `short` leaves checkpoints out.
+    """
     study = msgspec.to_builtins(shipped()["exploration"])
     course = next(one for one in study["courses"] if one["robot"] == "giraff")
     if short:
         home, *_, mirror = course["checkpoints"]
-        near = home | {"number": 1, "x": 2.6, "y": 5.6, "title": {"en": "In the laboratory", "es": "En el laboratorio"}}
-        course |= {"checkpoints": [home, near, mirror | {"number": 2}], "path": [], "doors": [], "photo": course["photo"] | {"checkpoint": 2}}
+        near = home | {
+            "number": 1,
+            "x": 2.6,
+            "y": 5.6,
+            "title": {"en": "In the laboratory", "es": "En el laboratorio"},
+        }
+        course |= {
+            "checkpoints": [home, near, mirror | {"number": 2}],
+            "path": [],
+            "doors": [],
+            "photo": course["photo"] | {"checkpoint": 2},
+        }
     slug = f"{condition.replace('_', '-')}{'-short' if short else ''}"
     conditions = [one for one in study["conditions"] if one["key"] == condition]
     document = json.dumps(study | {"slug": slug, "conditions": conditions, "courses": [course]})
@@ -68,7 +96,9 @@ def come_and_agree(page: Page, name: str) -> None:
 
 
 def answer_all(page: Page) -> int:
-    """Answer every question that is asked, page by page, until the questionnaire is over; return how many there were."""
+    """Answer every question that is asked, page by page, until the questionnaire is over; return
+    how many there were.
+    """
     answered, send = 0, page.get_by_role("button", name=re.compile("^(Send the answers|Next)$"))
     expect(send).to_be_visible()
     while send.is_visible():
@@ -98,7 +128,9 @@ def take_the_robot(visitor) -> None:
     visitor.page.get_by_role("button", name="Drive Giraff").click()
     visitor.wait_for_picture(30)
     visitor.wait_for("link", "live", 30)
-    expect(visitor.page.get_by_text("Drive backwards out of the charging station.").first).to_be_visible(timeout=20_000)
+    expect(
+        visitor.page.get_by_text("Drive backwards out of the charging station.").first
+    ).to_be_visible(timeout=20_000)
 
 
 def hands_for(page: Page, size: str) -> Keys | Finger:
@@ -106,8 +138,13 @@ def hands_for(page: Page, size: str) -> Keys | Finger:
 
 
 @pytest.mark.usefixtures("giraff")
-@pytest.mark.parametrize(("size", "condition", "short"), [*SHORT, *(pytest.param(*one, marks=pytest.mark.soak) for one in ENDURANCE)])
-def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(site, visitor, size, condition, short):
+@pytest.mark.parametrize(
+    ("size", "condition", "short"),
+    [*SHORT, *(pytest.param(*one, marks=pytest.mark.soak) for one in ENDURANCE)],
+)
+def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
+    site, visitor, size, condition, short
+):
     slug = publish(site, condition, short=short)
     nora = visitor(**SIZES[size])
     page, name = nora.page, slug.replace("-", "")
@@ -119,18 +156,28 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(site, visit
     cues = FirstTimeUser(page, hands_for(page, size)).drive(within=420)
     assert cues[0] == "leave_station", cues
     assert cues[-1] == "completed", cues
-    assert {"go_to_checkpoint", "photo_ready", "photo_review", "return_home", "dock_now"} <= set(cues), cues
+    assert {"go_to_checkpoint", "photo_ready", "photo_review", "return_home", "dock_now"} <= set(
+        cues
+    ), cues
 
     page.get_by_role("button", name="Go on").click()
     assert answer_all(page) == 8
     expect(page.get_by_role("heading", name="Thanks")).to_be_visible()
     code = page.get_by_text(re.compile(r"^[2-9A-Z]{8}$")).inner_text()
-    mine = "FROM experiments_participant WHERE user_id = (SELECT id FROM accounts_user WHERE username = ?)"
+    mine = (
+        "FROM experiments_participant WHERE user_id = (SELECT id FROM accounts_user WHERE username"
+        " = ?)"
+    )
     rows = site.rows(f"SELECT status, completion, completion_code, recruitment, visit {mine}", name)
     assert rows == [("finished", "done", code, json.dumps({"PROLIFIC_PID": "5f3a"}), 1)]
     assert [row[3] for row in site.sessions() if row[1] == name] == ["completed"]
-    checkpoints = "SELECT count(*) FROM experiments_taskevent e JOIN experiments_drive d ON d.id = e.drive_id WHERE e.type = 'checkpoint'"
-    assert site.rows(f"{checkpoints} AND d.participant_id = (SELECT id {mine})", name) == [(2 if short else 4,)]
+    checkpoints = (
+        "SELECT count(*) FROM experiments_taskevent e JOIN experiments_drive d ON d.id = e.drive_id"
+        " WHERE e.type = 'checkpoint'"
+    )
+    assert site.rows(f"{checkpoints} AND d.participant_id = (SELECT id {mine})", name) == [
+        (2 if short else 4,)
+    ]
 
     page.get_by_role("button", name="Take part again").click()
     read_instructions(page)
@@ -139,5 +186,9 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(site, visit
     leave.first.click()
     expect(page.get_by_role("heading", name="Leave the task?")).to_be_visible()
     leave.last.click()
-    wait_for(lambda: [row[2] for row in site.sessions() if row[1] == name] == ["ended", "ended"], 20, "the end of the second session")
+    wait_for(
+        lambda: [row[2] for row in site.sessions() if row[1] == name] == ["ended", "ended"],
+        20,
+        "the end of the second session",
+    )
     assert site.rows(f"SELECT visit, status {mine}", name) == [(2, "active")]

@@ -1,4 +1,6 @@
-"""A study's drive begins at its station: the page waits while the robot is elsewhere, says why, and goes on by itself."""
+"""A study's drive begins at its station: the page waits while the robot is elsewhere, says why, and
+goes on by itself.
+"""
 
 import signal
 
@@ -25,18 +27,25 @@ def hands(site):
 def join(site: Site, name: str) -> None:
     """Put a visitor on the task of the study that is there."""
     site.django(
-        "from django.utils import timezone; from accounts.models import User; from experiments import participation; from experiments.models import Study;"
-        f"user, _ = User.objects.get_or_create(username={name!r});"
-        "participation.enter(Study.objects.get(slug='short'), user, access='open', recruitment={}, now=timezone.now())"
+        "from django.utils import timezone; from accounts.models import User; from experiments"
+        " import participation; from experiments.models import Study;user, _ ="
+        f" User.objects.get_or_create(username={name!r});participation.enter(Study.objects.get(slug='short'),"
+        " user, access='open', recruitment={}, now=timezone.now())"
     )
 
 
 def called(site: Site) -> int:
     """How often staff were called."""
-    return int(site.rows("SELECT count(*) FROM telepresence_sessions_sessionevent WHERE type = 'staff_called'")[0][0])
+    return int(
+        site.rows(
+            "SELECT count(*) FROM telepresence_sessions_sessionevent WHERE type = 'staff_called'"
+        )[0][0]
+    )
 
 
-def test_two_participants_in_a_row_wait_until_the_robot_is_back_whatever_restarts_meanwhile(site, visitor, hands):
+def test_two_participants_in_a_row_wait_until_the_robot_is_back_whatever_restarts_meanwhile(
+    site, visitor, hands
+):
     begin_short_study(site, "ana")
     join(site, "ben")
     for number, name in enumerate(("ana", "ben"), 1):
@@ -60,7 +69,9 @@ def test_two_participants_in_a_row_wait_until_the_robot_is_back_whatever_restart
         assert called(site) == number, "the one that was started anew called nobody again"
         page.locator("#card-main").click()
         guest.wait_for_picture(40)
-        expect(page.locator("#task-cue")).to_have_text("Drive backwards out of the charging station.", timeout=20_000)
+        expect(page.locator("#task-cue")).to_have_text(
+            "Drive backwards out of the charging station.", timeout=20_000
+        )
         assert hands.wish(CORRIDOR) == "", "the drive ends badly: somebody carries the robot away"
         page.get_by_role("button", name="Leave", exact=True).first.click()
         page.locator("#card-main").click()

@@ -1,4 +1,6 @@
-"""A short task from the station and back, with every part real: session manager, robot, picture, photo, page."""
+"""A short task from the station and back, with every part real: session manager, robot, picture,
+photo, page.
+"""
 
 import json
 
@@ -17,7 +19,10 @@ def giraff(site):
 
 
 def page_events(site) -> list[tuple[str, dict]]:
-    rows = site.rows("SELECT type, data FROM telepresence_sessions_sessionevent WHERE source = 'page' ORDER BY received_at")
+    rows = site.rows(
+        "SELECT type, data FROM telepresence_sessions_sessionevent WHERE source = 'page' ORDER BY"
+        " received_at"
+    )
     return [(kind, json.loads(data)) for kind, data in rows]
 
 
@@ -31,7 +36,8 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     ana.wait_for_picture()
     cue = page.locator("#task-cue")
     expect(cue).to_have_text("Drive backwards out of the charging station.", timeout=20_000)
-    expect(page.get_by_role("button", name="Leave the dock")).to_be_visible()  # the page backs out, where the robot may not do it by itself
+    # the page backs out, where the robot may not do it by itself
+    expect(page.get_by_role("button", name="Leave the dock")).to_be_visible()
     expect(page.locator("#assist")).to_be_hidden()
 
     photo = page.get_by_role("region", name="Photo")
@@ -40,7 +46,11 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     photo.get_by_role("button", name="Take photo").click()
     picture = photo.get_by_alt_text("The photo that you have just taken")
     expect(picture).to_be_visible(timeout=20_000)
-    wait_for(lambda: picture.evaluate("image => image.complete && image.naturalWidth") > 100, 10, "the picture itself")
+    wait_for(
+        lambda: picture.evaluate("image => image.complete && image.naturalWidth") > 100,
+        10,
+        "the picture itself",
+    )
     photo.get_by_role("button", name="Keep").click()
     expect(photo).to_be_hidden(timeout=40_000)
     expect(page.locator("#task-stops [data-status=passed]")).to_have_count(1)
@@ -52,8 +62,13 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     expect(page.get_by_text("Thank you for driving!")).to_be_visible(timeout=40_000)
 
     wanted = {"first_frame", "layout", "map", "photo_answer", "cue_shown", "controller"}
-    told = wait_for(lambda: wanted <= dict(events := page_events(site)).keys() and events, 10, "the page's record")
+    told = wait_for(
+        lambda: wanted <= dict(events := page_events(site)).keys() and events,
+        10,
+        "the page's record",
+    )
     kinds = dict(told)
     assert kinds["photo_answer"]["choice"] == "keep"
     shown = [data["word"] for kind, data in told if kind == "cue_shown"]
-    assert next(word for word in shown if word != "cue.wait_for_picture") == "cue.leave_station"  # the picture may be there before the first cue
+    # the picture may be there before the first cue
+    assert next(word for word in shown if word != "cue.wait_for_picture") == "cue.leave_station"

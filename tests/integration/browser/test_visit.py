@@ -1,4 +1,6 @@
-"""The whole path for real: sign-up, page, video, drive, map, record; then a queue, and somebody who only watches."""
+"""The whole path for real: sign-up, page, video, drive, map, record; then a queue, and somebody who
+only watches.
+"""
 
 import math
 import re
@@ -32,7 +34,9 @@ def giraff(site):
 
 
 def marker_on_the_map(visitor) -> tuple[float, float, float]:
-    """Return (x, y, stamp) of the arrow: the middle of its coloured pixels, taken back through the map's transform."""
+    """Return (x, y, stamp) of the arrow: the middle of its coloured pixels, taken back through the
+    map's transform.
+    """
     seen = visitor.page.evaluate(CENTROID)
     assert seen["n"] > 30, "no arrow was drawn"
     scale = float(seen["viewScale"])
@@ -41,7 +45,9 @@ def marker_on_the_map(visitor) -> tuple[float, float, float]:
     return x, y, float(seen["markerStamp"])
 
 
-def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(site, visitor, giraff):
+def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(
+    site, visitor, giraff
+):
     anna = visitor()
     page = anna.page
     page.goto("/")
@@ -50,7 +56,8 @@ def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(s
     page.get_by_label(re.compile("^password", re.IGNORECASE)).fill("correct horse battery")
     page.get_by_role("button", name=re.compile("sign up|create", re.IGNORECASE)).click()
     expect(page).to_have_url(re.compile("/robots/giraff/"))
-    page.get_by_role("button", name=re.compile("drive", re.IGNORECASE)).click()  # the third click, the form's included; six would be bearable
+    # the third click, the form's included; six would be bearable
+    page.get_by_role("button", name=re.compile("drive", re.IGNORECASE)).click()
     anna.wait_for_picture()
     before = anna.frames()
     assert anna.spread() > 8
@@ -68,9 +75,18 @@ def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(s
     page.get_by_role("button", name="Leave").click()
     page.locator("#card-main").click()
     anna.wait_for("phase", "ended")
-    wait_for(lambda: [(name, state, outcome) for _, name, state, outcome in site.sessions()] == [("anna", "ended", "completed")], 10, "the outcome")
+    wait_for(
+        lambda: (
+            [(name, state, outcome) for _, name, state, outcome in site.sessions()]
+            == [("anna", "ended", "completed")]
+        ),
+        10,
+        "the outcome",
+    )
     session = site.sessions()[0][0]
-    states = wait_for(lambda: (found := site.states(session)) and len(found) > 20 and found, 10, "the record")
+    states = wait_for(
+        lambda: (found := site.states(session)) and len(found) > 20 and found, 10, "the record"
+    )
     numbers = [state["seq"] for state in states]
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     applied = [command for state in states for command in state.get("applied", [])]
@@ -92,7 +108,9 @@ def test_the_marker_stays_on_the_robot_while_it_turns_and_drives_back(visitor, g
     ben.leave()
 
 
-def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(site, visitor, giraff):
+def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(
+    site, visitor, giraff
+):
     carl = visitor("carl").drive()
     dora = visitor("dora", viewport={"width": 390, "height": 844}).open(go=True)
     dora.wait_for("phase", "queued")
@@ -121,7 +139,9 @@ def test_whoever_presses_just_after_another_has_left_gets_the_robot_by_that_pres
     eve.leave()
 
 
-def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_server_and_at_the_robot(site, visitor, giraff):
+def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_server_and_at_the_robot(
+    site, visitor, giraff
+):
     eve = visitor("eve").drive()
     otto = visitor("otto")
     # The page keeps its connections to itself, so the forger brings its own handle on them.
@@ -134,15 +154,23 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     """)
     otto.page = otto.new_page()
     otto.open()
-    otto.page.locator("#card-other, #card-main").filter(has_text=re.compile("watch", re.IGNORECASE)).click()
+    otto.page.locator("#card-other, #card-main").filter(
+        has_text=re.compile("watch", re.IGNORECASE)
+    ).click()
     otto.wait_for_picture()
     otto.wait_for("role", "observer")
     assert otto.spread() > 8
     expect(eve.page.locator("#people")).to_be_visible()
-    session, epoch = site.rows("SELECT session_id, epoch FROM telepresence_sessions_lease WHERE session_id IS NOT NULL")[0]
+    session, epoch = site.rows(
+        "SELECT session_id, epoch FROM telepresence_sessions_lease WHERE session_id IS NOT NULL"
+    )[0]
     session = f"{session[:8]}-{session[8:12]}-{session[12:16]}-{session[16:20]}-{session[20:]}"
     before = giraff.truth()
-    wait_for(lambda: otto.page.evaluate("window.channels.some((c) => c.readyState === 'open')"), 10, "an open data channel")
+    wait_for(
+        lambda: otto.page.evaluate("window.channels.some((c) => c.readyState === 'open')"),
+        10,
+        "an open data channel",
+    )
     otto.page.evaluate(
         """([session, epoch]) => {
           for (let n = 0; n < 40; n += 1) {
@@ -154,8 +182,15 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
         }""",
         [session, epoch],
     )
-    # Told once a second at most; that none got through is what the robot's count and its standing still show.
-    wait_for(lambda: otto.page.evaluate("window.denied.filter((d) => d.suffix === 'command/velocity').length"), 5, "the server's refusal")
+    # Told once a second at most; that none got through is what the robot's count and its standing
+    # still show.
+    wait_for(
+        lambda: otto.page.evaluate(
+            "window.denied.filter((d) => d.suffix === 'command/velocity').length"
+        ),
+        5,
+        "the server's refusal",
+    )
 
     def refused_at_the_robot() -> int:
         return sum(sum(state.get("refused", {}).values()) for state in site.states(session))
@@ -165,6 +200,8 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     assert math.hypot(after.x - before.x, after.y - before.y) < 0.01
     assert abs(after.theta - before.theta) < 0.01
     # The driver is not disturbed.
-    eve.hold("ArrowRight", lambda: abs(giraff.truth().theta - after.theta) > 0.1, 10, "the driver's turn")
+    eve.hold(
+        "ArrowRight", lambda: abs(giraff.truth().theta - after.theta) > 0.1, 10, "the driver's turn"
+    )
     eve.page.keyboard.up("ArrowRight")
     eve.leave()

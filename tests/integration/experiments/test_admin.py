@@ -1,4 +1,6 @@
-"""Studies in the administration: who sees them, how they come in and go out, and how they are published."""
+"""Studies in the administration: who sees them, how they come in and go out, and how they are
+published.
+"""
 
 import json
 import re
@@ -50,15 +52,23 @@ def study():
     return publishing.store(small_study(), NOW)
 
 
-# --- in and out ------------------------------------------------------------------------------------------------------
+# --- in and out -----------------------------------------------------------------------------------
 
 
 def test_a_study_comes_in_as_a_file_and_goes_out_the_same(client, boss):
     content = to_json(small_study())
-    answer = client.post(reverse(ADD), {"file": SimpleUploadedFile("s.json", content, "application/json")}, follow=True)
+    answer = client.post(
+        reverse(ADD),
+        {"file": SimpleUploadedFile("s.json", content, "application/json")},
+        follow=True,
+    )
     row = Study.objects.get()
     assert answer.redirect_chain[-1][0] == at("change", row)
-    assert (row.slug, row.status, StudyMember.objects.get().user) == ("cabin-study", Study.Status.DRAFT, boss)
+    assert (row.slug, row.status, StudyMember.objects.get().user) == (
+        "cabin-study",
+        Study.Status.DRAFT,
+        boss,
+    )
     exported = client.get(at("export", row))
     assert 'filename="cabin-study-1.json"' in exported["Content-Disposition"]
     assert exported.content == content
@@ -72,7 +82,10 @@ def test_a_study_comes_in_as_a_file_and_goes_out_the_same(client, boss):
         ('{"format": 2}', "$.format"),
         (json.dumps({**STUDY, "colour": "red"}), "unknown field `colour`"),
         (json.dumps({**STUDY, "conditions": []}), "There is no condition."),
-        (json.dumps({**STUDY, "courses": [{**STUDY["courses"][0], "checkpoints": []}]}), "there is no checkpoint"),
+        (
+            json.dumps({**STUDY, "courses": [{**STUDY["courses"][0], "checkpoints": []}]}),
+            "there is no checkpoint",
+        ),
         (json.dumps({**STUDY, "title": {"en": "<script>", "fr": "x"}}), "has a text in fr"),
         ("", "Choose a file, paste the text of one, or write a name"),
     ],
@@ -99,18 +112,31 @@ def test_somebody_elses_name_cannot_be_taken(client, study):
 
 
 def test_a_study_is_begun_empty_and_built_on(client, boss):
-    answer = client.post(reverse(ADD), {"name": "mine", "called": "My study", "spoken": "en, es"}, follow=True)
+    answer = client.post(
+        reverse(ADD), {"name": "mine", "called": "My study", "spoken": "en, es"}, follow=True
+    )
     page = read(answer)
     assert "There is no condition." in page.text
     assert Study.objects.get().as_definition().languages == ("en", "es")
 
 
 def test_a_draft_is_replaced_by_the_text_of_a_file_and_its_settings_are_kept(client, boss, study):
-    changed = {"entry": "personal", "exclusive": "on", "document": json.dumps({**STUDY, "title": {"en": "Hut"}})}
+    changed = {
+        "entry": "personal",
+        "exclusive": "on",
+        "document": json.dumps({**STUDY, "title": {"en": "Hut"}}),
+    }
     assert client.post(at("change", study), changed).status_code == 302
     row = Study.objects.get()
-    assert (row.title, row.entry, row.exclusive, row.as_definition().title) == ("Hut", "personal", True, {"en": "Hut"})
-    wrong = client.post(at("change", study), {"entry": "open", "document": json.dumps({**STUDY, "version": 2})})
+    assert (row.title, row.entry, row.exclusive, row.as_definition().title) == (
+        "Hut",
+        "personal",
+        True,
+        {"en": "Hut"},
+    )
+    wrong = client.post(
+        at("change", study), {"entry": "open", "document": json.dumps({**STUDY, "version": 2})}
+    )
     assert "name and version stay" in read(wrong).text
     assert Study.objects.get().entry == "personal"
 
@@ -124,18 +150,29 @@ def test_each_shipped_study_is_added_by_one_button(client, boss, slug):
     assert Study.objects.get().as_definition() == shipped()[slug]
     again = client.post(reverse("admin:experiments_study_shipped"), {"study": slug}, follow=True)
     assert "0 studies were added" in read(again).text
-    assert slug not in [e.attributes.get("value") for e in read(client.get(reverse(LIST))).all("button")]
-    assert client.post(reverse("admin:experiments_study_shipped"), {"study": "nonsense"}).status_code == 404
+    assert slug not in [
+        e.attributes.get("value") for e in read(client.get(reverse(LIST))).all("button")
+    ]
+    assert (
+        client.post(reverse("admin:experiments_study_shipped"), {"study": "nonsense"}).status_code
+        == 404
+    )
 
 
-# --- who may ---------------------------------------------------------------------------------------------------------
+# --- who may --------------------------------------------------------------------------------------
 
 PAGES = ("change", "export", "publish", "members", "links", "hours")
 
 
 def pages_of(row: Study) -> dict[str, str]:
-    built = {f"{section}": at("section", row, section) for section in ("about", "steps", "conditions", "courses", "rules")}
-    parts = {f"{section}/0": at("part", row, section, 0) for section in ("steps", "conditions", "courses")}
+    built = {
+        f"{section}": at("section", row, section)
+        for section in ("about", "steps", "conditions", "courses", "rules")
+    }
+    parts = {
+        f"{section}/0": at("part", row, section, 0)
+        for section in ("steps", "conditions", "courses")
+    }
     return {**{name: at(name, row) for name in PAGES}, **built, **parts}
 
 
@@ -168,9 +205,24 @@ def test_a_viewer_looks_and_changes_nothing(client, study):
     assert {name for name, status in statuses.items() if status == 404} == {"publish", "links"}
     about = at("section", study, "about")
     assert read(client.get(about)).all("fieldset")[0].attributes.keys() >= {"disabled"}
-    assert client.post(about, {"title.en": "Mine now", "languages": "en", "sha256": study.sha256}).status_code == 404
-    assert client.post(at("section", study, "steps"), {"do": "remove:0", "sha256": study.sha256}).status_code == 404
-    assert client.post(at("members", study), {"add": "1", "person": "rosa", "role": "owner"}).status_code == 404
+    assert (
+        client.post(
+            about, {"title.en": "Mine now", "languages": "en", "sha256": study.sha256}
+        ).status_code
+        == 404
+    )
+    assert (
+        client.post(
+            at("section", study, "steps"), {"do": "remove:0", "sha256": study.sha256}
+        ).status_code
+        == 404
+    )
+    assert (
+        client.post(
+            at("members", study), {"add": "1", "person": "rosa", "role": "owner"}
+        ).status_code
+        == 404
+    )
     assert client.post(at("hours", study), {"time_zone": "UTC"}).status_code == 404
     assert client.post(at("change", study), {"entry": "personal"}).status_code == 403
     assert Study.objects.get().sha256 == study.sha256
@@ -186,13 +238,17 @@ def test_an_owner_without_any_permission_of_the_models_builds_and_publishes(clie
 def test_the_pages_have_no_faults(client, boss, study):
     pages = pages_of(study)
     del pages["export"]
-    # Django's own scripts, landmarks and headings are not ours to mend; buttons of a submit row say what they do by their value.
+    # Django's own scripts, landmarks and headings are not ours to mend; buttons of a submit row say
+    # what they do by their value.
     own = re.compile(r"h\d follows|\d h1|inline|<|(None|_\w+|make|add|exclude) without label")
-    found = {name: [fault for fault in faults(read(client.get(address))) if not own.match(fault)] for name, address in pages.items()}
+    found = {
+        name: [fault for fault in faults(read(client.get(address))) if not own.match(fault)]
+        for name, address in pages.items()
+    }
     assert {name: told for name, told in found.items() if told} == {}
 
 
-# --- publishing ------------------------------------------------------------------------------------------------------
+# --- publishing -----------------------------------------------------------------------------------
 
 
 def test_publishing_without_rehearsal_asks_for_a_reason_and_notes_it(client, boss, study):
@@ -209,7 +265,9 @@ def test_publishing_without_rehearsal_asks_for_a_reason_and_notes_it(client, bos
 
 
 def test_a_rehearsed_study_is_published_by_a_button(client, boss, study):
-    Rehearsal.objects.create(study=study, sha256=study.sha256, began_at=NOW, finished_at=NOW, passed=True)
+    Rehearsal.objects.create(
+        study=study, sha256=study.sha256, began_at=NOW, finished_at=NOW, passed=True
+    )
     page = read(client.get(at("publish", study)))
     assert page.all("textarea") == []
     assert client.post(at("publish", study)).status_code == 302
@@ -220,8 +278,12 @@ def test_an_impossible_study_shows_every_reason_with_the_way_to_it(client, boss)
     row = publishing.store(small_study(), NOW)
     page = read(client.get(at("change", row)))
     links = {e.text: e.attributes["href"] for e in page.all("a")}
-    assert links["Course of giraff at cabin: there is no site cabin."] == at("part", row, "courses", 0)
-    assert links["Condition shut: there is no robot of the series giraff."] == at("part", row, "conditions", 1)
+    assert links["Course of giraff at cabin: there is no site cabin."] == at(
+        "part", row, "courses", 0
+    )
+    assert links["Condition shut: there is no robot of the series giraff."] == at(
+        "part", row, "conditions", 1
+    )
     refused = client.post(at("publish", row), {"reason": WHY})
     assert refused.status_code == 422
     assert Study.objects.get().status == Study.Status.DRAFT
@@ -235,15 +297,32 @@ def published(study):
 def test_no_way_leads_to_a_change_of_what_is_published(client, boss, published):
     for name, address in pages_of(published).items():
         if "/" in name or name in {"about", "steps", "conditions", "courses", "rules"}:
-            assert client.post(address, {"do": "remove:0", "title.en": "Hut", "languages": "en", "sha256": published.sha256}).status_code == 404, name
-    client.post(at("change", published), {"entry": "personal", "document": json.dumps({**STUDY, "title": {"en": "Hut"}})})
+            assert (
+                client.post(
+                    address,
+                    {
+                        "do": "remove:0",
+                        "title.en": "Hut",
+                        "languages": "en",
+                        "sha256": published.sha256,
+                    },
+                ).status_code
+                == 404
+            ), name
+    client.post(
+        at("change", published),
+        {"entry": "personal", "document": json.dumps({**STUDY, "title": {"en": "Hut"}})},
+    )
     row = Study.objects.get()
     assert (row.sha256, row.title) == (published.sha256, "Cabin")
     assert "never changes" in read(client.get(at("section", published, "about"))).text
 
 
 def test_how_people_come_in_is_changed_after_publishing(client, boss, published):
-    assert client.post(at("change", published), {"entry": "personal", "exclusive": "on"}).status_code == 302
+    assert (
+        client.post(at("change", published), {"entry": "personal", "exclusive": "on"}).status_code
+        == 302
+    )
     row = Study.objects.get()
     assert (row.entry, row.exclusive, row.sha256) == ("personal", True, published.sha256)
 
@@ -254,8 +333,12 @@ def test_a_new_version_is_made_closed_and_opened_by_buttons(client, boss, publis
     assert "takes nobody new" in read(client.post(at("close", published), follow=True)).text
     assert Study.objects.get(version=1).status == Study.Status.CLOSED
     assert "Only a published study" in read(client.post(at("close", published), follow=True)).text
-    assert "takes participants again" in read(client.post(at("reopen", published), follow=True)).text
-    assert {client.get(at(name, published)).status_code for name in ("close", "reopen", "new_version")} == {405}
+    assert (
+        "takes participants again" in read(client.post(at("reopen", published), follow=True)).text
+    )
+    assert {
+        client.get(at(name, published)).status_code for name in ("close", "reopen", "new_version")
+    } == {405}
 
 
 def test_only_a_draft_that_nobody_took_part_in_is_deleted(client, boss, published):
@@ -278,14 +361,19 @@ def test_the_name_of_a_study_that_is_gone_belongs_to_whoever_takes_it_next(clien
     assert not Study.objects.exists()
     next_one = person("nora", is_staff=True)
     publishing.own(publishing.store(small_study(), NOW), next_one)
-    assert set(StudyMember.objects.values_list("slug", "user__username", "role")) == {("another", "rosa", "viewer"), ("cabin-study", "nora", "owner")}
+    assert set(StudyMember.objects.values_list("slug", "user__username", "role")) == {
+        ("another", "rosa", "viewer"),
+        ("cabin-study", "nora", "owner"),
+    }
 
 
-# --- the list and the overview ---------------------------------------------------------------------------------------
+# --- the list and the overview --------------------------------------------------------------------
 
 
 def test_the_list_tells_participants_by_kind_and_the_last_activity(client, boss, study):
-    for n, kind in enumerate((Kind.PARTICIPANT, Kind.PARTICIPANT, Kind.PILOT, Kind.BOT, Kind.BOT, Kind.BOT)):
+    for n, kind in enumerate(
+        (Kind.PARTICIPANT, Kind.PARTICIPANT, Kind.PILOT, Kind.BOT, Kind.BOT, Kind.BOT)
+    ):
         Participant.objects.create(study=study, slot=str(n), kind=kind, created_at=NOW, seen_at=NOW)
     counts = {
         e.attributes["href"].split("kind__exact=")[1]: e.text
@@ -298,7 +386,9 @@ def test_the_list_tells_participants_by_kind_and_the_last_activity(client, boss,
 
 def test_the_overview_gives_the_link_for_participants(client, boss, published):
     page = read(client.get(at("change", published)))
-    assert "http://testserver/studies/cabin-study/" in [e.attributes.get("value") for e in page.all("input")]
+    assert "http://testserver/studies/cabin-study/" in [
+        e.attributes.get("value") for e in page.all("input")
+    ]
 
 
 def test_a_half_done_draft_of_every_kind_can_be_looked_at(client, boss):
@@ -306,5 +396,11 @@ def test_a_half_done_draft_of_every_kind_can_be_looked_at(client, boss):
     bare = msgspec.structs.replace(row.as_definition(), steps=())
     for definition in (row.as_definition(), bare):
         row = publishing.save_draft(row, definition)
-        addresses = [at("change", row), *(at("section", row, name) for name in ("about", "steps", "conditions", "courses", "rules"))]
+        addresses = [
+            at("change", row),
+            *(
+                at("section", row, name)
+                for name in ("about", "steps", "conditions", "courses", "rules")
+            ),
+        ]
         assert {client.get(address).status_code for address in addresses} == {200}

@@ -1,4 +1,6 @@
-"""What the report on a study in the database says, computed once more by pandas and scipy from the files of its export alone."""
+"""What the report on a study in the database says, computed once more by pandas and scipy from the
+files of its export alone.
+"""
 
 import io
 
@@ -25,7 +27,9 @@ def frames(study) -> dict[str, pd.DataFrame]:
     for name, parts in export_files(study, Choice()):
         content = b"".join(parts)
         if name.endswith("_data.csv") and name.count("/") == 1:
-            found[name.split("-", 1)[1].removesuffix("_data.csv")] = pd.read_csv(io.BytesIO(content))
+            found[name.split("-", 1)[1].removesuffix("_data.csv")] = pd.read_csv(
+                io.BytesIO(content)
+            )
     return found
 
 
@@ -42,7 +46,11 @@ def test_tables_agree_with_pandas_and_scipy(participants):
     found = frames(stored.study)
 
     sessions = found["sessions"]
-    first = found["experience"].merge(sessions[["id", "number"]], left_on="session", right_on="id").sort_values("number")
+    first = (
+        found["experience"]
+        .merge(sessions[["id", "number"]], left_on="session", right_on="id")
+        .sort_values("number")
+    )
     first = first.groupby("participant").first()
     means = first[STATEMENTS].mean(axis=1).dropna()
     pooled = first[STATEMENTS].stack().dropna()
@@ -51,9 +59,17 @@ def test_tables_agree_with_pandas_and_scipy(participants):
     if len(means) > 1:
         assert value(overall, "Overall", "Mean") == pytest.approx(means.mean())
         assert value(overall, "Overall", "SD") == pytest.approx(means.std(ddof=1))
-        c = stats.norm.ppf(0.975) if stored.study.as_definition().analysis.interval == "normal" else stats.t.ppf(0.975, len(means) - 1)
-        assert value(overall, "Overall", "CI95") == pytest.approx(c * means.std(ddof=1) / np.sqrt(len(means)))
-        assert value(overall, "Overall", "% +2") == pytest.approx(100.0 * (pooled == 2).mean(), abs=0.11)
+        c = (
+            stats.norm.ppf(0.975)
+            if stored.study.as_definition().analysis.interval == "normal"
+            else stats.t.ppf(0.975, len(means) - 1)
+        )
+        assert value(overall, "Overall", "CI95") == pytest.approx(
+            c * means.std(ddof=1) / np.sqrt(len(means))
+        )
+        assert value(overall, "Overall", "% +2") == pytest.approx(
+            100.0 * (pooled == 2).mean(), abs=0.11
+        )
         q7 = first["q7"].dropna()
         assert value(overall, "Q7", "n") == len(q7)
         assert value(overall, "Q7", "Mean") == pytest.approx(q7.mean())
@@ -67,7 +83,9 @@ def test_tables_agree_with_pandas_and_scipy(participants):
             assert value(tables["metrics"], name, "p95") == pytest.approx(known.quantile(0.95))
     assert value(tables["outcomes"], "all", "Sessions") == len(sessions)
     if len(sessions):
-        assert value(tables["outcomes"], "all", "% completed") == pytest.approx(100.0 * (sessions["outcome"] == "completed").mean())
+        assert value(tables["outcomes"], "all", "% completed") == pytest.approx(
+            100.0 * (sessions["outcome"] == "completed").mean()
+        )
 
 
 def test_a_way_and_its_mean_speed_agree_with_pandas(tmp_path):
@@ -84,7 +102,11 @@ def test_a_way_and_its_mean_speed_agree_with_pandas(tmp_path):
         states = pd.read_csv(path)
         at = states["stamp"] - states["clock_offset"].median()
         driven = states[(at >= session.first_frame) & (at <= session.ended)]
-        assert metrics.loc[session.id, "path"] == pytest.approx(np.hypot(driven["x"].diff(), driven["y"].diff()).sum(), rel=0.05)
-        assert metrics.loc[session.id, "commands"] == pytest.approx(driven["commands"].sum(), rel=0.02)
+        assert metrics.loc[session.id, "path"] == pytest.approx(
+            np.hypot(driven["x"].diff(), driven["y"].diff()).sum(), rel=0.05
+        )
+        assert metrics.loc[session.id, "commands"] == pytest.approx(
+            driven["commands"].sum(), rel=0.02
+        )
         checked += 1
     assert checked

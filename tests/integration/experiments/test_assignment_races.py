@@ -1,4 +1,6 @@
-"""Processes that assign participants at the same instant, on real databases: no cell gets more than another by more than one."""
+"""Processes that assign participants at the same instant, on real databases: no cell gets more than
+another by more than one.
+"""
 
 import json
 import os
@@ -41,7 +43,13 @@ print(json.dumps(rows))
 
 @pytest.fixture(params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
 def database(request, tmp_path) -> Iterator[dict[str, str]]:
-    environment = {**os.environ, "VAR_DIR": str(tmp_path), "HTTP_ONLY": "1", "DJANGO_SETTINGS_MODULE": "tests.settings", "LOG_LEVEL": "WARNING"}
+    environment = {
+        **os.environ,
+        "VAR_DIR": str(tmp_path),
+        "HTTP_ONLY": "1",
+        "DJANGO_SETTINGS_MODULE": "tests.settings",
+        "LOG_LEVEL": "WARNING",
+    }
     environment.pop("DATABASE_URL", None)
     if request.param == "sqlite":
         yield environment
@@ -51,7 +59,15 @@ def database(request, tmp_path) -> Iterator[dict[str, str]]:
 
 
 def django(environment: dict[str, str], code: str) -> list:
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -59,7 +75,17 @@ def django(environment: dict[str, str], code: str) -> list:
 def race(environment: dict[str, str], keys: list[str]) -> list[list[str]]:
     """Two at a time; what each was told."""
     command = [sys.executable, "-m", "tests.support.cell_racer"]
-    racers = [subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for _ in range(2)]
+    racers = [
+        subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env=environment,
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+        for _ in range(2)
+    ]
     try:
         assert [racer.stdout.readline() for racer in racers] == ["ready\n"] * 2
         told = []
@@ -78,12 +104,16 @@ def race(environment: dict[str, str], keys: list[str]) -> list[list[str]]:
 
 
 @pytest.mark.parametrize("rounds", ROUNDS)
-def test_two_who_are_assigned_at_the_same_moment_never_get_the_same_of_two_equal_cells(database, rounds):
+def test_two_who_are_assigned_at_the_same_moment_never_get_the_same_of_two_equal_cells(
+    database, rounds
+):
     keys = django(database, f"allocation, count = {{}}, {2 * rounds}\n" + PREPARE)
     told = race(database, keys)
     rows = django(database, COUNT)
     assert Counter(cell for cell, _, _ in rows) == {"all_open": rounds, "shut": rounds}
-    assert sorted(int(word.rpartition(":")[2]) for _, word, _ in rows) == list(range(1, 2 * rounds + 1))
+    assert sorted(int(word.rpartition(":")[2]) for _, word, _ in rows) == list(
+        range(1, 2 * rounds + 1)
+    )
     assert Counter(cell for pair in told for cell in pair) == {"all_open": rounds, "shut": rounds}
     assert {stage for _, _, stage in rows} == {"under_way"}
 

@@ -1,4 +1,6 @@
-"""Docking ends a task when the robot rests on its contacts and its visitor has let go: told from records, and driven in simulation."""
+"""Docking ends a task when the robot rests on its contacts and its visitor has let go: told from
+records, and driven in simulation.
+"""
 
 from dataclasses import replace
 
@@ -69,7 +71,9 @@ def test_a_study_may_ask_for_longer():
 
 
 def test_a_drive_from_before_the_rule_is_told_again_by_the_rule_of_its_day():
-    """Its course was kept without one, and its states have no contact: one state in the station ended it."""
+    """Its course was kept without one, and its states have no contact: one state in the station
+    ended it.
+    """
     drive = almost_home()
     drive.x, drive.y = HOME
     engine = run(drive.see(docked=True).records, replace(track(), docked=None))
@@ -84,23 +88,39 @@ def test_at_the_start_the_robots_own_word_is_enough():
 
 
 def rested_until(records: list[Seen], end: float) -> float:
-    """For how long, up to a time, every state had contact, standstill and released controls, none far from the next."""
+    """For how long, up to a time, every state had contact, standstill and released controls, none
+    far from the next.
+    """
     since, last = None, None
-    for one in sorted((record for record in records if isinstance(record, Seen) and record.at <= end), key=lambda one: one.at):
-        rests = one.contact and abs(one.linear) <= DOCKED.linear and abs(one.angular) <= DOCKED.angular and one.released
+    for one in sorted(
+        (record for record in records if isinstance(record, Seen) and record.at <= end),
+        key=lambda one: one.at,
+    ):
+        rests = (
+            one.contact
+            and abs(one.linear) <= DOCKED.linear
+            and abs(one.angular) <= DOCKED.angular
+            and one.released
+        )
         broken = since is None or last is None or one.at - last > DOCKED.gap
         since, last = (one.at if broken else since) if rests else None, one.at
     return 0.0 if since is None else end - since
 
 
 STATE = st.tuples(
-    st.sampled_from([0.05, 0.25, 0.25, 0.9, 1.4]), st.booleans(), st.booleans(), st.sampled_from([0.0, 0.0, 0.02, 0.3]), st.booleans()
-)  # fmt: skip
+    st.sampled_from([0.05, 0.25, 0.25, 0.9, 1.4]),
+    st.booleans(),
+    st.booleans(),
+    st.sampled_from([0.0, 0.0, 0.02, 0.3]),
+    st.booleans(),
+)
 
 
 @settings(max_examples=150, deadline=None)
 @given(states=st.lists(STATE, max_size=60), seed=st.randoms(use_true_random=False))
-def test_no_task_is_ever_completed_without_resting_on_the_contacts_for_as_long_as_the_rule_says(states, seed):
+def test_no_task_is_ever_completed_without_resting_on_the_contacts_for_as_long_as_the_rule_says(
+    states, seed
+):
     drive = almost_home()
     drive.x, drive.y = HOME
     for step, contact, docked, linear, released in states:
@@ -116,16 +136,20 @@ def test_no_task_is_ever_completed_without_resting_on_the_contacts_for_as_long_a
     assert len(shown) == engine.result.dock_contacts >= 1
 
 
-# --- by hand, in simulation ----------------------------------------------------------------------------------------------
+# --- by hand, in simulation -----------------------------------------------------------------------
 
 
 class Hands:
-    """Somebody at the end of the paper's course with a simulated Giraff: 50 steps and 4 states for each second, by no clock."""
+    """Somebody at the end of the paper's course with a simulated Giraff: 50 steps and 4 states for
+    each second, by no clock.
+    """
 
     def __init__(self, start: Pose2D) -> None:
         plan, _ = load_plan("office")
         study = shipped()["exploration"]
-        self.track: Track = replace(lay_out(study, study.condition("giraff_open"), plan), stops=(), photo=None)
+        self.track: Track = replace(
+            lay_out(study, study.condition("giraff_open"), plan), stops=(), photo=None
+        )
         pose = self.track.dock.compose(start)
         self.sim = Simulation(GIRAFF, plan, seed=3, start=f"{pose.x},{pose.y},{pose.theta}")
         self.engine, self.dock, self.seq = TaskEngine(self.track), DockState(), 0
@@ -137,10 +161,22 @@ class Hands:
             self.sim.command(linear, angular)
             self.sim.step(0.02)
             motion, released = self.sim.motion, self.sim.commanded == STILL
-            reading = DockReading(at=self.sim.time, contact=self.sim.docked, linear=motion.linear, angular=motion.angular, released=released)
+            reading = DockReading(
+                at=self.sim.time,
+                contact=self.sim.docked,
+                linear=motion.linear,
+                angular=motion.angular,
+                released=released,
+            )
             self.dock = follow(DOCKED, self.dock, reading)
             if linear or angular:
-                command = {"seq": 1, "stamp": self.sim.time, "method": "keyboard", "way": "datachannel", "age": 0.0}
+                command = {
+                    "seq": 1,
+                    "stamp": self.sim.time,
+                    "method": "keyboard",
+                    "way": "datachannel",
+                    "age": 0.0,
+                }
                 self.applied = [AppliedCommand(**command, linear=linear, angular=angular)]
             self.seq += 1
             if self.seq % 12 == 0:
@@ -159,21 +195,32 @@ class Hands:
     def _say_state(self) -> None:
         (x, y, theta), motion = self.sim.pose, self.sim.motion
         state = State(
-            stamp=self.sim.time, boot="b", seq=self.seq, pose=Pose(x=x, y=y, theta=theta), battery=Battery(charge=0.9), docked=self.dock.docked,
-            charger_contact=self.sim.docked, velocity=Velocity(linear=motion.linear, angular=motion.angular), applied=tuple(self.applied),
-        )  # fmt: skip
+            stamp=self.sim.time,
+            boot="b",
+            seq=self.seq,
+            pose=Pose(x=x, y=y, theta=theta),
+            battery=Battery(charge=0.9),
+            docked=self.dock.docked,
+            charger_contact=self.sim.docked,
+            velocity=Velocity(linear=motion.linear, angular=motion.angular),
+            applied=tuple(self.applied),
+        )
         self.applied = []
         self.engine.feed(seen(state, 0.0))
 
     def contacts(self) -> int:
         """How many states said that the contacts meet."""
-        return sum(1 for record in self.engine._records if isinstance(record, Seen) and record.contact)
+        return sum(
+            1 for record in self.engine._records if isinstance(record, Seen) and record.contact
+        )
 
 
 def test_a_participant_who_slides_in_askew_is_not_done_and_drives_on_into_the_station():
     hands = Hands(Pose2D(-0.5, -0.09, 0.26))  # 15 degrees askew
     hands.steer(8.0, 0.2, -0.15)
-    assert 1 <= hands.contacts() <= 7, "the contacts met for less than two seconds, as the visitor slid past"
+    assert 1 <= hands.contacts() <= 7, (
+        "the contacts met for less than two seconds, as the visitor slid past"
+    )
     assert not hands.sim.docked
     assert hands.engine.result.outcome is None
     assert hands.engine.cue.key == "dock_again"

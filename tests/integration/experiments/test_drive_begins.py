@@ -1,4 +1,6 @@
-"""A drive of a study begins at its station: otherwise the participant waits, researchers are told, and it goes on by itself."""
+"""A drive of a study begins at its station: otherwise the participant waits, researchers are told,
+and it goes on by itself.
+"""
 
 import datetime
 from typing import Any
@@ -48,7 +50,9 @@ def study():
 
 
 def stands(robot: Robot, **changes: Any) -> None:
-    Robot.objects.filter(pk=robot.pk).update(report=report_in_dock(robot.floor_plan, "giraff", **changes))
+    Robot.objects.filter(pk=robot.pk).update(
+        report=report_in_dock(robot.floor_plan, "giraff", **changes)
+    )
 
 
 def stands_away(robot: Robot) -> None:
@@ -64,15 +68,23 @@ def looks(keeper: Scheduler, *seconds: float) -> list[tuple[str, str]]:
     for second in seconds:
         for session in Session.objects.filter(state="waiting"):
             store.seen({str(session.pk)}, later(second))
-        keeper.look({"giraff": Link(since=0.0, last_received_at=later(second).timestamp())}, Link(since=0.0), later(second))
-    told = [msgspec.json.decode(letter.payload) for letter in keeper.outbox if "session" in letter.topic]
+        keeper.look(
+            {"giraff": Link(since=0.0, last_received_at=later(second).timestamp())},
+            Link(since=0.0),
+            later(second),
+        )
+    told = [
+        msgspec.json.decode(letter.payload) for letter in keeper.outbox if "session" in letter.topic
+    ]
     keeper.outbox.clear()
     return [(one["type"], one.get("text", "")) for one in told]
 
 
 def noted(session: str) -> list[str]:
     return list(
-        SessionEvent.objects.filter(session=session, type__in=("robot_not_ready", "robot_ready", "staff_called", "offered"))
+        SessionEvent.objects.filter(
+            session=session, type__in=("robot_not_ready", "robot_ready", "staff_called", "offered")
+        )
         .order_by("stamp")
         .values_list("type", flat=True)
     )
@@ -102,7 +114,9 @@ def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
     assert not Drive.objects.exists()
 
 
-def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_restarts_in_between(robot, study):
+def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_restarts_in_between(
+    robot, study
+):
     first = begin(robot, "ada", study)
     stands_away(robot)
     store.end(str(first.session_id), "cancelled", "left", NOW)
@@ -119,7 +133,9 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert "it is not docked" in mail.outbox[0].body
     looks(Scheduler(), 61.0, 70.0, 80.0)  # and a third one
     assert len(mail.outbox) == 1
-    assert isinstance(ask(robot, ben, later(81.0)), store.Queued), "nor does a page that is loaded again begin"
+    assert isinstance(ask(robot, ben, later(81.0)), store.Queued), (
+        "nor does a page that is loaded again begin"
+    )
     assert now_in(study.slug, "en", later(81.0))["robots"][0]["unready"] == "it is not docked"
 
     stands(robot)  # somebody has put it back
@@ -145,7 +161,9 @@ def test_the_same_happens_a_second_time(robot, study):
         store.end(granted.session, "cancelled", "left", later(1000.0 * number + 4.0))
 
 
-def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_it_is_back(robot, study):
+def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_it_is_back(
+    robot, study
+):
     stands_away(robot)
     ada = first_time_user(study, "ada")
     waiting = ask(robot, ada, NOW)
@@ -166,11 +184,16 @@ def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_
 
 def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     stands_away(robot)
-    ada, staff = first_time_user(study, "ada"), User.objects.create(username="staff", is_staff=True, is_superuser=True)
+    ada, staff = (
+        first_time_user(study, "ada"),
+        User.objects.create(username="staff", is_staff=True, is_superuser=True),
+    )
     other = User.objects.create(username="other")
     waiting = ask(robot, ada, NOW)
     looks(Scheduler(), 1.0)
-    assert isinstance(ask(robot, other, later(2.0)), store.Queued), "who does not operate it waits behind"
+    assert isinstance(ask(robot, other, later(2.0)), store.Queued), (
+        "who does not operate it waits behind"
+    )
     driven = ask(robot, staff, later(3.0))
     assert isinstance(driven, store.Granted)
     stands(robot)
@@ -202,6 +225,12 @@ def test_the_record_keeps_what_a_drive_began_from_and_ended_with(robot):
     drive = close(drive, outcome="cancelled", reason="left", at=told.at)
     settle(drive, later(500.0))
     drive.refresh_from_db()
-    assert drive.began_with == {"docked": True, "x": 0.5, "y": 2.0, "theta": pytest.approx(3.14159, abs=1e-4), "charge": 1.0}
+    assert drive.began_with == {
+        "docked": True,
+        "x": 0.5,
+        "y": 2.0,
+        "theta": pytest.approx(3.14159, abs=1e-4),
+        "charge": 1.0,
+    }
     assert (drive.ended_with["docked"], drive.ended_with["x"]) == (False, 1.5)
     assert drive.result["dock_contacts"] == 1

@@ -1,4 +1,6 @@
-"""A study as files: whole, summed up, without a word about who took part; and the same report from them as from the database."""
+"""A study as files: whole, summed up, without a word about who took part; and the same report from
+them as from the database.
+"""
 
 import hashlib
 import io
@@ -39,31 +41,62 @@ pytestmark = [pytest.mark.django_db, pytest.mark.long]
 def commented(definition):
     """A questionnaire with a field for words at its end."""
     *pages, last = definition.pages
-    last = msgspec.structs.replace(last, items=(*last.items, TextItem(key="comment", text={"en": "Anything else?"})))
+    last = msgspec.structs.replace(
+        last, items=(*last.items, TextItem(key="comment", text={"en": "Anything else?"}))
+    )
     return msgspec.structs.replace(definition, pages=(*pages, last))
 
 
 @pytest.fixture
 def stored():
-    """A study with four participants, one of whose sessions is excluded, and what nobody may learn of them."""
+    """A study with four participants, one of whose sessions is excluded, and what nobody may learn
+    of them.
+    """
     made = made_up(np.random.default_rng(81), 4)
     first, *rest = made.sessions
-    kept = put(replace(made, sessions=(replace(first, excluded="a test drive"), *rest), questionnaires=tuple(map(commented, made.questionnaires))))
+    kept = put(
+        replace(
+            made,
+            sessions=(replace(first, excluded="a test drive"), *rest),
+            questionnaires=tuple(map(commented, made.questionnaires)),
+        )
+    )
     drive = kept.drives[first.id]
     at = drive.granted_at.timestamp()
     for kind, source, data in (
         ("chat", "page", {"text": "I am Zoe of Example Street", "user": "zoequist"}),
-        ("opened", "page", {"agent": AGENT, "width": 390.0, "at": at + 5.0, "id": str(drive.participant.user_id)}),
+        (
+            "opened",
+            "page",
+            {"agent": AGENT, "width": 390.0, "at": at + 5.0, "id": str(drive.participant.user_id)},
+        ),
         ("operator_message", "server", {"text": "Mind the cat!"}),
         ("estop", "robot", {"detail": "zoequist", "boot": "boot-1"}),
     ):
-        SessionEvent.objects.create(session=drive.session, source=source, type=kind, stamp=at + 4.0, received_at=at + 4.5, data=data)
-    Snapshot.objects.create(session=drive.session, action_id="a", stamp=at, sha256="", jpeg=b"\xff\xd8portrait-of-her\xff\xd9")
+        SessionEvent.objects.create(
+            session=drive.session,
+            source=source,
+            type=kind,
+            stamp=at + 4.0,
+            received_at=at + 4.5,
+            data=data,
+        )
+    Snapshot.objects.create(
+        session=drive.session,
+        action_id="a",
+        stamp=at,
+        sha256="",
+        jpeg=b"\xff\xd8portrait-of-her\xff\xd9",
+    )
     return kept
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def exported(study, folder: Path, **choice) -> dict[str, bytes]:
@@ -76,19 +109,40 @@ def test_nothing_in_an_export_tells_who_took_part_and_when(stored, tmp_path):
     del files[SUMS]  # any digits may stand in a sum by chance, and its files are all here
     every = b"\n".join(name.encode() + content for name, content in files.items())
     for person in stored.people.values():
-        for secret in (str(person.pk), str(person.user_id), person.user.username, person.user.email):
+        for secret in (
+            str(person.pk),
+            str(person.user_id),
+            person.user.username,
+            person.user.email,
+        ):
             assert secret.encode() not in every
     for drive in stored.drives.values():
         assert str(drive.session_id).encode() not in every
         assert str(int(drive.granted_at.timestamp()))[:7].encode() not in every
-    for secret in (b"secret agent", b"10.0.", b"Zoe", b"zoequist", b"2026-05", b"Mind the cat", b"portrait-of-her", stored.study.secret.encode()):
+    for secret in (
+        b"secret agent",
+        b"10.0.",
+        b"Zoe",
+        b"zoequist",
+        b"2026-05",
+        b"Mind the cat",
+        b"portrait-of-her",
+        stored.study.secret.encode(),
+    ):
         assert secret not in every, secret
 
 
 def test_who_may_have_everything_gets_it(stored, tmp_path):
     files = exported(stored.study, tmp_path, identified=True)
     every = b"\n".join(files.values())
-    for secret in (b"secret agent", b"10.0.", b"name-of-P000", b"p000@example.org", b"Mind the cat", b"Example Street"):
+    for secret in (
+        b"secret agent",
+        b"10.0.",
+        b"name-of-P000",
+        b"p000@example.org",
+        b"Mind the cat",
+        b"Example Street",
+    ):
         assert secret in every, secret
     assert [name for name in files if name.startswith("snapshots/")]
     assert b'"session_key"' in files["dataset_description.json"]
@@ -96,29 +150,57 @@ def test_who_may_have_everything_gets_it(stored, tmp_path):
 
 def test_free_text_is_withheld_as_an_answer_that_was_given(stored, tmp_path):
     row = Answer.objects.filter(response__questionnaire__slug="experience", item="q1").first()
-    Answer.objects.create(response=row.response, item="comment", value="My name is Zoe", position=9, first_at=row.first_at, answered_at=row.first_at)
+    Answer.objects.create(
+        response=row.response,
+        item="comment",
+        value="My name is Zoe",
+        position=9,
+        first_at=row.first_at,
+        answered_at=row.first_at,
+    )
     exported(stored.study, tmp_path / "without")
     exported(stored.study, tmp_path / "with", free_text=True)
     without, whole = read(tmp_path / "without"), read(tmp_path / "with")
-    assert [one.missing["comment"] for one in without.responses if one.missing.get("comment") == "withheld"] == ["withheld"]
-    assert [one.values["comment"] for one in whole.responses if "comment" in one.values] == ["My name is Zoe"]
+    assert [
+        one.missing["comment"]
+        for one in without.responses
+        if one.missing.get("comment") == "withheld"
+    ] == ["withheld"]
+    assert [one.values["comment"] for one in whole.responses if "comment" in one.values] == [
+        "My name is Zoe"
+    ]
 
 
 def test_the_sums_are_those_of_all_files_and_every_column_is_in_the_code_book(stored, tmp_path):
     files = exported(stored.study, tmp_path)
     lines = files.pop(SUMS).decode().splitlines()
-    assert dict(reversed(line.split("  ", 1)) for line in lines) == {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    assert dict(reversed(line.split("  ", 1)) for line in lines) == {
+        name: hashlib.sha256(content).hexdigest() for name, content in files.items()
+    }
     book = files["dataset_description.json"].decode()
     for name, content in files.items():
         if name.endswith("_data.csv"):
-            assert all(f'"{column}"' in book for column in content.decode().split("\n", 1)[0].split(",")), name
+            assert all(
+                f'"{column}"' in book for column in content.decode().split("\n", 1)[0].split(",")
+            ), name
 
 
 def test_all_sessions_are_there_also_those_that_failed_and_are_empty(tmp_path):
     made = made_up(np.random.default_rng(82), 4)
     endings = ("connection_refused", "cancelled", "robot_fault", "connection_lost")
-    sessions = tuple(replace(one, outcome=endings[n % 4], first_motion=float("nan")) for n, one in enumerate(made.sessions))
-    stored = put(replace(made, sessions=sessions, states=Dataset(made.study).states, network=Dataset(made.study).network, events=()))
+    sessions = tuple(
+        replace(one, outcome=endings[n % 4], first_motion=float("nan"))
+        for n, one in enumerate(made.sessions)
+    )
+    stored = put(
+        replace(
+            made,
+            sessions=sessions,
+            states=Dataset(made.study).states,
+            network=Dataset(made.study).network,
+            events=(),
+        )
+    )
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     assert [one.outcome for one in found.sessions] == [one.outcome for one in sessions]
@@ -136,9 +218,15 @@ def test_an_archive_holds_what_the_folder_holds_and_is_the_same_twice(stored, tm
 
 
 def test_an_archive_holds_what_was_given_in_order_whatever_the_sizes_of_its_parts():
-    files = [("a.csv", [b"1,2\n" * n for n in (1, 90_000, 3)]), ("empty.csv", []), ("data/b.csv", [b"x"])]
+    files = [
+        ("a.csv", [b"1,2\n" * n for n in (1, 90_000, 3)]),
+        ("empty.csv", []),
+        ("data/b.csv", [b"x"]),
+    ]
     with zipfile.ZipFile(io.BytesIO(b"".join(zipped(files)))) as archive:
-        assert [(name, archive.read(name)) for name in archive.namelist()] == [(name, b"".join(parts)) for name, parts in files]
+        assert [(name, archive.read(name)) for name in archive.namelist()] == [
+            (name, b"".join(parts)) for name, parts in files
+        ]
 
 
 def test_who_breaks_an_archive_off_leaves_no_thread_behind_and_an_error_while_it_is_made_is_told():
@@ -162,13 +250,17 @@ def test_the_same_study_gives_the_same_files_whenever_it_is_exported(stored, tmp
 
 def test_whoever_withdrew_leaves_a_row_and_nothing_else(stored, tmp_path):
     gone = stored.people["P001"]
-    Participant.objects.filter(pk=gone.pk).update(status="withdrawn", withdrawn_step="task", slot=str(gone.pk))
+    Participant.objects.filter(pk=gone.pk).update(
+        status="withdrawn", withdrawn_step="task", slot=str(gone.pk)
+    )
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     (row,) = (one for one in found.participants if one.id == "P001")
     assert (row.withdrawn, row.reached, row.left) == (True, "task", "withdrew")
     assert np.isnan(row.age)
-    assert "P001" not in {one.participant for one in (*found.sessions, *found.responses, *found.pages)}
+    assert "P001" not in {
+        one.participant for one in (*found.sessions, *found.responses, *found.pages)
+    }
 
 
 def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
@@ -184,7 +276,9 @@ def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_pat
     found = read(tmp_path)
     session = next(one for one in found.sessions if len(found.states(one.id)))
     reader = make_reader(io.BytesIO(files[f"mcap/session-{session.id}.mcap"]))
-    messages = [(channel.topic, schema.name, message) for schema, channel, message in reader.iter_messages()]
+    messages = [
+        (channel.topic, schema.name, message) for schema, channel, message in reader.iter_messages()
+    ]
     topics = [topic for topic, _, _ in messages]
     assert topics.count("/pose") == topics.count("/velocity") == len(found.states(session.id))
     assert topics.count("/network") == len(found.network(session.id))
@@ -195,17 +289,35 @@ def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_pat
 
 
 @pytest.mark.django_db(transaction=True)
-def test_the_report_from_the_database_and_that_from_its_export_are_the_same_bytes_made_by_three_processes(stored, tmp_path):
-    environment = os.environ | {"DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}", "VAR_DIR": str(tmp_path / "var"), "HTTP_ONLY": "1"}
+def test_the_report_from_the_database_and_that_from_its_export_are_the_same_bytes_made_by_three_processes(
+    stored, tmp_path
+):
+    environment = os.environ | {
+        "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
+        "VAR_DIR": str(tmp_path / "var"),
+        "HTTP_ONLY": "1",
+    }
     study = stored.study.slug
 
     def manage(*words: str) -> None:
-        subprocess.run([sys.executable, "manage.py", *words], check=True, cwd=ROOT, env=environment, capture_output=True)
+        subprocess.run(
+            [sys.executable, "manage.py", *words],
+            check=True,
+            cwd=ROOT,
+            env=environment,
+            capture_output=True,
+        )
 
     manage("analyse_study", study, "--out", str(tmp_path / "first"))
     manage("export_study", study, "--out", str(tmp_path / "dataset"))
-    environment |= {"PYTHONHASHSEED": "3", "TZ": "Asia/Tokyo", "DATABASE_URL": "sqlite:////nowhere/at-all.sqlite3"}
-    manage("analyse_study", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "second"))
+    environment |= {
+        "PYTHONHASHSEED": "3",
+        "TZ": "Asia/Tokyo",
+        "DATABASE_URL": "sqlite:////nowhere/at-all.sqlite3",
+    }
+    manage(
+        "analyse_study", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "second")
+    )
     first, second = contents(tmp_path / "first"), contents(tmp_path / "second")
     assert len(first) > 60
     assert sorted(first) == sorted(second)
@@ -215,7 +327,9 @@ def test_the_report_from_the_database_and_that_from_its_export_are_the_same_byte
 def test_a_study_without_participants_is_exported_and_analysed(tmp_path):
     stored = put(Dataset(shipped()["exploration"]))
     call_command("export_study", stored.study.slug, out=tmp_path / "dataset", stdout=io.StringIO())
-    call_command("analyse_study", dataset=tmp_path / "dataset", out=tmp_path / "report", stdout=io.StringIO())
+    call_command(
+        "analyse_study", dataset=tmp_path / "dataset", out=tmp_path / "report", stdout=io.StringIO()
+    )
     assert read(tmp_path / "dataset").sessions == ()
     assert (tmp_path / "report" / SUMS).exists()
 
@@ -224,11 +338,20 @@ def test_a_command_that_cannot_be_obeyed_says_why(stored, tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
     for words, reason in (
-        (("export_study", "nothing", "--out", str(tmp_path / "x")), "There is no study 'nothing'; there are: exploration:1"),
-        (("export_study", "exploration:9", "--out", str(tmp_path / "x")), "There is no study 'exploration:9'"),
+        (
+            ("export_study", "nothing", "--out", str(tmp_path / "x")),
+            "There is no study 'nothing'; there are: exploration:1",
+        ),
+        (
+            ("export_study", "exploration:9", "--out", str(tmp_path / "x")),
+            "There is no study 'exploration:9'",
+        ),
         (("export_study", "exploration", "--out", str(tmp_path / "full")), "is there already"),
         (("analyse_study", "--out", str(tmp_path / "x")), "either"),
-        (("analyse_study", "--dataset", str(tmp_path / "full"), "--out", str(tmp_path / "x")), "study.json"),
+        (
+            ("analyse_study", "--dataset", str(tmp_path / "full"), "--out", str(tmp_path / "x")),
+            "study.json",
+        ),
     ):
         with pytest.raises(CommandError, match=reason):
             call_command(*words)

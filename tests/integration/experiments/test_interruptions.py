@@ -1,6 +1,8 @@
-"""Every step of a study, cut off in the middle and left until its time is over: nothing is lost, nothing is done twice, the outcome is right.
+"""Every step of a study, cut off in the middle and left until its time is over: nothing is lost,
+nothing is done twice, the outcome is right.
 
-The other columns of this table, reload, back, a second tab and another device, are in test_step_views.py.
+The other columns of this table, reload, back, a second tab and another device, are in
+test_step_views.py.
 """
 
 import datetime
@@ -40,7 +42,12 @@ WRITES = ("INSERT", "UPDATE", "DELETE")
 EVERY_KIND = [
     {"kind": "consent", "key": "consent", "title": {"en": "C"}, "text": {"en": "Do you?"}},
     {"kind": "form", "key": "about_you", "title": {"en": "A"}, "questionnaire": "ict"},
-    {"kind": "instructions", "key": "instructions", "title": {"en": "I"}, "leaves": [{"text": {"en": "Drive."}, "picture": "driving"}]},
+    {
+        "kind": "instructions",
+        "key": "instructions",
+        "title": {"en": "I"},
+        "leaves": [{"text": {"en": "Drive."}, "picture": "driving"}],
+    },
     {"kind": "practice", "key": "try", "title": {"en": "T"}, "minutes": 2},
     *STUDY["steps"],
     {"kind": "debrief", "key": "thanks", "title": {"en": "D"}, "text": {"en": "Thanks."}},
@@ -72,7 +79,7 @@ def following(place: Place) -> Place:
     return PLACES[PLACES.index(place) + 1]
 
 
-# --- the network is cut ----------------------------------------------------------------------------------------------
+# --- the network is cut ---------------------------------------------------------------------------
 
 
 class CutError(Exception):
@@ -119,13 +126,17 @@ def answer_all(walker: Walker) -> None:
 
 
 def requests_at(walker: Walker, place: Place) -> Callable[[], None]:
-    """What somebody's browser asks for at a place; asked for again it is the same, wherever they are by then."""
+    """What somebody's browser asks for at a place; asked for again it is the same, wherever they
+    are by then.
+    """
     answers = walker.answers()
     match walker.step:
         case Consent() | Instructions():
             return lambda: walker.client.post(walker.url(), answers) and None
         case Form() | Questionnaire():
-            return lambda: answer_all(walker) if progress.place(walker.participant) == place else None
+            return lambda: (
+                answer_all(walker) if progress.place(walker.participant) == place else None
+            )
     return lambda: None
 
 
@@ -135,7 +146,10 @@ def counted(walker: Walker) -> dict[str, object]:
     return {
         "place": progress.place(walker.participant).word,
         "status": walker.participant.status,
-        "visits": [(visit.visit, visit.round, visit.step, visit.finished_at is not None) for visit in visits],
+        "visits": [
+            (visit.visit, visit.round, visit.step, visit.finished_at is not None)
+            for visit in visits
+        ],
         "receipts": ConsentReceipt.objects.count(),
         "responses": sorted(Response.objects.values_list("context", flat=True)),
         "answers": sorted(Answer.objects.values_list("item", "value")),
@@ -153,8 +167,12 @@ def is_driven(walker: Walker) -> bool:
     return isinstance(walker.step, Practice | Task)
 
 
-def comes_out_right(walker: Walker, ask: Callable[[], None], number: int, expected: dict[str, object]) -> bool:
-    """Cut a step off at a write, ask for it again, and tell whether there was such a write; all of it is taken back."""
+def comes_out_right(
+    walker: Walker, ask: Callable[[], None], number: int, expected: dict[str, object]
+) -> bool:
+    """Cut a step off at a write, ask for it again, and tell whether there was such a write; all of
+    it is taken back.
+    """
     was_cut = False
     with transaction.atomic():
         try:
@@ -168,7 +186,9 @@ def comes_out_right(walker: Walker, ask: Callable[[], None], number: int, expect
     return was_cut
 
 
-def test_every_step_that_is_cut_off_anywhere_and_asked_for_again_comes_out_as_if_nothing_had_been(walker):
+def test_every_step_that_is_cut_off_anywhere_and_asked_for_again_comes_out_as_if_nothing_had_been(
+    walker,
+):
     for slug in ("ict", "experience"):
         store(defined([item("single", "a"), item("likert", "b")], slug=slug), timezone.now())
     for place in PLACES[:-1]:
@@ -179,7 +199,9 @@ def test_every_step_that_is_cut_off_anywhere_and_asked_for_again_comes_out_as_if
             expected = go_on(walker, ask)
             transaction.set_rollback(True)
         assert expected["place"] == following(place).word
-        writes = next(n for n in itertools.count() if not comes_out_right(walker, ask, n + 1, expected))
+        writes = next(
+            n for n in itertools.count() if not comes_out_right(walker, ask, n + 1, expected)
+        )
         assert writes > 2, f"{place.word}: hardly anything was written"
         assert go_on(walker, ask) == expected
     assert walker.participant.status == "finished"
@@ -222,7 +244,9 @@ def test_a_drive_whose_network_stays_away_is_lost_once_and_its_late_states_are_k
 
 
 @pytest.mark.parametrize("place", DRIVEN, ids=lambda place: place.step)
-def test_a_network_that_is_cut_before_anything_moved_leaves_the_step_to_be_tried_again(walker, place):
+def test_a_network_that_is_cut_before_anything_moved_leaves_the_step_to_be_tried_again(
+    walker, place
+):
     drive, runner, _records = driving(brought(walker, place))
     turns.end(str(drive.session_id), "connection_lost", "visitor_silent", timezone.now())
     over(runner, drive, moved=False)
@@ -235,11 +259,15 @@ def test_a_network_that_is_cut_before_anything_moved_leaves_the_step_to_be_tried
     assert StepVisit.objects.filter(step=place.step).count() == 1
 
 
-# --- the time is over ------------------------------------------------------------------------------------------------
+# --- the time is over -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("place", "outcome"), [(DRIVEN[0], "completed"), (DRIVEN[1], "timed_out")], ids=["try", "task"])
-def test_the_time_limit_of_a_drive_ends_it_once_and_leads_on_with_its_outcome(walker, place, outcome):
+@pytest.mark.parametrize(
+    ("place", "outcome"), [(DRIVEN[0], "completed"), (DRIVEN[1], "timed_out")], ids=["try", "task"]
+)
+def test_the_time_limit_of_a_drive_ends_it_once_and_leads_on_with_its_outcome(
+    walker, place, outcome
+):
     drive, runner, records = driving(brought(walker, place))
     hear(runner, drive, records)
     limit = records[0].at + LIMIT[place.step] + PATIENCE + 1.0
@@ -281,7 +309,9 @@ def test_who_reads_until_their_log_in_is_over_goes_on_where_they_were(walker, pl
     walker.client.cookies.pop(settings.SESSION_COOKIE_NAME)
     sent = walker.client.post(walker.url(), {"place": place.word, "age": "30", "agree": "on"})
     assert sent.status_code == 302
-    assert "/studies/" in walker.client.get(sent.url, follow=True).request["PATH_INFO"], "to where one signs in"
+    assert "/studies/" in walker.client.get(sent.url, follow=True).request["PATH_INFO"], (
+        "to where one signs in"
+    )
     assert counted(walker) == before
     walker.client.force_login(walker.user)
     walker.look()
@@ -307,11 +337,15 @@ def test_a_study_whose_hours_end_and_that_closes_keeps_everybody_where_they_are(
 
 
 def driving(walker: Walker) -> tuple[Drive, Runner, list]:
-    """The robot taken at the step where somebody is; and what it would say of a drive to the first checkpoint."""
+    """The robot taken at the step where somebody is; and what it would say of a drive to the first
+    checkpoint.
+    """
     granted = turns.take(walker.robot, walker.user, "peer", now=timezone.now())
     assert isinstance(granted, turns.Granted)
     Session.objects.filter(pk=granted.session).update(state="driving", driving_at=timezone.now())
-    drive = Drive.objects.select_related("session__robot", "participant__study").get(session=granted.session)
+    drive = Drive.objects.select_related("session__robot", "participant__study").get(
+        session=granted.session
+    )
     start = timezone.now().timestamp()
     way = task_drives.Drive(at=start, frame=False).say(FirstFrame(start, repr(start - 3600.0)))
     return drive, Runner(), list(way.go(FIRST).records)

@@ -1,4 +1,6 @@
-"""A whole task with a real broker, a session manager that is killed in the middle of it, and a robot that follows a script."""
+"""A whole task with a real broker, a session manager that is killed in the middle of it, and a
+robot that follows a script.
+"""
 
 import asyncio
 import math
@@ -19,7 +21,13 @@ from sessions.leases import store
 from sessions.models import Session
 from tests.support import participants as p
 from tests.support.people import person
-from tests.support.recorder_rig import HOST, ManagerProcess, ScriptedRobot, running_mosquitto, wait_for
+from tests.support.recorder_rig import (
+    HOST,
+    ManagerProcess,
+    ScriptedRobot,
+    running_mosquitto,
+    wait_for,
+)
 from tests.support.studies import small_study
 from tests.support.task_drives import BACK, HOME, THERE
 from tests.support.task_session import cabin_robot, small_conditions
@@ -36,7 +44,9 @@ class Touring(ScriptedRobot):
 
     async def state(self, **changes: Any) -> messages.State:
         x, y, theta = self.place
-        return await super().state(**{"pose": messages.Pose(x=x, y=y, theta=theta), "docked": self.docked, **changes})
+        return await super().state(
+            **{"pose": messages.Pose(x=x, y=y, theta=theta), "docked": self.docked, **changes}
+        )
 
     async def go(self, *points: tuple[float, float]) -> None:
         """Go from point to point, one stride a state."""
@@ -46,7 +56,11 @@ class Touring(ScriptedRobot):
             count = math.ceil(math.dist((from_x, from_y), (x, y)) / STRIDE)
             for n in range(1, count + 1):
                 share, before = n / count, self.seq
-                self.place = from_x + share * (x - from_x), from_y + share * (y - from_y), math.atan2(y - from_y, x - from_x)
+                self.place = (
+                    from_x + share * (x - from_x),
+                    from_y + share * (y - from_y),
+                    math.atan2(y - from_y, x - from_x),
+                )
                 while self.seq == before:
                     await asyncio.sleep(0.01)
 
@@ -73,12 +87,16 @@ def take(participant: Participant) -> str:
 async def say_first_frame(port: int, session: str) -> None:
     """As a web process passes on what a page said."""
     event = protocol.PageEvent(stamp=timezone.now().timestamp(), type="first_frame")
-    report = protocol.PageReport(suffix="page/event", session=session, message=msgspec.Raw(codec.encode(event)))
+    report = protocol.PageReport(
+        suffix="page/event", session=session, message=msgspec.Raw(codec.encode(event))
+    )
     async with aiomqtt.Client(HOST, port) as client:
         await client.publish(protocol.page_reports(session), codec.encode(report), 1)
 
 
-async def listen(port: int, session: str, frames: list[protocol.Task], ready: asyncio.Event) -> None:
+async def listen(
+    port: int, session: str, frames: list[protocol.Task], ready: asyncio.Event
+) -> None:
     """Keep what the page is shown."""
     async with aiomqtt.Client(HOST, port) as client:
         await client.subscribe(f"telepresence/v1/server/session/{session}", 1)
@@ -90,20 +108,33 @@ async def listen(port: int, session: str, frames: list[protocol.Task], ready: as
 
 
 def stored(session: str) -> list[str]:
-    return list(TaskEvent.objects.filter(drive__session=session).exclude(type="cue").order_by("number").values_list("type", flat=True))
+    return list(
+        TaskEvent.objects.filter(drive__session=session)
+        .exclude(type="cue")
+        .order_by("number")
+        .values_list("type", flat=True)
+    )
 
 
-async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_is_lost(broker, participant):
+async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_is_lost(
+    broker, participant
+):
     frames: list[protocol.Task] = []
     async with Touring("giraff", broker.url) as robot:
         with ManagerProcess(broker.url) as first:
             await first.connected()
-            await wait_for(lambda: (found := Robot.objects.get()).boot and found.report["boot"] == found.boot, 30, "what the robot says of itself")
+            await wait_for(
+                lambda: (found := Robot.objects.get()).boot and found.report["boot"] == found.boot,
+                30,
+                "what the robot says of itself",
+            )
             session = await take(participant)
             ready = asyncio.Event()
             listening = asyncio.create_task(listen(broker.port, session, frames, ready))
             await ready.wait()
-            await wait_for(lambda: Session.objects.get(pk=session).state == "driving", 30, "the drive")
+            await wait_for(
+                lambda: Session.objects.get(pk=session).state == "driving", 30, "the drive"
+            )
             assert [lease.methods for lease in robot.leases if lease][-1] == ("keyboard",)
             await say_first_frame(broker.port, session)
             await wait_for(lambda: "task_started" in stored(session), 30, "the start")
@@ -115,11 +146,19 @@ async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_
             await second.connected()
             await robot.go(*BACK)
             robot.docked, robot.drives = True, False
-            ended = await wait_for(lambda: Session.objects.filter(pk=session, state="ended").first(), 60, "the end")
+            ended = await wait_for(
+                lambda: Session.objects.filter(pk=session, state="ended").first(), 60, "the end"
+            )
             assert (ended.outcome, ended.outcome_reason) == ("completed", "task")
             await wait_for(lambda: robot.leases[-1] is None, 30, "the empty lease")
             drive = await wait_for(
-                lambda: Drive.objects.filter(settled_at__isnull=False).select_related("participant").first(), 60, "the settled drive"
+                lambda: (
+                    Drive.objects.filter(settled_at__isnull=False)
+                    .select_related("participant")
+                    .first()
+                ),
+                60,
+                "the settled drive",
             )
         listening.cancel()
     types = await sync_to_async(stored)(session)
@@ -134,6 +173,11 @@ async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_
         "docked",
         "task_ended",
     ]
-    assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == ("completed", True, "filled", [])
+    assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == (
+        "completed",
+        True,
+        "filled",
+        [],
+    )
     assert (frames[-1].outcome, frames[-1].passed) == ("completed", (1, 2))
     assert {frame.session for frame in frames} == {session}

@@ -5,7 +5,14 @@ from django.contrib.auth import get_user_model
 from django.contrib.auth.models import AnonymousUser, Permission
 
 from robots import access
-from robots.access import has_a_robot, may_drive, may_manage, may_observe, may_operate, robots_visible_to
+from robots.access import (
+    has_a_robot,
+    may_drive,
+    may_manage,
+    may_observe,
+    may_operate,
+    robots_visible_to,
+)
 from robots.models import Robot, RobotPermit
 from sessions.protocol import Refused
 
@@ -49,7 +56,11 @@ def test_a_deactivated_user_does_nothing():
 
 
 @pytest.mark.parametrize(
-    ("access", "kind", "reason"), [(Access.INVITATION, Kind.INVITED, "not_invited"), (Access.TRAINED, Kind.TRAINED, "not_trained")]
+    ("access", "kind", "reason"),
+    [
+        (Access.INVITATION, Kind.INVITED, "not_invited"),
+        (Access.TRAINED, Kind.TRAINED, "not_trained"),
+    ],
 )
 def test_a_closed_robot_asks_for_its_own_kind_of_permit(access, kind, reason):
     closed, visitor = robot(access=access), person("visitor")
@@ -70,7 +81,12 @@ def test_a_permit_for_one_robot_opens_no_other():
 
 
 def test_owner_operator_and_who_oversees_all_operate_drive_and_watch_a_closed_robot():
-    owner, operator, staff, visitor = person("owner"), person("operator"), overseer(), person("visitor")
+    owner, operator, staff, visitor = (
+        person("owner"),
+        person("operator"),
+        overseer(),
+        person("visitor"),
+    )
     closed = robot(owner=owner, access=Access.INVITATION, observers_allowed=False)
     permit(operator, closed, Kind.OPERATOR)
     for user in (owner, operator, staff):
@@ -119,7 +135,10 @@ def test_a_visitor_sees_open_and_permitted_robots_an_owner_his_own_and_who_overs
 
 
 def test_who_enters_the_administration_for_something_else_operates_and_sees_no_robot_of_others():
-    staff, closed = person("staff", is_staff=True), robot(owner=person("owner"), access=Access.INVITATION)
+    staff, closed = (
+        person("staff", is_staff=True),
+        robot(owner=person("owner"), access=Access.INVITATION),
+    )
     assert may_operate(staff, closed).reason == "not_allowed"
     assert may_drive(staff, closed).reason == "not_invited"
     assert not may_manage(staff, closed)
@@ -136,8 +155,15 @@ def test_an_operator_manages_nothing():
 def test_there_is_a_robot_for_whom_one_is_shown_to_and_for_a_guest(monkeypatch):
     visitor, owner = person("visitor"), person("owner")
     closed = robot(access=Access.INVITATION, owner=owner)
-    assert [has_a_robot(user) for user in (visitor, owner, None, AnonymousUser())] == [False, True, False, False]
-    monkeypatch.setattr(access, "_guest_lists", [lambda user, robot: (user, robot) == (visitor, closed)])
+    assert [has_a_robot(user) for user in (visitor, owner, None, AnonymousUser())] == [
+        False,
+        True,
+        False,
+        False,
+    ]
+    monkeypatch.setattr(
+        access, "_guest_lists", [lambda user, robot: (user, robot) == (visitor, closed)]
+    )
     assert has_a_robot(visitor)
     Robot.objects.update(enabled=False)
     assert not has_a_robot(visitor)

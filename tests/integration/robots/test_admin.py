@@ -35,9 +35,14 @@ def researcher(client):
 def giraff():
     report = {"boot": "b1", "seq": 1, "battery": {"charge": 0.81, "charging": True}, "docked": True}
     return Robot.objects.create(
-        name="giraff", title="The Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now(), report=report,
+        name="giraff",
+        title="The Giraff",
+        connection="ONLINE",
+        boot="b1",
+        last_seen_at=timezone.now(),
+        report=report,
         factsheet={"series": "Giraff", "rca": "<b>simulator</b>"},
-    )  # fmt: skip
+    )
 
 
 def page(client, address, **options):
@@ -49,12 +54,21 @@ def page(client, address, **options):
 def is_clean(text):
     """Nothing that the content security policy would refuse."""
     assert not re.search(r"<style|\sstyle=|\son[a-z]+=", text)
-    assert all("src=" in tag or 'type="application/json"' in tag for tag in re.findall(r"<script[^>]*>", text))
+    assert all(
+        "src=" in tag or 'type="application/json"' in tag
+        for tag in re.findall(r"<script[^>]*>", text)
+    )
 
 
 def test_the_list_shows_how_every_robot_is(client, researcher, giraff):
     visitor = get_user_model().objects.create(username="ada", display_name="Ada")
-    session = Session.objects.create(robot=giraff, visitor=visitor, live_key="giraff:ada", queued_at=timezone.now(), state="driving")
+    session = Session.objects.create(
+        robot=giraff,
+        visitor=visitor,
+        live_key="giraff:ada",
+        queued_at=timezone.now(),
+        state="driving",
+    )
     Lease.objects.create(robot=giraff, session=session, epoch=3, changed_at=timezone.now())
     Robot.objects.create(name="rhodon", title="Rhodon")
     text = page(client, LIST)
@@ -66,7 +80,9 @@ def test_the_list_shows_how_every_robot_is(client, researcher, giraff):
     is_clean(text)
 
 
-def test_the_list_asks_the_database_no_more_for_more_robots(client, researcher, giraff, django_assert_max_num_queries):
+def test_the_list_asks_the_database_no_more_for_more_robots(
+    client, researcher, giraff, django_assert_max_num_queries
+):
     for number in range(20):
         Robot.objects.create(name=f"robot-{number}", title=f"Robot {number}")
     with django_assert_max_num_queries(14):
@@ -95,10 +111,16 @@ def test_a_robots_page_shows_what_it_said_and_lets_nobody_rename_it(client, rese
 
 def test_a_robots_page_tells_its_owner_why_its_agent_does_not_reach_it(client, researcher, giraff):
     def control():
-        return re.search(r'field-control.*?class="readonly">(.*?)</div>', page(client, f"{LIST}{giraff.pk}/change/"), re.DOTALL)[1]
+        return re.search(
+            r'field-control.*?class="readonly">(.*?)</div>',
+            page(client, f"{LIST}{giraff.pk}/change/"),
+            re.DOTALL,
+        )[1]
 
     assert control() == "it answers"
-    Robot.objects.update(report=giraff.report | {"errors": ["adapter_lost: no ROS master at http://robot:11311"]})
+    Robot.objects.update(
+        report=giraff.report | {"errors": ["adapter_lost: no ROS master at http://robot:11311"]}
+    )
     assert control() == "no ROS master at http://robot:11311"
     Robot.objects.update(connection="OFFLINE")
     assert control() == "–"
@@ -106,7 +128,14 @@ def test_a_robots_page_tells_its_owner_why_its_agent_does_not_reach_it(client, r
 
 def test_a_new_robot_needs_a_proper_name(client, researcher):
     inline = {"permits-TOTAL_FORMS": 0, "permits-INITIAL_FORMS": 0}
-    form = {"title": "X", "access": "open", "assist": "off", "charge_limit": "0.2", "calls": "accept", **inline}
+    form = {
+        "title": "X",
+        "access": "open",
+        "assist": "off",
+        "charge_limit": "0.2",
+        "calls": "accept",
+        **inline,
+    }
     for bad in ("server", "Giraff", "a b", "-a", "a/b"):
         assert "errorlist" in client.post(ADD, form | {"name": bad}).content.decode()
     assert client.post(ADD, form | {"name": "giraff-2"}).status_code == 302
@@ -124,18 +153,25 @@ def test_credentials_are_asked_for_made_and_shown_once(client, researcher, giraf
     text = response.content.decode()
     is_clean(text)
     assert "no-store" in response["Cache-Control"]
-    credentials = tomllib.loads(unescape(re.search(r'<pre id="credentials-file">(.*?)</pre>', text, re.DOTALL)[1]))
+    credentials = tomllib.loads(
+        unescape(re.search(r'<pre id="credentials-file">(.*?)</pre>', text, re.DOTALL)[1])
+    )
     assert credentials["robot"] == "giraff"
     assert credentials["server"] == "http://localhost:8000"
     assert robot_of("giraff", credentials["token"]) == giraff
     command = unescape(re.search(r'<pre id="command">(.*?)</pre>', text, re.DOTALL)[1])
-    assert command == "python manage.py run_robot giraff --server http://localhost:8000 --credentials giraff.toml --adapter ADAPTER --profile PROFILE"
+    assert (
+        command == "python manage.py run_robot giraff --server http://localhost:8000 --credentials"
+        " giraff.toml --adapter ADAPTER --profile PROFILE"
+    )
     download = re.search(r'href="data:application/toml,([^"]*)" download="giraff\.toml"', text)[1]
     assert tomllib.loads(unquote(unescape(download))) == credentials
 
     assert credentials["token"] not in page(client, address)
     assert credentials["token"] not in page(client, f"{LIST}{giraff.pk}/change/")
-    assert credentials["token"] not in str(LogEntry.objects.values_list("change_message", flat=True))
+    assert credentials["token"] not in str(
+        LogEntry.objects.values_list("change_message", flat=True)
+    )
     assert LogEntry.objects.count() == 1
 
 
@@ -154,7 +190,11 @@ def test_only_somebody_who_may_change_robots_makes_credentials(client, giraff):
 
 
 def act(client, action, *robots):
-    return client.post(LIST, {"action": action, "_selected_action": [str(robot.pk) for robot in robots]}, follow=True)
+    return client.post(
+        LIST,
+        {"action": action, "_selected_action": [str(robot.pk) for robot in robots]},
+        follow=True,
+    )
 
 
 def test_the_action_leads_to_the_credentials_of_one_robot(client, researcher, giraff):
@@ -165,7 +205,10 @@ def test_the_action_leads_to_the_credentials_of_one_robot(client, researcher, gi
 
 def test_credentials_are_revoked(client, researcher, giraff):
     client.post(f"{LIST}{giraff.pk}/credentials/")
-    assert "1 robot can no longer connect." in act(client, "revoke_credentials", giraff).content.decode()
+    assert (
+        "1 robot can no longer connect."
+        in act(client, "revoke_credentials", giraff).content.decode()
+    )
     giraff.refresh_from_db()
     assert giraff.credential_hash == ""
     assert "none: it cannot connect" in page(client, f"{LIST}{giraff.pk}/change/")
@@ -183,19 +226,31 @@ def test_robots_are_disabled_and_enabled(client, researcher, giraff):
 def test_a_permit_is_given_on_the_robots_page(client, researcher, giraff):
     visitor = get_user_model().objects.create(username="ada")
     form = {
-        "title": "The Giraff", "access": "trained", "enabled": "on", "assist": "off", "charge_limit": "0.2", "calls": "accept", "permits-TOTAL_FORMS": 1, "permits-INITIAL_FORMS": 0,
-        "permits-0-user": str(visitor.pk), "permits-0-kind": "trained", "permits-0-robot": str(giraff.pk),
-    }  # fmt: skip
+        "title": "The Giraff",
+        "access": "trained",
+        "enabled": "on",
+        "assist": "off",
+        "charge_limit": "0.2",
+        "calls": "accept",
+        "permits-TOTAL_FORMS": 1,
+        "permits-INITIAL_FORMS": 0,
+        "permits-0-user": str(visitor.pk),
+        "permits-0-kind": "trained",
+        "permits-0-robot": str(giraff.pk),
+    }
     assert client.post(f"{LIST}{giraff.pk}/change/", form).status_code == 302
     assert RobotPermit.objects.get().user == visitor
 
 
-# --- floor plans ------------------------------------------------------------------------------------------------------
+# --- floor plans ----------------------------------------------------------------------------------
 
 
 def files(**replaced):
     content = {"map_file": "map.yaml", "image_file": "map.png", "plan_file": "plan.json"}
-    return {field: SimpleUploadedFile(name, replaced.get(field, (OFFICE / name).read_bytes())) for field, name in content.items()}
+    return {
+        field: SimpleUploadedFile(name, replaced.get(field, (OFFICE / name).read_bytes()))
+        for field, name in content.items()
+    }
 
 
 def test_a_floor_plan_is_taken_from_three_files(client, researcher):
@@ -213,10 +268,18 @@ def test_a_floor_plan_is_taken_from_three_files(client, researcher):
 def test_a_map_without_a_plan_takes_its_name_from_the_form(client, researcher):
     two = files()
     del two["plan_file"]
-    assert "needs a map id and a title" in client.post("/admin/robots/floorplan/add/", two).content.decode()
+    assert (
+        "needs a map id and a title"
+        in client.post("/admin/robots/floorplan/add/", two).content.decode()
+    )
     two = files()
     del two["plan_file"]
-    assert client.post("/admin/robots/floorplan/add/", two | {"name": "lab", "title": "The lab"}).status_code == 302
+    assert (
+        client.post(
+            "/admin/robots/floorplan/add/", two | {"name": "lab", "title": "The lab"}
+        ).status_code
+        == 302
+    )
     assert FloorPlan.objects.get().title == "The lab"
 
 
@@ -237,7 +300,12 @@ def test_files_that_cannot_be_used_are_refused_with_a_sentence(client, researche
 
 
 def test_a_floor_plan_without_files_is_refused(client, researcher):
-    assert "Choose the map" in client.post("/admin/robots/floorplan/add/", {"name": "lab", "title": "The lab"}).content.decode()
+    assert (
+        "Choose the map"
+        in client.post(
+            "/admin/robots/floorplan/add/", {"name": "lab", "title": "The lab"}
+        ).content.decode()
+    )
 
 
 def test_the_same_map_twice_is_an_error_of_the_form(client, researcher):
@@ -251,12 +319,19 @@ def test_a_floor_plan_is_renamed_and_its_files_replaced(client, researcher):
     assert client.post(address, {"title": "Our office"}).status_code == 302
     assert FloorPlan.objects.get().title == "Our office"
     assert client.post(address, {"title": ""}).status_code == 200
-    yaml = (OFFICE / "map.yaml").read_bytes().replace(b"occupied_thresh: 0.65", b"occupied_thresh: 0.7")
+    yaml = (
+        (OFFICE / "map.yaml")
+        .read_bytes()
+        .replace(b"occupied_thresh: 0.65", b"occupied_thresh: 0.7")
+    )
     assert client.post(address, files(map_file=yaml) | {"title": "Our office"}).status_code == 302
     plan.refresh_from_db()
     assert (plan.occupied_thresh, plan.title, plan.name) == (0.7, "Our office", "office")
     wrong = (OFFICE / "map.yaml").read_bytes().replace(b"0.05", b"0.10")
-    assert "do not show the same place" in client.post(address, files(map_file=wrong) | {"title": "Our office"}).content.decode()
+    assert (
+        "do not show the same place"
+        in client.post(address, files(map_file=wrong) | {"title": "Our office"}).content.decode()
+    )
 
 
 def test_the_plan_of_another_map_does_not_replace_this_one(client, researcher):
@@ -264,28 +339,47 @@ def test_the_plan_of_another_map_does_not_replace_this_one(client, researcher):
     del two["plan_file"]
     client.post("/admin/robots/floorplan/add/", two | {"name": "lab", "title": "The lab"})
     plan = FloorPlan.objects.get()
-    text = unescape(client.post(f"/admin/robots/floorplan/{plan.pk}/change/", files() | {"title": "The lab"}).content.decode())
+    text = unescape(
+        client.post(
+            f"/admin/robots/floorplan/{plan.pk}/change/", files() | {"title": "The lab"}
+        ).content.decode()
+    )
     assert "belongs to the map “office”" in text
 
 
 def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, giraff):
     plan = FloorPlan.objects.create(
-        name="flat", title="Flat", resolution=0.05, origin_x=0.0, origin_y=0.0, width=1, height=1, image=b"png",
+        name="flat",
+        title="Flat",
+        resolution=0.05,
+        origin_x=0.0,
+        origin_y=0.0,
+        width=1,
+        height=1,
+        image=b"png",
         plan={"doors": [{"name": "lab-door", "title": "Laboratory door"}]},
-    )  # fmt: skip
+    )
     Robot.objects.update(floor_plan=plan, factsheet={"capabilities": ["doors"]})
     address = f"{LIST}{giraff.pk}/doors/"
     assert "Laboratory door" in client.get(address).content.decode()
-    text = client.post(address, {"door": "lab-door", "state": "closed"}, follow=True).content.decode()
+    text = client.post(
+        address, {"door": "lab-door", "state": "closed"}, follow=True
+    ).content.decode()
     assert "Laboratory door is closed." in text
     assert Robot.objects.get(pk=giraff.pk).doors == {"lab-door": "closed"}
     for door, state in (("no-door", "closed"), ("lab-door", "ajar")):
-        assert "There is no such door." in client.post(address, {"door": door, "state": state}, follow=True).content.decode()
+        assert (
+            "There is no such door."
+            in client.post(address, {"door": door, "state": state}, follow=True).content.decode()
+        )
     assert Robot.objects.get(pk=giraff.pk).doors == {"lab-door": "closed"}
 
 
 def test_a_robot_that_is_stuck_between_two_visits_is_freed(client, researcher, giraff):
     Robot.objects.update(turnaround="paused", turnaround_reason="estop")
-    assert "paused: its emergency stop is on" in client.get(f"{LIST}{giraff.pk}/change/").content.decode()
+    assert (
+        "paused: its emergency stop is on"
+        in client.get(f"{LIST}{giraff.pk}/change/").content.decode()
+    )
     client.post(LIST, {"action": "free", "_selected_action": [str(giraff.pk)]})
     assert Robot.objects.get(pk=giraff.pk).turnaround == "ready"

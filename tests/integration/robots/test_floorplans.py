@@ -16,7 +16,10 @@ from robots.world.sites import SHIPPED
 
 pytestmark = pytest.mark.django_db
 OFFICE = SHIPPED / "office"
-YAML = b"image: whatever.pgm\nresolution: 0.05\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+YAML = (
+    b"image: whatever.pgm\nresolution: 0.05\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh:"
+    b" 0.65\nfree_thresh: 0.196\n"
+)
 
 
 def store_upload(*files, **words):
@@ -44,7 +47,9 @@ def test_a_robot_is_told_the_map_in_a_message_that_it_can_read():
     assert message.map_id == "office"
     assert message.origin == (plan.origin_x, plan.origin_y, plan.origin_theta)
     assert hashlib.sha256(base64.b64decode(message.image)).hexdigest() == message.sha256
-    assert floorplan.decode(json.dumps(message.plan)) == floorplan.decode((OFFICE / "plan.json").read_bytes())
+    assert floorplan.decode(json.dumps(message.plan)) == floorplan.decode(
+        (OFFICE / "plan.json").read_bytes()
+    )
 
 
 def test_a_robot_is_told_a_map_without_a_plan():
@@ -54,7 +59,13 @@ def test_a_robot_is_told_a_map_without_a_plan():
 
 def test_a_map_without_a_plan_is_stored_under_the_name_that_is_given():
     plan = store_upload(YAML, image(), None, name="lab", title="The lab")
-    assert (plan.width, plan.height, plan.resolution, plan.origin_x, plan.origin_y) == (30, 20, 0.05, -1.0, -2.0)
+    assert (plan.width, plan.height, plan.resolution, plan.origin_x, plan.origin_y) == (
+        30,
+        20,
+        0.05,
+        -1.0,
+        -2.0,
+    )
     assert plan.plan == {}
 
 
@@ -66,7 +77,11 @@ def test_a_pgm_as_map_server_writes_it_is_taken():
 
 
 def test_an_upload_with_a_plan_takes_its_name_from_it():
-    plan = store_upload((OFFICE / "map.yaml").read_bytes(), (OFFICE / "map.png").read_bytes(), (OFFICE / "plan.json").read_bytes())
+    plan = store_upload(
+        (OFFICE / "map.yaml").read_bytes(),
+        (OFFICE / "map.png").read_bytes(),
+        (OFFICE / "plan.json").read_bytes(),
+    )
     assert plan.name == "office"
 
 
@@ -96,7 +111,9 @@ def test_the_image_named_in_the_yaml_is_not_followed(tmp_path):
     ],
     ids=map(str, range(13)),
 )
-def test_what_cannot_be_used_is_refused_with_a_sentence_and_changes_nothing(yaml, picture, plan, word):
+def test_what_cannot_be_used_is_refused_with_a_sentence_and_changes_nothing(
+    yaml, picture, plan, word
+):
     with pytest.raises(FloorPlanRefusedError, match=word):
         store_upload(yaml, picture, plan, name="lab", title="The lab")
     assert not FloorPlan.objects.exists()
@@ -108,7 +125,10 @@ def test_an_image_that_no_robot_would_take_is_refused():
         store_upload(YAML, encode_png(noise), None, name="lab", title="The lab")
 
 
-@pytest.mark.parametrize(("name", "title"), [("", "The lab"), ("lab", ""), ("a b", "The lab"), ("x" * 51, "The lab"), ("lab", "x" * 121)])
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [("", "The lab"), ("lab", ""), ("a b", "The lab"), ("x" * 51, "The lab"), ("lab", "x" * 121)],
+)
 def test_a_name_or_title_that_cannot_be_is_refused(name, title):
     with pytest.raises(FloorPlanRefusedError, match=r"map id|title"):
         store_upload(YAML, image(), None, name=name, title=title)

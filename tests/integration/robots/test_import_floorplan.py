@@ -25,15 +25,23 @@ def var(settings, tmp_path):
 
 @pytest.fixture
 def folder(tmp_path) -> Path:
-    """A copy of the clinic as somebody else might have it: another name, a PGM image under a name of its own."""
+    """A copy of the clinic as somebody else might have it: another name, a PGM image under a name
+    of its own.
+    """
     made = tmp_path / "elsewhere"
     shutil.copytree(SHIPPED / "clinic", made)
     plan = json.loads((made / "plan.json").read_text())
-    (made / "plan.json").write_text(json.dumps(plan | {"mapId": "our-clinic", "title": "Our clinic"}))
+    (made / "plan.json").write_text(
+        json.dumps(plan | {"mapId": "our-clinic", "title": "Our clinic"})
+    )
     grey = read_grey(made / "map.png")
-    (made / "first_floor.pgm").write_bytes(b"P5 %d %d 255\n" % (grey.shape[1], grey.shape[0]) + grey.tobytes())
+    (made / "first_floor.pgm").write_bytes(
+        b"P5 %d %d 255\n" % (grey.shape[1], grey.shape[0]) + grey.tobytes()
+    )
     (made / "map.png").unlink()
-    (made / "map.yaml").write_text((made / "map.yaml").read_text().replace("map.png", "first_floor.pgm"))
+    (made / "map.yaml").write_text(
+        (made / "map.yaml").read_text().replace("map.png", "first_floor.pgm")
+    )
     return made
 
 
@@ -89,11 +97,15 @@ def spoil(folder: Path, what: str) -> None:
         case "a slip of the pen":
             change_plan(folder, docs=[])
         case "nothing free":
-            (folder / "map.yaml").write_text((folder / "map.yaml").read_text().replace("negate: 0", "negate: 1"))
+            (folder / "map.yaml").write_text(
+                (folder / "map.yaml").read_text().replace("negate: 0", "negate: 1")
+            )
             grey = read_grey(folder / "first_floor.pgm") * 0 + 254
             (folder / "first_floor.pgm").write_bytes(encode_png(grey))
         case "other scale":
-            (folder / "map.yaml").write_text((folder / "map.yaml").read_text().replace("0.05", "0.2"))
+            (folder / "map.yaml").write_text(
+                (folder / "map.yaml").read_text().replace("0.05", "0.2")
+            )
         case "place in a wall":
             change_plan(folder, places=[{"name": "nook", "title": "Nook", "x": 3.2, "y": 7.7}])
         case "path of a map id":
@@ -115,7 +127,9 @@ def spoil(folder: Path, what: str) -> None:
         ("path of a map id", "map id must be at most 50"),
     ],
 )
-def test_a_site_that_cannot_be_used_is_refused_with_sentences_and_changes_nothing(folder, var, what, words):
+def test_a_site_that_cannot_be_used_is_refused_with_sentences_and_changes_nothing(
+    folder, var, what, words
+):
     take(folder)
     before = FloorPlan.objects.get()
     spoil(folder, what)

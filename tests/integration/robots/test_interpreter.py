@@ -20,7 +20,9 @@ agent.run_until_signalled(Agent())
 
 def test_an_agent_keeps_the_collector_from_all_that_it_has_loaded():
     """Else each of its rounds holds up the control loop for as long as four ticks."""
-    told = subprocess.run([sys.executable, "-c", SCRIPT], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    told = subprocess.run(
+        [sys.executable, "-c", SCRIPT], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
     frozen, looked_through, switch = int(told[0]), int(told[1]), float(told[2])
     assert frozen > 20_000
     assert looked_through < 1_000

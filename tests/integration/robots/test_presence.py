@@ -4,7 +4,16 @@ import datetime
 
 import pytest
 
-from robots.api.messages import Battery, Connection, Factsheet, Limits, Pose, PoseUpdate, State, Velocity
+from robots.api.messages import (
+    Battery,
+    Connection,
+    Factsheet,
+    Limits,
+    Pose,
+    PoseUpdate,
+    State,
+    Velocity,
+)
 from robots.models import Robot
 from robots.presence import PresenceWriter, changes, trouble_of
 
@@ -32,12 +41,24 @@ def state(seq, boot="b1", **fields):
 
 
 FACTSHEET = Factsheet(
-    name="giraff", series="Giraff", rca="simulator", agent_version="1", boot="b1", capabilities=("velocity",), watchdog=0.3,
+    name="giraff",
+    series="Giraff",
+    rca="simulator",
+    agent_version="1",
+    boot="b1",
+    capabilities=("velocity",),
+    watchdog=0.3,
     footprint=((0.2, 0.2), (-0.2, 0.2), (-0.2, -0.2)),
     limits=Limits(
-        linear=0.7, reverse=0.3, angular=0.7, linear_acceleration=0.2, angular_acceleration=0.4, linear_braking=0.8, angular_braking=1.0
+        linear=0.7,
+        reverse=0.3,
+        angular=0.7,
+        linear_acceleration=0.2,
+        angular_acceleration=0.4,
+        linear_braking=0.8,
+        angular_braking=1.0,
     ),
-)  # fmt: skip
+)
 
 
 def row(**fields):
@@ -77,7 +98,9 @@ def test_a_state_that_was_sent_again_does_not_replace_a_newer_one():
 
 
 def test_what_concerns_only_pages_changes_nothing():
-    message = PoseUpdate(stamp=1.0, pose=Pose(x=0.0, y=0.0, theta=0.0), velocity=Velocity(linear=0.0, angular=0.0))
+    message = PoseUpdate(
+        stamp=1.0, pose=Pose(x=0.0, y=0.0, theta=0.0), velocity=Velocity(linear=0.0, angular=0.0)
+    )
     assert changes(row(), message, NOW) == {}
 
 
@@ -126,13 +149,20 @@ def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason
     writer.take("giraff", connection("ONLINE"), NOW)
     writer.take("giraff", state(1), after(0.1))
     assert trouble_of(Robot.objects.get().report) == ""
-    writer.take("giraff", state(2, errors=("lens dirty", "adapter_lost: no ROS master at http://robot:11311")), after(0.2))
+    writer.take(
+        "giraff",
+        state(2, errors=("lens dirty", "adapter_lost: no ROS master at http://robot:11311")),
+        after(0.2),
+    )
     assert trouble_of(Robot.objects.get().report) == "no ROS master at http://robot:11311"
     writer.take("giraff", state(3), after(0.3))
     assert trouble_of(Robot.objects.get().report) == ""
 
 
-@pytest.mark.parametrize("report", [None, "x", [], {"errors": 3}, {"errors": None}, {"errors": [7, None, "adapter_lost"]}])
+@pytest.mark.parametrize(
+    "report",
+    [None, "x", [], {"errors": 3}, {"errors": None}, {"errors": [7, None, "adapter_lost"]}],
+)
 def test_a_report_that_makes_no_sense_tells_of_no_trouble(report):
     assert trouble_of(report) == ""
 
@@ -149,7 +179,9 @@ def test_presence_leaves_what_people_edit_alone():
 
 
 @pytest.mark.django_db
-def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(django_assert_num_queries):
+def test_an_unknown_robot_is_ignored_without_asking_the_database_each_time(
+    django_assert_num_queries,
+):
     writer = PresenceWriter()
     with django_assert_num_queries(1):
         for number in range(10):

@@ -1,4 +1,6 @@
-"""No child outlives its parent, and a process that began with signals ignored ends by them all the same, and cleans up once."""
+"""No child outlives its parent, and a process that began with signals ignored ends by them all the
+same, and cleans up once.
+"""
 
 import os
 import signal
@@ -38,9 +40,12 @@ time.sleep(600)
 
 def python(code: str, *, background: bool) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
         preexec_fn=disposition(background=background),  # noqa: PLW1509 -- system calls alone
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("background", [True, False], ids=["background", "foreground"])

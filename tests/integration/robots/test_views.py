@@ -22,11 +22,16 @@ def key():
 
 
 def ask(client, robot, token, **extra):
-    return client.get("/api/v1/agent/", headers={"Authorization": f"Bearer {robot}:{token}"}, **extra)
+    return client.get(
+        "/api/v1/agent/", headers={"Authorization": f"Bearer {robot}:{token}"}, **extra
+    )
 
 
 def test_an_agent_is_told_its_name_its_broker_and_the_ice_servers(client, key, settings):
-    settings.MQTT_PUBLIC_URL, settings.STUN_URLS = "mqtts://{host}:8883, wss://{host}/mqtt", ["stun:example.org"]
+    settings.MQTT_PUBLIC_URL, settings.STUN_URLS = (
+        "mqtts://{host}:8883, wss://{host}/mqtt",
+        ["stun:example.org"],
+    )
     settings.ALLOWED_HOSTS = ["robots.example.org"]
     response = ask(client, "giraff", key.token, HTTP_HOST="robots.example.org:8000")
     assert response.status_code == 200
@@ -47,7 +52,17 @@ def test_without_a_public_address_the_servers_own_is_told(client, key, settings)
 
 @pytest.mark.parametrize(
     "header",
-    ["", "Bearer", "Bearer ", "Bearer giraff", "Bearer giraff:", "Bearer giraff:wrong", "Basic giraff:x", "Bearer :x", "Bearer giraff:" + "x" * 5000],
+    [
+        "",
+        "Bearer",
+        "Bearer ",
+        "Bearer giraff",
+        "Bearer giraff:",
+        "Bearer giraff:wrong",
+        "Basic giraff:x",
+        "Bearer :x",
+        "Bearer giraff:" + "x" * 5000,
+    ],
 )
 def test_anything_else_than_the_right_token_is_refused_with_the_reason(client, key, header):
     response = client.get("/api/v1/agent/", headers={"Authorization": header})
@@ -91,7 +106,10 @@ def test_a_forwarded_address_counts_only_from_a_trusted_proxy(rf, settings):
     assert address_of(rf.get("/", REMOTE_ADDR="10.0.0.1", **forwarded)) == "203.0.113.9"
     assert address_of(rf.get("/", REMOTE_ADDR="198.51.100.4", **forwarded)) == "198.51.100.4"
     assert address_of(rf.get("/", REMOTE_ADDR="10.0.0.1")) == "10.0.0.1"
-    assert address_of(rf.get("/", REMOTE_ADDR="10.0.0.1", HTTP_X_FORWARDED_FOR="nonsense")) == "nonsense"
+    assert (
+        address_of(rf.get("/", REMOTE_ADDR="10.0.0.1", HTTP_X_FORWARDED_FOR="nonsense"))
+        == "nonsense"
+    )
     assert address_of(rf.get("/", REMOTE_ADDR="", HTTP_X_FORWARDED_FOR="6.6.6.6")) == ""
 
 
@@ -99,7 +117,7 @@ def test_only_get_is_answered(client, key):
     assert client.post("/api/v1/agent/").status_code == 405
 
 
-# --- floor plans ------------------------------------------------------------------------------------------------------
+# --- floor plans ----------------------------------------------------------------------------------
 
 
 @pytest.fixture

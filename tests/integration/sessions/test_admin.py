@@ -18,7 +18,16 @@ from robots.api import codec, messages
 from robots.models import Robot
 from sessions import system_log
 from sessions.leases import store
-from sessions.models import Lease, ManagerBeat, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
+from sessions.models import (
+    Lease,
+    ManagerBeat,
+    NetworkSample,
+    Session,
+    SessionEvent,
+    Snapshot,
+    StateChunk,
+    SystemLog,
+)
 
 pytestmark = pytest.mark.django_db
 LIST = "/admin/telepresence_sessions/session/"
@@ -35,22 +44,36 @@ def researcher(client):
 def assistant(client):
     """Somebody of the staff who may look at sessions and nothing else."""
     user = User.objects.create(username="assistant", is_staff=True)
-    user.user_permissions.add(Permission.objects.get(codename="view_session", content_type__app_label="telepresence_sessions"))
+    user.user_permissions.add(
+        Permission.objects.get(
+            codename="view_session", content_type__app_label="telepresence_sessions"
+        )
+    )
     client.force_login(user)
     return user
 
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now())
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
+    )
 
 
 def state(seq: int, **changes) -> dict:
-    command = messages.AppliedCommand(seq=seq, stamp=seq * 0.25, method="keyboard", way="mqtt", age=0.02, linear=0.3, angular=0.0)
+    command = messages.AppliedCommand(
+        seq=seq, stamp=seq * 0.25, method="keyboard", way="mqtt", age=0.02, linear=0.3, angular=0.0
+    )
     made = messages.State(
-        stamp=1000.0 + seq * 0.25, boot="-boot", seq=seq, pose=messages.Pose(x=1.5, y=-2.0, theta=0.1), velocity=messages.Velocity(linear=0.3, angular=0.0),
-        battery=messages.Battery(charge=0.5), applied=(command,), **changes,
-    )  # fmt: skip
+        stamp=1000.0 + seq * 0.25,
+        boot="-boot",
+        seq=seq,
+        pose=messages.Pose(x=1.5, y=-2.0, theta=0.1),
+        velocity=messages.Velocity(linear=0.3, angular=0.0),
+        battery=messages.Battery(charge=0.5),
+        applied=(command,),
+        **changes,
+    )
     return msgspec.json.decode(codec.encode(made))
 
 
@@ -58,33 +81,74 @@ def state(seq: int, **changes) -> dict:
 def session(giraff):
     now = timezone.now()
     row = Session.objects.create(
-        robot=giraff, visitor=User.objects.create(username="ana", display_name="Ana <i>"), state="ended", outcome="completed", live_key="k", queued_at=now,
-        driving_at=now, ended_at=now + timezone.timedelta(minutes=3), device={"os": "Linux", "browser": "Firefox"}, closed_at=now,
-        summary={"states": 8, "distance": 12.34, "methods": {"keyboard": 3, "touch": 1}, "ways": {"mqtt": 4}, "missing": 0},
-    )  # fmt: skip
+        robot=giraff,
+        visitor=User.objects.create(username="ana", display_name="Ana <i>"),
+        state="ended",
+        outcome="completed",
+        live_key="k",
+        queued_at=now,
+        driving_at=now,
+        ended_at=now + timezone.timedelta(minutes=3),
+        device={"os": "Linux", "browser": "Firefox"},
+        closed_at=now,
+        summary={
+            "states": 8,
+            "distance": 12.34,
+            "methods": {"keyboard": 3, "touch": 1},
+            "ways": {"mqtt": 4},
+            "missing": 0,
+        },
+    )
     for first in (0, 4):
         StateChunk.objects.create(
-            session=row, boot="-boot", first_seq=first, last_seq=first + 3, count=4, first_stamp=1000.0 + first / 4, last_stamp=1000.75 + first / 4,
-            received_at=1.0, clock_offset=0.01, states=[state(seq) for seq in range(first, first + 4)],
-        )  # fmt: skip
+            session=row,
+            boot="-boot",
+            first_seq=first,
+            last_seq=first + 3,
+            count=4,
+            first_stamp=1000.0 + first / 4,
+            last_stamp=1000.75 + first / 4,
+            received_at=1.0,
+            clock_offset=0.01,
+            states=[state(seq) for seq in range(first, first + 4)],
+        )
     return row
 
 
 def test_the_list_shows_who_drove_what_how_long_how_far_and_with_what(client, researcher, session):
     page = client.get(LIST).content.decode()
-    for shown in ("Ana &lt;i&gt;", "Giraff", "completed", "3.0", "12.3", "keyboard 75%, touch 25%", "Linux · Firefox"):
+    for shown in (
+        "Ana &lt;i&gt;",
+        "Giraff",
+        "completed",
+        "3.0",
+        "12.3",
+        "keyboard 75%, touch 25%",
+        "Linux · Firefox",
+    ):
         assert shown in page
     assert f"/admin/accounts/user/{session.visitor_id}/change/" in page
     assert f"/admin/robots/robot/{session.robot_id}/change/" in page
 
 
-def test_the_list_costs_the_same_for_many_sessions_and_never_reads_states(client, researcher, giraff, session):
+def test_the_list_costs_the_same_for_many_sessions_and_never_reads_states(
+    client, researcher, giraff, session
+):
     client.get(LIST)
     with CaptureQueriesContext(connection) as few:
         client.get(LIST)
     visitors = User.objects.bulk_create([User(username=f"v{n}") for n in range(40)])
     Session.objects.bulk_create(
-        [Session(robot=giraff, visitor=visitor, state="ended", live_key=visitor.username, queued_at=timezone.now()) for visitor in visitors]
+        [
+            Session(
+                robot=giraff,
+                visitor=visitor,
+                state="ended",
+                live_key=visitor.username,
+                queued_at=timezone.now(),
+            )
+            for visitor in visitors
+        ]
     )
     with CaptureQueriesContext(connection) as many:
         client.get(LIST)
@@ -92,7 +156,15 @@ def test_the_list_costs_the_same_for_many_sessions_and_never_reads_states(client
     assert not any("statechunk" in query["sql"] for query in many)
 
 
-@pytest.mark.parametrize(("term", "found"), [("ana", True), ("giraff", True), ("nobody", False), ("7d9f1c52-0000-4000-8000-000000000000", False)])
+@pytest.mark.parametrize(
+    ("term", "found"),
+    [
+        ("ana", True),
+        ("giraff", True),
+        ("nobody", False),
+        ("7d9f1c52-0000-4000-8000-000000000000", False),
+    ],
+)
 def test_sessions_are_found_by_visitor_and_robot(client, researcher, session, term, found):
     assert (str(session.pk) in client.get(LIST, {"q": term}).content.decode()) is found
 
@@ -103,29 +175,53 @@ def test_a_session_is_found_by_its_id(client, researcher, session):
 
 def test_filters_narrow_the_list(client, researcher, session):
     assert str(session.pk) in client.get(LIST, {"outcome__exact": "completed"}).content.decode()
-    assert str(session.pk) not in client.get(LIST, {"outcome__exact": "robot_fault"}).content.decode()
+    assert (
+        str(session.pk) not in client.get(LIST, {"outcome__exact": "robot_fault"}).content.decode()
+    )
 
 
-def test_the_page_of_a_session_shows_events_network_and_snapshots_escaped(client, researcher, session):
+def test_the_page_of_a_session_shows_events_network_and_snapshots_escaped(
+    client, researcher, session
+):
     SessionEvent.objects.create(
-        session=session, source="page", type="controller", stamp=1.0, received_at=1.0, data={"method": "<script>alert(1)</script>"}
+        session=session,
+        source="page",
+        type="controller",
+        stamp=1.0,
+        received_at=1.0,
+        data={"method": "<script>alert(1)</script>"},
     )
     for n in range(20):
-        NetworkSample.objects.create(session=session, stamp=n, received_at=n, data={"way": "datachannel", "roundTrip": 0.01 * (n + 1), "fps": 30.0})
-    snapshot = Snapshot.objects.create(session=session, action_id="p1", stamp=2.0, sha256="0" * 64, jpeg=b"\xff\xd8jpeg")
+        NetworkSample.objects.create(
+            session=session,
+            stamp=n,
+            received_at=n,
+            data={"way": "datachannel", "roundTrip": 0.01 * (n + 1), "fps": 30.0},
+        )
+    snapshot = Snapshot.objects.create(
+        session=session, action_id="p1", stamp=2.0, sha256="0" * 64, jpeg=b"\xff\xd8jpeg"
+    )
     page = client.get(f"{LIST}{session.pk}/change/").content.decode()
     assert "<script>alert(1)" not in page
     assert "&lt;script&gt;alert(1)" in page
     assert "0.105" in page
     assert "0.190" in page
     assert f"{LIST}snapshots/{snapshot.pk}.jpg" in page
-    assert 'type="text"' not in re.sub(r'<input type="text"[^>]*name="q"', "", page), "nothing can be edited"
+    assert 'type="text"' not in re.sub(r'<input type="text"[^>]*name="q"', "", page), (
+        "nothing can be edited"
+    )
 
 
 def test_pictures_are_for_staff_who_may_look_at_sessions(client, session, assistant):
-    snapshot = Snapshot.objects.create(session=session, action_id="p1", stamp=2.0, sha256="0" * 64, jpeg=b"\xff\xd8jpeg")
+    snapshot = Snapshot.objects.create(
+        session=session, action_id="p1", stamp=2.0, sha256="0" * 64, jpeg=b"\xff\xd8jpeg"
+    )
     answer = client.get(f"{LIST}snapshots/{snapshot.pk}.jpg")
-    assert (answer.status_code, answer.content, answer["Content-Type"]) == (200, b"\xff\xd8jpeg", "image/jpeg")
+    assert (answer.status_code, answer.content, answer["Content-Type"]) == (
+        200,
+        b"\xff\xd8jpeg",
+        "image/jpeg",
+    )
     client.force_login(User.objects.create(username="other", is_staff=True))
     assert client.get(f"{LIST}snapshots/{snapshot.pk}.jpg").status_code == 403
     client.force_login(session.visitor)
@@ -142,7 +238,14 @@ def test_the_csv_has_a_line_a_state_and_no_formulas(client, assistant, session):
     lines = list(csv.DictReader(io.StringIO(body(answer).decode())))
     assert [int(line["seq"]) for line in lines] == list(range(8))
     first = lines[0]
-    assert (first["x"], first["y"], first["linear"], first["method"], first["way"], first["commands"]) == (
+    assert (
+        first["x"],
+        first["y"],
+        first["linear"],
+        first["method"],
+        first["way"],
+        first["commands"],
+    ) == (
         "1.5",
         "-2.0",
         "0.3",
@@ -155,17 +258,27 @@ def test_the_csv_has_a_line_a_state_and_no_formulas(client, assistant, session):
 
 
 def test_the_json_has_the_states_as_the_robot_sent_them(client, assistant, session):
-    SessionEvent.objects.create(session=session, source="server", type="driving", stamp=1.0, received_at=1.0)
+    SessionEvent.objects.create(
+        session=session, source="server", type="driving", stamp=1.0, received_at=1.0
+    )
     document = json.loads(body(client.get(f"{LIST}{session.pk}/states.json")))
     assert document[0]["session"] == str(session.pk)
-    assert [one for chunk in document[0]["chunks"] for one in chunk["states"]] == [state(seq) for seq in range(8)]
+    assert [one for chunk in document[0]["chunks"] for one in chunk["states"]] == [
+        state(seq) for seq in range(8)
+    ]
     assert document[0]["events"][0]["type"] == "driving"
 
 
-def test_several_sessions_download_in_one_file_and_none_is_an_empty_list(client, researcher, giraff, session):
+def test_several_sessions_download_in_one_file_and_none_is_an_empty_list(
+    client, researcher, giraff, session
+):
     visitor = User.objects.create(username="ben")
-    empty = Session.objects.create(robot=giraff, visitor=visitor, state="ended", live_key="e", queued_at=timezone.now())
-    answer = client.post(LIST, {"action": "download_json", "_selected_action": [str(session.pk), str(empty.pk)]})
+    empty = Session.objects.create(
+        robot=giraff, visitor=visitor, state="ended", live_key="e", queued_at=timezone.now()
+    )
+    answer = client.post(
+        LIST, {"action": "download_json", "_selected_action": [str(session.pk), str(empty.pk)]}
+    )
     document = json.loads(body(answer))
     assert [len(one["chunks"]) for one in document] == [2, 0]
 
@@ -177,17 +290,32 @@ def test_the_operator_stops_a_live_session(client, researcher, giraff):
     answer = client.post(f"{LIST}{taken.session}/stop/", follow=True)
     assert "One session was stopped." in answer.content.decode()
     stopped = Session.objects.get(pk=taken.session)
-    assert (stopped.state, stopped.outcome, stopped.outcome_reason) == ("ended", "stopped_by_operator", "by an operator")
+    assert (stopped.state, stopped.outcome, stopped.outcome_reason) == (
+        "ended",
+        "stopped_by_operator",
+        "by an operator",
+    )
     assert Lease.objects.get(robot=giraff).session is None
     assert SystemLog.objects.get(event="session_stopped").fields == {"user": str(researcher.pk)}
     noted = AuditEntry.objects.get(act="session_stopped")
-    assert (noted.actor, noted.person, noted.robot, noted.thing) == (researcher.pk, stopped.visitor_id, "giraff", str(stopped.pk))
-    assert "Stop this session now" not in client.get(f"{LIST}{taken.session}/change/").content.decode()
+    assert (noted.actor, noted.person, noted.robot, noted.thing) == (
+        researcher.pk,
+        stopped.visitor_id,
+        "giraff",
+        str(stopped.pk),
+    )
+    assert (
+        "Stop this session now" not in client.get(f"{LIST}{taken.session}/change/").content.decode()
+    )
 
 
 def test_stopping_from_the_list_counts_only_live_ones(client, researcher, giraff, session):
     taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
-    answer = client.post(LIST, {"action": "stop_sessions", "_selected_action": [taken.session, str(session.pk)]}, follow=True)
+    answer = client.post(
+        LIST,
+        {"action": "stop_sessions", "_selected_action": [taken.session, str(session.pk)]},
+        follow=True,
+    )
     assert "One session was stopped." in answer.content.decode()
 
 
@@ -196,7 +324,9 @@ def test_who_may_only_look_can_neither_stop_nor_change_nor_delete(client, assist
     assert "stop_sessions" not in client.get(LIST).content.decode()
     assert client.post(f"{LIST}{taken.session}/stop/").status_code == 403
     client.post(LIST, {"action": "stop_sessions", "_selected_action": [taken.session]})
-    assert client.post(f"{LIST}{taken.session}/change/", {"outcome": "completed"}).status_code == 403
+    assert (
+        client.post(f"{LIST}{taken.session}/change/", {"outcome": "completed"}).status_code == 403
+    )
     assert client.post(f"{LIST}{taken.session}/delete/", {"post": "yes"}).status_code == 403
     assert Session.objects.get(pk=taken.session).state == "connecting"
 
@@ -206,7 +336,9 @@ def test_a_get_stops_nobody(client, researcher, giraff):
     assert client.get(f"{LIST}{taken.session}/stop/").status_code == 403
 
 
-def test_a_session_that_is_over_can_be_deleted_with_its_record_and_a_live_one_cannot(client, researcher, giraff, session):
+def test_a_session_that_is_over_can_be_deleted_with_its_record_and_a_live_one_cannot(
+    client, researcher, giraff, session
+):
     page = client.get(f"{LIST}{session.pk}/delete/").content.decode()
     assert "2" in page
     assert client.post(f"{LIST}{session.pk}/delete/", {"post": "yes"}).status_code == 302
@@ -224,12 +356,18 @@ def test_the_lease_names_the_driver_and_hides_the_pages_secret(client, researche
 
 
 def test_the_system_log_is_listed_with_its_fields(client, researcher, giraff, session):
-    system_log.log("robot_offline", "warning", robot=giraff, session=session, state="CONNECTIONBROKEN")
-    page = client.get("/admin/telepresence_sessions/systemlog/", {"level__exact": "warning"}).content.decode()
+    system_log.log(
+        "robot_offline", "warning", robot=giraff, session=session, state="CONNECTIONBROKEN"
+    )
+    page = client.get(
+        "/admin/telepresence_sessions/systemlog/", {"level__exact": "warning"}
+    ).content.decode()
     assert "robot_offline" in page
     assert "state=CONNECTIONBROKEN" in page
     entry = SystemLog.objects.get()
-    assert client.get(f"/admin/telepresence_sessions/systemlog/{entry.pk}/change/").status_code == 200
+    assert (
+        client.get(f"/admin/telepresence_sessions/systemlog/{entry.pk}/change/").status_code == 200
+    )
 
 
 def test_the_session_managers_beat_tells_whether_it_runs(client, researcher):

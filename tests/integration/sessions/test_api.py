@@ -19,15 +19,39 @@ from tests.support.people import person
 
 pytestmark = pytest.mark.django_db(transaction=True)
 PLACES = {"places": [{"name": "kitchen", "x": 1.0, "y": 2.0, "theta": 0.0}]}
-REPORT = {"battery": {"charge": 0.5, "charging": True}, "docked": True, "pose": {"x": 1.0, "y": 2.0, "theta": 0.1}, "mode": "manual",
-          "safety": {"estop": False}, "velocity": {"linear": 0.0, "angular": 0.0}, "errors": []}  # fmt: skip
+REPORT = {
+    "battery": {"charge": 0.5, "charging": True},
+    "docked": True,
+    "pose": {"x": 1.0, "y": 2.0, "theta": 0.1},
+    "mode": "manual",
+    "safety": {"estop": False},
+    "velocity": {"linear": 0.0, "angular": 0.0},
+    "errors": [],
+}
 
 
 @pytest.fixture
 def giraff():
-    plan = FloorPlan.objects.create(name="office", title="Office", resolution=0.05, origin_x=0, origin_y=0, width=1, height=1, image=b"", plan=PLACES)
-    return Robot.objects.create(name="giraff", title="Giraff", floor_plan=plan, connection="ONLINE", last_seen_at=timezone.now(), report=REPORT,
-                                factsheet={"series": "Giraff", "capabilities": ["velocity", "dock"]})  # fmt: skip
+    plan = FloorPlan.objects.create(
+        name="office",
+        title="Office",
+        resolution=0.05,
+        origin_x=0,
+        origin_y=0,
+        width=1,
+        height=1,
+        image=b"",
+        plan=PLACES,
+    )
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        floor_plan=plan,
+        connection="ONLINE",
+        last_seen_at=timezone.now(),
+        report=REPORT,
+        factsheet={"series": "Giraff", "capabilities": ["velocity", "dock"]},
+    )
 
 
 def command(*arguments):
@@ -43,11 +67,18 @@ def bearer(giraff):
 
 def at(giraff, state):
     user = person(f"visitor-{state}")
-    return Session.objects.create(robot=giraff, visitor=user, state=state, live_key=str(user.pk), queued_at=timezone.now())
+    return Session.objects.create(
+        robot=giraff, visitor=user, state=state, live_key=str(user.pk), queued_at=timezone.now()
+    )
 
 
 async def act(kind, headers, robot="giraff", **more):
-    answer = await AsyncClient().post(f"/api/v1/robots/{robot}/actions/", {"type": kind, **more}, content_type="application/json", headers=headers)
+    answer = await AsyncClient().post(
+        f"/api/v1/robots/{robot}/actions/",
+        {"type": kind, **more},
+        content_type="application/json",
+        headers=headers,
+    )
     return answer.status_code, answer.json()
 
 
@@ -56,7 +87,14 @@ def test_everybody_reads_what_the_site_shows(giraff):
     answer = Client().get("/api/v1/robots/").json()
     told = answer["robots"][0]
     assert answer["apiVersion"] == 1
-    assert (told["name"], told["state"], told["driven"], told["waiting"], told["charge"], told["docked"]) == ("giraff", "busy", True, 1, 0.5, True)
+    assert (
+        told["name"],
+        told["state"],
+        told["driven"],
+        told["waiting"],
+        told["charge"],
+        told["docked"],
+    ) == ("giraff", "busy", True, 1, 0.5, True)
     assert told["places"] == [{"name": "kitchen", "x": 1.0, "y": 2.0}]
     assert told["page"] == "http://testserver/robots/giraff/"
     assert "pose" not in told
@@ -70,10 +108,16 @@ def test_nobody_is_named(giraff):
     assert str(session.pk) not in text
 
 
-@pytest.mark.parametrize(("change", "state"), [
-    ({}, "available"), ({"connection": "OFFLINE"}, "offline"), ({"report": {"safety": {"estop": True}}}, "stopped"), ({"turnaround": "returning"}, "busy"),
-    ({"report": {"errors": ["adapter_lost: no ROS master"]}}, "stopped"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "state"),
+    [
+        ({}, "available"),
+        ({"connection": "OFFLINE"}, "offline"),
+        ({"report": {"safety": {"estop": True}}}, "stopped"),
+        ({"turnaround": "returning"}, "busy"),
+        ({"report": {"errors": ["adapter_lost: no ROS master"]}}, "stopped"),
+    ],
+)
 def test_a_robots_state_is_one_word(giraff, change, state):
     Robot.objects.update(**change)
     assert Client().get("/api/v1/robots/giraff/").json()["robot"]["state"] == state
@@ -86,8 +130,17 @@ def test_what_an_offline_robot_said_last_is_not_told_as_news(giraff, bearer):
 
 
 def test_a_key_tells_more_of_its_own_robot_alone(giraff, bearer):
-    Robot.objects.create(name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=timezone.now(), report=REPORT)
-    told = {robot["name"]: robot for robot in Client().get("/api/v1/robots/", headers=bearer).json()["robots"]}
+    Robot.objects.create(
+        name="rhodon",
+        title="Rhodon",
+        connection="ONLINE",
+        last_seen_at=timezone.now(),
+        report=REPORT,
+    )
+    told = {
+        robot["name"]: robot
+        for robot in Client().get("/api/v1/robots/", headers=bearer).json()["robots"]
+    }
     assert told["giraff"]["pose"] == REPORT["pose"]
     assert "pose" not in told["rhodon"]
 
@@ -97,7 +150,10 @@ def test_there_is_nothing_to_find_of_a_robot_that_does_not_exist(giraff):
     assert (answer.status_code, answer.json()["error"]) == (404, "no_such_robot")
 
 
-@pytest.mark.parametrize("header", ["Bearer x", "Bearer " + "0" * 32 + ".token", "Basic dTpw", "Bearer " + "x" * 500, "nonsense"])
+@pytest.mark.parametrize(
+    "header",
+    ["Bearer x", "Bearer " + "0" * 32 + ".token", "Basic dTpw", "Bearer " + "x" * 500, "nonsense"],
+)
 def test_a_wrong_key_opens_nothing_not_even_what_is_open(giraff, header, monkeypatch):
     monkeypatch.setattr("sessions.api.views.time.time", lambda: 1e9)  # all within one minute
     for _ in range(20):
@@ -120,7 +176,13 @@ def test_a_key_is_shown_once_and_kept_as_a_hash(giraff, bearer):
     token = bearer["authorization"].partition(".")[2]
     assert token not in ApiKey.objects.get().token_hash
     assert command("giraff", "--list").startswith("home ")
-    for arguments in (("giraff", "home"), ("giraff",), ("nobody", "home"), ("giraff", "x" * 61), ("giraff", "none", "--revoke")):
+    for arguments in (
+        ("giraff", "home"),
+        ("giraff",),
+        ("nobody", "home"),
+        ("giraff", "x" * 61),
+        ("giraff", "none", "--revoke"),
+    ):
         with pytest.raises(CommandError):
             command(*arguments)
 
@@ -151,7 +213,11 @@ async def test_a_robot_that_is_somebodys_is_not_taken_away(bridge, giraff, beare
     session = await sync_to_async(at)(giraff, state)
     await Lease.objects.acreate(robot=giraff, session=session, changed_at=timezone.now())
     status, answer = await act("dock", bearer)
-    assert (status, answer["error"], (await Robot.objects.aget()).turnaround) == (409, "driven", "ready")
+    assert (status, answer["error"], (await Robot.objects.aget()).turnaround) == (
+        409,
+        "driven",
+        "ready",
+    )
 
 
 async def test_a_robot_that_does_not_dock_is_not_sent_home(bridge, giraff, bearer):
@@ -176,7 +242,9 @@ async def test_no_key_drives_or_lifts_a_stop(bridge, giraff, bearer, kind):
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"{", b"\xff", b'{"type": "stop"}' + b" " * 2000])
 async def test_a_body_that_is_none_is_refused(bridge, giraff, bearer, body):
-    answer = await AsyncClient().generic("POST", "/api/v1/robots/giraff/actions/", body, "application/json", headers=bearer)
+    answer = await AsyncClient().generic(
+        "POST", "/api/v1/robots/giraff/actions/", body, "application/json", headers=bearer
+    )
     assert (answer.status_code, bridge.stops) == (400, [])
 
 

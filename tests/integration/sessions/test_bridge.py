@@ -59,7 +59,11 @@ async def test_a_page_and_a_robot_speak_with_each_other_under_the_servers_stamps
         await ada.settle(robot)
         (offer,) = robot.commands(f"signal/{granted.peer}")
         (command,) = robot.commands("command/velocity")
-        assert (offer.role, offer.session, offer.epoch) == ("driver", granted.session, granted.epoch)
+        assert (offer.role, offer.session, offer.epoch) == (
+            "driver",
+            granted.session,
+            granted.epoch,
+        )
         assert (command.session, command.epoch) == (granted.session, granted.epoch)
         await robot.say(f"signal/{granted.peer}/reply", m.Answer(sdp="v=0 answer"))
         await robot.say("state", words.state(seq=4))
@@ -94,33 +98,62 @@ async def test_a_large_frame_is_denied_and_a_huge_one_ends_the_connection(site):
 
 async def test_two_web_processes_share_a_robot_and_its_driver_moves_between_them(site):
     port = site.second_web()
-    async with RobotDouble(site) as robot, page(site, "ada") as here, page(site, "ada", port=port) as there, page(site, "bob", port=port) as bob:
+    async with (
+        RobotDouble(site) as robot,
+        page(site, "ada") as here,
+        page(site, "ada", port=port) as there,
+        page(site, "bob", port=port) as bob,
+    ):
         granted = await drive(here)
         await watch(bob)
         await tune_in(robot, here, bob)
-        await robot.say("state", words.state(seq=8, session=granted.session, epoch=granted.epoch, viewers=2))
+        await robot.say(
+            "state", words.state(seq=8, session=granted.session, epoch=granted.epoch, viewers=2)
+        )
         await bob.expect("room", lambda room: room.driving and room.driver == "ada")
         moved = await drive(there)
         ended = await here.expect("session/ended")
-        assert (ended.session, ended.outcome, moved.session) == (granted.session, "moved", granted.session)
-        await here.say("command/velocity", words.velocity(seq=1, session=moved.session, epoch=moved.epoch))
+        assert (ended.session, ended.outcome, moved.session) == (
+            granted.session,
+            "moved",
+            granted.session,
+        )
+        await here.say(
+            "command/velocity", words.velocity(seq=1, session=moved.session, epoch=moved.epoch)
+        )
         await there.say("command/velocity", words.velocity(seq=2))
         assert (await here.expect("denied")).reason == "not_driver"
         await there.settle(robot)
-        assert [(command.seq, command.epoch) for command in robot.commands("command/velocity")] == [(2, moved.epoch)]
+        assert [(command.seq, command.epoch) for command in robot.commands("command/velocity")] == [
+            (2, moved.epoch)
+        ]
         await leave(there)
     site.stop("web-2")
 
 
-async def test_a_page_that_does_not_read_loses_old_telemetry_and_no_event_and_takes_nothing_from_others(site):
-    scan = m.Scan(stamp=1.0, angle_min=0.0, angle_increment=0.003, range_max=10.0, ranges=tuple(1.0 + number / 7 for number in range(1900)))
-    async with RobotDouble(site) as robot, page(site, "ada", slow=True) as slow, page(site, "bob") as quick:
+async def test_a_page_that_does_not_read_loses_old_telemetry_and_no_event_and_takes_nothing_from_others(
+    site,
+):
+    scan = m.Scan(
+        stamp=1.0,
+        angle_min=0.0,
+        angle_increment=0.003,
+        range_max=10.0,
+        ranges=tuple(1.0 + number / 7 for number in range(1900)),
+    )
+    async with (
+        RobotDouble(site) as robot,
+        page(site, "ada", slow=True) as slow,
+        page(site, "bob") as quick,
+    ):
         await tune_in(robot, slow, quick)
         received = asyncio.create_task(expect_scan(quick, 600.0))
         for number in range(1, 601):
             await robot.say("scan", msgspec.structs.replace(scan, stamp=float(number)))
             if number % 100 == 0:
-                await robot.say("event", m.Event(stamp=float(number), boot="b1", seq=number, type="docked"))
+                await robot.say(
+                    "event", m.Event(stamp=float(number), boot="b1", seq=number, type="docked")
+                )
         await received
         assert len(told(quick, "scan")) == 600
         await expect_scan(slow, 600.0)
@@ -133,7 +166,9 @@ async def test_a_page_that_does_not_read_loses_old_telemetry_and_no_event_and_ta
 
 
 async def tune_in(robot, *pages):
-    """Wait until the pages hear the robot: the server subscribes to it only when the first one comes."""
+    """Wait until the pages hear the robot: the server subscribes to it only when the first one
+    comes.
+    """
     hearing = asyncio.gather(*(page.expect("state") for page in pages))
     while not hearing.done():  # which ends, whatever comes
         await robot.say("state", words.state())
@@ -150,44 +185,108 @@ async def expect_scan(page, stamp):
         pass
 
 
-# --- three hundred lies through the real transport -------------------------------------------------------------------
+# --- three hundred lies through the real transport ------------------------------------------------
 
-NOT_A_NUMBER = st.sampled_from(["NaN", "Infinity", "-Infinity", "1e309", '"1"', "null", "[]", "{}", "true"])
+NOT_A_NUMBER = st.sampled_from(
+    ["NaN", "Infinity", "-Infinity", "1e309", '"1"', "null", "[]", "{}", "true"]
+)
 OUT_OF_RANGE = st.sampled_from(["1e9", "-11", "10.0001", "1e300"])
 
 
-def velocity_text(*, linear="0.1", seq="1", stamp="1", method='"keyboard"', epoch="0", session='"s"'):
-    fields = {"session": session, "epoch": epoch, "seq": seq, "stamp": stamp, "linear": linear, "angular": "0", "method": method}
-    return "command/velocity\n{" + ",".join(f'"{name}":{value}' for name, value in fields.items()) + "}"
+def velocity_text(
+    *, linear="0.1", seq="1", stamp="1", method='"keyboard"', epoch="0", session='"s"'
+):
+    fields = {
+        "session": session,
+        "epoch": epoch,
+        "seq": seq,
+        "stamp": stamp,
+        "linear": linear,
+        "angular": "0",
+        "method": method,
+    }
+    return (
+        "command/velocity\n{"
+        + ",".join(f'"{name}":{value}' for name, value in fields.items())
+        + "}"
+    )
 
 
 BAD = st.one_of(
     st.text(max_size=300),
     st.binary(max_size=300),
     st.builds(lambda linear: velocity_text(linear=linear), NOT_A_NUMBER | OUT_OF_RANGE),
-    st.builds(lambda seq: velocity_text(seq=seq), st.sampled_from(["-1", "0.5", "9007199254740992", "1e30", '"1"', "null"])),
-    st.builds(lambda stamp: velocity_text(stamp=stamp), st.sampled_from(["-1", "1e12", "NaN", "null"])),
-    st.builds(lambda method: velocity_text(method=method), st.sampled_from(['"telepathy"', "1", "null"])),
+    st.builds(
+        lambda seq: velocity_text(seq=seq),
+        st.sampled_from(["-1", "0.5", "9007199254740992", "1e30", '"1"', "null"]),
+    ),
+    st.builds(
+        lambda stamp: velocity_text(stamp=stamp), st.sampled_from(["-1", "1e12", "NaN", "null"])
+    ),
+    st.builds(
+        lambda method: velocity_text(method=method), st.sampled_from(['"telepathy"', "1", "null"])
+    ),
     st.builds(lambda epoch: velocity_text(epoch=epoch), st.sampled_from(["-1", '"7"', "1.5"])),
-    st.builds(lambda session: velocity_text(session=session), st.sampled_from(['""', '"a b"', '"../x"', "5"])),
-    st.builds(lambda kind: f'command/action\n{{"type":"{kind}","actionId":"a","stamp":1}}', st.sampled_from(["goto!", "fly", "", "lease", "tilt", "resend_states", "follow"])),
-    st.builds(lambda suffix, payload: f"{suffix}\n{payload}", st.sampled_from(["lease", "config", "floorplan", "state", "event", "photo/a", "connection", "signal/p", "../x", "#", "+"]), st.text(max_size=50)),
+    st.builds(
+        lambda session: velocity_text(session=session),
+        st.sampled_from(['""', '"a b"', '"../x"', "5"]),
+    ),
+    st.builds(
+        lambda kind: f'command/action\n{{"type":"{kind}","actionId":"a","stamp":1}}',
+        st.sampled_from(["goto!", "fly", "", "lease", "tilt", "resend_states", "follow"]),
+    ),
+    st.builds(
+        lambda suffix, payload: f"{suffix}\n{payload}",
+        st.sampled_from(
+            [
+                "lease",
+                "config",
+                "floorplan",
+                "state",
+                "event",
+                "photo/a",
+                "connection",
+                "signal/p",
+                "../x",
+                "#",
+                "+",
+            ]
+        ),
+        st.text(max_size=50),
+    ),
     st.builds(lambda size: "command/velocity\n" + "[" * size, st.integers(1, 60_000)),
     st.builds(lambda size: "command/action\n" + " " * size, st.integers(65_537, 120_000)),
-)  # fmt: skip
+)
 FORGED = st.one_of(
-    st.builds(lambda seq, linear: ("command/velocity", words.velocity(seq=seq, linear=linear)), st.integers(0, 2**50), st.floats(-10, 10)),
     st.builds(
-        lambda role: ("command/action", m.Goto(action_id="g", stamp=1.0, x=1.0, y=1.0, role=role)), st.sampled_from(["driver", "owner", "server"])
+        lambda seq, linear: ("command/velocity", words.velocity(seq=seq, linear=linear)),
+        st.integers(0, 2**50),
+        st.floats(-10, 10),
     ),
-    st.builds(lambda role: ("command/action", m.ClearEStop(action_id="c", stamp=1.0, role=role, user="boss")), st.sampled_from(["staff", "owner"])),
-    st.builds(lambda n: ("command/heartbeat", m.CommandHeartbeat(n=n, stamp=1.0)), st.integers(0, 1000)),
+    st.builds(
+        lambda role: ("command/action", m.Goto(action_id="g", stamp=1.0, x=1.0, y=1.0, role=role)),
+        st.sampled_from(["driver", "owner", "server"]),
+    ),
+    st.builds(
+        lambda role: (
+            "command/action",
+            m.ClearEStop(action_id="c", stamp=1.0, role=role, user="boss"),
+        ),
+        st.sampled_from(["staff", "owner"]),
+    ),
+    st.builds(
+        lambda n: ("command/heartbeat", m.CommandHeartbeat(n=n, stamp=1.0)), st.integers(0, 1000)
+    ),
 )
 
 
 def forge(message, granted):
     """Let a message claim everything that the driver's has."""
-    claims = {"session": granted.session, "epoch": granted.epoch} if hasattr(message, "epoch") else {"peer": granted.peer}
+    claims = (
+        {"session": granted.session, "epoch": granted.epoch}
+        if hasattr(message, "epoch")
+        else {"peer": granted.peer}
+    )
     return msgspec.structs.replace(message, **claims)
 
 
@@ -198,7 +297,11 @@ class Liars:
         self.site = site
 
     async def open(self):
-        self.robot, self.ada, self.bob = RobotDouble(self.site), page(self.site, "ada"), page(self.site, "bob")
+        self.robot, self.ada, self.bob = (
+            RobotDouble(self.site),
+            page(self.site, "ada"),
+            page(self.site, "bob"),
+        )
         for end in (self.robot, self.ada, self.bob):
             await end.__aenter__()
         self.granted = await drive(self.ada)
@@ -223,7 +326,8 @@ class Liars:
         await self.ada.settle(self.robot)
         await self.bob.settle(self.robot)
         await asyncio.sleep(0.02)  # an honest page's pace: sixty stops a second are all that pass
-        assert [said for said in self.robot.got if said[1] != m.Stay()] == []  # which the server says of who watches, once a minute
+        # which the server says of who watches, once a minute
+        assert [said for said in self.robot.got if said[1] != m.Stay()] == []
 
 
 async def drain(end):
@@ -244,14 +348,20 @@ def liars(site):
 @settings(
     max_examples=300,
     deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large],
+    suppress_health_check=[
+        HealthCheck.function_scoped_fixture,
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+    ],
 )
 @given(bad=BAD, forged=FORGED)
-def test_nothing_malformed_and_nothing_forged_comes_through_a_real_socket_and_stops_always_do(liars, bad, forged):
+def test_nothing_malformed_and_nothing_forged_comes_through_a_real_socket_and_stops_always_do(
+    liars, bad, forged
+):
     liars.portal.run(liars.try_one(bad, forged))
 
 
-# --- the broker ------------------------------------------------------------------------------------------------------
+# --- the broker -----------------------------------------------------------------------------------
 
 
 async def test_the_broker_may_restart_under_a_drive(site):
@@ -267,14 +377,18 @@ async def test_the_broker_may_restart_under_a_drive(site):
         async with RobotDouble(site) as robot:
             await robot.say("connection", words.online(), retain=True)
             await ada.expect("robot", lambda presence: presence.online)
-            await until(lambda: any(lease and lease.epoch == granted.epoch for lease in robot.commands("lease")))
+            await until(
+                lambda: any(
+                    lease and lease.epoch == granted.epoch for lease in robot.commands("lease")
+                )
+            )
             await ada.say("command/velocity", words.velocity(seq=2))
             await ada.settle(robot)
             assert [command.seq for command in robot.commands("command/velocity")] == [2]
             await leave(ada)
 
 
-# --- the session manager ---------------------------------------------------------------------------------------------
+# --- the session manager --------------------------------------------------------------------------
 
 
 async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_gets_a_turn(site):
@@ -284,7 +398,16 @@ async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_
             await robot.say("connection", words.online(), retain=True)
             granted = await drive(ada)
             speaking = asyncio.create_task(robot_speaks(robot, granted))
-            await until(lambda: [lease.renewal for lease in robot.commands("lease") if lease and lease.epoch == granted.epoch][-1:] > [0])
+            await until(
+                lambda: (
+                    [
+                        lease.renewal
+                        for lease in robot.commands("lease")
+                        if lease and lease.epoch == granted.epoch
+                    ][-1:]
+                    > [0]
+                )
+            )
             await bob.say("session/take", protocol.Take())
             queued = await bob.expect("session/queued")
             await ada.say("session/leave", protocol.Leave())
@@ -302,7 +425,16 @@ async def robot_speaks(robot, granted):
     seq = 0
     while True:
         seq += 1
-        await robot.say("state", words.state(seq=seq, stamp=time.time(), session=granted.session, epoch=granted.epoch, visitor_silence=0.1))
+        await robot.say(
+            "state",
+            words.state(
+                seq=seq,
+                stamp=time.time(),
+                session=granted.session,
+                epoch=granted.epoch,
+                visitor_silence=0.1,
+            ),
+        )
         await asyncio.sleep(0.25)
 
 

@@ -15,15 +15,22 @@ from telepresence_site import asgi
 from tests.support.pages import ORIGIN
 from tests.support.patience import patient
 
-pytestmark = pytest.mark.django_db  # a consumer looks after the connections of its thread, whoever opened them
+# a consumer looks after the connections of its thread, whoever opened them
+pytestmark = pytest.mark.django_db
 
 
 def servers_on(page) -> list[dict]:
-    return json.loads(re.search(r'id="config"[^>]*>(.*?)</script>', page.content.decode())[1])["iceServers"]
+    return json.loads(re.search(r'id="config"[^>]*>(.*?)</script>', page.content.decode())[1])[
+        "iceServers"
+    ]
 
 
 def test_anybody_may_check_but_only_for_whom_there_is_a_robot_may_use_the_detour(client, settings):
-    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = ["stun:a.example"], ["turn:a.example"], "secret"
+    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = (
+        ["stun:a.example"],
+        ["turn:a.example"],
+        "secret",
+    )
     assert servers_on(client.get("/check/")) == [{"urls": ["stun:a.example"]}]
     client.force_login(User.objects.create_user("ada", password="x"))
     giraff = Robot.objects.create(name="giraff", title="Giraff", access=Robot.Access.INVITATION)
@@ -34,8 +41,12 @@ def test_anybody_may_check_but_only_for_whom_there_is_a_robot_may_use_the_detour
     assert signed_in[1]["username"].endswith(str(User.objects.get().pk))
 
 
-@pytest.mark.parametrize(("language", "title"), [("en", "Check my connection"), ("es", "Comprobar mi conexión")])
-def test_the_page_speaks_the_visitors_language_and_says_what_it_is_looking_for(client, settings, language, title):
+@pytest.mark.parametrize(
+    ("language", "title"), [("en", "Check my connection"), ("es", "Comprobar mi conexión")]
+)
+def test_the_page_speaks_the_visitors_language_and_says_what_it_is_looking_for(
+    client, settings, language, title
+):
     settings.STUN_URLS = []
     page = client.get("/check/", headers={"Accept-Language": language})
     assert title in page.content.decode()
@@ -56,7 +67,10 @@ async def test_the_line_says_back_a_few_short_words_to_anybody():
         await line.send_to("?")
         assert await line.receive_from(timeout=patient(5)) == "?"
     await line.send_to("?")
-    assert await line.receive_output(timeout=patient(5)) == {"type": "websocket.close", "code": protocol.FLOODED}
+    assert await line.receive_output(timeout=patient(5)) == {
+        "type": "websocket.close",
+        "code": protocol.FLOODED,
+    }
     await line.disconnect()
 
 
@@ -64,7 +78,11 @@ async def test_an_address_has_so_many_lines_open(monkeypatch):
     monkeypatch.setattr(asgi.counted, "_limit", 2)
     lines = []
     for address in ("198.51.100.7", "198.51.100.7", "198.51.100.7", "198.51.100.8"):
-        line = WebsocketCommunicator(asgi.application, f"/{protocol.CHECK_PATH}", headers=[(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode())])
+        line = WebsocketCommunicator(
+            asgi.application,
+            f"/{protocol.CHECK_PATH}",
+            headers=[(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode())],
+        )
         line.scope["client"] = (address, 1)
         lines.append((line, (await line.connect(timeout=patient(5)))[0]))
     assert [connected for _, connected in lines] == [True, True, False, True]

@@ -1,4 +1,6 @@
-"""Two operating-system processes ask at the same instant, again and again, on real databases: never two leases."""
+"""Two operating-system processes ask at the same instant, again and again, on real databases: never
+two leases.
+"""
 
 import json
 import os
@@ -24,10 +26,18 @@ call_command("migrate", verbosity=0)
 """
 
 
-@pytest.fixture(scope="module", params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
+@pytest.fixture(
+    scope="module", params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)]
+)
 def database(request, tmp_path_factory) -> Iterator[dict[str, str]]:
     var = tmp_path_factory.mktemp(f"races-{request.param}")
-    environment = {**os.environ, "VAR_DIR": str(var), "HTTP_ONLY": "1", "DJANGO_SETTINGS_MODULE": "tests.settings", "LOG_LEVEL": "WARNING"}
+    environment = {
+        **os.environ,
+        "VAR_DIR": str(var),
+        "HTTP_ONLY": "1",
+        "DJANGO_SETTINGS_MODULE": "tests.settings",
+        "LOG_LEVEL": "WARNING",
+    }
     environment.pop("DATABASE_URL", None)
     if request.param == "sqlite":
         yield environment
@@ -37,7 +47,15 @@ def database(request, tmp_path_factory) -> Iterator[dict[str, str]]:
 
 
 def django(environment: dict[str, str], code: str) -> str:
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -48,7 +66,15 @@ class Racers:
     def __init__(self, environment: dict[str, str]) -> None:
         command = [sys.executable, "-m", "tests.support.lease_racer"]
         self.processes = [
-            subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for _ in range(2)
+            subprocess.Popen(
+                command,
+                cwd=ROOT,
+                env=environment,
+                text=True,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+            )
+            for _ in range(2)
         ]
         for process in self.processes:
             assert process.stdout.readline() == "ready\n"
@@ -95,13 +121,18 @@ print(json.dumps({
 )
 
 
-def run(environment: dict[str, str], prefix: str, visitors: tuple[str, str], rounds: int) -> tuple[list[list[dict]], dict]:
+def run(
+    environment: dict[str, str], prefix: str, visitors: tuple[str, str], rounds: int
+) -> tuple[list[list[dict]], dict]:
     prefix += str(rounds)
     names = f"prefix, rounds = {prefix!r}, {rounds}\n"
     django(environment, names + PREPARE)
     racers = Racers(environment)
     try:
-        answers = [racers.race(f"{prefix}-{n} {visitors[0]} left", f"{prefix}-{n} {visitors[1]} right") for n in range(rounds)]
+        answers = [
+            racers.race(f"{prefix}-{n} {visitors[0]} left", f"{prefix}-{n} {visitors[1]} right")
+            for n in range(rounds)
+        ]
     finally:
         racers.close()
     return answers, json.loads(django(environment, names + COUNT))
@@ -114,7 +145,14 @@ def test_of_two_visitors_one_drives_and_the_other_waits(database, rounds):
     assert kinds == [["Granted", "Queued"]] * rounds
     winners = [answers[0]["kind"] == "Granted" for answers in told]
     assert 0 < sum(winners) < rounds, "one side won every time: they did not race"
-    assert found == {"driving": rounds, "waiting": rounds, "leases": rounds, "epochs": [1], "held": rounds, "agree": True}
+    assert found == {
+        "driving": rounds,
+        "waiting": rounds,
+        "leases": rounds,
+        "epochs": [1],
+        "held": rounds,
+        "agree": True,
+    }
 
 
 @pytest.mark.parametrize("rounds", ROUNDS)
@@ -123,4 +161,11 @@ def test_of_two_tabs_of_one_visitor_one_drives_and_the_other_is_told_where(datab
     for answers in told:
         assert sorted(answer["kind"] for answer in answers) == ["Granted", "Refused"]
         assert answers[0]["session"] == answers[1]["session"], "two tabs, one session"
-    assert found == {"driving": rounds, "waiting": 0, "leases": rounds, "epochs": [1], "held": rounds, "agree": True}
+    assert found == {
+        "driving": rounds,
+        "waiting": 0,
+        "leases": rounds,
+        "epochs": [1],
+        "held": rounds,
+        "agree": True,
+    }

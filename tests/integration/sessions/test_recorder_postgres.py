@@ -17,7 +17,14 @@ def test_a_crash_of_the_database_and_text_that_it_cannot_hold_cost_no_other_stat
     with running_postgres() as server:
         environment = {**os.environ, "VAR_DIR": str(tmp_path), "DATABASE_URL": server.url}
         command = [sys.executable, "-m", "tests.support.record_exercise"]
-        with subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as exercise:
+        with subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env=environment,
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        ) as exercise:
             assert json.loads(exercise.stdout.readline()) == {"at": "half"}
             server.stop()
             print("go on", file=exercise.stdin, flush=True)

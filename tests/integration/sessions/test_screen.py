@@ -1,4 +1,6 @@
-"""A robot's own display: its key, its page and its WebSocket, with a bridge in memory and a real database."""
+"""A robot's own display: its key, its page and its WebSocket, with a bridge in memory and a real
+database.
+"""
 
 import io
 
@@ -24,7 +26,9 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now())
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now()
+    )
 
 
 @pytest.fixture
@@ -44,7 +48,9 @@ class Display(Page):
 
         cookie = f"{cookie_of(self.robot)}={self.key}".encode()
         headers = [(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode()), (b"cookie", cookie)]
-        self.socket = WebsocketCommunicator(application, f"/ws/robots/{self.robot}/screen/", headers=headers)
+        self.socket = WebsocketCommunicator(
+            application, f"/ws/robots/{self.robot}/screen/", headers=headers
+        )
         self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
         return self.accepted
 
@@ -53,7 +59,7 @@ def action(kind, **fields):
     return kind(**{"action_id": "a1", "stamp": 1.0, **fields})
 
 
-# --- the key ---------------------------------------------------------------------------------------------------------
+# --- the key --------------------------------------------------------------------------------------
 
 
 def test_a_key_opens_its_own_robots_screen_until_another_is_made_or_it_is_taken_away(robot, key):
@@ -79,7 +85,9 @@ def test_the_page_takes_the_key_once_and_keeps_it_where_no_script_reads_it(clien
     assert (cookie.value, cookie["httponly"], cookie["samesite"]) == (key, True, "Strict")
 
 
-def test_without_the_key_the_page_tells_neither_what_a_robot_is_called_nor_whether_there_is_one(client, robot, key):
+def test_without_the_key_the_page_tells_neither_what_a_robot_is_called_nor_whether_there_is_one(
+    client, robot, key
+):
     Robot.objects.filter(pk=robot.pk).update(title="The board room", access=Robot.Access.INVITATION)
     there, nowhere = client.get("/robots/giraff/screen/"), client.get("/robots/nowhere/screen/")
     assert (there.status_code, nowhere.status_code) == (200, 200)
@@ -90,14 +98,24 @@ def test_without_the_key_the_page_tells_neither_what_a_robot_is_called_nor_wheth
 
 def test_guessing_ends_soon_and_a_foreign_page_cannot_guess_at_all(client, robot, key, monkeypatch):
     monkeypatch.setattr("sessions.screen_views.time.time", lambda: 1e9)  # all within one minute
-    codes = [client.post("/robots/giraff/screen/key/", {"key": f"guess {n}"}).status_code for n in range(25)]
+    codes = [
+        client.post("/robots/giraff/screen/key/", {"key": f"guess {n}"}).status_code
+        for n in range(25)
+    ]
     assert codes[0] == 403
     assert codes[-1] == 429
-    assert Client(enforce_csrf_checks=True).post("/robots/giraff/screen/key/", {"key": key}).status_code == 403
+    assert (
+        Client(enforce_csrf_checks=True)
+        .post("/robots/giraff/screen/key/", {"key": key})
+        .status_code
+        == 403
+    )
 
 
 def test_the_owner_makes_the_address_in_the_administration_and_takes_it_away(client, robot):
-    client.force_login(get_user_model().objects.create(username="researcher", is_staff=True, is_superuser=True))
+    client.force_login(
+        get_user_model().objects.create(username="researcher", is_staff=True, is_superuser=True)
+    )
     address = f"/admin/robots/robot/{robot.pk}/screen/"
     made = client.post(address).content.decode()
     shown = made.partition('<pre id="screen-address">')[2].partition("</pre>")[0]
@@ -106,7 +124,9 @@ def test_the_owner_makes_the_address_in_the_administration_and_takes_it_away(cli
     assert shown not in client.get(address).content.decode()
     client.post(address, {"revoke": "1"})
     assert screen_of("giraff", shown.partition("#")[2]) is None
-    assert "Make an address" in client.get(f"/admin/robots/robot/{robot.pk}/change/").content.decode()
+    assert (
+        "Make an address" in client.get(f"/admin/robots/robot/{robot.pk}/change/").content.decode()
+    )
 
 
 def test_the_command_prints_an_address_that_opens(robot):
@@ -122,7 +142,7 @@ def test_the_command_prints_an_address_that_opens(robot):
     assert AuditEntry.objects.get(act="screen_key_made").robot == "giraff"
 
 
-# --- the WebSocket ---------------------------------------------------------------------------------------------------
+# --- the WebSocket --------------------------------------------------------------------------------
 
 
 async def test_without_its_key_nobody_is_a_robots_screen(bridge, robot, key):
@@ -133,15 +153,23 @@ async def test_without_its_key_nobody_is_a_robots_screen(bridge, robot, key):
 
 
 async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key):
-    ada = await sync_to_async(get_user_model().objects.create_user)("ada", display_name="Ada", password="x")
-    async with Display(key) as display, Page("giraff", ada) as page, Page("giraff", ada) as watching:
+    ada = await sync_to_async(get_user_model().objects.create_user)(
+        "ada", display_name="Ada", password="x"
+    )
+    async with (
+        Display(key) as display,
+        Page("giraff", ada) as page,
+        Page("giraff", ada) as watching,
+    ):
         assert (await display.expect("screen")).visitor is None
         granted = await page.take()
         shown = await display.expect("screen")
         assert (shown.visitor, shown.session, shown.study) == ("Ada", granted.session, False)
         await watching.say("session/observe", protocol.Observe())
         await watching.expect("session/observing")
-        said = m.Words(stamp=1.0, action_id="a1", session=granted.session, by="driver", who="Ada", text="Hello")
+        said = m.Words(
+            stamp=1.0, action_id="a1", session=granted.session, by="driver", who="Ada", text="Hello"
+        )
         bridge.say("giraff", "words", said)
         assert await display.expect("words") == said
         assert await page.expect("words") == said
@@ -149,13 +177,22 @@ async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key)
         assert watching.told("words") == []
 
 
-async def test_what_a_screen_asks_reaches_the_robot_as_the_screens_and_on_the_servers_clock(bridge, robot, key):
+async def test_what_a_screen_asks_reaches_the_robot_as_the_screens_and_on_the_servers_clock(
+    bridge, robot, key
+):
     async with Display(key) as display:
         await display.expect("screen")
-        await display.say("command/action", action(m.AnswerCall, accept=True, role="owner", user="Mallory"))
+        await display.say(
+            "command/action", action(m.AnswerCall, accept=True, role="owner", user="Mallory")
+        )
         await until(lambda: bridge.sent)
         name, suffix, answer = bridge.sent[-1]
-        assert (name, suffix, answer.role, answer.user) == ("giraff", "command/action", "screen", "Giraff")
+        assert (name, suffix, answer.role, answer.user) == (
+            "giraff",
+            "command/action",
+            "screen",
+            "Giraff",
+        )
         assert answer.stamp > 1.6e9
         await display.say("command/action", action(m.EStop))
         await until(lambda: bridge.stops)
@@ -165,19 +202,34 @@ async def test_what_a_screen_asks_reaches_the_robot_as_the_screens_and_on_the_se
 
 
 async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridge, robot, key):
-    ada = await sync_to_async(get_user_model().objects.create_user)("ada", display_name="Ada", password="x")
-    async with Display(key) as display, Page("giraff", ada) as page, Page("giraff", ada) as watching:
+    ada = await sync_to_async(get_user_model().objects.create_user)(
+        "ada", display_name="Ada", password="x"
+    )
+    async with (
+        Display(key) as display,
+        Page("giraff", ada) as page,
+        Page("giraff", ada) as watching,
+    ):
         granted = await page.take()
         await display.expect("screen", lambda shown: shown.visitor == "Ada")
         await watching.say("session/observe", protocol.Observe())
         await watching.expect("session/observing")
-        await page.say("command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), role="screen", peer="x"))
-        await watching.say("command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), session=granted.session, epoch=granted.epoch))
+        await page.say(
+            "command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), role="screen", peer="x")
+        )
+        await watching.say(
+            "command/point",
+            m.PointCommand(stamp=1.0, at=(0.5, 0.25), session=granted.session, epoch=granted.epoch),
+        )
         assert (await watching.expect("denied")).reason == "observer"
         await display.say("command/point", m.PointCommand(stamp=2.0, at=(0.1, 0.2)))
         await until(lambda: len(bridge.commands("command/point")) == 2)
         sent = {command.role: command for command in bridge.commands("command/point")}
-        assert (sent["driver"].peer, sent["driver"].session, sent["driver"].epoch) == (granted.peer, granted.session, granted.epoch)
+        assert (sent["driver"].peer, sent["driver"].session, sent["driver"].epoch) == (
+            granted.peer,
+            granted.session,
+            granted.epoch,
+        )
         assert (sent["screen"].session, sent["screen"].stamp) == (None, 2.0)
         dots = {by: m.Pointer(stamp=3.0, by=by, at=(0.5, 0.25)) for by in ("driver", "screen")}
         for dot in dots.values():
@@ -193,7 +245,11 @@ async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridg
         await page.say("page/direct", protocol.Direct(direct=True))
         await page.settle(bridge)
         bridge.say("giraff", "pointer", dots["screen"])
-        bridge.say("giraff", "words", m.Words(stamp=1.0, action_id="a", session=granted.session, by="screen", text="Here"))
+        bridge.say(
+            "giraff",
+            "words",
+            m.Words(stamp=1.0, action_id="a", session=granted.session, by="screen", text="Here"),
+        )
         await page.expect("words")
         assert len(page.told("pointer")) == 1
 
@@ -219,7 +275,9 @@ async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeyp
         assert await display.closed() == protocol.NOT_ALLOWED
 
 
-async def test_the_server_speaks_for_a_display_while_its_socket_lives_and_no_longer(bridge, robot, key, monkeypatch):
+async def test_the_server_speaks_for_a_display_while_its_socket_lives_and_no_longer(
+    bridge, robot, key, monkeypatch
+):
     from sessions.consumers import robot_screen
 
     monkeypatch.setattr(robot_screen, "WELCOME_EVERY", 0.0)

@@ -1,4 +1,6 @@
-"""A battery that the robot does not know: unknown on the wire, in the record, in exports, in the API and on pages, never 100 %."""
+"""A battery that the robot does not know: unknown on the wire, in the record, in exports, in the
+API and on pages, never 100 %.
+"""
 
 import csv
 import datetime
@@ -30,7 +32,9 @@ UNKNOWN = messages.Battery(charging=None)
 
 def state(battery: messages.Battery, seq: int = 1) -> messages.State:
     pose, still = messages.Pose(x=1.0, y=2.0, theta=0.1), messages.Velocity(linear=0.0, angular=0.0)
-    return messages.State(stamp=1000.0 + seq, boot="b", seq=seq, pose=pose, velocity=still, battery=battery)
+    return messages.State(
+        stamp=1000.0 + seq, boot="b", seq=seq, pose=pose, velocity=still, battery=battery
+    )
 
 
 def stored(battery: messages.Battery) -> dict:
@@ -39,14 +43,26 @@ def stored(battery: messages.Battery) -> dict:
 
 @pytest.fixture
 def robot():
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now(), report=stored(UNKNOWN))
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        connection="ONLINE",
+        last_seen_at=timezone.now(),
+        report=stored(UNKNOWN),
+    )
 
 
 @pytest.fixture
 def session(robot):
     now = timezone.now()
     row = Session.objects.create(
-        robot=robot, visitor=User.objects.create(username="ana"), state="ended", outcome="completed", live_key="k", queued_at=now, granted_at=now
+        robot=robot,
+        visitor=User.objects.create(username="ana"),
+        state="ended",
+        outcome="completed",
+        live_key="k",
+        queued_at=now,
+        granted_at=now,
     )
     batteries = (UNKNOWN, messages.Battery(charge=0.5, charging=True))
     StateChunk.objects.create(
@@ -64,7 +80,7 @@ def session(robot):
     return row
 
 
-# --- the wire --------------------------------------------------------------------------------------------------------------
+# --- the wire -------------------------------------------------------------------------------------
 
 
 def test_an_unknown_battery_is_absent_on_the_wire_and_reads_as_unknown():
@@ -74,7 +90,11 @@ def test_an_unknown_battery_is_absent_on_the_wire_and_reads_as_unknown():
 
 
 @pytest.mark.parametrize(
-    ("said", "meant"), [({"charge": 0.5}, (0.5, None, False)), ({"charge": 1.0, "voltage": 27.0, "charging": True}, (1.0, 27.0, True))]
+    ("said", "meant"),
+    [
+        ({"charge": 0.5}, (0.5, None, False)),
+        ({"charge": 1.0, "voltage": 27.0, "charging": True}, (1.0, 27.0, True)),
+    ],
 )
 def test_what_older_agents_say_means_what_it_meant(said, meant):
     content = {**json.loads(codec.encode(state(UNKNOWN))), "battery": said}
@@ -82,15 +102,21 @@ def test_what_older_agents_say_means_what_it_meant(said, meant):
     assert (battery.charge, battery.voltage, battery.charging) == meant
 
 
-# --- rules -----------------------------------------------------------------------------------------------------------------
+# --- rules ----------------------------------------------------------------------------------------
 
 
 def test_a_docked_robot_of_unknown_charge_is_ready_for_waiting_would_not_make_it_known():
-    assert decide(Readiness(), Condition(docked=True, charge=None, charge_limit=0.9), 0.0)[0].phase == "ready"
-    assert decide(Readiness(), Condition(docked=True, charge=0.8, charge_limit=0.9), 0.0)[0].phase == "charging"
+    assert (
+        decide(Readiness(), Condition(docked=True, charge=None, charge_limit=0.9), 0.0)[0].phase
+        == "ready"
+    )
+    assert (
+        decide(Readiness(), Condition(docked=True, charge=0.8, charge_limit=0.9), 0.0)[0].phase
+        == "charging"
+    )
 
 
-# --- the record ------------------------------------------------------------------------------------------------------------
+# --- the record -----------------------------------------------------------------------------------
 
 
 def test_the_record_and_the_dataset_leave_it_empty(session):
@@ -115,14 +141,18 @@ def test_the_csv_leaves_it_empty(session):
     assert [(line["charge"], line["charging"]) for line in lines] == [("", ""), ("0.5", "True")]
 
 
-# --- what people and programs read -----------------------------------------------------------------------------------------
+# --- what people and programs read ----------------------------------------------------------------
 
 
 async def test_the_api_says_null_and_the_metrics_say_nothing(robot, settings):
     settings.METRICS_TOKEN = "t" * 40
     told = (await AsyncClient().get("/api/v1/robots/giraff/")).json()["robot"]
     assert (told["charge"], told["charging"], told["docked"]) == (None, None, False)
-    metrics = (await AsyncClient().get("/metrics", headers={"authorization": f"Bearer {settings.METRICS_TOKEN}"})).content
+    metrics = (
+        await AsyncClient().get(
+            "/metrics", headers={"authorization": f"Bearer {settings.METRICS_TOKEN}"}
+        )
+    ).content
     assert b'robot_online{robot="giraff"}' in metrics
     assert b"robot_charge{" not in metrics
 
@@ -134,20 +164,30 @@ def test_a_robot_that_does_not_charge_says_so_in_the_api_though_its_state_left_i
 
 
 def test_home_assistant_is_told_unknown_and_not_off():
-    spec = importlib.util.spec_from_file_location("bridge", Path(site.BASE_DIR) / "deploy/home_assistant/bridge.py")
+    spec = importlib.util.spec_from_file_location(
+        "bridge", Path(site.BASE_DIR) / "deploy/home_assistant/bridge.py"
+    )
     bridge = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(bridge)
-    parts = bridge.discovery({"name": "giraff", "title": "Giraff", "series": "giraff", "page": "http://robots/"}, "base")["components"]
+    parts = bridge.discovery(
+        {"name": "giraff", "title": "Giraff", "series": "giraff", "page": "http://robots/"}, "base"
+    )["components"]
     assert "none" in parts["charge"]["value_template"]
-    assert parts["charging"]["value_template"].startswith("{{ none if value_json.charging is none else ")
+    assert parts["charging"]["value_template"].startswith(
+        "{{ none if value_json.charging is none else "
+    )
 
 
 def test_the_list_of_robots_says_that_it_is_unknown():
-    robot = Robot(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW, report=stored(UNKNOWN))
+    robot = Robot(
+        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=NOW, report=stored(UNKNOWN)
+    )
     it = card(robot, Traffic(), barred="", url="/", now=NOW)
     assert (it.charge, it.battery) == (None, "Battery unknown")
     robot.report = stored(messages.Battery(charging=True))
-    assert card(robot, Traffic(), barred="", url="/", now=NOW).battery == "Battery unknown, charging"
+    assert (
+        card(robot, Traffic(), barred="", url="/", now=NOW).battery == "Battery unknown, charging"
+    )
 
 
 def test_the_page_of_robots_shows_no_meter_for_it(robot):

@@ -21,9 +21,23 @@ pytestmark = pytest.mark.django_db
 @pytest.fixture
 def robot():
     plan = FloorPlan.objects.create(
-        name="office", title="Office", resolution=0.05, origin_x=0.0, origin_y=0.0, width=1, height=1, image=b"png", sha256="a" * 64
-    )  # fmt: skip
-    return Robot.objects.create(name="giraff", title="Giraff", floor_plan=plan, turn_minutes=2.0, factsheet={"name": "giraff"})
+        name="office",
+        title="Office",
+        resolution=0.05,
+        origin_x=0.0,
+        origin_y=0.0,
+        width=1,
+        height=1,
+        image=b"png",
+        sha256="a" * 64,
+    )
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        floor_plan=plan,
+        turn_minutes=2.0,
+        factsheet={"name": "giraff"},
+    )
 
 
 @pytest.fixture
@@ -37,12 +51,22 @@ def bob():
 
 
 def config_of(response):
-    return json.loads(re.search(r'<script id="config" type="application/json"[^>]*>(.*?)</script>', response.content.decode(), re.DOTALL).group(1))
+    return json.loads(
+        re.search(
+            r'<script id="config" type="application/json"[^>]*>(.*?)</script>',
+            response.content.decode(),
+            re.DOTALL,
+        ).group(1)
+    )
 
 
 def snapshot_of(visitor, robot):
-    session = Session.objects.create(robot=robot, visitor=visitor, live_key=f"{visitor}", queued_at=timezone.now())
-    return Snapshot.objects.create(session=session, action_id="p1", stamp=5.0, sha256="b" * 64, jpeg=b"\xff\xd8jpeg")
+    session = Session.objects.create(
+        robot=robot, visitor=visitor, live_key=f"{visitor}", queued_at=timezone.now()
+    )
+    return Snapshot.objects.create(
+        session=session, action_id="p1", stamp=5.0, sha256="b" * 64, jpeg=b"\xff\xd8jpeg"
+    )
 
 
 def test_the_drive_page_asks_visitors_to_sign_in_and_brings_them_back(client, robot):
@@ -120,14 +144,20 @@ def bridge():
 
 async def test_a_well_server_says_so_to_anybody(bridge):
     response = await AsyncClient().get("/healthz")
-    assert (response.status_code, response.json()) == (200, {"database": True, "broker": True, "disk": "ok"})
+    assert (response.status_code, response.json()) == (
+        200,
+        {"database": True, "broker": True, "disk": "ok"},
+    )
 
 
 async def test_a_server_without_its_broker_or_database_says_which(bridge, monkeypatch):
     bridge.connected = False
     monkeypatch.setattr(views, "_database_answers", lambda: False)
     response = await AsyncClient().get("/healthz")
-    assert (response.status_code, response.json()) == (503, {"database": False, "broker": False, "disk": "ok"})
+    assert (response.status_code, response.json()) == (
+        503,
+        {"database": False, "broker": False, "disk": "ok"},
+    )
 
 
 def test_a_database_that_does_not_answer_is_no_exception(monkeypatch):

@@ -1,4 +1,6 @@
-"""The whole way of a visitor with only the adapter changed: page, drive, map, record; and an architecture that is killed under them."""
+"""The whole way of a visitor with only the adapter changed: page, drive, map, record; and an
+architecture that is killed under them.
+"""
 
 import asyncio
 import contextlib
@@ -37,21 +39,48 @@ def site(tmp_path_factory):
 def signed_in(site, name) -> Browser:
     browser = Browser(site.url)
     value = site.sign_in(name)
-    browser.jar.set_cookie(Cookie(0, "sessionid", value, None, False, LOOPBACK, False, False, "/", True, False, None, True, None, None, {}))
+    browser.jar.set_cookie(
+        Cookie(
+            0,
+            "sessionid",
+            value,
+            None,
+            False,
+            LOOPBACK,
+            False,
+            False,
+            "/",
+            True,
+            False,
+            None,
+            True,
+            None,
+            None,
+            {},
+        )
+    )
     return browser
 
 
 def card(browser, robot) -> dict:
     """What the list of robots shows of it."""
-    return next(one for one in json.loads(browser.get("/robots.json").body)["robots"] if one["name"] == robot)
+    return next(
+        one
+        for one in json.loads(browser.get("/robots.json").body)["robots"]
+        if one["name"] == robot
+    )
 
 
 async def until(cockpit, condition, seconds, what) -> None:
-    assert await cockpit.until(condition, patient(seconds)), f"{what} did not come within {seconds} s; {cockpit.view}"
+    assert await cockpit.until(condition, patient(seconds)), (
+        f"{what} did not come within {seconds} s; {cockpit.view}"
+    )
 
 
 async def takes_the_robot(cockpit) -> None:
-    """Press the button, and again where the site has not yet heard of the robot that was started a moment ago."""
+    """Press the button, and again where the site has not yet heard of the robot that was started a
+    moment ago.
+    """
     view, deadline = cockpit.view, time.monotonic() + patient(20)
     while not view.granted:
         assert time.monotonic() < deadline, f"the robot was not had: {view.refused}"
@@ -68,8 +97,18 @@ async def whole_visit(cockpit):
     view = cockpit.view
     try:
         await takes_the_robot(cockpit)
-        await until(cockpit, lambda: view.granted and view.frames and view.state and view.localized, 30, "a picture and a place")
-        await until(cockpit, lambda: view.state.safety.inhibited is None, 10, "a robot that lets itself be driven")
+        await until(
+            cockpit,
+            lambda: view.granted and view.frames and view.state and view.localized,
+            30,
+            "a picture and a place",
+        )
+        await until(
+            cockpit,
+            lambda: view.state.safety.inhibited is None,
+            10,
+            "a robot that lets itself be driven",
+        )
         yield
     finally:
         cockpit.leave()
@@ -77,7 +116,9 @@ async def whole_visit(cockpit):
 
 
 def lost(view) -> str:
-    return next((error.removeprefix(LOST) for error in view.state.errors if error.startswith(LOST)), "")
+    return next(
+        (error.removeprefix(LOST) for error in view.state.errors if error.startswith(LOST)), ""
+    )
 
 
 def off_the_map(view, robot) -> float:
@@ -93,7 +134,9 @@ def has_gone(robot, metres):
 
 
 async def pushes(cockpit, reached, what) -> None:
-    """Push on until that is so, as people do: a robot that held for a moment waits until they have let go."""
+    """Push on until that is so, as people do: a robot that held for a moment waits until they have
+    let go.
+    """
     deadline = time.monotonic() + patient(20)
     while not reached():
         assert time.monotonic() < deadline, f"{what} did not come; {cockpit.view}"
@@ -106,34 +149,57 @@ async def pushes(cockpit, reached, what) -> None:
 
 async def stands_where_the_map_has_it(cockpit, robot) -> None:
     cockpit.steer(STAND)
-    await until(cockpit, lambda: robot.speed() == 0.0 and off_the_map(cockpit.view, robot) < 0.15, 15, "its place on the map")
+    await until(
+        cockpit,
+        lambda: robot.speed() == 0.0 and off_the_map(cockpit.view, robot) < 0.15,
+        15,
+        "its place on the map",
+    )
 
 
 async def loses_and_finds_its_architecture(cockpit, robot, browser) -> None:
     view = cockpit.view
     await pushes(cockpit, lambda: robot.speed() > 0.15, "a robot at speed")
     await asyncio.to_thread(robot.kill)
-    await until(cockpit, lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on")
+    await until(
+        cockpit, lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on"
+    )
     await until(cockpit, lambda: lost(view), 10, "the reason")
     assert len(lost(view)) > 10
     assert view.state.safety.inhibited == "fault"
     shown = await asyncio.to_thread(
-        wait_for, lambda: (it := card(browser, robot.series))["state"] == "stopped" and it, 10, "a robot that is not available"
+        wait_for,
+        lambda: (it := card(browser, robot.series))["state"] == "stopped" and it,
+        10,
+        "a robot that is not available",
     )
     assert (shown["label"], shown["drives"]) == ("Not available", False)
     assert robot.speed() == 0.0
     cockpit.steer(STAND)
     await asyncio.to_thread(robot.revive)
-    await until(cockpit, lambda: not lost(view) and view.state.safety.inhibited is None, 30, "the robot, which waits until its driver has let go")
+    await until(
+        cockpit,
+        lambda: not lost(view) and view.state.safety.inhibited is None,
+        30,
+        "the robot, which waits until its driver has let go",
+    )
     await pushes(cockpit, has_gone(robot, 0.1), "a robot that moves again")
     cockpit.steer(STAND)
-    await asyncio.to_thread(wait_for, lambda: card(browser, robot.series)["state"] == "busy", 10, "a robot that only its driver keeps others from")
+    await asyncio.to_thread(
+        wait_for,
+        lambda: card(browser, robot.series)["state"] == "busy",
+        10,
+        "a robot that only its driver keeps others from",
+    )
 
 
 def is_recorded_whole(site, session) -> None:
     def complete():
         states = site.states(session)
-        closed = site.rows("SELECT 1 FROM telepresence_sessions_session WHERE id = ? AND closed_at IS NOT NULL", session.replace("-", ""))
+        closed = site.rows(
+            "SELECT 1 FROM telepresence_sessions_session WHERE id = ? AND closed_at IS NOT NULL",
+            session.replace("-", ""),
+        )
         return closed and states
 
     states = wait_for(complete, 20, "the record")
@@ -143,15 +209,25 @@ def is_recorded_whole(site, session) -> None:
     places = [(state["pose"]["x"], state["pose"]["y"]) for state in states]
     assert max(math.dist(place, places[0]) for place in places) > 0.3
     assert any(error.startswith(LOST) for state in states for error in state.get("errors", ()))
-    events = [kind for (kind,) in site.rows("SELECT type FROM telepresence_sessions_sessionevent WHERE session_id = ?", session.replace("-", ""))]
+    events = [
+        kind
+        for (kind,) in site.rows(
+            "SELECT type FROM telepresence_sessions_sessionevent WHERE session_id = ?",
+            session.replace("-", ""),
+        )
+    ]
     assert {"adapter_lost", "adapter_back"} <= set(events)
 
 
 @pytest.mark.parametrize("adapter", ARCHITECTURES)
-async def test_a_visitor_drives_by_page_and_map_loses_the_robots_architecture_gets_it_back_and_is_recorded(adapter, site, tmp_path):
+async def test_a_visitor_drives_by_page_and_map_loses_the_robots_architecture_gets_it_back_and_is_recorded(
+    adapter, site, tmp_path
+):
     browser = await asyncio.to_thread(signed_in, site, f"visitor-of-{adapter}")
     with robot_behind(adapter, site, tmp_path) as robot:
-        config = (await asyncio.to_thread(browser.get, f"/robots/{robot.series}/")).page.json["config"]
+        config = (await asyncio.to_thread(browser.get, f"/robots/{robot.series}/")).page.json[
+            "config"
+        ]
         plan = json.loads((await asyncio.to_thread(browser.get, config["floorplan"])).body)
         async with Cockpit(browser, config["socket"], "keyboard") as cockpit, whole_visit(cockpit):
             view = cockpit.view
@@ -199,16 +275,26 @@ def holds_the_key(page, site, robot, reached, what) -> None:
 
 @pytest.mark.soak
 def test_in_a_real_browser_too(site, tmp_path):
-    with robot_behind("moos", site, tmp_path) as robot, sync_playwright() as playwright, chromium(playwright) as browser:
+    with (
+        robot_behind("moos", site, tmp_path) as robot,
+        sync_playwright() as playwright,
+        chromium(playwright) as browser,
+    ):
         visitor = Visitor(browser, site, "visitor-in-chromium").drive(robot.series)
         page, alert = visitor.page, visitor.page.locator("#alert")
         visitor.wait_for("link", "live")
         holds_the_key(page, site, robot, has_gone(robot, 0.4), "a robot that moves")
         page.keyboard.up("ArrowUp")
-        wait_for(lambda: robot.speed() == 0.0 and math.dist(marker(page), robot.place()) < 0.15, 10, "its place on the map")
+        wait_for(
+            lambda: robot.speed() == 0.0 and math.dist(marker(page), robot.place()) < 0.15,
+            10,
+            "its place on the map",
+        )
         holds_the_key(page, site, robot, lambda: robot.speed() > 0.15, "a robot at speed")
         robot.kill()
-        wait_for(lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on")
+        wait_for(
+            lambda: robot.speed() == 0.0, 5, "a robot that stands, though its driver pushes on"
+        )
         expect(alert).to_have_text(FAULT, timeout=patient(10) * 1000)
         page.keyboard.up("ArrowUp")
         robot.revive()

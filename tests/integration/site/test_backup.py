@@ -15,7 +15,11 @@ from telepresence_site.ops.backup.archive import BackupError
 from tests.support.django_shell import DjangoShell
 from tests.support.postgres import running_postgres
 
-FILES = {"secrets/secret_key": "key-of-the-site", "credentials/giraff.toml": "token", "media/a/b.bin": "x" * 100_000}
+FILES = {
+    "secrets/secret_key": "key-of-the-site",
+    "credentials/giraff.toml": "token",
+    "media/a/b.bin": "x" * 100_000,
+}
 COMMAND = """
 from django.core.management import CommandError, call_command
 try:
@@ -23,8 +27,18 @@ try:
 except CommandError as error:
     print("refused:", error)
 """
-FILL = "from accounts.models import User; from robots.models import *; u = User.objects.create_user('ada', password='seven green kettles'); Robot.objects.create(name='giraff', title='Girafá', owner=u, report={'a': [1, None]}); FloorPlan.objects.create(name='p', title='P', resolution=0.05, origin_x=0, origin_y=0, width=1, height=1, image=bytes(range(256)))"
-SHOW = "from accounts.models import User; from robots.models import *; r = Robot.objects.get(); print(r.pk, r.title, r.report, r.owner.check_password('seven green kettles'), bytes(FloorPlan.objects.get().image) == bytes(range(256)))"
+FILL = (
+    "from accounts.models import User; from robots.models import *; u ="
+    " User.objects.create_user('ada', password='seven green kettles');"
+    " Robot.objects.create(name='giraff', title='Girafá', owner=u, report={'a': [1, None]});"
+    " FloorPlan.objects.create(name='p', title='P', resolution=0.05, origin_x=0, origin_y=0,"
+    " width=1, height=1, image=bytes(range(256)))"
+)
+SHOW = (
+    "from accounts.models import User; from robots.models import *; r = Robot.objects.get();"
+    " print(r.pk, r.title, r.report, r.owner.check_password('seven green kettles'),"
+    " bytes(FloorPlan.objects.get().image) == bytes(range(256)))"
+)
 
 
 class Site:
@@ -32,9 +46,21 @@ class Site:
 
     def __init__(self, var, database):
         self.var = var
-        kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "SECRET_KEY"}}
-        changed = {"VAR_DIR": str(var), "DATABASE_URL": database, "HTTP_ONLY": "1", "LOG_LEVEL": "WARNING"}
-        self.django_shell = DjangoShell(Path(site.BASE_DIR), kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"})
+        kept = {
+            name: value
+            for name, value in os.environ.items()
+            if name not in {"DATABASE_URL", "SECRET_KEY"}
+        }
+        changed = {
+            "VAR_DIR": str(var),
+            "DATABASE_URL": database,
+            "HTTP_ONLY": "1",
+            "LOG_LEVEL": "WARNING",
+        }
+        self.django_shell = DjangoShell(
+            Path(site.BASE_DIR),
+            kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"},
+        )
         self.django_shell.ask("pass")  # its secret key is made before ours is put in its place
 
     def call(self, *arguments):
@@ -67,7 +93,10 @@ def databases(request):
 
 @pytest.fixture
 def sites(tmp_path, databases):
-    sites = [Site(tmp_path / name, database) for name, database in zip(("first", "second"), databases, strict=True)]
+    sites = [
+        Site(tmp_path / name, database)
+        for name, database in zip(("first", "second"), databases, strict=True)
+    ]
     yield sites
     for each in sites:
         each.django_shell.close()
@@ -86,14 +115,20 @@ def test_what_was_backed_up_comes_back_and_nothing_is_ever_overwritten(tmp_path,
     assert second.show() == first.show()
     assert (second.var / "secrets/secret_key").stat().st_mode & 0o077 == 0
     assert second.call("migrate", "--check", "-v", "0") == ""
-    assert [path.name for path in second.var.iterdir() if path.name.startswith(("backup-", "restore-"))] == []
+    assert [
+        path.name for path in second.var.iterdir() if path.name.startswith(("backup-", "restore-"))
+    ] == []
 
 
 @pytest.fixture
 def backup(tmp_path):
     (tmp_path / "a").write_bytes(b"a" * 3000)
     (tmp_path / "b").write_bytes(os.urandom(3000))
-    archive.write(tmp_path / "backup.tar.gz", [("x/a", tmp_path / "a"), ("x/b", tmp_path / "b")], {"made_at": "now"})
+    archive.write(
+        tmp_path / "backup.tar.gz",
+        [("x/a", tmp_path / "a"), ("x/b", tmp_path / "b")],
+        {"made_at": "now"},
+    )
     return tmp_path / "backup.tar.gz"
 
 
@@ -144,7 +179,14 @@ def link(name):
 
 
 @pytest.mark.parametrize(
-    "info", [tarfile.TarInfo("../evil"), tarfile.TarInfo("/etc/evil"), tarfile.TarInfo("a/../../evil"), link("media/x")], ids=lambda info: info.name
+    "info",
+    [
+        tarfile.TarInfo("../evil"),
+        tarfile.TarInfo("/etc/evil"),
+        tarfile.TarInfo("a/../../evil"),
+        link("media/x"),
+    ],
+    ids=lambda info: info.name,
 )
 def test_what_leads_out_of_its_place_is_refused(tmp_path, info):
     with pytest.raises(BackupError, match=r"leads out of its place|is no file"):
@@ -158,7 +200,9 @@ def test_what_the_manifest_does_not_name_is_refused(tmp_path):
 
 def test_without_a_manifest_it_is_none_of_ours(tmp_path):
     with pytest.raises(BackupError, match="no manifest"):
-        opened(forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")], manifest=False), tmp_path)
+        opened(
+            forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")], manifest=False), tmp_path
+        )
 
 
 def test_a_failed_backup_leaves_nothing_behind(tmp_path):
@@ -170,12 +214,20 @@ def test_a_failed_backup_leaves_nothing_behind(tmp_path):
 def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
     from telepresence_site.ops.backup.whole import _fits
 
-    manifest = {"engine": "sqlite", "migrations": ["robots.9999_of_tomorrow"], "files": {}, "key": ""}
+    manifest = {
+        "engine": "sqlite",
+        "migrations": ["robots.9999_of_tomorrow"],
+        "files": {},
+        "key": "",
+    }
     with pytest.raises(BackupError, match="newer code"):
         _fits(manifest)
     with pytest.raises(BackupError, match="of a postgresql database"):
         _fits({**manifest, "engine": "postgresql"})
     assert _fits({**manifest, "migrations": []}) == [
         "The backup is of older code: run manage.py migrate.",
-        "SECRET_KEY is not that of the backup: everybody has to sign in again, and links that were sent are void.",
+        (
+            "SECRET_KEY is not that of the backup: everybody has to sign in again, and links that"
+            " were sent are void."
+        ),
     ]

@@ -49,13 +49,21 @@ def test_a_bot_that_refuses_is_asked_nothing_more(diaries):
 
 def test_they_are_marked_as_bots_everywhere(site, diaries):
     assert set(site.rows("SELECT DISTINCT kind FROM experiments_participant")) == {("bot",)}
-    assert site.rows("SELECT count(*) FROM experiments_personallink WHERE redeemed_at IS NOT NULL AND kind = 'bot'") == [(len(diaries),)]
+    assert site.rows(
+        "SELECT count(*) FROM experiments_personallink WHERE redeemed_at IS NOT NULL AND kind ="
+        " 'bot'"
+    ) == [(len(diaries),)]
 
 
 def test_the_record_of_the_drive_says_what_the_bot_says(site, diaries):
     session = diaries[0]["legs"][0]["session"]
-    rows = site.rows("SELECT exposed, mismatches FROM experiments_drive WHERE session_id = ?", session.replace("-", ""))
+    rows = site.rows(
+        "SELECT exposed, mismatches FROM experiments_drive WHERE session_id = ?",
+        session.replace("-", ""),
+    )
     assert rows == [(1, "[]")]
-    methods = {command["method"] for state in site.states(session) for command in state.get("applied", ())}
+    methods = {
+        command["method"] for state in site.states(session) for command in state.get("applied", ())
+    }
     assert len(methods) == 1
     assert methods <= {"keyboard", "mouse", "touch"}

@@ -35,14 +35,28 @@ def found_by(check):
 
 
 def check_deploy(tmp_path, *, folder=0o700, **changed):
-    kept = {name: value for name, value in os.environ.items() if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}
+    }
     (tmp_path / "var").mkdir(mode=folder)
     (tmp_path / "var" / "static").mkdir()
-    environment = kept | PRODUCTION | {"VAR_DIR": str(tmp_path / "var"), "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"} | changed
+    environment = (
+        kept
+        | PRODUCTION
+        | {"VAR_DIR": str(tmp_path / "var"), "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+        | changed
+    )
     return subprocess.run(
         [sys.executable, "manage.py", "check", "--deploy", "--fail-level", "WARNING"],
-        cwd=site.BASE_DIR, env=environment, capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        cwd=site.BASE_DIR,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
 
 
 def test_a_sensible_server_passes_the_deployment_check_without_a_word(tmp_path):
@@ -53,9 +67,16 @@ def test_a_sensible_server_passes_the_deployment_check_without_a_word(tmp_path):
 
 def test_a_careless_server_is_told_everything_that_is_wrong(tmp_path):
     result = check_deploy(
-        tmp_path, SECRET_KEY="", REDIS_URL="", HTTP_ONLY="1", MQTT_PUBLIC_URL="mqtt://{host}:1883", EMAIL_HOST="", DEMO_TOKEN="x", BEHIND_TLS_PROXY="",
+        tmp_path,
+        SECRET_KEY="",
+        REDIS_URL="",
+        HTTP_ONLY="1",
+        MQTT_PUBLIC_URL="mqtt://{host}:1883",
+        EMAIL_HOST="",
+        DEMO_TOKEN="x",
+        BEHIND_TLS_PROXY="",
         folder=0o755,
-    )  # fmt: skip
+    )
     assert result.returncode != 0
     for identifier in ("W001", "W002", "W003", "W004", "W005", "W006", "W009"):
         assert f"telepresence.{identifier}" in result.stderr
@@ -72,20 +93,33 @@ def test_a_disk_without_much_room_is_told_when_a_command_starts(settings):
     assert found_by(checks.check_disk) == ["telepresence.W010"]
 
 
-@pytest.mark.parametrize("url", ["localhost:1883", "http://broker", "mqtt://", "mqtt://broker:port", "mqtt://broker:99999"])
+@pytest.mark.parametrize(
+    "url",
+    ["localhost:1883", "http://broker", "mqtt://", "mqtt://broker:port", "mqtt://broker:99999"],
+)
 @pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
 def test_a_malformed_broker_address_is_an_error(settings, name, url):
     setattr(settings, name, url)
     assert found_by(checks.check_mqtt) == ["telepresence.E001"]
 
 
-@pytest.mark.parametrize("url", ["mqtts://broker.example.org,", "mqtts://broker.example.org,wss:/broker"])
+@pytest.mark.parametrize(
+    "url", ["mqtts://broker.example.org,", "mqtts://broker.example.org,wss:/broker"]
+)
 def test_of_several_broker_addresses_each_has_to_be_one(settings, url):
     settings.MQTT_PUBLIC_URL = url
     assert found_by(checks.check_mqtt) == ["telepresence.E001"]
 
 
-@pytest.mark.parametrize("url", ["mqtt://broker.example.org", "ws://broker.example.org:9001", "mqtt://{host}:1883", "mqtt://8.8.8.8"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "mqtt://broker.example.org",
+        "ws://broker.example.org:9001",
+        "mqtt://{host}:1883",
+        "mqtt://8.8.8.8",
+    ],
+)
 def test_tokens_in_the_clear_over_a_public_network_are_a_warning(settings, url):
     settings.MQTT_PUBLIC_URL = url
     assert found_by(checks.check_mqtt) == ["telepresence.W001"]
@@ -153,7 +187,10 @@ def test_a_proxy_must_be_an_address_or_a_network(settings):
 
 
 def test_behind_a_proxy_that_nobody_names_all_visitors_would_share_an_address(settings):
-    settings.SECURE_PROXY_SSL_HEADER, settings.TRUSTED_PROXIES = ("HTTP_X_FORWARDED_PROTO", "https"), []
+    settings.SECURE_PROXY_SSL_HEADER, settings.TRUSTED_PROXIES = (
+        ("HTTP_X_FORWARDED_PROTO", "https"),
+        [],
+    )
     assert found_by(checks.check_visitors_addresses) == ["telepresence.W008"]
     settings.TRUSTED_PROXIES = ["127.0.0.1"]
     assert found_by(checks.check_visitors_addresses) == []

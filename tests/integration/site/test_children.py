@@ -1,4 +1,6 @@
-"""Parts that are started side by side: each is waited for in turn, and one that ends is named whoever is waited for."""
+"""Parts that are started side by side: each is waited for in turn, and one that ends is named
+whoever is waited for.
+"""
 
 import contextlib
 import os
@@ -26,7 +28,11 @@ def touching(path: Path) -> list[str]:
 def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
     """Started one after the other, the first would wait for ever."""
     first, second = tmp_path / "first", tmp_path / "second"
-    waiting = ["-c", f"import pathlib, time\nwhile not pathlib.Path({str(second)!r}).exists(): time.sleep(0.01)\n" + touching(first)[1]]
+    waiting = [
+        "-c",
+        f"import pathlib, time\nwhile not pathlib.Path({str(second)!r}).exists():"
+        " time.sleep(0.01)\n" + touching(first)[1],
+    ]
     steps = []
 
     @contextlib.contextmanager
@@ -35,7 +41,10 @@ def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
         steps.append(name)
 
     children.start_together(
-        [Part("first", waiting, lambda _child: first.exists()), Part("second", touching(second), lambda _child: second.exists())],
+        [
+            Part("first", waiting, lambda _child: first.exists()),
+            Part("second", touching(second), lambda _child: second.exists()),
+        ],
         within=60,
         step=step,
     )

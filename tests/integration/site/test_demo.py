@@ -18,8 +18,12 @@ from tests.support.site import LOOPBACK, free_port, wait_for
 def sessions_of(var: Path) -> list[tuple[str, str]]:
     import sqlite3
 
-    with contextlib.closing(sqlite3.connect(var / "telepresence.sqlite3", timeout=20)) as connection:
-        return connection.execute("SELECT username, id FROM accounts_user ORDER BY username").fetchall()
+    with contextlib.closing(
+        sqlite3.connect(var / "telepresence.sqlite3", timeout=20)
+    ) as connection:
+        return connection.execute(
+            "SELECT username, id FROM accounts_user ORDER BY username"
+        ).fetchall()
 
 
 def test_a_busy_port_is_named_in_one_sentence(tmp_path):
@@ -46,7 +50,9 @@ ENDINGS = [
 
 
 @pytest.mark.parametrize(("number", "background"), ENDINGS)
-def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_second_start_keeps_the_data(tmp_path, number, background):
+def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_second_start_keeps_the_data(
+    tmp_path, number, background
+):
     port = free_port()
     with demo(tmp_path, "--port", str(port), background=background) as running:
         jar = urllib.request.HTTPCookieProcessor()
@@ -54,9 +60,20 @@ def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_sec
         assert page.status == 200
         assert page.url.endswith("/robots/giraff/?go=1")
         assert "researcher" in running.said()
-        study = re.search(r"Take part:\s+(\S+)", wait_for(lambda: running.said() if "Logs:" in running.said() else None, 10, "the last line"))
+        study = re.search(
+            r"Take part:\s+(\S+)",
+            wait_for(
+                lambda: running.said() if "Logs:" in running.said() else None, 10, "the last line"
+            ),
+        )
         assert study is not None
-        assert "Explore an office with a robot" in urllib.request.build_opener().open(study.group(1), timeout=patient(20)).read().decode()
+        assert (
+            "Explore an office with a robot"
+            in urllib.request.build_opener()
+            .open(study.group(1), timeout=patient(20))
+            .read()
+            .decode()
+        )
         family = running.family()
         assert len(family) >= 5
         running.process.send_signal(number)

@@ -1,4 +1,6 @@
-"""Every process that has an end of its own ends by Ctrl-C, also when it was started in the background, and leaves nobody behind."""
+"""Every process that has an end of its own ends by Ctrl-C, also when it was started in the
+background, and leaves nobody behind.
+"""
 
 import contextlib
 import signal
@@ -13,14 +15,17 @@ from tests.support.patience import patient
 from tests.support.site import LOOPBACK, Site, free_port, wait_for
 
 DRAFT = (
-    "from django.utils import timezone; from experiments import publishing; from experiments.definition.shipped import shipped;"
-    "publishing.store(shipped()['exploration'], timezone.now())"
+    "from django.utils import timezone; from experiments import publishing; from"
+    " experiments.definition.shipped import shipped;publishing.store(shipped()['exploration'],"
+    " timezone.now())"
 )
 
 
 @contextlib.contextmanager
 def background() -> Iterator[None]:
-    """Start processes as the background of a shell does: with SIGINT ignored (POSIX, Shell Command Language, 2.11)."""
+    """Start processes as the background of a shell does: with SIGINT ignored (POSIX, Shell Command
+    Language, 2.11).
+    """
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
@@ -60,8 +65,14 @@ def commands(var: Path, silent: socket.socket) -> dict[str, tuple[list[str], str
         "run_practice": (["manage.py", "run_practice"], "practice ready"),
         "run_robot": (["manage.py", "run_robot", "giraff"], "simulator_connected"),
         "robots.agent": (["-m", "robots.agent", "rhodon", *credentials], "simulator_connected"),
-        "robots.agent.simulator": (["-m", "robots.agent.simulator", "--listen", f"{LOOPBACK}:{free_port()}"], '"address"'),
-        "mosquitto_files": (["manage.py", "mosquitto_files", str(var), "--watch"], "mosquitto_files_written"),
+        "robots.agent.simulator": (
+            ["-m", "robots.agent.simulator", "--listen", f"{LOOPBACK}:{free_port()}"],
+            '"address"',
+        ),
+        "mosquitto_files": (
+            ["manage.py", "mosquitto_files", str(var), "--watch"],
+            "mosquitto_files_written",
+        ),
         "run_bots": (["manage.py", "run_bots", "exploration", "--url", f"http://{nobody}"], ""),
         "rehearse_study": (["manage.py", "rehearse_study", "exploration"], ""),
     }
@@ -78,12 +89,17 @@ def runs(site: Site, name: str, words: str) -> bool:
     if name == "rehearse_study":
         return any("run_broker" in process.cmdline() for process in family(site, name))
     if name == "run_bots":
-        return any(link.status == psutil.CONN_ESTABLISHED for link in psutil.Process(site.processes[name].pid).net_connections())
+        return any(
+            link.status == psutil.CONN_ESTABLISHED
+            for link in psutil.Process(site.processes[name].pid).net_connections()
+        )
     return words in site.log(name)
 
 
 def ends(site: Site, name: str, signals: int = 1) -> int:
-    """Send Ctrl-C so often, as somebody does who thinks that it was not heard, and return the exit code."""
+    """Send Ctrl-C so often, as somebody does who thinks that it was not heard, and return the exit
+    code.
+    """
     members, process = family(site, name), site.processes.pop(name)
     for _ in range(signals):
         process.send_signal(signal.SIGINT)

@@ -22,15 +22,27 @@ for thread in threads: thread.join()
 """
 READ = {
     "a study": (
-        "import json; from experiments.definition.schema import from_stored; kept = json.load(open('experiments/definitions/exploration.json'))",
+        (
+            "import json; from experiments.definition.schema import from_stored; kept ="
+            " json.load(open('experiments/definitions/exploration.json'))"
+        ),
         "from_stored(kept)",
     ),
     "a questionnaire": (
-        "import json; from surveys.definition import from_stored; kept = json.load(open('surveys/definitions/experience.json'))",
+        (
+            "import json; from surveys.definition import from_stored; kept ="
+            " json.load(open('surveys/definitions/experience.json'))"
+        ),
         "from_stored(kept)",
     ),
-    "the terms of a visit": ("import msgspec; from sessions.leases.terms import Terms", "msgspec.convert({'control_network': {'seed': 1}}, Terms)"),
-    "a message": ("from robots.api import codec", "codec.decode('command/heartbeat', '{\"n\": 1, \"stamp\": 1.0}')"),
+    "the terms of a visit": (
+        "import msgspec; from sessions.leases.terms import Terms",
+        "msgspec.convert({'control_network': {'seed': 1}}, Terms)",
+    ),
+    "a message": (
+        "from robots.api import codec",
+        "codec.decode('command/heartbeat', '{\"n\": 1, \"stamp\": 1.0}')",
+    ),
 }
 
 
@@ -38,5 +50,12 @@ READ = {
 def test_several_threads_may_be_the_first_to_read(what):
     first, read = READ[what]
     code = THREADS.format(first=first, read=read)
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert (done.returncode, done.stderr) == (0, "")

@@ -1,4 +1,5 @@
-"""A disk that fills up under a drive: told in time, and no end of the drive; what could not be written is there when there is room again.
+"""A disk that fills up under a drive: told in time, and no end of the drive; what could not be
+written is there when there is room again.
 
 On a file system of a few megabytes that is really full, with SQLite's own refusals.
 """
@@ -28,7 +29,12 @@ LEASE = 10.0  # s
 def small_disk(folder):
     """Mount a file system of SIZE megabytes there."""
     folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={SIZE}m,mode=0755", "tmpfs", folder], capture_output=True, text=True, check=False)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={SIZE}m,mode=0755", "tmpfs", folder],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if mounted.returncode:
         pytest.skip(f"not run: no file system can be mounted here ({mounted.stderr.strip()})")
     try:
@@ -72,9 +78,17 @@ def readyz(site):
 
 
 def whole_record(site, session, began, ended):
-    """Return the numbers of the states of that time once none is missing: what waited in memory is written when a look comes round."""
+    """Return the numbers of the states of that time once none is missing: what waited in memory is
+    written when a look comes round.
+    """
     during = [state["seq"] for state in site.states(session) if began < state["stamp"] < ended]
-    return during if during and during == list(range(during[0], during[-1] + 1)) and len(during) > 3.0 * (ended - began) else None
+    return (
+        during
+        if during
+        and during == list(range(during[0], during[-1] + 1))
+        and len(during) > 3.0 * (ended - began)
+        else None
+    )
 
 
 @contextlib.asynccontextmanager
@@ -84,7 +98,12 @@ async def driving(site):
         await client.turns(patient(30))
         yield client
         make_room(site)
-    await asyncio.to_thread(wait_for, lambda: all(state == "ended" for _, _, state, _ in site.sessions()), 60, "the end of the visit")
+    await asyncio.to_thread(
+        wait_for,
+        lambda: all(state == "ended" for _, _, state, _ in site.sessions()),
+        60,
+        "the end of the visit",
+    )
 
 
 async def test_a_disk_that_is_nearly_full_is_told_and_turns_nobody_away(site):
@@ -106,19 +125,29 @@ async def test_a_full_disk_ends_no_drive_and_the_record_is_whole_afterwards(site
             assert (await client.names("disk_full", patient(4)))["then"] == "goes_on"
             status, parts = readyz(site)
             assert (status, parts["ready"], parts["disk"]) == (503, False, "full")
-            while time.time() - began < 2.0 * LEASE:  # longer than any lease lives that nobody renews
+            # longer than any lease lives that nobody renews
+            while time.time() - began < 2.0 * LEASE:
                 await client.turns(patient(2))
                 assert client.ended is None
             ended, session = time.time(), client.session
             make_room(site)
             await client.until(lambda: not client.faults, patient(15), "the end of the fault")
             await client.turns(patient(5))
-        during = await asyncio.to_thread(wait_for, functools.partial(whole_record, site, session, began, ended), 30, "the whole record")
+        during = await asyncio.to_thread(
+            wait_for,
+            functools.partial(whole_record, site, session, began, ended),
+            30,
+            "the whole record",
+        )
         assert len(during) > 3.0 * (ended - began)  # four a second are said
 
 
 async def test_the_robots_own_computer_says_that_its_disk_is_full(site):
     async with driving(site) as client:
         fill(site, 0)
-        await client.until(lambda: any(one.startswith("disk_full: ") for one in client.state["errors"]), patient(4), "the robot's word")
+        await client.until(
+            lambda: any(one.startswith("disk_full: ") for one in client.state["errors"]),
+            patient(4),
+            "the robot's word",
+        )
         make_room(site)

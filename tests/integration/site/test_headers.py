@@ -12,12 +12,23 @@ pytestmark = pytest.mark.django_db
 def test_every_answer_says_what_a_page_may_use_and_that_no_other_site_embeds_it(client, name):
     headers = client.get(reverse(name)).headers
     allowed = dict(part.split("=") for part in headers["Permissions-Policy"].split(", "))
-    assert {allowed[feature] for feature in ("camera", "microphone", "display-capture", "fullscreen")} == {"(self)"}
+    assert {
+        allowed[feature] for feature in ("camera", "microphone", "display-capture", "fullscreen")
+    } == {"(self)"}
     assert {allowed[feature] for feature in ("geolocation", "usb", "payment")} == {"()"}
     assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
 
 
-@pytest.mark.parametrize("name", ["profile", "account_email", "account_change_password", "admin:index", "admin:accounts_user_changelist"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "profile",
+        "account_email",
+        "account_change_password",
+        "admin:index",
+        "admin:accounts_user_changelist",
+    ],
+)
 def test_a_page_of_somebodys_own_is_kept_by_no_cache(client, name):
     client.force_login(person("ada", is_staff=True, is_superuser=True))
     kept = client.get(reverse(name))["Cache-Control"]

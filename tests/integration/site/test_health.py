@@ -34,7 +34,9 @@ async def ask():
 
 
 async def test_a_server_with_all_its_parts_is_ready(bridge):
-    await ManagerBeat.objects.acreate(name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL)
+    await ManagerBeat.objects.acreate(
+        name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL
+    )
     ok = dict.fromkeys(("database", "broker", "channel_layer", "session_manager", "disk"), "ok")
     assert await ask() == (200, {"ready": True, **ok})
 
@@ -43,7 +45,14 @@ async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
     bridge.connected = False
     status, answer = await ask()
     assert status == 503
-    assert answer == {"ready": False, "database": "ok", "broker": "away", "channel_layer": "ok", "session_manager": "none", "disk": "ok"}
+    assert answer == {
+        "ready": False,
+        "database": "ok",
+        "broker": "away",
+        "channel_layer": "ok",
+        "session_manager": "none",
+        "disk": "ok",
+    }
 
 
 async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypatch):
@@ -57,9 +66,15 @@ async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypa
 
 
 @pytest.mark.parametrize(("free", "status", "word"), [(499, 200, "low"), (1, 503, "full")])
-async def test_a_disk_is_named_before_it_is_full_and_turns_people_away_only_then(bridge, monkeypatch, free, status, word):
-    await ManagerBeat.objects.acreate(name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL)
-    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free * disk_space.MIB))
+async def test_a_disk_is_named_before_it_is_full_and_turns_people_away_only_then(
+    bridge, monkeypatch, free, status, word
+):
+    await ManagerBeat.objects.acreate(
+        name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL
+    )
+    monkeypatch.setattr(
+        disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free * disk_space.MIB)
+    )
     code, answer = await ask()
     assert (code, answer["ready"], answer["disk"]) == (status, status == 200, word)
     response = await AsyncClient().get("/healthz")
@@ -76,17 +91,28 @@ async def test_a_channel_layer_that_is_away_is_named(bridge, monkeypatch, error)
     assert (status, answer["channel_layer"]) == (503, "away")
 
 
-@pytest.mark.parametrize(("holder", "age", "report", "state"), [
-    ("here:1", 1, WELL, "ok"),
-    ("", 1, WELL, "none"),
-    ("here:1", 60, WELL, "silent"),
-    ("here:1", 1, {"connected": False}, "without_broker"),
-    ("here:1", 1, {}, "without_broker"),
-    ("here:1", 1, {"connected": True, "waiting": BEHIND + 1}, "behind"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("holder", "age", "report", "state"),
+    [
+        ("here:1", 1, WELL, "ok"),
+        ("", 1, WELL, "none"),
+        ("here:1", 60, WELL, "silent"),
+        ("here:1", 1, {"connected": False}, "without_broker"),
+        ("here:1", 1, {}, "without_broker"),
+        ("here:1", 1, {"connected": True, "waiting": BEHIND + 1}, "behind"),
+    ],
+)
 def test_the_session_managers_state_follows_from_its_beat(holder, age, report, state):
     now = timezone.now()
-    assert manager_state(ManagerBeat(holder=holder, beat_at=now - datetime.timedelta(seconds=age), report=report), now) == state
+    assert (
+        manager_state(
+            ManagerBeat(
+                holder=holder, beat_at=now - datetime.timedelta(seconds=age), report=report
+            ),
+            now,
+        )
+        == state
+    )
 
 
 def test_a_beat_carries_its_report():

@@ -29,23 +29,44 @@ def bridge():
 def site(settings):
     settings.METRICS_TOKEN = TOKEN
     giraff = Robot.objects.create(
-        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now(), report={"battery": {"charge": 0.5}}
+        name="giraff",
+        title="Giraff",
+        connection="ONLINE",
+        last_seen_at=timezone.now(),
+        report={"battery": {"charge": 0.5}},
     )
     Robot.objects.create(name="attic", title="Attic")
     ada, bert, cleo = person("ada"), person("bert"), person("cleo")
     rows = [(ada, "driving", ""), (bert, "waiting", ""), (cleo, "ended", "completed")]
     made = [
-        Session.objects.create(robot=giraff, visitor=user, state=state, outcome=outcome, live_key=f"{user.pk}", queued_at=timezone.now())
+        Session.objects.create(
+            robot=giraff,
+            visitor=user,
+            state=state,
+            outcome=outcome,
+            live_key=f"{user.pk}",
+            queued_at=timezone.now(),
+        )
         for user, state, outcome in rows
     ]
     Lease.objects.create(robot=giraff, session=made[0], changed_at=timezone.now())
-    report = {"connected": True, "waiting": 7, "counts": {"states": 40}, "refused": {"stale": 2}, "rejected": {"malformed": 1}}
+    report = {
+        "connected": True,
+        "waiting": 7,
+        "counts": {"states": 40},
+        "refused": {"stale": 2},
+        "rejected": {"malformed": 1},
+    }
     ManagerBeat.objects.create(name=NAME, holder="here:1", beat_at=timezone.now(), report=report)
     return made
 
 
 def samples(text):
-    return {(s.name, *sorted(s.labels.items())): s.value for family in text_string_to_metric_families(text) for s in family.samples}
+    return {
+        (s.name, *sorted(s.labels.items())): s.value
+        for family in text_string_to_metric_families(text)
+        for s in family.samples
+    }
 
 
 async def test_the_figures_of_site_and_process_stand_there(site, bridge):
@@ -54,12 +75,21 @@ async def test_the_figures_of_site_and_process_stand_there(site, bridge):
     assert response["Content-Type"].startswith("text/plain; version=")
     found = samples(response.content.decode())
     for name, label, value in [
-        ("sessions_ended", ("outcome", "completed"), 1), ("sessions_ended", ("outcome", "timed_out"), 0), ("sessions_live", ("state", "driving"), 1),
-        ("sessions_live", ("state", "waiting"), 1), ("robot_online", ("robot", "giraff"), 1), ("robot_online", ("robot", "attic"), 0),
-        ("robot_leased", ("robot", "giraff"), 1), ("robot_queue_length", ("robot", "giraff"), 1), ("robot_queue_length", ("robot", "attic"), 0),
-        ("robot_charge", ("robot", "giraff"), 0.5), ("recorded_total", ("what", "states"), 40), ("robot_refused_commands_total", ("reason", "stale"), 2),
-        ("rejected_messages_total", ("reason", "malformed"), 1), ("bridge_total", ("what", "arrived"), 5),
-    ]:  # fmt: skip
+        ("sessions_ended", ("outcome", "completed"), 1),
+        ("sessions_ended", ("outcome", "timed_out"), 0),
+        ("sessions_live", ("state", "driving"), 1),
+        ("sessions_live", ("state", "waiting"), 1),
+        ("robot_online", ("robot", "giraff"), 1),
+        ("robot_online", ("robot", "attic"), 0),
+        ("robot_leased", ("robot", "giraff"), 1),
+        ("robot_queue_length", ("robot", "giraff"), 1),
+        ("robot_queue_length", ("robot", "attic"), 0),
+        ("robot_charge", ("robot", "giraff"), 0.5),
+        ("recorded_total", ("what", "states"), 40),
+        ("robot_refused_commands_total", ("reason", "stale"), 2),
+        ("rejected_messages_total", ("reason", "malformed"), 1),
+        ("bridge_total", ("what", "arrived"), 5),
+    ]:
         assert found["telepresence_" + name, label] == value
     assert found[("telepresence_recorder_waiting",)] == 7
     assert found[("telepresence_session_manager_well",)] == 1
@@ -75,7 +105,15 @@ def test_no_label_names_a_person_or_a_session(site):
             assert secret not in text
 
 
-@pytest.mark.parametrize("given", [{}, {"authorization": "Bearer wrong"}, {"authorization": "Basic dTpw"}, {"authorization": "Bearer "}])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"authorization": "Bearer wrong"},
+        {"authorization": "Basic dTpw"},
+        {"authorization": "Bearer "},
+    ],
+)
 def test_without_the_token_there_is_nothing_to_find(site, given):
     assert Client().get("/metrics", headers=given).status_code == 404
 
@@ -85,13 +123,16 @@ def test_without_any_setting_nobody_reads_it(settings):
     assert Client().get("/metrics", headers={"authorization": "Bearer "}).status_code == 404
 
 
-@pytest.mark.parametrize(("address", "headers", "status"), [
-    ("10.1.2.3", {}, 200),
-    ("10.2.0.1", {}, 404),
-    ("10.1.2.3", {"x-forwarded-for": "10.1.2.3"}, 404),  # a proxy's own address is everybody's
-    ("10.1.2.3", {"forwarded": "for=10.1.2.3"}, 404),
-    ("", {}, 404),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("address", "headers", "status"),
+    [
+        ("10.1.2.3", {}, 200),
+        ("10.2.0.1", {}, 404),
+        ("10.1.2.3", {"x-forwarded-for": "10.1.2.3"}, 404),  # a proxy's own address is everybody's
+        ("10.1.2.3", {"forwarded": "for=10.1.2.3"}, 404),
+        ("", {}, 404),
+    ],
+)
 def test_an_address_counts_only_for_a_connection_of_its_own(settings, address, headers, status):
     settings.METRICS_TOKEN, settings.METRICS_ALLOWED = "", ["10.1.0.0/16"]
     assert Client(REMOTE_ADDR=address).get("/metrics", headers=headers).status_code == status

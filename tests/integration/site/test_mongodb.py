@@ -1,4 +1,6 @@
-"""A site on MongoDB: what can be said without a server always, and the real thing where MONGODB_URL names one."""
+"""A site on MongoDB: what can be said without a server always, and the real thing where MONGODB_URL
+names one.
+"""
 
 import json
 import os
@@ -13,8 +15,12 @@ from telepresence_site import mongodb
 
 NOWHERE = "mongodb://127.0.0.1:1/telepresence?serverSelectionTimeoutMS=300"
 MONGODB_URL = os.environ.get("MONGODB_URL", "")
-NOT_GIVEN = "NOT TESTED ON MONGODB: set MONGODB_URL to a server's address (no package of Debian or PyPI has one)"
-# One visit after another on a real server: keys, unique constraints, JSON, binary, comparing and setting, grouping.
+NOT_GIVEN = (
+    "NOT TESTED ON MONGODB: set MONGODB_URL to a server's address (no package of Debian or PyPI has"
+    " one)"
+)
+# One visit after another on a real server: keys, unique constraints, JSON, binary, comparing and
+# setting, grouping.
 SCENARIO = """
 import datetime
 from django.core.management import call_command
@@ -52,8 +58,20 @@ finally:
 
 def run(*arguments, url=NOWHERE):
     kept = {name: value for name, value in os.environ.items() if name != "DJANGO_SETTINGS_MODULE"}
-    environment = kept | {"DATABASE_URL": url, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings", "HTTP_ONLY": "1"}
-    done = subprocess.run([sys.executable, *arguments], cwd=site.BASE_DIR, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    environment = kept | {
+        "DATABASE_URL": url,
+        "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
+        "HTTP_ONLY": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=site.BASE_DIR,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -62,7 +80,9 @@ def test_an_address_of_mongodb_is_recognized():
     assert mongodb.is_address("mongodb://db.example.org/robots")
     assert mongodb.is_address("mongodb+srv://db.example.org")
     assert not mongodb.is_address("postgres://db.example.org/robots")
-    assert mongodb.database("mongodb://u:p@db.example.org:27017/robots?tls=true")["NAME"] == "robots"
+    assert (
+        mongodb.database("mongodb://u:p@db.example.org:27017/robots?tls=true")["NAME"] == "robots"
+    )
     assert mongodb.database("mongodb://db.example.org")["NAME"] == "telepresence"
 
 
@@ -73,8 +93,15 @@ def test_the_backends_own_checks_find_nothing_wrong_with_any_model():
 def test_its_migrations_are_complete_and_make_no_key_that_mongodb_does_not_make():
     found = json.loads(run("-m", "tests.support.mongodb_migrations"))
     assert found["vendor"] == "mongodb"
-    assert found["missing"] == {}, "python manage.py makemigrations, with DATABASE_URL naming a MongoDB"
-    assert set(found["keys"].values()) <= {"ObjectIdAutoField", "UUIDField", "CharField", "OneToOneField"}
+    assert found["missing"] == {}, (
+        "python manage.py makemigrations, with DATABASE_URL naming a MongoDB"
+    )
+    assert set(found["keys"].values()) <= {
+        "ObjectIdAutoField",
+        "UUIDField",
+        "CharField",
+        "OneToOneField",
+    }
     assert "RunSQL" not in found["operations"]
 
 

@@ -1,4 +1,6 @@
-"""Everything that is logged while people and robots come in, at the most talkative level, and none of their secrets in it."""
+"""Everything that is logged while people and robots come in, at the most talkative level, and none
+of their secrets in it.
+"""
 
 import json
 import logging
@@ -42,13 +44,18 @@ class Scribe(logging.Handler):
 
     def emit(self, record):
         self.lines.append(JsonLine().format(record))
-        if record.name != "django.request":  # names the path, which may be a one-time link: our lines make a route of it
+        # names the path, which may be a one-time link: our lines make a route of it
+        if record.name != "django.request":
             self.raw.append(logging.Formatter("%(name)s %(message)s").format(record))
 
 
 @pytest.fixture
 def scribe(settings):
-    settings.TURN_SECRET, settings.METRICS_TOKEN, settings.TURN_URLS = TURN_SECRET, METRICS_TOKEN, ["turn:turn.example.org"]
+    settings.TURN_SECRET, settings.METRICS_TOKEN, settings.TURN_URLS = (
+        TURN_SECRET,
+        METRICS_TOKEN,
+        ["turn:turn.example.org"],
+    )
     scribe, root = Scribe(), logging.getLogger()
     level = root.level
     root.addHandler(scribe)
@@ -70,16 +77,26 @@ def visit_the_site():
 
 async def ask(path, cookies=(), **headers):
     """Through the whole application, as daphne does it."""
-    headers = {"host": "127.0.0.1", "cookie": "; ".join(f"sessionid={cookie}" for cookie in cookies), **headers}
+    headers = {
+        "host": "127.0.0.1",
+        "cookie": "; ".join(f"sessionid={cookie}" for cookie in cookies),
+        **headers,
+    }
     pairs = [(name.encode(), value.encode()) for name, value in headers.items()]
-    return (await HttpCommunicator(application, "GET", path, headers=pairs).get_response(timeout=patient(5.0)))["status"]
+    return (
+        await HttpCommunicator(application, "GET", path, headers=pairs).get_response(
+            timeout=patient(5.0)
+        )
+    )["status"]
 
 
 async def drive(ada):
     async with Page("giraff", ada) as page:
         await page.say("session/take", protocol.Take())
         granted = await page.expect("session/granted")
-        await page.say("command/velocity", words.velocity(session=granted.session, epoch=granted.epoch))
+        await page.say(
+            "command/velocity", words.velocity(session=granted.session, epoch=granted.epoch)
+        )
     return [server.credential for server in granted.ice_servers if server.credential]
 
 
@@ -102,7 +119,9 @@ async def test_no_password_token_credential_or_cookie_is_ever_logged(scribe, set
     mqtt_bridge.use(bridge)
     try:
         ada = await sync_to_async(person)("ada", email="ada@example.org")
-        robot = await sync_to_async(Robot.objects.create)(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now())
+        robot = await sync_to_async(Robot.objects.create)(
+            name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now()
+        )
         key = await sync_to_async(make_credentials)(robot, timezone.now())
         reset, cookies = await sync_to_async(visit_the_site)()
         secrets = [reset, *cookies]
@@ -116,11 +135,24 @@ async def test_no_password_token_credential_or_cookie_is_ever_logged(scribe, set
     finally:
         mqtt_bridge.use(None)
     hashes = [await sync_to_async(lambda: Robot.objects.get().credential_hash)()]
-    passwords = [PASSWORD, WRONG, key.token, TURN_SECRET, METRICS_TOKEN, settings.SECRET_KEY, server_credentials("web")[1]]
+    passwords = [
+        PASSWORD,
+        WRONG,
+        key.token,
+        TURN_SECRET,
+        METRICS_TOKEN,
+        settings.SECRET_KEY,
+        server_credentials("web")[1],
+    ]
     assert len(secrets) >= 4
     for said in (scribe.raw, scribe.lines):
         assert len(said) >= 8
-        found = [(secret, line) for secret in (*passwords, *secrets, *hashes) for line in said if secret in line or json.dumps(secret)[1:-1] in line]
+        found = [
+            (secret, line)
+            for secret in (*passwords, *secrets, *hashes)
+            for line in said
+            if secret in line or json.dumps(secret)[1:-1] in line
+        ]
         assert found == []
 
 
@@ -131,7 +163,10 @@ def test_the_scribe_would_find_one(scribe):
 
 
 def test_every_handler_of_the_site_writes_our_lines():
-    assert {LOGGING["formatters"][handler["formatter"]]["()"].rpartition(".")[2] for handler in LOGGING["handlers"].values()} <= {
+    assert {
+        LOGGING["formatters"][handler["formatter"]]["()"].rpartition(".")[2]
+        for handler in LOGGING["handlers"].values()
+    } <= {
         "JsonLine",
         "KeyValueLine",
     }

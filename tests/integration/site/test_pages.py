@@ -16,9 +16,25 @@ from tests.support.html_page import Page, faults, read
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db
-PUBLIC = ["home", "about", "account_login", "account_signup", "account_reset_password", "account_reset_password_done",
-          "account_reset_password_from_key_done", "account_email_verification_sent", "account_inactive"]  # fmt: skip
-OWN = ["home", "profile", "account_email", "account_change_password", "account_logout", "account_reauthenticate"]
+PUBLIC = [
+    "home",
+    "about",
+    "account_login",
+    "account_signup",
+    "account_reset_password",
+    "account_reset_password_done",
+    "account_reset_password_from_key_done",
+    "account_email_verification_sent",
+    "account_inactive",
+]
+OWN = [
+    "home",
+    "profile",
+    "account_email",
+    "account_change_password",
+    "account_logout",
+    "account_reauthenticate",
+]
 
 
 def refuse(_request):
@@ -33,7 +49,12 @@ def break_down(_request):
     raise RuntimeError("of the test")
 
 
-urlpatterns = [*pages, path("refuse/", refuse), path("misread/", misread), path("break/", break_down)]
+urlpatterns = [
+    *pages,
+    path("refuse/", refuse),
+    path("misread/", misread),
+    path("break/", break_down),
+]
 
 
 @pytest.fixture
@@ -43,13 +64,21 @@ def robots():
     return {
         "giraff": Robot.objects.create(name="giraff", title="Giraff", **here),
         "rhodon": Robot.objects.create(name="rhodon", title="Rhodon", **here),
-        "attic": Robot.objects.create(name="attic", title="Attic", last_seen_at=now - datetime.timedelta(hours=2)),
+        "attic": Robot.objects.create(
+            name="attic", title="Attic", last_seen_at=now - datetime.timedelta(hours=2)
+        ),
     }
 
 
 def visit(robot: Robot, username: str, state: str) -> Session:
     user = person(username)
-    return Session.objects.create(robot=robot, visitor=user, state=state, live_key=f"{robot.pk}:{user.pk}", queued_at=timezone.now())
+    return Session.objects.create(
+        robot=robot,
+        visitor=user,
+        state=state,
+        live_key=f"{robot.pk}:{user.pk}",
+        queued_at=timezone.now(),
+    )
 
 
 def card_of(client, name: str) -> dict:
@@ -128,7 +157,21 @@ def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):
 
 def test_the_list_tells_no_secrets(client, robots):
     keys = set(card_of(client, "giraff"))
-    assert keys == {"name", "title", "description", "place", "picture", "state", "label", "detail", "charge", "battery", "action", "drives", "url"}
+    assert keys == {
+        "name",
+        "title",
+        "description",
+        "place",
+        "picture",
+        "state",
+        "label",
+        "detail",
+        "charge",
+        "battery",
+        "action",
+        "drives",
+        "url",
+    }
 
 
 def test_the_list_is_never_cached_and_speaks_the_visitors_language(client, robots):
@@ -138,7 +181,9 @@ def test_the_list_is_never_cached_and_speaks_the_visitors_language(client, robot
 
 
 @pytest.mark.parametrize("count", [1, 12])
-def test_the_list_asks_the_database_no_more_for_many_robots(client, django_assert_max_num_queries, count):
+def test_the_list_asks_the_database_no_more_for_many_robots(
+    client, django_assert_max_num_queries, count
+):
     for n in range(count):
         Robot.objects.create(name=f"robot-{n}", title=f"Robot {n}")
     with django_assert_max_num_queries(2):
@@ -152,7 +197,9 @@ def test_a_site_without_robots_says_what_will_come(client):
 
 
 def test_names_are_shown_as_text(client):
-    Robot.objects.create(name="giraff", title="<b>Giraff</b>", description="<script>alert(1)</script>")
+    Robot.objects.create(
+        name="giraff", title="<b>Giraff</b>", description="<script>alert(1)</script>"
+    )
     html = client.get(reverse("home")).content.decode()
     assert "<b>Giraff" not in html
     assert "<script>alert" not in html
@@ -175,11 +222,21 @@ def test_the_manifest_names_icons_that_are_there(client):
 
 def test_the_manifest_says_what_an_installed_page_is_and_shows_pictures_of_their_true_size(client):
     manifest = client.get(reverse("manifest")).json()
-    assert (manifest["id"], manifest["scope"], manifest["display"], manifest["orientation"]) == ("/", "/", "standalone", "any")
-    assert all(client.get(shortcut["url"].split("#")[0]).status_code == 200 for shortcut in manifest["shortcuts"])
+    assert (manifest["id"], manifest["scope"], manifest["display"], manifest["orientation"]) == (
+        "/",
+        "/",
+        "standalone",
+        "any",
+    )
+    assert all(
+        client.get(shortcut["url"].split("#")[0]).status_code == 200
+        for shortcut in manifest["shortcuts"]
+    )
     assert {picture["form_factor"] for picture in manifest["screenshots"]} == {"wide", "narrow"}
     for picture in manifest["screenshots"]:
-        with Image.open(io.BytesIO(b"".join(client.get(picture["src"]).streaming_content))) as image:
+        with Image.open(
+            io.BytesIO(b"".join(client.get(picture["src"]).streaming_content))
+        ) as image:
             assert (f"{image.width}x{image.height}", image.format) == (picture["sizes"], "WEBP")
 
 
@@ -203,9 +260,15 @@ def test_an_error_is_a_page_that_says_what_to_do(address, code, words):
 
 
 @pytest.mark.parametrize("language", ["en", "es"])
-@pytest.mark.parametrize("name", ["400.html", "403.html", "403_csrf.html", "404.html", "429.html", "500.html"])
-def test_an_error_page_needs_no_context_no_database_and_no_collected_files(name, language, settings, django_assert_num_queries):
-    settings.STORAGES = settings.STORAGES | {"staticfiles": {"BACKEND": "telepresence_site.web.static_files.HashedModules"}}
+@pytest.mark.parametrize(
+    "name", ["400.html", "403.html", "403_csrf.html", "404.html", "429.html", "500.html"]
+)
+def test_an_error_page_needs_no_context_no_database_and_no_collected_files(
+    name, language, settings, django_assert_num_queries
+):
+    settings.STORAGES = settings.STORAGES | {
+        "staticfiles": {"BACKEND": "telepresence_site.web.static_files.HashedModules"}
+    }
     with translation.override(language), django_assert_num_queries(0):
         page = Page()
         page.feed(render_to_string(name))

@@ -1,4 +1,6 @@
-"""Practice robots: how many run and when, the processes that are started and ended, and where a visitor is sent."""
+"""Practice robots: how many run and when, the processes that are started and ended, and where a
+visitor is sent.
+"""
 
 import datetime
 
@@ -27,7 +29,7 @@ def alive(*names: str, since: float = NOW - 100.0) -> dict[str, Process]:
     return {name: Process(since, alive=True) for name in names}
 
 
-# --- how many --------------------------------------------------------------------------------------------------------
+# --- how many -------------------------------------------------------------------------------------
 
 
 def test_nothing_runs_while_nobody_waits():
@@ -37,7 +39,9 @@ def test_nothing_runs_while_nobody_waits():
 def test_whoever_waits_finds_one_robot_and_whoever_comes_next_another_until_the_house_is_full():
     assert decide(NAMES, waits(), {}, NOW) == [Start("practice-1")]
     assert decide(NAMES, waits(), alive("practice-1"), NOW) == []
-    assert decide(NAMES, waits(NOW, "practice-1"), alive("practice-1"), NOW) == [Start("practice-2")]
+    assert decide(NAMES, waits(NOW, "practice-1"), alive("practice-1"), NOW) == [
+        Start("practice-2")
+    ]
     assert decide(NAMES, waits(NOW, *NAMES), alive(*NAMES), NOW) == []
 
 
@@ -53,7 +57,10 @@ def test_nobodys_practice_ends_because_nobody_waits_any_more():
 def test_a_robot_is_started_anew_after_its_visitor():
     left = {"practice-1": NOW - 1.0}
     assert decide(NAMES, waits(left=left), alive("practice-1"), NOW)[0] == Stop("practice-1")
-    ended = {"practice-1": Process(NOW - 100.0, alive=False), "practice-2": Process(NOW - 100.0, alive=True)}
+    ended = {
+        "practice-1": Process(NOW - 100.0, alive=False),
+        "practice-2": Process(NOW - 100.0, alive=True),
+    }
     assert decide(NAMES, waits(left=left), ended, NOW) == []
     assert decide(["practice-1"], waits(left=left), ended, NOW) == [Start("practice-1")]
 
@@ -65,7 +72,7 @@ def test_a_robot_that_died_under_its_visitor_comes_back_first_and_not_faster_tha
     assert decide(NAMES, demand, dead, NOW - 1.0 + AGAIN) == [Start("practice-2")]
 
 
-# --- processes -------------------------------------------------------------------------------------------------------
+# --- processes ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -96,7 +103,13 @@ def process(supervisor: Supervisor):
 
 def visit(visitor: User, robot: Robot, **changes) -> Session:
     now = timezone.now()
-    fields = {"robot": robot, "visitor": visitor, "live_key": f"{robot.pk}:{visitor.pk}", "queued_at": now, "seen_at": now}
+    fields = {
+        "robot": robot,
+        "visitor": visitor,
+        "live_key": f"{robot.pk}:{visitor.pk}",
+        "queued_at": now,
+        "seen_at": now,
+    }
     return Session.objects.create(**{**fields, **changes})
 
 
@@ -114,12 +127,18 @@ def test_a_robot_is_started_when_somebody_waits_for_a_real_one(supervisor, ana):
 
 
 def test_who_waits_with_a_closed_page_wants_no_practice(supervisor, ana):
-    visit(ana, Robot.objects.create(name="giraff", title="Giraff"), seen_at=timezone.now() - datetime.timedelta(minutes=5))
+    visit(
+        ana,
+        Robot.objects.create(name="giraff", title="Giraff"),
+        seen_at=timezone.now() - datetime.timedelta(minutes=5),
+    )
     supervisor.look()
     assert supervisor._running == {}
 
 
-def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it(supervisor, ana, monkeypatch):
+def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it(
+    supervisor, ana, monkeypatch
+):
     monkeypatch.setattr("telepresence_site.practice.pool.AGAIN", 0.0)
     drives(ana)
     supervisor.look()
@@ -131,7 +150,9 @@ def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it
     assert process(supervisor).poll() is None
 
 
-def test_a_new_supervisor_starts_the_robot_of_whoever_is_practising(supervisor, practice, ana, tmp_path):
+def test_a_new_supervisor_starts_the_robot_of_whoever_is_practising(
+    supervisor, practice, ana, tmp_path
+):
     drives(ana)
     supervisor.look()
     supervisor._children.stop()  # as when it is killed: its children die with it
@@ -153,10 +174,14 @@ def test_a_robot_whose_visitor_has_closed_the_page_is_freed_and_ended(supervisor
 
 
 def leaves(session: Session) -> None:
-    Session.objects.filter(pk=session.pk).update(state=Session.State.ENDED, live_key=str(session.pk), ended_at=timezone.now())
+    Session.objects.filter(pk=session.pk).update(
+        state=Session.State.ENDED, live_key=str(session.pk), ended_at=timezone.now()
+    )
 
 
-def test_one_practises_after_the_other_ten_times_and_each_finds_a_robot_that_was_started_for_them(supervisor, ana, monkeypatch):
+def test_one_practises_after_the_other_ten_times_and_each_finds_a_robot_that_was_started_for_them(
+    supervisor, ana, monkeypatch
+):
     monkeypatch.setattr("telepresence_site.practice.pool.AGAIN", 0.0)
     visit(ana, Robot.objects.create(name="giraff", title="Giraff"))
     seen = set()
@@ -192,14 +217,20 @@ def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor,
     process(supervisor).wait()
     supervisor.look()
     supervisor.look()
-    told = [record.getMessage() for record in caplog.records if record.getMessage().startswith("practice_robot_died")]
+    told = [
+        record.getMessage()
+        for record in caplog.records
+        if record.getMessage().startswith("practice_robot_died")
+    ]
     assert len(told) == 1
     assert "robot=practice-1" in told[0]
     assert "SIGKILL" in told[0]
     assert "practice-1.log" in told[0]
 
 
-def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_fewer(practice, settings):
+def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_fewer(
+    practice, settings
+):
     robot = Robot.objects.get(name="practice-1")
     robots.prepare(2, "mqtt://127.0.0.1:1")
     robots.prepare(1, "mqtt://127.0.0.1:1")
@@ -217,14 +248,22 @@ def test_without_practice_robots_there_is_nothing_to_run(settings):
         call_command("run_practice")
 
 
-# --- where to practise -----------------------------------------------------------------------------------------------
+# --- where to practise ----------------------------------------------------------------------------
 
 
 def test_a_visitor_is_sent_where_the_turn_comes_first_and_to_no_robot_that_is_not_there_yet():
     assert choose([]) is None
     assert choose([Place("practice-1", there=False, taken=0)]) is None
-    assert choose([Place("practice-1", there=True, taken=1), Place("practice-2", there=False, taken=0)]) == "practice-1"
-    assert choose([Place("practice-1", there=True, taken=2), Place("practice-2", there=True, taken=1)]) == "practice-2"
+    assert (
+        choose(
+            [Place("practice-1", there=True, taken=1), Place("practice-2", there=False, taken=0)]
+        )
+        == "practice-1"
+    )
+    assert (
+        choose([Place("practice-1", there=True, taken=2), Place("practice-2", there=True, taken=1)])
+        == "practice-2"
+    )
 
 
 def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, practice, ana):
@@ -235,7 +274,9 @@ def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, pra
     assert client.get("/practice/").json() == {"url": "/practice/practice-1/?go=1"}
 
 
-def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_ours(client, practice, ana):
+def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_ours(
+    client, practice, ana
+):
     Robot.objects.create(name="giraff", title="Giraff")
     client.force_login(ana)
     framed = client.get("/practice/practice-1/")
@@ -248,7 +289,9 @@ def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_our
     assert '"practice": "/practice/"' in whole.content.decode()
 
 
-def test_practice_robots_stand_on_no_list_and_pages_of_a_site_without_them_offer_none(client, practice, ana, settings):
+def test_practice_robots_stand_on_no_list_and_pages_of_a_site_without_them_offer_none(
+    client, practice, ana, settings
+):
     Robot.objects.create(name="giraff", title="Giraff")
     client.force_login(ana)
     assert [robot["name"] for robot in client.get("/robots.json").json()["robots"]] == ["giraff"]

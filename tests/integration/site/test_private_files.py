@@ -27,12 +27,25 @@ with connection.cursor() as cursor:
 
 
 def write(var):
-    kept = {name: value for name, value in os.environ.items() if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}}
-    environment = kept | {"VAR_DIR": str(var), "HTTP_ONLY": "1", "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}
+    }
+    environment = kept | {
+        "VAR_DIR": str(var),
+        "HTTP_ONLY": "1",
+        "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
+    }
     done = subprocess.run(
         ["/bin/sh", "-c", 'umask 022; exec "$@"', "sh", sys.executable, "-c", WRITE],
-        cwd=site.BASE_DIR, env=environment, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        cwd=site.BASE_DIR,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return dict(line.split() for line in done.stdout.splitlines())
 
@@ -40,7 +53,10 @@ def write(var):
 def test_the_database_and_what_sqlite_keeps_beside_it_are_the_owners_alone(tmp_path):
     var = tmp_path / "var"
     for _ in range(2):
-        assert write(var) == dict.fromkeys(("telepresence.sqlite3", "telepresence.sqlite3-shm", "telepresence.sqlite3-wal"), "0o600")
+        assert write(var) == dict.fromkeys(
+            ("telepresence.sqlite3", "telepresence.sqlite3-shm", "telepresence.sqlite3-wal"),
+            "0o600",
+        )
     assert var.stat().st_mode & OTHERS == 0
 
 

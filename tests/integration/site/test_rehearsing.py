@@ -17,7 +17,9 @@ def rehearsed(tmp_path_factory):
     site.prepare()
     store_in(site)
     report = site.var / "report.json"
-    bots_command(site, "rehearse_study", "short", "--speed", "6", "--each", "1", "--report", str(report))
+    bots_command(
+        site, "rehearse_study", "short", "--speed", "6", "--each", "1", "--report", str(report)
+    )
     yield site, json.loads(report.read_text())
     site.stop_all()
 

@@ -26,24 +26,36 @@ from tests.support.people import person
 
 pytestmark = pytest.mark.django_db
 DAY = datetime.timedelta(days=1)
-DEVICE = {"os": "Linux", "browser": "Firefox", "network": "198.51.100.0/24", "user_agent": "Mozilla/5.0 (of nobody)"}
+DEVICE = {
+    "os": "Linux",
+    "browser": "Firefox",
+    "network": "198.51.100.0/24",
+    "user_agent": "Mozilla/5.0 (of nobody)",
+}
 
 
 def visit(robot: Robot, name: str, days_ago: float) -> Session:
     """A session of so long ago with one of everything."""
     at = timezone.now() - days_ago * DAY
-    row = replays.session(robot, person(name), granted=at, seconds=60, closed_at=at + DAY / 24, device=DEVICE)
+    row = replays.session(
+        robot, person(name), granted=at, seconds=60, closed_at=at + DAY / 24, device=DEVICE
+    )
     about = {"session": row, "stamp": at.timestamp()}
     Snapshot.objects.create(**about, action_id="p", sha256="0" * 64, jpeg=b"jpeg")
     NetworkSample.objects.create(**about, received_at=at.timestamp(), data={})
-    SessionEvent.objects.create(**about, source="server", type="granted", received_at=at.timestamp(), data={})
+    SessionEvent.objects.create(
+        **about, source="server", type="granted", received_at=at.timestamp(), data={}
+    )
     return row
 
 
 def forget(**options) -> dict[str, int]:
     out = io.StringIO()
     call_command("forget", stdout=out, **options)
-    return {kind: int(told.split()[0]) for kind, told in (line.split(": ") for line in out.getvalue().splitlines())}
+    return {
+        kind: int(told.split()[0])
+        for kind, told in (line.split(": ") for line in out.getvalue().splitlines())
+    }
 
 
 @pytest.fixture
@@ -52,15 +64,34 @@ def robot():
 
 
 def test_each_kind_goes_when_its_days_are_over(robot):
-    for name, days in (("today", 0.5), ("last_month", 40), ("last_spring", 100), ("last_year", 400)):
+    for name, days in (
+        ("today", 0.5),
+        ("last_month", 40),
+        ("last_spring", 100),
+        ("last_year", 400),
+    ):
         visit(robot, name, days)
     for days in (1, 100):
         system_log.log("robot_online", robot=robot, at=timezone.now() - days * DAY)
         audit.note("photo_opened", at=timezone.now() - days * 20 * DAY)
-    told = {"sessions": 1, "photos": 1, "network_samples": 1, "addresses": 2, "system_log": 1, "audit_log": 1}
+    told = {
+        "sessions": 1,
+        "photos": 1,
+        "network_samples": 1,
+        "addresses": 2,
+        "system_log": 1,
+        "audit_log": 1,
+    }
     assert forget() == {**told, "enrolments": 0}
-    assert set(Session.objects.values_list("visitor__username", flat=True)) == {"today", "last_month", "last_spring"}
-    assert set(Snapshot.objects.values_list("session__visitor__username", flat=True)) == {"today", "last_month"}
+    assert set(Session.objects.values_list("visitor__username", flat=True)) == {
+        "today",
+        "last_month",
+        "last_spring",
+    }
+    assert set(Snapshot.objects.values_list("session__visitor__username", flat=True)) == {
+        "today",
+        "last_month",
+    }
     assert SessionEvent.objects.count() == 3
     kept = Session.objects.get(visitor__username="last_month").device
     assert (kept["os"], kept["network"], kept["user_agent"]) == ("Linux", "", "")
@@ -74,7 +105,9 @@ def test_a_dry_run_counts_and_forgets_nothing_and_what_was_forgotten_is_logged(r
     assert Session.objects.exists()
     assert not SystemLog.objects.filter(event="forgotten").exists()
     forget()
-    assert {"kind": "sessions", "count": 1} in list(SystemLog.objects.filter(event="forgotten").values_list("fields", flat=True))
+    assert {"kind": "sessions", "count": 1} in list(
+        SystemLog.objects.filter(event="forgotten").values_list("fields", flat=True)
+    )
 
 
 def test_what_is_kept_for_ever_is_kept_for_ever(robot, settings):
@@ -103,7 +136,7 @@ def test_of_a_studys_session_only_the_address_goes_and_its_network_is_still_coun
     assert row.device["user_agent"] == ""
 
 
-# --- accounts --------------------------------------------------------------------------------------------------------
+# --- accounts -------------------------------------------------------------------------------------
 
 MARKS = ("zaphod", "Beeblebrox", "betelgeuse.example", "secret answer of mine", "recruited-as-zb")
 
@@ -117,19 +150,50 @@ def everything_of(user, robot: Robot) -> Participant:
     study = replays.study(status=Study.Status.PUBLISHED)
     one = replays.participant(study, user, recruitment={"PROLIFIC_PID": "recruited-as-zb"}, age=42)
     now = timezone.now()
-    row = replays.session(robot, user, granted=now - DAY, seconds=60, closed_at=now, device=DEVICE, outcome_reason="left")
-    SessionEvent.objects.create(session=row, source="page", type="said", stamp=1.0, received_at=1.0, data={"who": "Beeblebrox"})
+    row = replays.session(
+        robot,
+        user,
+        granted=now - DAY,
+        seconds=60,
+        closed_at=now,
+        device=DEVICE,
+        outcome_reason="left",
+    )
+    SessionEvent.objects.create(
+        session=row,
+        source="page",
+        type="said",
+        stamp=1.0,
+        received_at=1.0,
+        data={"who": "Beeblebrox"},
+    )
     Snapshot.objects.create(session=row, action_id="p", stamp=1.0, sha256="0" * 64, jpeg=b"zaphod")
     replays.drive(one, row, settled_at=now)
     replays.session(robot, user, granted=now - 2 * DAY, seconds=60, closed_at=now, device=DEVICE)
     system_log.log("session_ended", session=row, who="zaphod")
-    ConsentReceipt.objects.create(participant=one, step="c", version=1, language="en", text="Yes", guardian="Beeblebrox senior", agreed_at=now)
+    ConsentReceipt.objects.create(
+        participant=one,
+        step="c",
+        version=1,
+        language="en",
+        text="Yes",
+        guardian="Beeblebrox senior",
+        agreed_at=now,
+    )
     link, _token = links.make(study, label="for zaphod", now=now)
     type(link).objects.filter(pk=link.pk).update(participant=one, redeemed_at=now)
     asked = store(questionnaires.defined([questionnaires.item("text", "q1")]), now)
     context = Context(key=f"study/{one.pk}/1.0.q", return_to="/about/")
     answer = begin(asked, Respondent(user=user), context, language="en", seed=1, now=now)
-    answer.answers.create(item="q1", value="secret answer of mine", language="en", text_version="", position=0, first_at=now, answered_at=now)
+    answer.answers.create(
+        item="q1",
+        value="secret answer of mine",
+        language="en",
+        text_version="",
+        position=0,
+        first_at=now,
+        answered_at=now,
+    )
     reports.home(study).mkdir(parents=True)
     (reports.home(study) / "table.json").write_text("zaphod")
     return one
@@ -140,8 +204,13 @@ def traces(marks: tuple[str, ...]) -> list[str]:
     found = []
     for model in apps.get_models():
         for row in model._base_manager.values():
-            words = " ".join(str(bytes(value) if isinstance(value, memoryview) else value) for value in row.values())
-            found += [f"{model.__name__}: {mark}" for mark in marks if mark.lower() in words.lower()]
+            words = " ".join(
+                str(bytes(value) if isinstance(value, memoryview) else value)
+                for value in row.values()
+            )
+            found += [
+                f"{model.__name__}: {mark}" for mark in marks if mark.lower() in words.lower()
+            ]
     return found
 
 
@@ -153,7 +222,13 @@ def zaphod():
 def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, by):
     user = zaphod()
     one, key = everything_of(user, robot), user.pk
-    assert {trace.partition(": ")[0] for trace in traces(MARKS)} >= {"User", "EmailAddress", "Participant", "SystemLog", "Answer"}
+    assert {trace.partition(": ")[0] for trace in traces(MARKS)} >= {
+        "User",
+        "EmailAddress",
+        "Participant",
+        "SystemLog",
+        "Answer",
+    }
     if by == "themselves":
         assert own_data.delete_everything(user, timezone.now())
     else:
@@ -179,8 +254,20 @@ def relations() -> set[str]:
 
 
 def test_every_relation_to_a_person_is_one_that_these_tests_know():
-    own = {"EmailAddress.user", "RobotPermit.user", "Participant.user", "Session.visitor", "Response.user"}
-    of_staff = {"Robot.owner", "StudyMember.user", "Drive.excluded_by", "Study.published_by", "LogEntry.user"}
+    own = {
+        "EmailAddress.user",
+        "RobotPermit.user",
+        "Participant.user",
+        "Session.visitor",
+        "Response.user",
+    }
+    of_staff = {
+        "Robot.owner",
+        "StudyMember.user",
+        "Drive.excluded_by",
+        "Study.published_by",
+        "LogEntry.user",
+    }
     assert relations() == own | of_staff
 
 
@@ -190,12 +277,16 @@ def test_of_staff_who_are_deleted_their_work_stays_without_their_name(robot):
     StudyMember.objects.create(slug="cabin-study", user=user, role="owner")
     study = replays.study(status=Study.Status.PUBLISHED, published_by=user)
     visitor = person("ada")
-    drive = replays.drive(replays.participant(study, visitor), replays.session(robot, visitor, seconds=60))
+    drive = replays.drive(
+        replays.participant(study, visitor), replays.session(robot, visitor, seconds=60)
+    )
     type(drive).objects.update(excluded_by=user, excluded_reason="fell asleep")
     LogEntry.objects.log_actions(user.pk, [robot], CHANGE, "Moved.", single_object=True)
     key = user.pk
     user.delete()
     assert traces(MARKS) == []
-    assert [trace for trace in traces((str(key), key.hex)) if not trace.startswith("AuditEntry")] == []
+    assert [
+        trace for trace in traces((str(key), key.hex)) if not trace.startswith("AuditEntry")
+    ] == []
     drive.refresh_from_db()
     assert (drive.excluded_by, drive.excluded_reason) == (None, "fell asleep")

@@ -24,14 +24,20 @@ from tests.support.site import wait_for
 def test_a_published_study_is_played_where_nobody_knows_who_published_it(tmp_path, settings):
     settings.VAR_DIR, settings.CREDENTIALS_DIR = tmp_path, tmp_path / "credentials"
     row = publishing.store(shipped()["exploration"], timezone.now())
-    Study.objects.update(status=Study.Status.PUBLISHED, published_by=User.objects.create(username="researcher"))
+    Study.objects.update(
+        status=Study.Status.PUBLISHED, published_by=User.objects.create(username="researcher")
+    )
     published = Study.objects.get()
     sandbox.pack(published, tmp_path)
     assert published.published_by is not None
     for model in (Study, Questionnaire, FloorPlan, User):
         model.objects.all().delete()
     unpacked = sandbox.unpack()
-    assert (unpacked.pk, unpacked.sha256, unpacked.status) == (row.pk, row.sha256, Study.Status.DRAFT)
+    assert (unpacked.pk, unpacked.sha256, unpacked.status) == (
+        row.pk,
+        row.sha256,
+        Study.Status.DRAFT,
+    )
     assert {robot.name for robot in Robot.objects.all()} == {"giraff", "rhodon"}
 
 
@@ -39,22 +45,32 @@ def another(study, **renamed):
     """The study with the words that stand for robots and sites replaced by others."""
     written = msgspec.to_builtins(study)
     for part in (*written["conditions"], *written["courses"]):
-        part |= {field: renamed[part[field]] for field in ("robot", "site") if part[field] in renamed}
+        part |= {
+            field: renamed[part[field]] for field in ("robot", "site") if part[field] in renamed
+        }
     return msgspec.convert({**written, "slug": "another"}, type(study))
 
 
 def test_every_robot_of_a_sandbox_has_a_name_that_a_robot_can_have():
     study = shipped()["exploration"]
     there = another(study, rhodon="giraff")
-    moved = [msgspec.structs.replace(one, site=site) for one, site in zip(there.conditions, cycle(["Old_Wing", "x" * 50]), strict=False)]
+    moved = [
+        msgspec.structs.replace(one, site=site)
+        for one, site in zip(there.conditions, cycle(["Old_Wing", "x" * 50]), strict=False)
+    ]
     robots = sandbox._robots(msgspec.structs.replace(there, conditions=tuple(moved)))
     assert sorted(robots.values()) == [("giraff", "Old_Wing"), ("giraff", "x" * 50)]
     assert all(ROBOT_NAME.match(name) for name in robots)
-    assert sandbox._robots(study) == {"giraff": ("giraff", "office"), "rhodon": ("rhodon", "office")}
+    assert sandbox._robots(study) == {
+        "giraff": ("giraff", "office"),
+        "rhodon": ("rhodon", "office"),
+    }
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_is_started(tmp_path, settings):
+def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_is_started(
+    tmp_path, settings
+):
     settings.VAR_DIR = tmp_path
     publishing.store(another(shipped()["exploration"], rhodon="rosie"), timezone.now())
     sentence = "There is no simulation of rosie: bots can rehearse with giraff and rhodon alone."
@@ -66,12 +82,21 @@ def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_i
 
 
 def test_what_this_computers_own_agent_is_told_does_not_reach_the_simulated_ones(tmp_path):
-    inside = sandbox.environment(tmp_path, {"PATH": "/bin", "TELEPRESENCE_SERVER": "https://robots.example.org", "TELEPRESENCE_VAR": "/var"})
+    inside = sandbox.environment(
+        tmp_path,
+        {
+            "PATH": "/bin",
+            "TELEPRESENCE_SERVER": "https://robots.example.org",
+            "TELEPRESENCE_VAR": "/var",
+        },
+    )
     assert inside["PATH"] == "/bin"
     assert not [name for name in inside if name.startswith("TELEPRESENCE_")]
 
 
-def test_a_part_that_ends_meanwhile_fails_the_play_with_its_last_words(tmp_path, settings, monkeypatch):
+def test_a_part_that_ends_meanwhile_fails_the_play_with_its_last_words(
+    tmp_path, settings, monkeypatch
+):
     settings.VAR_DIR = tmp_path
     started = []
 
@@ -81,6 +106,9 @@ def test_a_part_that_ends_meanwhile_fails_the_play_with_its_last_words(tmp_path,
         return "http://127.0.0.1:1"
 
     monkeypatch.setattr(sandbox, "_start", start)
-    with pytest.raises(StartFailed, match=r"The web server ended meanwhile \(3\): no memory left"), sandbox.running(shipped()["exploration"], Path()):
+    with (
+        pytest.raises(StartFailed, match=r"The web server ended meanwhile \(3\): no memory left"),
+        sandbox.running(shipped()["exploration"], Path()),
+    ):
         wait_for(started[0].ended, 20, "the end of the child")
     assert started[0].running == []

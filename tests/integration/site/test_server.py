@@ -1,4 +1,6 @@
-"""Two web processes, PostgreSQL, Redis, a mosquitto of the system and nginx with TLS: what a visitor does works wherever it lands."""
+"""Two web processes, PostgreSQL, Redis, a mosquitto of the system and nginx with TLS: what a
+visitor does works wherever it lands.
+"""
 
 import asyncio
 import json
@@ -44,13 +46,21 @@ class Tab:
         await self.socket.close()
 
     async def open(self):
-        """Connect; a web process that has just died is passed over by the proxy, at the second try at the latest."""
+        """Connect; a web process that has just died is passed over by the proxy, at the second try
+        at the latest.
+        """
         headers = {"Cookie": f"sessionid={self.cookie}", "X-Forwarded-For": "8.8.8.8"}
         url = self.server.url.replace("https", "wss") + "/ws/robots/giraff/"
         async with asyncio.timeout(patient(SECONDS)):
             while True:
                 try:
-                    self.socket = await connect(url, ssl=self.server.tls, origin=self.server.url, additional_headers=headers, proxy=None)
+                    self.socket = await connect(
+                        url,
+                        ssl=self.server.tls,
+                        origin=self.server.url,
+                        additional_headers=headers,
+                        proxy=None,
+                    )
                 except (InvalidStatus, OSError):
                     await asyncio.sleep(0.1)
                 else:
@@ -80,15 +90,23 @@ async def until(condition, what):
 async def online(robot, server):
     await robot.publish("factsheet", words.factsheet())
     await asyncio.to_thread(
-        wait_for, lambda: server.figure("web-0", 'telepresence_robot_online{robot="giraff"}') == 1, SECONDS, "the robot's presence"
+        wait_for,
+        lambda: server.figure("web-0", 'telepresence_robot_online{robot="giraff"}') == 1,
+        SECONDS,
+        "the robot's presence",
     )
 
 
 async def test_two_visitors_on_two_processes_share_one_robot(server):
-    async with ScriptedRobot("giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1) as robot:
+    async with ScriptedRobot(
+        "giraff", server.site.mqtt_url, login=("giraff", server.token), period=0.1
+    ) as robot:
         await online(robot, server)
         async with Tab(server, "ada") as ada, Tab(server, "bob") as bob:
-            assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [1, 1], "each process serves one of them"
+            assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [
+                1,
+                1,
+            ], "each process serves one of them"
 
             await ada.say("session/take", protocol.Take())
             driving = await ada.expect("session/granted")
@@ -99,7 +117,10 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
 
             await ada.say("command/velocity", words.velocity(stamp=time.time()))
             await until(lambda: robot.driven, "the command arrives")
-            assert (robot.driven[-1].session, robot.driven[-1].epoch) == (driving.session, driving.epoch)
+            assert (robot.driven[-1].session, robot.driven[-1].epoch) == (
+                driving.session,
+                driving.epoch,
+            )
             await bob.say("command/velocity", words.velocity(seq=2, stamp=time.time()))
             assert (await bob.expect("denied")).suffix == "command/velocity"
 
@@ -110,10 +131,17 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
             await bob.say("session/take", protocol.Take())
             second = await bob.expect("session/granted")
             assert second.epoch > driving.epoch
-            await until(lambda: robot.session == second.session, "the robot hears of its next driver")
+            await until(
+                lambda: robot.session == second.session, "the robot hears of its next driver"
+            )
 
-            # The process that serves bob is killed: his page comes back to the other one, to the same drive.
-            mine = next(web for web in WEB if server.figure(web, 'telepresence_pages{standing="driver"}') == 1)
+            # The process that serves bob is killed: his page comes back to the other one, to the
+            # same drive.
+            mine = next(
+                web
+                for web in WEB
+                if server.figure(web, 'telepresence_pages{standing="driver"}') == 1
+            )
             server.site.processes[mine].kill()
             server.site.processes.pop(mine).wait()
             with pytest.raises((ConnectionClosed, TimeoutError)):
@@ -121,15 +149,27 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
             await bob.open()
             await bob.say("session/take", protocol.Take(session=second.session, peer=second.peer))
             again = await bob.expect("session/granted")
-            assert (again.session, again.epoch, again.resumed) == (second.session, second.epoch, True)
+            assert (again.session, again.epoch, again.resumed) == (
+                second.session,
+                second.epoch,
+                True,
+            )
             count = len(robot.driven)
             await bob.say("command/velocity", words.velocity(seq=7, stamp=time.time()))
-            await until(lambda: len(robot.driven) > count, "the command arrives by the other process")
+            await until(
+                lambda: len(robot.driven) > count, "the command arrives by the other process"
+            )
             await bob.say("session/leave", protocol.Leave())
             await bob.expect("session/ended")
-    states = server.site.django("from sessions.models import StateChunk; print(sum(chunk.count for chunk in StateChunk.objects.all()))")
+    states = server.site.django(
+        "from sessions.models import StateChunk; print(sum(chunk.count for chunk in"
+        " StateChunk.objects.all()))"
+    )
     assert int(states) > 0
-    kept = server.site.django("from sessions.models import Session; print(*sorted({s.device['network'] for s in Session.objects.all()}))")
+    kept = server.site.django(
+        "from sessions.models import Session; print(*sorted({s.device['network'] for s in"
+        " Session.objects.all()}))"
+    )
     assert kept.split() == ["127.0.0.0/24"], "nobody is believed about their own address"
 
 
@@ -145,8 +185,15 @@ async def test_a_page_that_came_by_plain_http_opens_no_socket(server):
 
 async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the_proxy(server):
     async def subscribed(password):
-        web = {"transport": "websockets", "websocket_path": "/mqtt", "tls_context": server.tls, "timeout": patient(SECONDS)}
-        async with aiomqtt.Client("localhost", server.ports["https"], username="giraff", password=password, **web) as robot:
+        web = {
+            "transport": "websockets",
+            "websocket_path": "/mqtt",
+            "tls_context": server.tls,
+            "timeout": patient(SECONDS),
+        }
+        async with aiomqtt.Client(
+            "localhost", server.ports["https"], username="giraff", password=password, **web
+        ) as robot:
             return await robot.subscribe(topics.of("giraff", "lease"), qos=1)
 
     assert [code.value for code in await subscribed(server.token)] == [1]
@@ -157,7 +204,9 @@ async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the
 def test_the_proxy_speaks_tls_and_keeps_the_figures_to_the_house(server):
     plain, hashed = "css/_global.css", staticfiles_storage.stored_name("css/_global.css")
     assert server.get(f"{server.url}/metrics")[0] == 404
-    status, headers, text = server.get(f"{server.url}/readyz", **{"X-Request-ID": "forged-request-id"})
+    status, headers, text = server.get(
+        f"{server.url}/readyz", **{"X-Request-ID": "forged-request-id"}
+    )
     assert (status, json.loads(text)["channel_layer"]) == (200, "ok")
     assert headers["x-request-id"] != "forged-request-id"
     assert "immutable" in server.get(f"{server.url}/static/{hashed}")[1]["cache-control"]
@@ -172,9 +221,18 @@ def test_every_line_of_its_processes_is_json_and_names_its_request(server):
     server.get(f"{server.url}/about/")
 
     def asked():  # the line is written after the answer
-        lines = [json.loads(line) for web in WEB for line in server.site.log(web).splitlines(keepends=True) if line.endswith("\n")]
-        return [line for line in lines if line["event"] == "request_done" and line["route"] == "about/"]
+        lines = [
+            json.loads(line)
+            for web in WEB
+            for line in server.site.log(web).splitlines(keepends=True)
+            if line.endswith("\n")
+        ]
+        return [
+            line for line in lines if line["event"] == "request_done" and line["route"] == "about/"
+        ]
 
     wait_for(asked, SECONDS, "the request's line")
     assert all(len(line["request"]) == 32 for line in asked()), "nginx's own ids"
-    assert not [line for line in server.site.log("session-manager").splitlines() if not line.startswith("{")]
+    assert not [
+        line for line in server.site.log("session-manager").splitlines() if not line.startswith("{")
+    ]

@@ -1,4 +1,6 @@
-"""What a newcomer sees when something is missing: one clear sentence, and an exit code that says no."""
+"""What a newcomer sees when something is missing: one clear sentence, and an exit code that says
+no.
+"""
 
 import importlib.util
 import os
@@ -14,7 +16,15 @@ from tests.support.paths import ROOT
 def shell(*arguments: str, cwd: Path = ROOT, **more: str) -> subprocess.CompletedProcess[str]:
     """Run a program with nothing in its environment but what it needs, and `more`."""
     environment = {"PATH": os.environ["PATH"], "HOME": str(cwd), **more}
-    return subprocess.run(arguments, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(
+        arguments,
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
 
 
 @pytest.fixture
@@ -32,7 +42,9 @@ def one_sentence(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def test_a_missing_python_is_named_with_the_line_that_installs_it():
-    done = shell("/bin/sh", "deploy/set_up.sh", "python3-that-is-not-there", ".venv", "requirements.lock")
+    done = shell(
+        "/bin/sh", "deploy/set_up.sh", "python3-that-is-not-there", ".venv", "requirements.lock"
+    )
     assert "sudo apt install python3 python3-venv" in one_sentence(done)
 
 
@@ -51,10 +63,21 @@ def test_a_missing_venv_module_is_named_with_its_package(set_up, monkeypatch, ca
     assert "sudo apt install python3-venv" in capsys.readouterr().err
 
 
-def test_a_package_that_cannot_be_installed_ends_in_one_sentence_and_is_not_marked_as_installed(tmp_path):
-    (tmp_path / "broken.lock").write_text("no-such-package-anywhere==1.0 \\\n    --hash=sha256:" + "0" * 64 + "\n")
+def test_a_package_that_cannot_be_installed_ends_in_one_sentence_and_is_not_marked_as_installed(
+    tmp_path,
+):
+    (tmp_path / "broken.lock").write_text(
+        "no-such-package-anywhere==1.0 \\\n    --hash=sha256:" + "0" * 64 + "\n"
+    )
     # Nobody is asked for it: an index that is slow to answer is no matter of ours.
-    done = shell(sys.executable, str(ROOT / "deploy" / "set_up.py"), str(tmp_path / "venv"), "broken.lock", cwd=tmp_path, PIP_NO_INDEX="1")
+    done = shell(
+        sys.executable,
+        str(ROOT / "deploy" / "set_up.py"),
+        str(tmp_path / "venv"),
+        "broken.lock",
+        cwd=tmp_path,
+        PIP_NO_INDEX="1",
+    )
     assert "could not be installed" in one_sentence(done)
     assert not (tmp_path / "venv" / "installed").exists()
 

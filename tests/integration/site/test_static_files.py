@@ -22,24 +22,45 @@ pytestmark = pytest.mark.long
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory) -> Path:
     var = tmp_path_factory.mktemp("var")
-    environment = {name: value for name, value in os.environ.items() if name not in {"DEBUG", "DJANGO_SETTINGS_MODULE"}}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in {"DEBUG", "DJANGO_SETTINGS_MODULE"}
+    }
     subprocess.run(
         [sys.executable, "manage.py", "collectstatic", "--noinput", "-v", "0"],
-        cwd=ROOT, env={**environment, "VAR_DIR": str(var), "HTTP_ONLY": "1"}, check=True, timeout=120, umask=0o027,
-    )  # fmt: skip
+        cwd=ROOT,
+        env={**environment, "VAR_DIR": str(var), "HTTP_ONLY": "1"},
+        check=True,
+        timeout=120,
+        umask=0o027,
+    )
     return var / "static"
 
 
-def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_shares_nothing(collected):
-    shut = [path for path in collected.rglob("*") if not path.stat().st_mode & (0o005 if path.is_dir() else 0o004)]
-    assert [path for path in shut if path.suffix != ".gz"] == []  # these are for the site's own processes
+def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_shares_nothing(
+    collected,
+):
+    shut = [
+        path
+        for path in collected.rglob("*")
+        if not path.stat().st_mode & (0o005 if path.is_dir() else 0o004)
+    ]
+    # these are for the site's own processes
+    assert [path for path in shut if path.suffix != ".gz"] == []
 
 
 def modules_of(collected: Path) -> dict[str, Path]:
     """Return the scripts of ours that pages are sent, by their name here."""
     names = json.loads((collected / "staticfiles.json").read_text())["paths"]
-    found = {plain: collected / hashed for plain, hashed in names.items() if plain.startswith("js/") and plain.endswith(".js")}
-    assert set(found) == {str(path.relative_to(ROOT / "static")) for path in (ROOT / "static/js").rglob("*.js")}
+    found = {
+        plain: collected / hashed
+        for plain, hashed in names.items()
+        if plain.startswith("js/") and plain.endswith(".js")
+    }
+    assert set(found) == {
+        str(path.relative_to(ROOT / "static")) for path in (ROOT / "static/js").rglob("*.js")
+    }
     return found
 
 
@@ -49,11 +70,15 @@ def test_every_module_imports_only_hashed_modules_so_that_none_loads_twice(colle
         for target in IMPORTED.findall(COMMENT.sub("", path.read_text())):
             imports += 1
             assert HASH.search(target), f"{plain} imports {target}"
-            assert path.parent.joinpath(target).resolve().exists(), f"{plain} imports {target}, which is not there"
+            assert path.parent.joinpath(target).resolve().exists(), (
+                f"{plain} imports {target}, which is not there"
+            )
     assert imports > len(list((ROOT / "static/js").rglob("*.js")))
 
 
-def test_a_browser_is_sent_what_was_written_and_tested_but_for_the_names_of_what_it_imports(collected):
+def test_a_browser_is_sent_what_was_written_and_tested_but_for_the_names_of_what_it_imports(
+    collected,
+):
     for plain, path in modules_of(collected).items():
         assert HASH.sub("", path.read_text()) == (ROOT / "static" / plain).read_text(), plain
 
@@ -65,13 +90,21 @@ def test_every_script_lies_there_compressed(collected):
 
 
 def test_the_drive_pages_script_stays_small(collected):
-    wanted = re.findall(r"static 'js/([^']+)'", (ROOT / "templates" / "sessions" / "_modules.html").read_text())
+    wanted = re.findall(
+        r"static 'js/([^']+)'", (ROOT / "templates" / "sessions" / "_modules.html").read_text()
+    )
     modules = modules_of(collected)
-    size = sum(len(gzip.compress(modules[f"js/{name}"].read_bytes())) for name in [*wanted, "console.js", "boot.js"])
+    size = sum(
+        len(gzip.compress(modules[f"js/{name}"].read_bytes()))
+        for name in [*wanted, "console.js", "boot.js"]
+    )
     assert LARGEST / 2 < size < LARGEST, f"{size} bytes"
 
 
 def test_no_style_sheet_points_at_a_file_that_is_not_there(collected):
     for sheet in (collected / "css").glob("*.css"):
         for target in re.findall(r"url\([\"']?([^\"')]+)[\"']?\)", sheet.read_text()):
-            assert target.startswith("data:") or (sheet.parent / target.split("#")[0]).resolve().exists(), f"{sheet.name}: {target}"
+            assert (
+                target.startswith("data:")
+                or (sheet.parent / target.split("#")[0]).resolve().exists()
+            ), f"{sheet.name}: {target}"

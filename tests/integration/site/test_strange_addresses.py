@@ -1,4 +1,6 @@
-"""Addresses, headers and cookies that nobody means well with are refused; none of them is a fault of the server's."""
+"""Addresses, headers and cookies that nobody means well with are refused; none of them is a fault
+of the server's.
+"""
 
 import re
 import uuid
@@ -10,8 +12,26 @@ from django.urls import URLPattern, get_resolver
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db
-STRANGE = ("é", "%C3%A9", "%00", "%FF", "..", "%F0%9F%A4%96", "a" * 3000, "'\"<>;", "%0d%0aX-Evil:%201", "%E2%80%AE", "x")
-WORDS = {"": STRANGE, "str": STRANGE, "uuid": (str(uuid.UUID(int=0)),), "int": ("9" * 30, "0"), "path": (*STRANGE, "a/../b")}
+STRANGE = (
+    "é",
+    "%C3%A9",
+    "%00",
+    "%FF",
+    "..",
+    "%F0%9F%A4%96",
+    "a" * 3000,
+    "'\"<>;",
+    "%0d%0aX-Evil:%201",
+    "%E2%80%AE",
+    "x",
+)
+WORDS = {
+    "": STRANGE,
+    "str": STRANGE,
+    "uuid": (str(uuid.UUID(int=0)),),
+    "int": ("9" * 30, "0"),
+    "path": (*STRANGE, "a/../b"),
+}
 PLACE = re.compile(r"<(?:(\w+):)?(\w+)>")
 
 
@@ -30,7 +50,12 @@ def filled(route):
     places = PLACE.findall(route)
     for at, (kind, _) in enumerate(places):
         for word in WORDS.get(kind, ("x",)):
-            words = iter([WORDS.get(other, ("x",))[-1] if number != at else word for number, (other, _) in enumerate(places)])
+            words = iter(
+                [
+                    WORDS.get(other, ("x",))[-1] if number != at else word
+                    for number, (other, _) in enumerate(places)
+                ]
+            )
             yield "/" + PLACE.sub(lambda _, words=words: next(words), route)
 
 
@@ -55,9 +80,32 @@ def test_the_demos_link_is_not_found_with_whatever_stands_in_it(settings, token)
     assert Client(raise_request_exception=False).get(f"/demo/{token}/giraff/").status_code == 404
 
 
-HEADERS = ("é", "\xff\xfe", "Bearer é:é", "Bearer \x00:\x00", "Bearer x:" + "é" * 100, "a" * 5000, "=é; ;;==", "%00")
-NAMES = ("Authorization", "Cookie", "X-Forwarded-For", "Accept-Language", "Accept-Encoding", "Referer", "User-Agent", "If-None-Match",
-    "If-Modified-Since", "Range", "X-Requested-With", "Content-Length", "X-Forwarded-Proto", "Origin")  # fmt: skip
+HEADERS = (
+    "é",
+    "\xff\xfe",
+    "Bearer é:é",
+    "Bearer \x00:\x00",
+    "Bearer x:" + "é" * 100,
+    "a" * 5000,
+    "=é; ;;==",
+    "%00",
+)
+NAMES = (
+    "Authorization",
+    "Cookie",
+    "X-Forwarded-For",
+    "Accept-Language",
+    "Accept-Encoding",
+    "Referer",
+    "User-Agent",
+    "If-None-Match",
+    "If-Modified-Since",
+    "Range",
+    "X-Requested-With",
+    "Content-Length",
+    "X-Forwarded-Proto",
+    "Origin",
+)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -65,12 +113,27 @@ def test_no_strange_header_is_a_fault_of_the_server(name, settings):
     settings.TRUSTED_PROXIES = ["127.0.0.1"]
     settings.METRICS_TOKEN = "t" * 30
     client = Client(raise_request_exception=False)
-    pages = ("/", "/about/", "/accounts/login/", "/robots/giraff/screen/", "/api/v1/robots/", "/api/v1/agent/", "/metrics", "/floorplans/x.json")
-    found = {(page, value): client.get(page, headers={name: value}).status_code for page in pages for value in HEADERS}
+    pages = (
+        "/",
+        "/about/",
+        "/accounts/login/",
+        "/robots/giraff/screen/",
+        "/api/v1/robots/",
+        "/api/v1/agent/",
+        "/metrics",
+        "/floorplans/x.json",
+    )
+    found = {
+        (page, value): client.get(page, headers={name: value}).status_code
+        for page in pages
+        for value in HEADERS
+    }
     assert {at: code for at, code in found.items() if code >= 500} == {}
 
 
-@pytest.mark.parametrize("name", ["csrftoken", "sessionid", "messages", "django_language", "screen-giraff"])
+@pytest.mark.parametrize(
+    "name", ["csrftoken", "sessionid", "messages", "django_language", "screen-giraff"]
+)
 @pytest.mark.parametrize("value", ["é", "%C3%A9", "a" * 5000, "[1,", "\xff", "x:y:z"])
 def test_no_strange_cookie_is_a_fault_of_the_server(name, value):
     client = Client(raise_request_exception=False)

@@ -57,20 +57,28 @@ def kill(child: Child) -> None:
 
 
 @pytest.mark.parametrize("is_essential", [True, False], ids=["essential", "not essential"])
-def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_twice_in_a_row(children, supervisor, told, is_essential):
+def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_twice_in_a_row(
+    children, supervisor, told, is_essential
+):
     start(supervisor, Part("broker", LIVE, says_ready, is_essential))
     for _ in range(2):
         first = children.running[0]
         kill(first)
         told.clear()
         look_until(supervisor, lambda: len(told) == 2)
-        assert told[0] == f"The broker ended: it was ended by SIGKILL (its log: {first.log}). Starting it again in 0 s."
+        assert (
+            told[0]
+            == f"The broker ended: it was ended by SIGKILL (its log: {first.log}). Starting it"
+            " again in 0 s."
+        )
         assert told[1].startswith("The broker is back after ")
         assert [child.process.poll() for child in children.running] == [None]
         assert children.running[0] is not first
 
 
-def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(children, supervisor, told, tmp_path):
+def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
+    children, supervisor, told, tmp_path
+):
     start(supervisor, Part("robot", LIVE, says_ready))
     kill(children.running[0])
     log = tmp_path / "log" / "robot.log"
@@ -84,17 +92,35 @@ def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(children
 
 
 def test_an_essential_part_that_dies_again_and_again_is_lost_with_its_own_reason(supervisor, told):
-    with pytest.raises(PartLostError, match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row"):
+    with pytest.raises(
+        PartLostError,
+        match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row",
+    ):
         start(supervisor, Part("broker", DIES, lambda _child: False, is_essential=True))
     assert len(told) == 2
 
 
-def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(children, supervisor, told, tmp_path):
+def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
+    children, supervisor, told, tmp_path
+):
     repaired = tmp_path / "repaired"
-    robot = ["-c", f"import pathlib, sys, time\nif not pathlib.Path({str(repaired)!r}).exists(): sys.exit('no such site')\n" + LIVE[1]]
-    start(supervisor, Part("robot", robot, says_ready), Part("web server", LIVE, says_ready, is_essential=True), within=2.0)
-    assert any("is not ready yet: " in sentence and "Going on without it" in sentence for sentence in told)
-    look_until(supervisor, lambda: len([sentence for sentence in told if "no such site" in sentence]) > 6)
+    robot = [
+        "-c",
+        f"import pathlib, sys, time\nif not pathlib.Path({str(repaired)!r}).exists(): sys.exit('no"
+        " such site')\n" + LIVE[1],
+    ]
+    start(
+        supervisor,
+        Part("robot", robot, says_ready),
+        Part("web server", LIVE, says_ready, is_essential=True),
+        within=2.0,
+    )
+    assert any(
+        "is not ready yet: " in sentence and "Going on without it" in sentence for sentence in told
+    )
+    look_until(
+        supervisor, lambda: len([sentence for sentence in told if "no such site" in sentence]) > 6
+    )
     repaired.touch()
     look_until(supervisor, lambda: "The robot is back after" in told[-1])
     assert {child.name for child in children.running} == {"robot", "web server"}
@@ -102,18 +128,34 @@ def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(childre
 
 def test_an_essential_part_that_is_never_ready_is_named(supervisor):
     with pytest.raises(StartFailed, match="The web server is not ready yet: ready"):
-        start(supervisor, Part("web server", LIVE, lambda _child: False, is_essential=True), within=1.0)
+        start(
+            supervisor,
+            Part("web server", LIVE, lambda _child: False, is_essential=True),
+            within=1.0,
+        )
 
 
-def test_a_part_that_dies_while_another_is_waited_for_is_started_again(children, supervisor, told, tmp_path):
+def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
+    children, supervisor, told, tmp_path
+):
     second = tmp_path / "second"
-    once = ["-c", f"import pathlib, sys\nmark = pathlib.Path({str(second)!r})\nif not mark.exists(): mark.touch(); sys.exit('not yet')\n" + LIVE[1]]
-    start(supervisor, Part("broker", LIVE, lambda _child: second.exists(), is_essential=True), Part("manager", once, says_ready, is_essential=True))
+    once = [
+        "-c",
+        f"import pathlib, sys\nmark = pathlib.Path({str(second)!r})\nif not mark.exists():"
+        " mark.touch(); sys.exit('not yet')\n" + LIVE[1],
+    ]
+    start(
+        supervisor,
+        Part("broker", LIVE, lambda _child: second.exists(), is_essential=True),
+        Part("manager", once, says_ready, is_essential=True),
+    )
     assert "The manager ended: not yet" in told[0]
     assert all(child.process.poll() is None for child in children.running)
 
 
-def test_what_a_part_wrote_before_it_died_stays_in_its_log_and_is_not_taken_for_the_next_ones_words(children):
+def test_what_a_part_wrote_before_it_died_stays_in_its_log_and_is_not_taken_for_the_next_ones_words(
+    children,
+):
     first = children.start("broker", ["-c", "print('ready', flush=True); raise SystemExit(1)"])
     first.process.wait()
     children.end(first)

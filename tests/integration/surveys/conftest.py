@@ -20,7 +20,9 @@ class Taking:
         return reverse("survey_page", args=[self.response.pk, page])
 
     def get(self, page: int | None = None):
-        return self.client.get(self.url(page) if page else reverse("survey", args=[self.response.pk]))
+        return self.client.get(
+            self.url(page) if page else reverse("survey", args=[self.response.pk])
+        )
 
     def send(self, page: int, shown: str, **fields):
         """Send a whole page; `shown` names the questions on it."""
@@ -28,7 +30,9 @@ class Taking:
 
     def save(self, item: str, value="", **fields):
         """Save one answer, as the page's module does."""
-        return self.client.post(reverse("survey_answer", args=[self.response.pk]), {"item": item, item: value, **fields})
+        return self.client.post(
+            reverse("survey_answer", args=[self.response.pk]), {"item": item, item: value, **fields}
+        )
 
     def row(self) -> Response:
         return Response.objects.get(pk=self.response.pk)
@@ -47,7 +51,12 @@ def take(client):
         user = person()
         client.force_login(user)
         questionnaire = store(defined(*pages, **more), NOW)
-        context = context or Context(key="study/step/session", return_to="/about/", robot=("giraff",), outcome="completed")
-        return Taking(client, begin(questionnaire, Respondent(user=user), context, language="en", seed=seed, now=NOW))
+        context = context or Context(
+            key="study/step/session", return_to="/about/", robot=("giraff",), outcome="completed"
+        )
+        return Taking(
+            client,
+            begin(questionnaire, Respondent(user=user), context, language="en", seed=seed, now=NOW),
+        )
 
     return make

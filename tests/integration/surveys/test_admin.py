@@ -33,7 +33,9 @@ def researcher(client):
 
 def staff_with(client, *codenames: str) -> User:
     user = person("assistant", is_staff=True)
-    user.user_permissions.set(Permission.objects.filter(codename__in=codenames, content_type__app_label="surveys"))
+    user.user_permissions.set(
+        Permission.objects.filter(codename__in=codenames, content_type__app_label="surveys")
+    )
     client.force_login(user)
     return user
 
@@ -57,7 +59,7 @@ def upload(content: bytes) -> dict:
     return {"file": SimpleUploadedFile("q.json", content, "application/json")}
 
 
-# --- import and export -----------------------------------------------------------------------------------------------
+# --- import and export ----------------------------------------------------------------------------
 
 
 def test_a_questionnaire_comes_in_as_a_file_and_goes_out_the_same(client, researcher):
@@ -75,7 +77,12 @@ def test_a_questionnaire_comes_in_as_a_file_and_goes_out_the_same(client, resear
 
 @pytest.mark.parametrize(
     ("content", "told"),
-    [(b"{", "not JSON"), (b"", "Choose a file"), (b"\xff\x00", "not JSON"), (as_bytes(document([{"kind": "nonsense"}])), "$.pages[0].items[0]")],
+    [
+        (b"{", "not JSON"),
+        (b"", "Choose a file"),
+        (b"\xff\x00", "not JSON"),
+        (as_bytes(document([{"kind": "nonsense"}])), "$.pages[0].items[0]"),
+    ],
 )
 def test_what_is_wrong_is_told_and_nothing_comes_in(client, researcher, content, told):
     answer = client.post(reverse(ADD), upload(content) if content else {})
@@ -101,8 +108,13 @@ def test_a_draft_is_changed_in_its_place(client, researcher):
     row = store(defined([item("text", "a")]), NOW)
     address = page_of("change", row)
     assert '"format": 1' in client.get(address).content.decode().replace("&quot;", '"')
-    assert client.post(address, {"document": json.dumps(document([item("text", "b")]))}).status_code == 302
-    assert [question.key for question in Questionnaire.objects.get().as_definition().questions()] == ["b"]
+    assert (
+        client.post(address, {"document": json.dumps(document([item("text", "b")]))}).status_code
+        == 302
+    )
+    assert [
+        question.key for question in Questionnaire.objects.get().as_definition().questions()
+    ] == ["b"]
     other = client.post(address, {"document": json.dumps(document([item("text", "b")], version=2))})
     assert "slug and version of a questionnaire stay" in read(other).text
 
@@ -112,7 +124,10 @@ def test_what_is_in_use_is_shown_and_not_changed(client, researcher):
     address = page_of("change", row)
     page = client.get(address)
     assert read(page).all("textarea") == []
-    assert client.post(address, {"document": json.dumps(document([item("text", "b")]))}).status_code == 403
+    assert (
+        client.post(address, {"document": json.dumps(document([item("text", "b")]))}).status_code
+        == 403
+    )
     assert Questionnaire.objects.get().sha256 == row.sha256
 
 
@@ -141,7 +156,7 @@ def test_a_questionnaire_with_responses_is_not_deleted(client, researcher):
     assert Questionnaire.objects.exists()
 
 
-# --- preview ---------------------------------------------------------------------------------------------------------
+# --- preview --------------------------------------------------------------------------------------
 
 
 def test_a_preview_shows_every_page_in_every_language_and_saves_nothing(client, researcher):
@@ -152,30 +167,63 @@ def test_a_preview_shows_every_page_in_every_language_and_saves_nothing(client, 
     assert not page.all("fieldset")[0].attributes.get("hidden")
     assert Questionnaire.objects.get().frozen_at is None
     assert client.get(page_of("preview", row), {"page": "2"}).status_code == 404
-    assert client.get(page_of("preview", row), {"page": "x", "seed": "-3", "language": "xx"}).status_code == 200
+    assert (
+        client.get(
+            page_of("preview", row), {"page": "x", "seed": "-3", "language": "xx"}
+        ).status_code
+        == 200
+    )
     assert client.post(page_of("preview", row)).status_code == 405
 
 
-# --- answers ---------------------------------------------------------------------------------------------------------
+# --- answers --------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def answered():
-    pages = [[item("single", "a"), item("multiple", "m"), item("text", "t"), item("text", "r", show_if={"robot": ["rhodon"]})], [item("text", "z")]]
+    pages = [
+        [
+            item("single", "a"),
+            item("multiple", "m"),
+            item("text", "t"),
+            item("text", "r", show_if={"robot": ["rhodon"]}),
+        ],
+        [item("text", "z")],
+    ]
     questionnaire = store(defined(*pages), NOW)
-    row = begin(questionnaire, Respondent(user=person("ada")), Context(key="c", label="Step 3", robot=("giraff",)), language="en", seed=1, now=NOW)
+    row = begin(
+        questionnaire,
+        Respondent(user=person("ada")),
+        Context(key="c", label="Step 3", robot=("giraff",)),
+        language="en",
+        seed=1,
+        now=NOW,
+    )
     definition = row.questionnaire.as_definition()
-    save_page(row, definition, 0, fields={"a": ["b"], "m": ["a", "c"], "t": ["=1+1"]}, offered=["a", "m", "t"], saving=Saving(now=NOW, language="en"))
+    save_page(
+        row,
+        definition,
+        0,
+        fields={"a": ["b"], "m": ["a", "c"], "t": ["=1+1"]},
+        offered=["a", "m", "t"],
+        saving=Saving(now=NOW, language="en"),
+    )
     return row
 
 
 def test_the_long_table_has_a_line_a_question_and_no_formula(client, researcher, answered):
     lines = table(client.get(page_of("answers", answered.questionnaire, "long")))
     assert [(line["item"], line["value"], line["missing"]) for line in lines] == [
-        ("a", "b", ""), ("m", "a|c", ""), ("t", "'=1+1", ""), ("r", "", "not_reached"), ("z", "", "not_reached"),
-    ]  # fmt: skip
+        ("a", "b", ""),
+        ("m", "a|c", ""),
+        ("t", "'=1+1", ""),
+        ("r", "", "not_reached"),
+        ("z", "", "not_reached"),
+    ]
     assert {line["respondent"] for line in lines} == {str(answered.user_id)}
-    assert lines[0]["text_version"] == answered.questionnaire.as_definition().question("a").fingerprint("en")
+    assert lines[0]["text_version"] == answered.questionnaire.as_definition().question(
+        "a"
+    ).fingerprint("en")
     finish(answered, answered.questionnaire.as_definition(), NOW)
     lines = table(client.get(page_of("answers", answered.questionnaire, "long")))
     assert [line["missing"] for line in lines] == ["", "", "", "not_applicable", "skipped"]
@@ -183,10 +231,29 @@ def test_the_long_table_has_a_line_a_question_and_no_formula(client, researcher,
 
 def test_the_wide_table_has_a_line_a_response_of_any_version(client, researcher, answered):
     second = store(defined([item("single", "a"), item("number", "n")], version=2), NOW)
-    begin(second, Respondent(key="anna"), Context(key="c"), language="en", seed=1, now=NOW + datetime.timedelta(hours=1))
+    begin(
+        second,
+        Respondent(key="anna"),
+        Context(key="c"),
+        language="en",
+        seed=1,
+        now=NOW + datetime.timedelta(hours=1),
+    )
     first, other = table(client.get(page_of("answers", second, "wide")))
-    assert (first["version"], first["a"], first["m"], first["n"], first["n_missing"]) == ("1", "b", "a|c", "", "")
-    assert (other["version"], other["respondent"], other["a_missing"], other["n_missing"], other["m_missing"]) == (
+    assert (first["version"], first["a"], first["m"], first["n"], first["n_missing"]) == (
+        "1",
+        "b",
+        "a|c",
+        "",
+        "",
+    )
+    assert (
+        other["version"],
+        other["respondent"],
+        other["a_missing"],
+        other["n_missing"],
+        other["m_missing"],
+    ) == (
         "2",
         "anna",
         "not_reached",
@@ -196,16 +263,35 @@ def test_the_wide_table_has_a_line_a_response_of_any_version(client, researcher,
 
 
 def test_the_wide_table_holds_the_scores(client, researcher):
-    row = begin(current("sus", NOW), Respondent(key="anna"), Context(key="c"), language="en", seed=1, now=NOW)
+    row = begin(
+        current("sus", NOW),
+        Respondent(key="anna"),
+        Context(key="c"),
+        language="en",
+        seed=1,
+        now=NOW,
+    )
     for n in range(1, 11):
-        save_one(row, row.questionnaire.as_definition(), f"sus{n}", {f"sus{n}": ["3"]}, Saving(now=NOW, language="en"))
-    assert [line["sus"] for line in table(client.get(page_of("answers", row.questionnaire, "wide")))] == ["50.0"]
+        save_one(
+            row,
+            row.questionnaire.as_definition(),
+            f"sus{n}",
+            {f"sus{n}": ["3"]},
+            Saving(now=NOW, language="en"),
+        )
+    assert [
+        line["sus"] for line in table(client.get(page_of("answers", row.questionnaire, "wide")))
+    ] == ["50.0"]
 
 
-def test_a_table_costs_the_same_number_of_queries_for_many_responses(client, researcher, django_assert_max_num_queries):
+def test_a_table_costs_the_same_number_of_queries_for_many_responses(
+    client, researcher, django_assert_max_num_queries
+):
     questionnaire = store(defined([item("text", "a")]), NOW)
     for n in range(30):
-        begin(questionnaire, Respondent(key=f"r{n}"), Context(key="c"), language="en", seed=n, now=NOW)
+        begin(
+            questionnaire, Respondent(key=f"r{n}"), Context(key="c"), language="en", seed=n, now=NOW
+        )
     with django_assert_max_num_queries(8):
         lines = table(client.get(page_of("answers", questionnaire, "long")))
     assert len(lines) == 30
@@ -222,14 +308,22 @@ def test_a_response_shows_every_question_with_what_was_said_escaped(client, rese
 
 
 def test_chosen_responses_are_downloaded_together(client, researcher, answered):
-    answer = client.post(reverse("admin:surveys_response_changelist"), {"action": "download_answers", "_selected_action": [str(answered.pk)]})
+    answer = client.post(
+        reverse("admin:surveys_response_changelist"),
+        {"action": "download_answers", "_selected_action": [str(answered.pk)]},
+    )
     assert len(table(answer)) == 5
 
 
 def test_answers_are_never_edited_but_a_response_can_be_deleted(client, researcher, answered):
     address = reverse("admin:surveys_response_change", args=[answered.pk])
     assert client.post(address, {"outcome": "forged"}).status_code == 403
-    assert client.post(reverse("admin:surveys_response_delete", args=[answered.pk]), {"post": "yes"}).status_code == 302
+    assert (
+        client.post(
+            reverse("admin:surveys_response_delete", args=[answered.pk]), {"post": "yes"}
+        ).status_code
+        == 302
+    )
     assert not Response.objects.exists()
     assert not Answer.objects.exists()
 
@@ -240,7 +334,9 @@ def test_who_may_see_questionnaires_may_not_read_answers(client, answered):
     assert client.get(page_of("preview", row)).status_code == 200
     assert client.get(page_of("export", row)).status_code == 200
     assert client.get(page_of("answers", row, "long")).status_code == 403
-    assert client.get(reverse("admin:surveys_response_change", args=[answered.pk])).status_code == 403
+    assert (
+        client.get(reverse("admin:surveys_response_change", args=[answered.pk])).status_code == 403
+    )
     assert client.post(page_of("new_version", row)).status_code == 403
     assert client.post(reverse("admin:surveys_questionnaire_shipped")).status_code == 403
     client.force_login(answered.user)
@@ -250,9 +346,20 @@ def test_who_may_see_questionnaires_may_not_read_answers(client, answered):
 
 def test_a_list_is_not_asked_for_what_it_does_not_show(client, answered):
     staff_with(client, "view_questionnaire", "view_response")
-    for page, lookups in (("questionnaire", ("responses", "sha256__startswith")), ("response", ("slot__startswith", "user"))):
+    for page, lookups in (
+        ("questionnaire", ("responses", "sha256__startswith")),
+        ("response", ("slot__startswith", "user")),
+    ):
         for lookup in lookups:
-            assert client.get(reverse(f"admin:surveys_{page}_changelist"), {lookup: str(answered.pk)}).status_code == 400, lookup
+            assert (
+                client.get(
+                    reverse(f"admin:surveys_{page}_changelist"), {lookup: str(answered.pk)}
+                ).status_code
+                == 400
+            ), lookup
     link = f"?questionnaire__id__exact={answered.questionnaire_id}"
     assert link in client.get(reverse(LIST)).content.decode()
-    assert client.get(reverse("admin:surveys_response_changelist") + link).context["cl"].result_count == 1
+    assert (
+        client.get(reverse("admin:surveys_response_changelist") + link).context["cl"].result_count
+        == 1
+    )

@@ -18,7 +18,9 @@ TEMPLATES = {"godspeed": 24, "presence": 32, "simulator-sickness": 16, "social-p
 
 def test_the_site_comes_with_the_papers_two_forms_sus_and_tlx_and_templates_of_others():
     known = shipped()
-    assert {slug: sum(1 for _ in definition.questions()) for slug, definition in known.items()} == USABLE | TEMPLATES
+    assert {
+        slug: sum(1 for _ in definition.questions()) for slug, definition in known.items()
+    } == USABLE | TEMPLATES
     assert {slug for slug, definition in known.items() if definition.template} == set(TEMPLATES)
     assert len(list(SHIPPED.glob("*.json"))) == len(known)
 
@@ -43,7 +45,9 @@ def test_the_experience_form_goes_from_minus_two_to_plus_two_and_asks_for_the_ph
     definition = shipped()["experience"]
     assert [point.value for point in definition.scales["agreement"]] == [-2, -1, 0, 1, 2]
     assert definition.question("q7").item.show_if.robot == ("giraff",)
-    assert sorted(key for topic in definition.topics for key in topic.items) == [f"q{n}" for n in range(1, 9)]
+    assert sorted(key for topic in definition.topics for key in topic.items) == [
+        f"q{n}" for n in range(1, 9)
+    ]
 
 
 @pytest.mark.django_db
@@ -65,7 +69,9 @@ def test_a_draft_can_be_replaced_and_what_is_in_use_cannot():
         store(defined([item("text", "c")]), LATER)
     assert store(defined([item("text", "b")]), LATER) == frozen
     assert freeze(frozen, LATER).frozen_at == NOW
-    assert [question.key for question in Questionnaire.objects.get().as_definition().questions()] == ["b"]
+    assert [
+        question.key for question in Questionnaire.objects.get().as_definition().questions()
+    ] == ["b"]
 
 
 @pytest.mark.django_db
@@ -82,7 +88,12 @@ def test_a_template_cannot_be_used_until_its_text_is_filled_in():
     row = current("godspeed", NOW)
     with pytest.raises(BadDefinitionError, match="is a template"):
         freeze(row, NOW)
-    assert freeze(store(msgspec.structs.replace(row.as_definition(), template=False), NOW), NOW).frozen_at == NOW
+    assert (
+        freeze(
+            store(msgspec.structs.replace(row.as_definition(), template=False), NOW), NOW
+        ).frozen_at
+        == NOW
+    )
 
 
 @pytest.mark.django_db

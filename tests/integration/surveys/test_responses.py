@@ -9,7 +9,19 @@ from django.db import connection
 from surveys.answers import AnswerValue, Missing
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import store
-from surveys.responses import ClosedError, Context, NotAskedError, Respondent, Saving, begin, finish, leave_page, place, save_one, save_page
+from surveys.responses import (
+    ClosedError,
+    Context,
+    NotAskedError,
+    Respondent,
+    Saving,
+    begin,
+    finish,
+    leave_page,
+    place,
+    save_one,
+    save_page,
+)
 from tests.support.people import person
 from tests.support.questionnaires import NOW, defined, item
 
@@ -21,13 +33,27 @@ ANNA = Respondent(key="anna")
 
 def started(*pages, robot=(), outcome="", respondent=ANNA, **more):
     definition = defined(*pages, **more)
-    row = begin(store(definition, NOW), respondent, Context(key="c", robot=robot, outcome=outcome), language="en", seed=3, now=NOW)
+    row = begin(
+        store(definition, NOW),
+        respondent,
+        Context(key="c", robot=robot, outcome=outcome),
+        language="en",
+        seed=3,
+        now=NOW,
+    )
     return row, definition
 
 
 def test_beginning_again_gives_the_same_response_with_what_was_recorded_first():
     first, _ = started([item("text", "a")])
-    again = begin(Questionnaire.objects.get(), ANNA, Context(key="c", outcome="timed_out"), language="es", seed=99, now=LATER)
+    again = begin(
+        Questionnaire.objects.get(),
+        ANNA,
+        Context(key="c", outcome="timed_out"),
+        language="es",
+        seed=99,
+        now=LATER,
+    )
     assert (again.pk, again.seed, again.started_at, again.outcome) == (first.pk, 3, NOW, "")
     assert Questionnaire.objects.get().frozen_at == NOW
 
@@ -44,7 +70,10 @@ def test_another_context_and_another_respondent_are_other_responses():
 def test_whoever_began_with_an_older_version_goes_on_with_it():
     first, _ = started([item("text", "a")])
     newer = store(defined([item("text", "b")], version=2), LATER)
-    assert begin(newer, ANNA, Context(key="c"), language="en", seed=1, now=LATER).questionnaire_id == first.questionnaire_id
+    assert (
+        begin(newer, ANNA, Context(key="c"), language="en", seed=1, now=LATER).questionnaire_id
+        == first.questionnaire_id
+    )
     assert newer.frozen_at is None
 
 
@@ -56,9 +85,17 @@ def test_a_respondent_is_a_user_or_a_key(wrong):
 
 def test_what_is_saved_carries_language_text_version_position_and_time():
     row, definition = started([item("single", "a"), item("single", "b")])
-    save_one(row, definition, "b", {"b": ["c"]}, Saving(now=LATER, language="en", seconds={"b": 4.321}))
+    save_one(
+        row, definition, "b", {"b": ["c"]}, Saving(now=LATER, language="en", seconds={"b": 4.321})
+    )
     saved = Answer.objects.get()
-    assert (saved.value, saved.position, saved.seconds, saved.answered_at, saved.language) == ("c", 2, 4.32, LATER, "en")
+    assert (saved.value, saved.position, saved.seconds, saved.answered_at, saved.language) == (
+        "c",
+        2,
+        4.32,
+        LATER,
+        "en",
+    )
     assert saved.text_version == definition.question("b").fingerprint("en")
     assert Response.objects.get().seen_at == LATER
 
@@ -66,16 +103,30 @@ def test_what_is_saved_carries_language_text_version_position_and_time():
 @pytest.mark.parametrize(("told", "kept"), [(-5.0, 0.0), (1e9, 600.0), (2.0, 2.0)])
 def test_seconds_are_never_less_than_none_nor_more_than_have_passed(told, kept):
     row, definition = started([item("single", "a")])
-    save_one(row, definition, "a", {"a": ["c"]}, Saving(now=LATER, language="en", seconds={"a": told}))
+    save_one(
+        row, definition, "a", {"a": ["c"]}, Saving(now=LATER, language="en", seconds={"a": told})
+    )
     assert Answer.objects.get().seconds == kept
 
 
 def test_an_old_request_of_the_same_page_that_arrives_late_changes_nothing():
     row, definition = started([item("single", "a")])
     for value, writing in (("a", 1), ("c", 3), ("b", 2), ("d", 3)):
-        save_one(row, definition, "a", {"a": [value]}, Saving(now=LATER, language="en", writer="page", writing=writing))
+        save_one(
+            row,
+            definition,
+            "a",
+            {"a": [value]},
+            Saving(now=LATER, language="en", writer="page", writing=writing),
+        )
     assert Answer.objects.get().value == "c"
-    save_one(row, definition, "a", {"a": ["e"]}, Saving(now=LATER, language="en", writer="other page", writing=1))
+    save_one(
+        row,
+        definition,
+        "a",
+        {"a": ["e"]},
+        Saving(now=LATER, language="en", writer="other page", writing=1),
+    )
     assert Answer.objects.get().value == "e"
 
 
@@ -89,7 +140,10 @@ def test_a_change_keeps_the_moment_of_the_first_answer():
 
 @pytest.mark.parametrize("key", ["hidden", "later", "nobody", ""])
 def test_a_question_that_is_not_asked_now_takes_no_answer(key):
-    row, definition = started([item("single", "a"), item("single", "hidden", show_if={"robot": ["rhodon"]})], [item("single", "later")])
+    row, definition = started(
+        [item("single", "a"), item("single", "hidden", show_if={"robot": ["rhodon"]})],
+        [item("single", "later")],
+    )
     with pytest.raises(NotAskedError):
         save_one(row, definition, key, {key: ["a"]}, SAVING)
     assert not Answer.objects.exists()
@@ -99,13 +153,24 @@ def test_a_page_may_be_sent_twice():
     row, definition = started([item("single", "a"), item("text", "b")])
     fields = {"a": ["c"], "b": [""]}
     for _ in range(2):
-        assert save_page(row, definition, 0, fields=fields, offered=["a", "b"], saving=SAVING).is_done
+        assert save_page(
+            row, definition, 0, fields=fields, offered=["a", "b"], saving=SAVING
+        ).is_done
     assert row.given() == {"a": AnswerValue(value="c"), "b": AnswerValue(missing=Missing.SKIPPED)}
 
 
 def test_answers_that_are_right_are_kept_when_others_on_the_page_are_wrong():
-    row, definition = started([item("single", "a"), item("number", "n"), item("single", "must", required=True)])
-    result = save_page(row, definition, 0, fields={"a": ["c"], "n": ["many"]}, offered=["a", "n", "must"], saving=SAVING)
+    row, definition = started(
+        [item("single", "a"), item("number", "n"), item("single", "must", required=True)]
+    )
+    result = save_page(
+        row,
+        definition,
+        0,
+        fields={"a": ["c"], "n": ["many"]},
+        offered=["a", "n", "must"],
+        saving=SAVING,
+    )
     assert set(result.errors) == {"n", "must"}
     assert not result.is_done
     assert row.given()["a"] == AnswerValue(value="c")
@@ -113,20 +178,36 @@ def test_answers_that_are_right_are_kept_when_others_on_the_page_are_wrong():
 
 
 def test_a_question_that_an_answer_brings_up_keeps_the_page_open_until_it_was_seen():
-    row, definition = started([item("single", "a"), item("text", "why", show_if={"item": "a", "is": ["c"]})])
-    assert save_page(row, definition, 0, fields={"a": ["c"]}, offered=["a"], saving=SAVING).more_appeared
-    assert save_page(row, definition, 0, fields={"a": ["c"], "why": [""]}, offered=["a", "why"], saving=SAVING).is_done
+    row, definition = started(
+        [item("single", "a"), item("text", "why", show_if={"item": "a", "is": ["c"]})]
+    )
+    assert save_page(
+        row, definition, 0, fields={"a": ["c"]}, offered=["a"], saving=SAVING
+    ).more_appeared
+    assert save_page(
+        row, definition, 0, fields={"a": ["c"], "why": [""]}, offered=["a", "why"], saving=SAVING
+    ).is_done
 
 
 def test_a_question_that_an_answer_takes_away_asks_for_nothing():
-    row, definition = started([item("single", "a"), item("text", "why", required=True, show_if={"item": "a", "is": ["c"]})])
-    assert save_page(row, definition, 0, fields={"a": ["b"], "why": [""]}, offered=["a", "why"], saving=SAVING).is_done
+    row, definition = started(
+        [
+            item("single", "a"),
+            item("text", "why", required=True, show_if={"item": "a", "is": ["c"]}),
+        ]
+    )
+    assert save_page(
+        row, definition, 0, fields={"a": ["b"], "why": [""]}, offered=["a", "why"], saving=SAVING
+    ).is_done
 
 
 def test_pages_without_questions_for_this_respondent_are_passed_over():
     for_rhodon = {"robot": ["rhodon"]}
     row, definition = started(
-        [item("text", "a", show_if=for_rhodon)], [item("text", "b")], [item("text", "c", show_if=for_rhodon)], [item("text", "d")]
+        [item("text", "a", show_if=for_rhodon)],
+        [item("text", "b")],
+        [item("text", "c", show_if=for_rhodon)],
+        [item("text", "d")],
     )
     assert place(row, definition) == 1
     assert leave_page(row, definition, 1) == 3
@@ -144,7 +225,11 @@ def test_a_questionnaire_that_asks_this_respondent_nothing_is_finished_at_once()
 
 
 def test_nobody_finishes_around_a_required_question():
-    row, definition = started([item("single", "a")], [item("single", "must", required=True, show_if={"item": "a", "is": ["c"]})], [item("text", "t")])
+    row, definition = started(
+        [item("single", "a")],
+        [item("single", "must", required=True, show_if={"item": "a", "is": ["c"]})],
+        [item("text", "t")],
+    )
     save_page(row, definition, 0, fields={"a": ["b"]}, offered=["a"], saving=SAVING)
     assert leave_page(row, definition, 0) == 2
     save_one(row, definition, "a", {"a": ["c"]}, SAVING)

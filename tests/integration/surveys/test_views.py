@@ -1,4 +1,6 @@
-"""The pages on which people answer, as a browser without JavaScript uses them, and as forgers try them."""
+"""The pages on which people answer, as a browser without JavaScript uses them, and as forgers try
+them.
+"""
 
 import uuid
 
@@ -14,10 +16,16 @@ from tests.support.questionnaires import NOW, defined, item, rows
 
 pytestmark = pytest.mark.django_db
 EVERY_KIND = [
-    item("likert", "l", prefer_not=True, not_applicable=True), item("grid", "g", rows=rows("g1", "g2"), hint={"en": "Each row"}), item("single", "s"),
-    item("multiple", "m", not_applicable=True), item("number", "n", unit={"en": "years"}, whole=True), item("text", "t"), item("text", "long", lines=4),
-    item("date", "d", latest="today"), item("slider", "x", prefer_not=True, hint={"en": "From low to high"}),
-]  # fmt: skip
+    item("likert", "l", prefer_not=True, not_applicable=True),
+    item("grid", "g", rows=rows("g1", "g2"), hint={"en": "Each row"}),
+    item("single", "s"),
+    item("multiple", "m", not_applicable=True),
+    item("number", "n", unit={"en": "years"}, whole=True),
+    item("text", "t"),
+    item("text", "long", lines=4),
+    item("date", "d", latest="today"),
+    item("slider", "x", prefer_not=True, hint={"en": "From low to high"}),
+]
 
 
 def test_a_whole_questionnaire_is_answered_page_by_page_and_leads_on(take):
@@ -34,7 +42,18 @@ def test_every_kind_is_drawn_for_those_who_cannot_see_and_sent_without_javascrip
     page = read(ada.get(1))
     assert faults(page) == []
     groups = [e for e in page.all("fieldset") if "data-question" in e.attributes]
-    assert [e.attributes["data-question"] for e in groups] == ["l", "g1", "g2", "s", "m", "n", "t", "long", "d", "x"]
+    assert [e.attributes["data-question"] for e in groups] == [
+        "l",
+        "g1",
+        "g2",
+        "s",
+        "m",
+        "n",
+        "t",
+        "long",
+        "d",
+        "x",
+    ]
     assert len(page.all("legend")) == len(groups)
     answers = {
         "l": "~preferred_not",
@@ -49,7 +68,18 @@ def test_every_kind_is_drawn_for_those_who_cannot_see_and_sent_without_javascrip
         "x": "65",
     }
     assert ada.send(1, "l g1 g2 s m n t long d x", **answers).url == "/about/"
-    expected = {"l": "(preferred_not)", "g1": -1, "g2": 1, "s": "b", "m": ["a", "c"], "n": 7, "t": "x", "long": "y\nz", "d": "2020-01-01", "x": 65}
+    expected = {
+        "l": "(preferred_not)",
+        "g1": -1,
+        "g2": 1,
+        "s": "b",
+        "m": ["a", "c"],
+        "n": 7,
+        "t": "x",
+        "long": "y\nz",
+        "d": "2020-01-01",
+        "x": 65,
+    }
     assert ada.stored() == expected
 
 
@@ -74,9 +104,17 @@ def test_what_was_said_stands_there_again_on_every_way_back(take):
     }
     ada.send(1, "l g1 g2 s m n t long d x", **answers)
     page = read(ada.get(1))
-    chosen = {(e.attributes["name"], e.attributes["value"]) for e in page.all("input") if "checked" in e.attributes}
+    chosen = {
+        (e.attributes["name"], e.attributes["value"])
+        for e in page.all("input")
+        if "checked" in e.attributes
+    }
     assert chosen == {("l", "~not_applicable"), ("g1", "0"), ("s", "b"), ("m~", "not_applicable")}
-    written = {e.attributes["name"]: e.attributes["value"] for e in page.all("input") if e.attributes.get("name") in {"n", "t", "d", "x"}}
+    written = {
+        e.attributes["name"]: e.attributes["value"]
+        for e in page.all("input")
+        if e.attributes.get("name") in {"n", "t", "d", "x"}
+    }
     assert written == {"n": "7", "t": 'a "quoted" <b>', "d": "2020-01-01", "x": "65"}
     assert page.all("textarea")[0].text == "y"
 
@@ -99,28 +137,42 @@ def test_going_back_saves_what_is_there_and_demands_nothing(take):
 
 
 def test_a_page_with_gaps_comes_back_with_everything_kept_and_a_list_of_what_is_missing(take):
-    ada = take([item("single", "a", required=True), item("number", "n", maximum=5), item("text", "t")])
+    ada = take(
+        [item("single", "a", required=True), item("number", "n", maximum=5), item("text", "t")]
+    )
     answer = ada.send(1, "a n t", n="9", t="kept")
     page = read(answer)
     assert answer.status_code == 422
     assert faults(page) == []
     alert = next(e for e in page.elements if e.attributes.get("role") == "alert")
-    assert {e.attributes["href"] for e in page.all("a") if e.attributes["href"].startswith("#q-")} == {"#q-a", "#q-n"}
+    assert {
+        e.attributes["href"] for e in page.all("a") if e.attributes["href"].startswith("#q-")
+    } == {"#q-a", "#q-n"}
     assert "Text of a" in alert.text
     assert "The greatest number is 5." in page.text
-    assert next(e for e in page.all("input") if e.attributes.get("name") == "n").attributes["value"] == "9"
+    assert (
+        next(e for e in page.all("input") if e.attributes.get("name") == "n").attributes["value"]
+        == "9"
+    )
     assert ada.stored() == {"a": "(skipped)", "t": "kept"}
 
 
 def test_without_javascript_a_question_that_an_answer_brings_up_is_shown_before_going_on(take):
     ada = take([item("single", "a"), item("text", "why", show_if={"item": "a", "is": ["c"]})])
-    hidden = next(e for e in read(ada.get(1)).all("fieldset") if e.attributes.get("data-question") == "why")
+    hidden = next(
+        e for e in read(ada.get(1)).all("fieldset") if e.attributes.get("data-question") == "why"
+    )
     assert "hidden" in hidden.attributes
     assert "disabled" in hidden.attributes
     answer = ada.send(1, "a", a="c")
     assert answer.status_code == 422
     assert "more questions" in read(answer).text
-    assert "hidden" not in next(e for e in read(answer).all("fieldset") if e.attributes.get("data-question") == "why").attributes
+    assert (
+        "hidden"
+        not in next(
+            e for e in read(answer).all("fieldset") if e.attributes.get("data-question") == "why"
+        ).attributes
+    )
     assert ada.send(1, "a why", a="c", why="because").url == "/about/"
 
 
@@ -137,7 +189,9 @@ def test_a_double_submit_changes_nothing(take):
 
 def test_single_answers_are_saved_as_they_are_given(take):
     ada = take([item("single", "a", required=True), item("multiple", "m")])
-    assert ada.save("a", "c", seconds='{"a": 1.5}', writer="w", writing="1").json() == {"saved": True}
+    assert ada.save("a", "c", seconds='{"a": 1.5}', writer="w", writing="1").json() == {
+        "saved": True
+    }
     assert ada.save("m", ["a", "b"]).json() == {"saved": True}
     assert ada.stored() == {"a": "c", "m": ["a", "b"]}
     assert ada.row().answers.get(item="a").writer == "w"
@@ -148,12 +202,26 @@ def test_single_answers_are_saved_as_they_are_given(take):
 @pytest.mark.parametrize(
     ("fields", "status"),
     [
-        ({"item": "a", "a": "z"}, 422), ({"item": "a", "a": "~preferred_not"}, 422), ({"item": "n", "n": "1e400"}, 422), ({"item": "hidden", "hidden": "x"}, 400),
-        ({"item": "later", "later": "x"}, 400), ({"item": "no-such"}, 400), ({}, 400), ({"item": "a\x00"}, 400), ({"item": "x" * 5000}, 400),
+        ({"item": "a", "a": "z"}, 422),
+        ({"item": "a", "a": "~preferred_not"}, 422),
+        ({"item": "n", "n": "1e400"}, 422),
+        ({"item": "hidden", "hidden": "x"}, 400),
+        ({"item": "later", "later": "x"}, 400),
+        ({"item": "no-such"}, 400),
+        ({}, 400),
+        ({"item": "a\x00"}, 400),
+        ({"item": "x" * 5000}, 400),
     ],
-)  # fmt: skip
+)
 def test_a_forged_answer_is_refused_with_a_reason_and_stores_nothing(take, fields, status):
-    ada = take([item("single", "a"), item("number", "n"), item("text", "hidden", show_if={"robot": ["rhodon"]})], [item("text", "later")])
+    ada = take(
+        [
+            item("single", "a"),
+            item("number", "n"),
+            item("text", "hidden", show_if={"robot": ["rhodon"]}),
+        ],
+        [item("text", "later")],
+    )
     answer = ada.client.post(reverse("survey_answer", args=[ada.response.pk]), fields)
     assert answer.status_code == status
     assert answer.json()["saved"] is False
@@ -161,10 +229,15 @@ def test_a_forged_answer_is_refused_with_a_reason_and_stores_nothing(take, field
     assert ada.stored() == {}
 
 
-@pytest.mark.parametrize("seconds", ["nonsense", "[]", '{"a": "x"}', '{"a": null}', '{"a": true}', '{"a": Infinity}', "[" * 20_000])
+@pytest.mark.parametrize(
+    "seconds",
+    ["nonsense", "[]", '{"a": "x"}', '{"a": null}', '{"a": true}', '{"a": Infinity}', "[" * 20_000],
+)
 def test_what_a_page_says_about_time_never_costs_an_answer(take, seconds):
     ada = take([item("single", "a")])
-    assert ada.save("a", "c", seconds=seconds, writing="-9" * 40, writer="w" * 500).status_code == 200
+    assert (
+        ada.save("a", "c", seconds=seconds, writing="-9" * 40, writer="w" * 500).status_code == 200
+    )
     assert ada.stored() == {"a": "c"}
 
 
@@ -200,7 +273,14 @@ def test_a_stranger_is_asked_to_log_in_and_learns_nothing(take, client):
 
 
 def test_an_anonymous_response_is_on_no_page(client):
-    row = begin(store(defined([item("text", "a")]), NOW), Respondent(key="anna"), Context(key="c"), language="en", seed=1, now=NOW)
+    row = begin(
+        store(defined([item("text", "a")]), NOW),
+        Respondent(key="anna"),
+        Context(key="c"),
+        language="en",
+        seed=1,
+        now=NOW,
+    )
     address = reverse("survey_page", args=[row.pk, 1])
     assert client.get(address).url == f"{reverse('account_login')}?next={address}"
     client.force_login(person("anna"))
@@ -224,18 +304,35 @@ def test_answers_need_the_token_of_a_page_of_ours(take):
     careful = Client(enforce_csrf_checks=True)
     careful.force_login(ada.response.user)
     assert careful.post(ada.url(1), {"shown": "a", "a": "x"}).status_code == 403
-    assert careful.post(reverse("survey_answer", args=[ada.response.pk]), {"item": "a", "a": "x"}).status_code == 403
+    assert (
+        careful.post(
+            reverse("survey_answer", args=[ada.response.pk]), {"item": "a", "a": "x"}
+        ).status_code
+        == 403
+    )
 
 
 def test_a_page_speaks_the_respondents_language_and_stores_which_it_was(client):
     user = person()
     client.force_login(user)
-    row = begin(current("sus", NOW), Respondent(user=user), Context(key="c"), language="es", seed=1, now=NOW)
-    page = read(client.get(reverse("survey_page", args=[row.pk, 1]), headers={"accept-language": "es"}))
+    row = begin(
+        current("sus", NOW), Respondent(user=user), Context(key="c"), language="es", seed=1, now=NOW
+    )
+    page = read(
+        client.get(reverse("survey_page", args=[row.pk, 1]), headers={"accept-language": "es"})
+    )
     assert "El uso del sistema" in page.text
     assert faults(page) == []
-    client.post(reverse("survey_answer", args=[row.pk]), {"item": "sus1", "sus1": "4"}, headers={"accept-language": "es"})
-    client.post(reverse("survey_answer", args=[row.pk]), {"item": "sus2", "sus2": "2"}, headers={"accept-language": "fr"})
+    client.post(
+        reverse("survey_answer", args=[row.pk]),
+        {"item": "sus1", "sus1": "4"},
+        headers={"accept-language": "es"},
+    )
+    client.post(
+        reverse("survey_answer", args=[row.pk]),
+        {"item": "sus2", "sus2": "2"},
+        headers={"accept-language": "fr"},
+    )
     saved = {a.item: a for a in Response.objects.get().answers.all()}
     assert (saved["sus1"].language, saved["sus2"].language) == ("es", "en")
     question = row.questionnaire.as_definition().question("sus1")
@@ -248,10 +345,16 @@ def test_a_shuffled_page_keeps_its_order_for_a_respondent(take):
     ada = take(pages=pages, seed=11)
 
     def order():
-        return [e.attributes["data-question"] for e in read(ada.get(1)).all("fieldset") if "data-question" in e.attributes]
+        return [
+            e.attributes["data-question"]
+            for e in read(ada.get(1)).all("fieldset")
+            if "data-question" in e.attributes
+        ]
 
     first = order()
     assert first != list(names)
     assert order() == first
     ada.send(1, " ".join(names), **dict.fromkeys(names, "x"))
-    assert {a.item: a.position for a in ada.row().answers.all()} == {name: n for n, name in enumerate(first, start=1)}
+    assert {a.item: a.position for a in ada.row().answers.all()} == {
+        name: n for n, name in enumerate(first, start=1)
+    }

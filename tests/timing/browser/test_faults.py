@@ -1,6 +1,8 @@
-"""What fails, fails safe: page, tab, network, agent, servers. Every test measures what the base was told and what it did.
+"""What fails, fails safe: page, tab, network, agent, servers. Every test measures what the base was
+told and what it did.
 
-Times are the robot's own, from the simulator's history and from the record; here all clocks are one.
+Times are the robot's own, from the simulator's history and from the record; here all clocks are
+one.
 """
 
 import contextlib
@@ -43,7 +45,11 @@ def computer():
 @pytest.fixture
 def giraff(site, computer):
     """A robot in the corridor with more than six metres ahead of it, and nobody who drives it."""
-    wait_for(lambda: all(state == "ended" for _, _, state, _ in site.sessions()), 60, "the end of earlier visits")
+    wait_for(
+        lambda: all(state == "ended" for _, _, state, _ in site.sessions()),
+        60,
+        "the end of earlier visits",
+    )
     with site.robot("giraff", "--start", "corridor-centre") as onlooker:
         onlooker.computer = computer
         yield onlooker
@@ -73,23 +79,39 @@ def standstill(giraff: Onlooker) -> bool:
 
 
 def brakes_at(history: list[Row]) -> Row:
-    """Return the first row of the last braking: where the command falls below the steady speed and never comes back."""
+    """Return the first row of the last braking: where the command falls below the steady speed and
+    never comes back.
+    """
     speed = max(row.commanded_linear for row in history)
     last = max(index for index, row in enumerate(history) if row.commanded_linear > 0.98 * speed)
     return history[last + 1]
 
 
 def check_stop(site, giraff: Onlooker) -> float:
-    """The base was told to stop in time after the last accepted command, and stood after its braking time. Return the former."""
+    """The base was told to stop in time after the last accepted command, and stood after its
+    braking time. Return the former.
+    """
     wait_for(lambda: standstill(giraff), 5, "a standing robot")
     session = site.sessions()[-1][0]
     history = giraff.history(20)
     brake = brakes_at(history)
-    wait_for(lambda: any(state["stamp"] > brake.stamp + 0.3 for state in site.states(session)), 10, "the record of the stop")
-    accepted = [c["stamp"] + c["age"] for state in site.states(session) for c in state.get("applied", []) if c["linear"] > 0.05]
+    wait_for(
+        lambda: any(state["stamp"] > brake.stamp + 0.3 for state in site.states(session)),
+        10,
+        "the record of the stop",
+    )
+    accepted = [
+        c["stamp"] + c["age"]
+        for state in site.states(session)
+        for c in state.get("applied", [])
+        if c["linear"] > 0.05
+    ]
     delay = brake.stamp - max(moment for moment in accepted if moment < brake.stamp + STEP)
     late = giraff.computer.excuse(brake.stamp - delay, brake.stamp)
-    assert delay <= DEADLINE + late, f"told to stop {delay:.3f} s after the last accepted command, and the computer was {late:.3f} s late"
+    assert delay <= DEADLINE + late, (
+        f"told to stop {delay:.3f} s after the last accepted command, and the computer was"
+        f" {late:.3f} s late"
+    )
     stands_after_braking(giraff, history, brake)
     return delay
 
@@ -98,15 +120,25 @@ def stands_after_braking(giraff: Onlooker, history: list[Row], brake: Row) -> No
     stood = next(row for row in history if row.stamp > brake.stamp and abs(row.linear) < 1e-3)
     needed, took = abs(brake.linear) / BRAKING, stood.stamp - brake.stamp
     late = giraff.computer.excuse(brake.stamp, stood.stamp)
-    assert took <= needed + 0.1 + late, f"stood {took:.2f} s after braking began, {needed:.2f} s were needed, and the computer was {late:.2f} s late"
+    assert took <= needed + 0.1 + late, (
+        f"stood {took:.2f} s after braking began, {needed:.2f} s were needed, and the computer was"
+        f" {late:.2f} s late"
+    )
 
 
 def outcome(site, wanted: tuple[str, str], within: float = 60) -> None:
-    wait_for(lambda: tuple(site.sessions()[-1][2:]) == wanted, within, f"{wanted} (it is {site.sessions()[-1][2:]})")
+    wait_for(
+        lambda: tuple(site.sessions()[-1][2:]) == wanted,
+        within,
+        f"{wanted} (it is {site.sessions()[-1][2:]})",
+    )
 
 
-def nothing_is_missing(site, session: str, last: float, lapses: tuple[float, float] | None = None) -> list[dict]:
-    """Every state of the session is in the record, once, until a stamp; what was lost on the way has been asked for again by then.
+def nothing_is_missing(
+    site, session: str, last: float, lapses: tuple[float, float] | None = None
+) -> list[dict]:
+    """Every state of the session is in the record, once, until a stamp; what was lost on the way
+    has been asked for again by then.
 
     States of a moment without a lease are nobody's.
     """
@@ -117,19 +149,32 @@ def nothing_is_missing(site, session: str, last: float, lapses: tuple[float, flo
         assert len(set(numbers)) == len(numbers), "states are in the record twice"
         boots = {boot: sorted(seq for of, seq in numbers if of == boot) for boot, _ in numbers}
         stamps = {(state["boot"], state["seq"]): state["stamp"] for state in states}
-        holes = [(stamps[boot, a], stamps[boot, b]) for boot, seqs in boots.items() for a, b in pairwise(seqs) if b != a + 1]
-        whole = all(lapses is not None and lapses[0] - 1.0 < before and after < lapses[1] + 1.0 for before, after in holes)
+        holes = [
+            (stamps[boot, a], stamps[boot, b])
+            for boot, seqs in boots.items()
+            for a, b in pairwise(seqs)
+            if b != a + 1
+        ]
+        whole = all(
+            lapses is not None and lapses[0] - 1.0 < before and after < lapses[1] + 1.0
+            for before, after in holes
+        )
         return states if whole and max(state["stamp"] for state in states) >= last else None
 
     return wait_for(complete, 30, "a record without holes")
 
 
 def turns(someone: Visitor, giraff: Onlooker, within: float = 30) -> None:
-    """The visitor can turn the robot; a key that was down while the link came back has to be pressed again, as people do."""
+    """The visitor can turn the robot; a key that was down while the link came back has to be
+    pressed again, as people do.
+    """
     before = giraff.truth().theta
     deadline = time.monotonic() + patient(within)
     while abs(giraff.truth().theta - before) < 0.1:
-        assert time.monotonic() < deadline, f"no turn within {within} s (link {someone.cockpit('link')}, way {someone.cockpit('way')})"
+        assert time.monotonic() < deadline, (
+            f"no turn within {within} s (link {someone.cockpit('link')}, way"
+            f" {someone.cockpit('way')})"
+        )
         someone.page.keyboard.down("ArrowLeft")
         someone.page.wait_for_timeout(1500)
         someone.page.keyboard.up("ArrowLeft")
@@ -142,13 +187,18 @@ def keeps_moving(giraff: Onlooker, since: float, until: float = float("inf")) ->
     slow = [row.stamp for row in rows if row.commanded_linear < 0.1]
     # A page that is held up for longer than commands may be apart stops the robot, as it should.
     held_up = bool(slow) and giraff.computer.excuse(slow[0] - 1.0, slow[0]) > 0.1
-    assert not slow or held_up, f"told to stop {slow[0] - since:.2f} s after the process was killed, for {len(slow) / 100:.2f} s"
+    assert not slow or held_up, (
+        f"told to stop {slow[0] - since:.2f} s after the process was killed, for"
+        f" {len(slow) / 100:.2f} s"
+    )
 
 
-# --- the visitor's side ------------------------------------------------------------------------------------------------
+# --- the visitor's side ---------------------------------------------------------------------------
 
 
-def test_a_page_that_dies_stops_the_robot_and_its_visitor_may_come_back(site, visitor, giraff, driver):
+def test_a_page_that_dies_stops_the_robot_and_its_visitor_may_come_back(
+    site, visitor, giraff, driver
+):
     with contextlib.suppress(Exception):
         driver.page.goto("chrome://crash", timeout=2000)
     check_stop(site, giraff)
@@ -180,7 +230,9 @@ def test_a_window_that_loses_focus_with_a_key_held_stops_the_robot(site, giraff,
     assert standstill(giraff), "the held key moved the robot again"
 
 
-def test_commands_that_no_longer_leave_the_page_stop_the_robot_though_the_picture_goes_on(site, visitor, giraff):
+def test_commands_that_no_longer_leave_the_page_stop_the_robot_though_the_picture_goes_on(
+    site, visitor, giraff
+):
     mute = visitor("mute")
     mute.context.add_init_script(MUFFLE)
     mute.page = mute.new_page()
@@ -189,8 +241,15 @@ def test_commands_that_no_longer_leave_the_page_stop_the_robot_though_the_pictur
     check_stop(site, giraff)
 
 
-def test_a_cable_that_is_pulled_stops_the_robot_and_the_visit_goes_on_when_it_is_back(tmp_path_factory, playwright, giraff, site):
-    with namespace() as network, chromium(playwright, str(network.wrapper(tmp_path_factory.mktemp("bin"), CHROMIUM))) as browser:
+def test_a_cable_that_is_pulled_stops_the_robot_and_the_visit_goes_on_when_it_is_back(
+    tmp_path_factory, playwright, giraff, site
+):
+    with (
+        namespace() as network,
+        chromium(
+            playwright, str(network.wrapper(tmp_path_factory.mktemp("bin"), CHROMIUM))
+        ) as browser,
+    ):
         far = Visitor(browser, site, "far", host=HERE)
         under_way(far.drive(), giraff)
         session = site.sessions()[-1][0]
@@ -205,18 +264,21 @@ def test_a_cable_that_is_pulled_stops_the_robot_and_the_visit_goes_on_when_it_is
         assert site.sessions()[-1][0] == session
 
 
-# --- the robot's side --------------------------------------------------------------------------------------------------
+# --- the robot's side -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
-def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(site, giraff, driver, number):
+def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(
+    site, giraff, driver, number
+):
     session = site.sessions()[-1][0]
     at = time.time()
     site.send("giraff", number)
     sent = time.time()
     wait_for(lambda: standstill(giraff), 5, "a standing robot")
     history = [row for row in giraff.history(20) if row.stamp > at]
-    brake = next(row for row in history if row.linear < 0.98 * history[0].linear)  # nobody tells the base anything any more
+    # nobody tells the base anything any more
+    brake = next(row for row in history if row.linear < 0.98 * history[0].linear)
     assert brake.stamp - sent <= WATCHDOG + 2 * STEP + giraff.computer.excuse(at, brake.stamp)
     stands_after_braking(giraff, history, brake)
     time.sleep(1)
@@ -236,11 +298,13 @@ def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(site, gi
     assert states[0]["stamp"] < at - 1
 
 
-# --- the servers -------------------------------------------------------------------------------------------------------
+# --- the servers ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("part", ["session-manager", "broker", "web"])
-def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_the_drive(site, visitor, giraff, part):
+def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_the_drive(
+    site, visitor, giraff, part
+):
     someone = under_way(visitor(f"during-{part}").drive(), giraff, slowly=True)
     session = site.sessions()[-1][0]
     renewal = site.renewal("giraff")
@@ -257,15 +321,30 @@ def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_th
         site.start(part)
         wait_for(site.web_answers, 20, "the web server")
     again = time.time()
-    wait_for(lambda: any(state["stamp"] > again + 5 for state in site.states(session)), 25, "a record that goes on")
-    # On a computer on which a broker needs longer than a lease lives, the robot stands until somebody can renew it.
-    lapses = (since + LEASE - 1.0, again + 4.0) if part == "broker" and again - since > LEASE - 4.0 else None
+    wait_for(
+        lambda: any(state["stamp"] > again + 5 for state in site.states(session)),
+        25,
+        "a record that goes on",
+    )
+    # On a computer on which a broker needs longer than a lease lives, the robot stands until
+    # somebody can renew it.
+    lapses = (
+        (since + LEASE - 1.0, again + 4.0)
+        if part == "broker" and again - since > LEASE - 4.0
+        else None
+    )
     keeps_moving(giraff, since, lapses[0] if lapses else float("inf"))
     someone.page.keyboard.up("ArrowUp")
     wait_for(lambda: standstill(giraff), 5, "a standing robot")
     ended = time.time()
     states = nothing_is_missing(site, session, ended, lapses)
     assert states[0]["stamp"] < since
-    wait_for(lambda: someone.page.evaluate("document.getElementById('cockpit').dataset.phase") == "driving", 20, "the page's visit")
+    wait_for(
+        lambda: (
+            someone.page.evaluate("document.getElementById('cockpit').dataset.phase") == "driving"
+        ),
+        20,
+        "the page's visit",
+    )
     someone.leave()
     outcome(site, ("ended", "completed"), 30)

@@ -1,4 +1,6 @@
-"""How soon the page that somebody drives on says what fails, whichever part it is, and however it fails."""
+"""How soon the page that somebody drives on says what fails, whichever part it is, and however it
+fails.
+"""
 
 import contextlib
 import signal
@@ -51,7 +53,11 @@ def test_the_page_says_within_two_seconds_what_fails(site, driver, part, number)
         for process in stopped:
             process.suspend()
     try:
-        told = wait_for(lambda: (found := word(driver)).startswith(TOLD[part]) and found, 10, f"the word that {part} fails")
+        told = wait_for(
+            lambda: (found := word(driver)).startswith(TOLD[part]) and found,
+            10,
+            f"the word that {part} fails",
+        )
         took = time.monotonic() - began
         assert took <= SOON, told
     finally:
@@ -65,12 +71,18 @@ def test_the_page_says_within_two_seconds_what_fails(site, driver, part, number)
 
 
 def test_the_page_says_within_two_seconds_that_nobody_can_write_into_the_database(site, driver):
-    with contextlib.closing(sqlite3.connect(site.var / DATABASE, timeout=20, isolation_level=None)) as other:
+    with contextlib.closing(
+        sqlite3.connect(site.var / DATABASE, timeout=20, isolation_level=None)
+    ) as other:
         for pause in (0.0, 0.35, 0.7, 1.0):  # moments between two heartbeats of the session manager
             time.sleep(pause)
             other.execute("BEGIN IMMEDIATE")
             began = time.monotonic()
-            wait_for(lambda: word(driver).startswith("fault.database."), 10, "the word that the database fails")
+            wait_for(
+                lambda: word(driver).startswith("fault.database."),
+                10,
+                "the word that the database fails",
+            )
             took = time.monotonic() - began
             other.execute("ROLLBACK")
             assert took <= SOON

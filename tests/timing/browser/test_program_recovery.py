@@ -1,4 +1,6 @@
-"""How soon a program turns the robot again that knows docs/reference/robot-api.md alone, after a part was killed and started again."""
+"""How soon a program turns the robot again that knows docs/reference/robot-api.md alone, after a
+part was killed and started again.
+"""
 
 import asyncio
 import time
@@ -44,4 +46,9 @@ async def test_a_program_turns_the_robot_again_as_soon_as_our_page_would(site, g
             await client.turns(60, began)
             assert client.moved - there <= SOON
             assert client.session == session
-    await asyncio.to_thread(wait_for, lambda: all(state == "ended" for _, _, state, _ in site.sessions()), 60, "the end of the visit")
+    await asyncio.to_thread(
+        wait_for,
+        lambda: all(state == "ended" for _, _, state, _ in site.sessions()),
+        60,
+        "the end of the visit",
+    )

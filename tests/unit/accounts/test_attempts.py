@@ -38,7 +38,9 @@ def test_in_no_minute_more_are_let_through_than_the_limit(gaps, start, limit):
         assert sum(first <= at < first + MINUTE for at in passed) <= limit
 
 
-@given(gaps=st.lists(st.floats(0.0, 30.0), min_size=1, max_size=30), start=st.floats(1e9, 1e9 + 120.0))
+@given(
+    gaps=st.lists(st.floats(0.0, 30.0), min_size=1, max_size=30), start=st.floats(1e9, 1e9 + 120.0)
+)
 def test_who_waits_as_long_as_they_were_told_is_let_through(gaps, start):
     some, now = attempts(3), start
     for gap in gaps:
@@ -69,4 +71,8 @@ def test_one_that_could_still_be_made_is_left():
 @pytest.mark.parametrize("seconds", [10**9, 1, 300])
 def test_windows_of_every_length_hold_their_limit(seconds):
     some = Attempts(f"unit-{next(NUMBERS)}", 2, seconds)
-    assert [some.count("ada", FULL + seconds * part / 10) for part in range(3)] == [True, True, False]
+    assert [some.count("ada", FULL + seconds * part / 10) for part in range(3)] == [
+        True,
+        True,
+        False,
+    ]

@@ -1,4 +1,6 @@
-"""Bots are visitors: they speak HTTP and WebSocket, and know of the server's inside no more than a page does."""
+"""Bots are visitors: they speak HTTP and WebSocket, and know of the server's inside no more than a
+page does.
+"""
 
 import ast
 from pathlib import Path
@@ -6,7 +8,17 @@ from pathlib import Path
 from tests.support.paths import ROOT
 
 BOTS = sorted((ROOT / "experiments" / "bots").rglob("*.py"))
-OURS = {"telepresence_site", "experiments", "surveys", "sessions", "accounts", "robots", "tests", "django", "channels"}
+OURS = {
+    "telepresence_site",
+    "experiments",
+    "surveys",
+    "sessions",
+    "accounts",
+    "robots",
+    "tests",
+    "django",
+    "channels",
+}
 # The words on the wire, which pages have too, and the bots' own modules.
 ALLOWED = ("experiments.bots", "robots.api", "sessions.protocol")
 # What makes time go faster tells Django's clock, in the processes of a sandbox; it is no bot.
@@ -27,11 +39,22 @@ def imports(path: Path) -> set[str]:
 def test_bots_import_no_models_and_nothing_else_of_the_servers_inside():
     assert len(BOTS) > 10
     for path in BOTS:
-        inside = {name for name in imports(path) if name.split(".")[0] in OURS and not name.startswith(ALLOWED)}
-        assert inside <= ({"django.utils.timezone"} if path == CLOCKS else set()), f"{path.name} imports {inside}"
+        inside = {
+            name
+            for name in imports(path)
+            if name.split(".")[0] in OURS and not name.startswith(ALLOWED)
+        }
+        assert inside <= ({"django.utils.timezone"} if path == CLOCKS else set()), (
+            f"{path.name} imports {inside}"
+        )
 
 
 def test_the_words_on_the_wire_bring_no_models_with_them():
-    for name in ("sessions/protocol.py", *(f"robots/api/{path.name}" for path in (ROOT / "robots" / "api").glob("*.py"))):
+    for name in (
+        "sessions/protocol.py",
+        *(f"robots/api/{path.name}" for path in (ROOT / "robots" / "api").glob("*.py")),
+    ):
         inside = {module for module in imports(ROOT / name) if module.split(".")[0] in OURS}
-        assert all(module.startswith(("robots.api", "sessions.protocol")) for module in inside), f"{name} imports {inside}"
+        assert all(module.startswith(("robots.api", "sessions.protocol")) for module in inside), (
+            f"{name} imports {inside}"
+        )

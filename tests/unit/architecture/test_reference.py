@@ -11,7 +11,11 @@ REFERENCE = ROOT / "docs" / "reference"
 
 def test_every_environment_variable_that_the_settings_read_is_explained():
     sources = [*(ROOT / "telepresence_site").rglob("*.py")]
-    read = {name for path in sources for name in re.findall(r'\b(?:text|flag|words)\(\s*"([A-Z_]+)"', path.read_text())}
+    read = {
+        name
+        for path in sources
+        for name in re.findall(r'\b(?:text|flag|words)\(\s*"([A-Z_]+)"', path.read_text())
+    }
     assert len(read) > 20
     explained = set(re.findall(r"`([A-Z_]+)`", (REFERENCE / "settings.md").read_text()))
     assert read - explained - {"LAN", "RESET", "PORT"} == set()
@@ -19,7 +23,11 @@ def test_every_environment_variable_that_the_settings_read_is_explained():
 
 def test_every_environment_variable_that_tests_and_benchmarks_read_is_explained():
     sources = [path for folder in ("tests", "benchmarks") for path in (ROOT / folder).rglob("*.py")]
-    read = {name for path in sources for name in re.findall(r'environ\.get\(\s*"([A-Z_]+)"', path.read_text())} - {"PYTEST_XDIST_WORKER"}
+    read = {
+        name
+        for path in sources
+        for name in re.findall(r'environ\.get\(\s*"([A-Z_]+)"', path.read_text())
+    } - {"PYTEST_XDIST_WORKER"}
     assert len(read) > 10
     assert read - set(re.findall(r"`([A-Z_]+)`", (ROOT / "CONTRIBUTING.md").read_text())) == set()
 
@@ -28,14 +36,23 @@ def test_every_option_of_the_agent_is_explained():
     parser = argparse.ArgumentParser(add_help=False)
     add_arguments(parser)
     options = {option for action in parser._actions for option in action.option_strings}
-    explained = set(re.findall(r"--[a-z-]+", (ROOT / "docs/howto/connect-a-robot.md").read_text().partition("## What the robot must have")[0]))
+    explained = set(
+        re.findall(
+            r"--[a-z-]+",
+            (ROOT / "docs/howto/connect-a-robot.md")
+            .read_text()
+            .partition("## What the robot must have")[0],
+        )
+    )
     assert options - explained == set()
 
 
 def test_every_command_is_explained():
     names = {path.stem for path in ROOT.glob("*/management/commands/*.py")} - {"__init__"}
     assert names
-    explained = set(re.findall(r"^\| `([a-z_]+)", (REFERENCE / "commands.md").read_text(), re.MULTILINE))
+    explained = set(
+        re.findall(r"^\| `([a-z_]+)", (REFERENCE / "commands.md").read_text(), re.MULTILINE)
+    )
     assert names <= explained
 
 
@@ -43,4 +60,6 @@ def test_every_link_between_documents_leads_somewhere():
     documents = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")]
     for document in documents:
         for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", document.read_text()):
-            assert target.startswith("http") or (document.parent / target).exists(), f"{document.name} points at {target}"
+            assert target.startswith("http") or (document.parent / target).exists(), (
+                f"{document.name} points at {target}"
+            )

@@ -1,4 +1,6 @@
-"""What docs/explanation/safety.md says of parts that fail is what stands in the code: its tests, its sentences, its words."""
+"""What docs/explanation/safety.md says of parts that fail is what stands in the code: its tests,
+its sentences, its words.
+"""
 
 import html
 import re
@@ -7,8 +9,16 @@ import typing
 from sessions import protocol
 from tests.support.paths import ROOT
 
-SECTION = (ROOT / "docs/explanation/safety.md").read_text(encoding="utf-8").partition("## If a part fails")[2]
-ROWS = [[cell.strip() for cell in line.strip("|").split("|")] for line in SECTION.splitlines() if line.startswith("| ")][2:]
+SECTION = (
+    (ROOT / "docs/explanation/safety.md")
+    .read_text(encoding="utf-8")
+    .partition("## If a part fails")[2]
+)
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in SECTION.splitlines()
+    if line.startswith("| ")
+][2:]
 
 
 def test_every_part_that_a_page_can_be_told_of_has_its_row():
@@ -33,7 +43,11 @@ def test_every_row_is_whole_and_names_tests_that_there_are():
             assert f"\n- {letter}: `tests/" in SECTION, f"{row[0]}: {letter}"
     named = re.findall(r"`(tests/[^`]+\.py)::(\w+)`", SECTION)
     assert len(named) >= 12
-    assert [(file, test) for file, test in named if f"def {test}(" not in (ROOT / file).read_text(encoding="utf-8")] == []
+    assert [
+        (file, test)
+        for file, test in named
+        if f"def {test}(" not in (ROOT / file).read_text(encoding="utf-8")
+    ] == []
 
 
 def test_what_a_visitor_is_said_to_read_stands_on_the_page():

@@ -9,21 +9,33 @@ from tests.support.paths import ROOT
 
 TRACKED = [
     ROOT / name
-    for name in subprocess.run(["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
-        "\n"
-    )
+    for name in subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split("\n")
     if name
 ]
 
 
 def sources(*endings: str, under: str = "") -> list[Path]:
-    return [path for path in TRACKED if path.suffix in endings and path.is_file() and str(path.relative_to(ROOT)).startswith(under)]
+    return [
+        path
+        for path in TRACKED
+        if path.suffix in endings
+        and path.is_file()
+        and str(path.relative_to(ROOT)).startswith(under)
+    ]
 
 
 def test_lock_files_hold_no_address():
     for path in TRACKED:
         if path.name.endswith((".lock", "lock.json")) and path.is_file():
-            assert "://" not in path.read_text(), f"{path.name} names the place its packages came from"
+            assert "://" not in path.read_text(), (
+                f"{path.name} names the place its packages came from"
+            )
 
 
 def test_every_locked_package_is_pinned_with_hashes():
@@ -45,7 +57,9 @@ def test_the_developers_lock_holds_every_run_time_package_at_the_same_version():
 def test_no_work_is_left_undone_in_the_sources():
     mark = re.compile(r"\b(TO" + r"DO|FIX" + r"ME|XX" + r"X)\b")
     for path in sources(".py", ".js", ".css", ".html", ".sh"):
-        assert not mark.search(path.read_text()), f"{path.relative_to(ROOT)} says that something is left to do"
+        assert not mark.search(path.read_text()), (
+            f"{path.relative_to(ROOT)} says that something is left to do"
+        )
 
 
 def dotted(node: ast.AST) -> str:
@@ -55,11 +69,16 @@ def dotted(node: ast.AST) -> str:
 
 
 def test_every_import_in_a_module_ends_in_a_semicolon():
-    # Django rewrites imports to hashed names only when they do; a module would otherwise load twice.
+    # Django rewrites imports to hashed names only when they do; a module would otherwise load
+    # twice.
     modules = sources(".js", under="static/js")
     assert modules
     for path in modules:
-        for statement in re.findall(r"^(?:import|export)\b[^;]*?from\s+[\"'][^\"']+[\"'](.?)", path.read_text(), re.MULTILINE):
+        for statement in re.findall(
+            r"^(?:import|export)\b[^;]*?from\s+[\"'][^\"']+[\"'](.?)",
+            path.read_text(),
+            re.MULTILINE,
+        ):
             assert statement == ";", path.relative_to(ROOT)
 
 
@@ -70,9 +89,16 @@ def test_broad_excepts_stand_only_where_a_loop_must_outlive_everything():
         if relative.startswith(("tests/", "benchmarks/")):
             continue
         for node in ast.walk(ast.parse(path.read_text())):
-            broad = isinstance(node, ast.ExceptHandler) and (node.type is None or dotted(node.type) in {"Exception", "BaseException"})
-            reraises = broad and any(isinstance(inner, ast.Raise) and inner.exc is None for inner in ast.walk(node))
+            broad = isinstance(node, ast.ExceptHandler) and (
+                node.type is None or dotted(node.type) in {"Exception", "BaseException"}
+            )
+            reraises = broad and any(
+                isinstance(inner, ast.Raise) and inner.exc is None for inner in ast.walk(node)
+            )
             if broad and not reraises:
                 found.add(relative)
-    control_loop = {"robots/agent/control/supervised_adapter.py", "robots/agent/control/dispatcher.py"}
+    control_loop = {
+        "robots/agent/control/supervised_adapter.py",
+        "robots/agent/control/dispatcher.py",
+    }
     assert found <= {"robots/agent/agent.py", "sessions/manager/service.py"} | control_loop

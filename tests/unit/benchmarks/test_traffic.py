@@ -1,4 +1,6 @@
-"""The light robots' and visitors' side of the wire, and how the load benchmark reads what they measured."""
+"""The light robots' and visitors' side of the wire, and how the load benchmark reads what they
+measured.
+"""
 
 import asyncio
 import random
@@ -65,14 +67,23 @@ async def opened_line():
 def test_the_broker_understands_who_a_line_says_it_is_and_what_it_wants():
     will = Publish("telepresence/v1/r/connection", b"x" * 200, 1, retain=True)
     (connect,) = read(mqtt_line.hello("client", "robot", "token", will))
-    assert (connect.client_id, connect.user, connect.password, connect.clean, connect.will) == ("client", "robot", "token", True, will)
+    assert (connect.client_id, connect.user, connect.password, connect.clean, connect.will) == (
+        "client",
+        "robot",
+        "token",
+        True,
+        will,
+    )
     (subscribed,) = read(mqtt_line.subscribe([("a/#", 1), ("b", 0)]))
     assert subscribed.filters == (("a/#", 1), ("b", 0))
 
 
 async def test_a_line_hands_on_what_comes_however_it_is_cut_and_confirms_it():
     line, owner, wire = await opened_line()
-    stream = b"".join(packets.publish(Publish("a/b", bytes([n]) * 300, n % 2, n == 3, n if n % 2 else 0)) for n in range(4))
+    stream = b"".join(
+        packets.publish(Publish("a/b", bytes([n]) * 300, n % 2, n == 3, n if n % 2 else 0))
+        for n in range(4)
+    )
     for at in range(0, len(stream), 7):
         line.data_received(stream[at : at + 7])
     assert owner.said == ["opened", *(("a/b", bytes([n]) * 300, n == 3) for n in range(4))]
@@ -103,7 +114,9 @@ async def robot():
 
 
 def lease(epoch, session="s1", renewal=1):
-    return codec.encode(m.Lease(session=session, epoch=epoch, peer="p", who="ana", renewal=renewal, stamp=1.0))
+    return codec.encode(
+        m.Lease(session=session, epoch=epoch, peer="p", who="ana", renewal=renewal, stamp=1.0)
+    )
 
 
 def said(robot):
@@ -116,18 +129,29 @@ def said(robot):
 async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(robot):
     robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
     assert [message.type for suffix, message in said(robot) if suffix == "event"] == ["lease_taken"]
-    command = m.VelocityCommand(session="s1", epoch=1, seq=1, stamp=time.time(), linear=0.1, angular=0.0, method="keyboard")
+    command = m.VelocityCommand(
+        session="s1", epoch=1, seq=1, stamp=time.time(), linear=0.1, angular=0.0, method="keyboard"
+    )
     robot.heard(topics.of("light-0", "command/velocity"), codec.encode(command), retained=False)
     robot._say_state()
     ((_, state),) = said(robot)
-    assert (state.session, state.epoch, [applied.seq for applied in state.applied]) == ("s1", 1, [1])
+    assert (state.session, state.epoch, [applied.seq for applied in state.applied]) == (
+        "s1",
+        1,
+        [1],
+    )
     robot.heard(topics.of("light-0", "lease"), b"", retained=False)
-    assert [suffix for suffix, _ in said(robot)] == ["state", "event"], "its last state, and that it was the last"
+    assert [suffix for suffix, _ in said(robot)] == [
+        "state",
+        "event",
+    ], "its last state, and that it was the last"
     robot._say_state()
     assert robot.states == {"s1": 2}
 
 
-async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_ones_again_when_asked(robot):
+async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_ones_again_when_asked(
+    robot,
+):
     robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
     robot.closed()
     robot.wire.written = b""
@@ -137,7 +161,9 @@ async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_
     robot.opened()
     kept = [message.seq for suffix, message in said(robot) if suffix == "state"]
     assert kept[-1:] == [1], "and the pose, which is of its moment, is gone"
-    again = m.ResendStates(action_id="r", stamp=1.0, role="server", boot=robot.boot, first=1, last=1)
+    again = m.ResendStates(
+        action_id="r", stamp=1.0, role="server", boot=robot.boot, first=1, last=1
+    )
     robot.heard(topics.of("light-0", "command/action"), codec.encode(again), retained=False)
     assert [message.seq for suffix, message in said(robot) if suffix == "state"] == [1]
 
@@ -145,7 +171,9 @@ async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_
 async def test_commands_that_are_missing_are_counted_by_their_numbers(robot):
     robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
     for seq in (5, 6, 9):
-        command = m.VelocityCommand(session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.1, angular=0.0, method="keyboard")
+        command = m.VelocityCommand(
+            session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"
+        )
         robot.heard(topics.of("light-0", "command/velocity"), codec.encode(command), retained=False)
     assert robot._told.counts["commands_missing"] == 2
     assert len(robot._told.delays) == 3
@@ -170,9 +198,16 @@ async def test_timers_go_on_and_note_how_late_they_are():
 def step(**changed):
     quiet = {"p50": 2.0, "p99": 9.0, "max": 20.0}
     usual = {
-        "sessions": 40, "driving": 40, "to_robot": quiet, "to_page": quiet, "late": quiet, "messages_per_second": 2000.0, "missing": 0,
-        "record_behind": 0.5, "shares": {"web": 0.6, "broker": 0.2, "visitors": 0.1, "others": 0.9},
-    }  # fmt: skip
+        "sessions": 40,
+        "driving": 40,
+        "to_robot": quiet,
+        "to_page": quiet,
+        "late": quiet,
+        "messages_per_second": 2000.0,
+        "missing": 0,
+        "record_behind": 0.5,
+        "shares": {"web": 0.6, "broker": 0.2, "visitors": 0.1, "others": 0.9},
+    }
     return load.Step(**usual | changed)
 
 
@@ -187,7 +222,9 @@ def test_a_step_breaks_by_lateness_loss_a_record_that_is_behind_or_visitors_who_
 
 def test_what_is_full_is_a_process_without_room_or_else_the_computer():
     assert "web (95 %" in step(shares={"web": 0.95, "broker": 0.2, "others": 0.0}).full
-    assert "visitors" in step(shares={"web": 0.5, "visitors": 0.97, "others": 0.0}).full, "also when it is the generator"
+    assert "visitors" in step(shares={"web": 0.5, "visitors": 0.97, "others": 0.0}).full, (
+        "also when it is the generator"
+    )
     assert step().full.startswith("the computer")
 
 

@@ -1,7 +1,15 @@
 """What the crash benchmark calls wrong, and what it does not."""
 
 from benchmarks.traffic.bases import motion
-from benchmarks.traffic.verdicts import LEAVE_SECONDS, Drive, StoredState, lost, moved_alone, shared_epochs, two_at_once
+from benchmarks.traffic.verdicts import (
+    LEAVE_SECONDS,
+    Drive,
+    StoredState,
+    lost,
+    moved_alone,
+    shared_epochs,
+    two_at_once,
+)
 from tests.support.scripted_robot import WATCHDOG
 
 
@@ -14,12 +22,16 @@ def test_drives_that_follow_each_other_are_right_and_those_that_overlap_are_not(
     elsewhere = Drive("s3", "rhodon", 5.0, None)
     assert two_at_once([first, second, elsewhere]) == []
     assert len(two_at_once([first, Drive("s2", "giraff", 9.9, None)])) == 1
-    assert len(two_at_once([Drive("s1", "giraff", 0.0, None), second])) == 1, "the first never ended"
+    assert len(two_at_once([Drive("s1", "giraff", 0.0, None), second])) == 1, (
+        "the first never ended"
+    )
 
 
 def test_an_epoch_is_one_sessions_as_states_and_leases_tell():
     stored = states(1, 2) + states(3, session="s2", epoch=2)
-    assert shared_epochs(stored, [("giraff", 1, "s1"), ("giraff", 2, "s2"), ("rhodon", 1, "s3")]) == []
+    assert (
+        shared_epochs(stored, [("giraff", 1, "s1"), ("giraff", 2, "s2"), ("rhodon", 1, "s3")]) == []
+    )
     assert len(shared_epochs(stored, [("giraff", 1, "s2")])) == 1
     assert len(shared_epochs(stored + states(4, session="s2", epoch=1), [])) == 1
 
@@ -33,8 +45,15 @@ def test_a_state_that_is_lost_or_stored_twice_or_known_to_be_missing_is_told():
 
 
 def test_a_robot_may_move_in_a_drive_and_come_to_rest_after_it_and_no_more():
-    drives = [Drive("s1", "giraff", 10.0, 20.0), Drive("s2", "giraff", 20.5, 30.0), Drive("s3", "rhodon", 0.0, None)]
-    assert moved_alone({"giraff": [(10.0, 20.0 + LEAVE_SECONDS)], "rhodon": [(1.0, 99.0)]}, drives) == []
+    drives = [
+        Drive("s1", "giraff", 10.0, 20.0),
+        Drive("s2", "giraff", 20.5, 30.0),
+        Drive("s3", "rhodon", 0.0, None),
+    ]
+    assert (
+        moved_alone({"giraff": [(10.0, 20.0 + LEAVE_SECONDS)], "rhodon": [(1.0, 99.0)]}, drives)
+        == []
+    )
     assert moved_alone({"giraff": [(19.0, 21.0)]}, drives) == [], "from one drive into the next"
     assert len(moved_alone({"giraff": [(9.9, 11.0)]}, drives)) == 1
     assert len(moved_alone({"giraff": [(29.0, 30.1 + LEAVE_SECONDS)]}, drives)) == 1

@@ -8,8 +8,14 @@ from experiments.definition.cues import CueKey
 from experiments.tasks.progress import EventType
 from tests.support.paths import ROOT
 
-EXPLAINED = set(re.findall(r"`([a-z_]+)`", (ROOT / "docs" / "reference" / "studies.md").read_text()))
-PARTS = [kind for kind in vars(schema).values() if isinstance(kind, type) and issubclass(kind, schema.Part) and kind is not schema.Part]
+EXPLAINED = set(
+    re.findall(r"`([a-z_]+)`", (ROOT / "docs" / "reference" / "studies.md").read_text())
+)
+PARTS = [
+    kind
+    for kind in vars(schema).values()
+    if isinstance(kind, type) and issubclass(kind, schema.Part) and kind is not schema.Part
+]
 
 
 def test_every_field_and_kind_of_a_study_is_explained():

@@ -9,17 +9,30 @@ NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 
 
 def robot(**changes) -> Robot:
-    fields = {"name": "giraff", "title": "Giraff", "connection": "ONLINE", "last_seen_at": NOW, "report": {"battery": {"charge": 0.824}}}
+    fields = {
+        "name": "giraff",
+        "title": "Giraff",
+        "connection": "ONLINE",
+        "last_seen_at": NOW,
+        "report": {"battery": {"charge": 0.824}},
+    }
     return Robot(**(fields | changes))
 
 
 def shown(traffic: Traffic | None = None, barred: str = "", **changes):
-    return card(robot(**changes), traffic or Traffic(), barred=barred, url="/robots/giraff/", now=NOW)
+    return card(
+        robot(**changes), traffic or Traffic(), barred=barred, url="/robots/giraff/", now=NOW
+    )
 
 
 def test_a_robot_that_nobody_drives_is_free():
     it = shown()
-    assert (it.state, it.label, it.action, it.drives) == ("available", "Free now", "Drive Giraff", True)
+    assert (it.state, it.label, it.action, it.drives) == (
+        "available",
+        "Free now",
+        "Drive Giraff",
+        True,
+    )
     assert (it.charge, it.battery) == (82, "82 %")
 
 
@@ -29,7 +42,9 @@ def test_a_robot_that_somebody_drives_offers_the_next_place():
     assert it.detail == "Somebody is driving. You would be next."
 
 
-@pytest.mark.parametrize(("waiting", "words"), [(1, "1 visitor waits in line."), (3, "3 visitors wait in line.")])
+@pytest.mark.parametrize(
+    ("waiting", "words"), [(1, "1 visitor waits in line."), (3, "3 visitors wait in line.")]
+)
 def test_the_line_is_counted(waiting, words):
     assert shown(Traffic(driven=True, waiting=waiting)).detail == words
 
@@ -40,7 +55,12 @@ def test_a_robot_between_two_turns_is_not_free_while_somebody_waits():
 
 @pytest.mark.parametrize(
     "changes",
-    [{"connection": "OFFLINE"}, {"connection": "CONNECTIONBROKEN"}, {"last_seen_at": NOW - datetime.timedelta(minutes=5)}, {"enabled": False}],
+    [
+        {"connection": "OFFLINE"},
+        {"connection": "CONNECTIONBROKEN"},
+        {"last_seen_at": NOW - datetime.timedelta(minutes=5)},
+        {"enabled": False},
+    ],
 )
 def test_a_robot_that_is_not_there_cannot_be_driven_and_its_old_battery_is_not_shown(changes):
     it = shown(**changes)
@@ -48,7 +68,12 @@ def test_a_robot_that_is_not_there_cannot_be_driven_and_its_old_battery_is_not_s
 
 
 def test_an_offline_robot_says_when_it_was_last_there():
-    assert shown(connection="OFFLINE", last_seen_at=NOW - datetime.timedelta(hours=3, minutes=7)).detail == "Last seen 3\xa0hours ago."
+    assert (
+        shown(
+            connection="OFFLINE", last_seen_at=NOW - datetime.timedelta(hours=3, minutes=7)
+        ).detail
+        == "Last seen 3\xa0hours ago."
+    )
     assert shown(connection="OFFLINE", last_seen_at=None).detail == "It has not been connected yet."
 
 
@@ -99,7 +124,10 @@ def test_a_picture_is_one_of_ours(factsheet, picture):
 
 
 def test_charging_and_place_are_told():
-    it = shown(report={"battery": {"charge": 1.0, "charging": True}}, floor_plan=FloorPlan(name="office", title="Office"))
+    it = shown(
+        report={"battery": {"charge": 1.0, "charging": True}},
+        floor_plan=FloorPlan(name="office", title="Office"),
+    )
     assert (it.battery, it.place) == ("100 %, charging", "Office")
 
 
@@ -107,7 +135,10 @@ def test_lists_begin_with_what_can_be_driven_now():
     assert STATES == ("available", "busy", "stopped", "offline")
 
 
-@pytest.mark.parametrize(("turnaround", "label"), [("returning", "On its way home"), ("charging", "Charging"), ("paused", "Not ready")])
+@pytest.mark.parametrize(
+    ("turnaround", "label"),
+    [("returning", "On its way home"), ("charging", "Charging"), ("paused", "Not ready")],
+)
 def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turnaround, label):
     it = shown(returns_home=True, turnaround=turnaround)
     assert (it.state, it.label, it.action) == ("busy", label, "Wait in line")
@@ -117,9 +148,12 @@ def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turn
 
 @pytest.mark.parametrize(
     ("waiting", "minutes", "words"),
-    [(0, 3.2, "Somebody is driving. You would be next, in about 4 min."), (0, 0.0, "Somebody is driving. You would be next, in about 1 min."),
-     (2, 31.0, "You would be number 3 in line, for about 31 min.")],
-)  # fmt: skip
+    [
+        (0, 3.2, "Somebody is driving. You would be next, in about 4 min."),
+        (0, 0.0, "Somebody is driving. You would be next, in about 1 min."),
+        (2, 31.0, "You would be number 3 in line, for about 31 min."),
+    ],
+)
 def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, minutes, words):
     assert shown(Traffic(driven=True, waiting=waiting, minutes=minutes)).detail == words
 

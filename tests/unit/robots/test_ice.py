@@ -14,7 +14,10 @@ def test_without_servers_the_list_is_empty_and_never_a_public_default(settings):
 
 def test_turn_credentials_are_the_ones_that_coturn_checks(settings):
     settings.STUN_URLS = ["stun:turn.example.org"]
-    settings.TURN_URLS, settings.TURN_SECRET = ["turn:turn.example.org", "turns:turn.example.org?transport=tcp"], "secret"
+    settings.TURN_URLS, settings.TURN_SECRET = (
+        ["turn:turn.example.org", "turns:turn.example.org?transport=tcp"],
+        "secret",
+    )
     stun, turn = ice_servers("visitor", 1_000_000.7)
     assert stun.urls == ("stun:turn.example.org",)
     assert stun.username == ""

@@ -31,7 +31,9 @@ def with_letters(count, broker):
     """A session manager that has so many letters for a broker."""
     manager = SessionManager("mqtt://nowhere", ("session-manager", "unused"), random.Random(1))
     manager._timekeeper, manager._client = Scheduler(), broker
-    manager._timekeeper.outbox.extend(ManagerMessage(f"t/{number}", b"x") for number in range(count))
+    manager._timekeeper.outbox.extend(
+        ManagerMessage(f"t/{number}", b"x") for number in range(count)
+    )
     return manager
 
 

@@ -15,21 +15,42 @@ from tests.support.paths import ROOT
 
 
 def test_no_suffix_of_the_page_is_one_of_the_robot_api():
-    # `signal/reply` looks like the signal of a peer called reply; peers are called by the server, in random letters.
+    # `signal/reply` looks like the signal of a peer called reply; peers are called by the server,
+    # in random letters.
     ours = {*protocol.TO_SERVER, *protocol.TO_PAGE, protocol.SIGNAL} - {"signal/reply"}
     assert all(topics.find(suffix) is None for suffix in ours)
 
 
 def test_the_reference_names_every_suffix_and_close_code_that_a_program_may_meet():
     section = (
-        Path(ROOT / "docs/reference/robot-api.md").read_text(encoding="utf-8").partition("## A program that drives")[2].partition("## Topics")[0]
+        Path(ROOT / "docs/reference/robot-api.md")
+        .read_text(encoding="utf-8")
+        .partition("## A program that drives")[2]
+        .partition("## Topics")[0]
     )
     table = "".join(line for line in section.splitlines() if line.startswith("|"))
-    assert [suffix for suffix in {*protocol.TO_PAGE, *protocol.TO_SERVER, protocol.SIGNAL} if f"`{suffix}`" not in table] == []
-    assert [suffix for suffix in (*topics.FROM_PAGE, *topics.TO_PAGE) if suffix != "media" and f"`{suffix}`" not in section] == []
-    codes = (protocol.SIGNED_OUT, protocol.NOT_ALLOWED, protocol.NO_SUCH_ROBOT, protocol.FLOODED, protocol.TOO_SLOW, protocol.REPLACED)
+    assert [
+        suffix
+        for suffix in {*protocol.TO_PAGE, *protocol.TO_SERVER, protocol.SIGNAL}
+        if f"`{suffix}`" not in table
+    ] == []
+    assert [
+        suffix
+        for suffix in (*topics.FROM_PAGE, *topics.TO_PAGE)
+        if suffix != "media" and f"`{suffix}`" not in section
+    ] == []
+    codes = (
+        protocol.SIGNED_OUT,
+        protocol.NOT_ALLOWED,
+        protocol.NO_SUCH_ROBOT,
+        protocol.FLOODED,
+        protocol.TOO_SLOW,
+        protocol.REPLACED,
+    )
     assert [code for code in codes if str(code) not in section] == []
-    words = [typing.get_args(typing.get_type_hints(protocol.Fault)[name]) for name in ("part", "then")]
+    words = [
+        typing.get_args(typing.get_type_hints(protocol.Fault)[name]) for name in ("part", "then")
+    ]
     assert [word for kind in words for word in kind if f"`{word}`" not in section] == []
 
 
@@ -42,7 +63,12 @@ def test_a_page_report_keeps_the_pages_own_words():
 
 
 @pytest.mark.parametrize(
-    ("suffix", "payload"), [("session/take", '{"session":"a b"}'), ("page/event", "{}"), ("signal", '{"type":"answer","sdp":""}')]
+    ("suffix", "payload"),
+    [
+        ("session/take", '{"session":"a b"}'),
+        ("page/event", "{}"),
+        ("signal", '{"type":"answer","sdp":""}'),
+    ],
 )
 def test_what_is_not_a_word_of_the_page_is_malformed(suffix, payload):
     with pytest.raises(Rejection) as rejected:
@@ -58,6 +84,13 @@ def test_every_outcome_and_every_refusal_fits_into_its_message():
 
 
 def test_close_codes_differ_and_are_for_applications():
-    codes = [protocol.SIGNED_OUT, protocol.NOT_ALLOWED, protocol.NO_SUCH_ROBOT, protocol.FLOODED, protocol.TOO_SLOW, protocol.REPLACED]
+    codes = [
+        protocol.SIGNED_OUT,
+        protocol.NOT_ALLOWED,
+        protocol.NO_SUCH_ROBOT,
+        protocol.FLOODED,
+        protocol.TOO_SLOW,
+        protocol.REPLACED,
+    ]
     assert len(set(codes)) == len(codes)
     assert all(4000 <= code < 5000 for code in codes)

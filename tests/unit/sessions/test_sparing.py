@@ -7,13 +7,22 @@ EVERYTHING = ("state", "pose", "scan", "path", "event", "action", "heartbeat")
 
 def test_a_page_gets_everything_until_it_hears_its_robot_directly():
     sparing = Sparing()
-    assert all(sparing.passes(suffix, 0.01 * n) for n in range(9) for suffix in ("state", "pose", "scan", "event", "heartbeat"))
+    assert all(
+        sparing.passes(suffix, 0.01 * n)
+        for n in range(9)
+        for suffix in ("state", "pose", "scan", "event", "heartbeat")
+    )
 
 
 def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not_be_lost():
     sparing = Sparing()
     sparing.direct = True
-    passed = [suffix for n in range(32) for suffix in (*EVERYTHING, "pointer") if sparing.passes(suffix, 0.25 * n)]
+    passed = [
+        suffix
+        for n in range(32)
+        for suffix in (*EVERYTHING, "pointer")
+        if sparing.passes(suffix, 0.25 * n)
+    ]
     assert passed.count("state") == 4
     assert passed.count("pose") == passed.count("scan") == passed.count("pointer") == 0
     assert all(passed.count(suffix) == 32 for suffix in ("path", "event", "action", "heartbeat"))

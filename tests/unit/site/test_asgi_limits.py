@@ -5,13 +5,25 @@ from types import SimpleNamespace
 
 import pytest
 
-from telepresence_site.web.asgi_limits import CONNECTS_AT_ONCE, BodyLimit, ConnectLimit, OpenLimit, SameOrigin, address_of, is_same, user_of
+from telepresence_site.web.asgi_limits import (
+    CONNECTS_AT_ONCE,
+    BodyLimit,
+    ConnectLimit,
+    OpenLimit,
+    SameOrigin,
+    address_of,
+    is_same,
+    user_of,
+)
 
 
 async def sends(limit: int, parts: list[bytes], headers: tuple = ()) -> tuple[list[dict], int]:
     """Post parts of a body; return what was answered and how many bytes the application has read."""
     said, read = [], 0
-    waiting = [{"type": "http.request", "body": part, "more_body": n + 1 < len(parts)} for n, part in enumerate(parts)]
+    waiting = [
+        {"type": "http.request", "body": part, "more_body": n + 1 < len(parts)}
+        for n, part in enumerate(parts)
+    ]
 
     async def application(_scope, receive, send):
         nonlocal read
@@ -55,7 +67,13 @@ async def test_nonsense_for_a_length_is_no_way_round_the_limit():
     assert (said[0]["status"], read) == (413, 0)
 
 
-async def opens(origin: bytes | None, host: bytes = b"robots.example", trusted: tuple[str, ...] = (), *, secure_only: bool = False) -> bool:
+async def opens(
+    origin: bytes | None,
+    host: bytes = b"robots.example",
+    trusted: tuple[str, ...] = (),
+    *,
+    secure_only: bool = False,
+) -> bool:
     """Tell whether a page of this origin may open a WebSocket."""
     opened = []
 
@@ -66,7 +84,9 @@ async def opens(origin: bytes | None, host: bytes = b"robots.example", trusted: 
         pass
 
     headers = [(b"host", host), *([(b"origin", origin)] if origin is not None else [])]
-    await SameOrigin(application, list(trusted), secure_only=secure_only)({"type": "websocket", "headers": headers}, None, send)
+    await SameOrigin(application, list(trusted), secure_only=secure_only)(
+        {"type": "websocket", "headers": headers}, None, send
+    )
     return bool(opened)
 
 
@@ -78,9 +98,19 @@ async def test_a_page_of_this_very_host_and_port_opens_a_socket():
 
 @pytest.mark.parametrize(
     "origin",
-    [None, b"", b"null", b"https://robots.example:8443", b"http://robots.example:8000", b"https://evil.example", b"https://robots.example.evil.example",
-     b"https://evil.example#robots.example", b"file://", b"https://robots.example:port"],
-)  # fmt: skip
+    [
+        None,
+        b"",
+        b"null",
+        b"https://robots.example:8443",
+        b"http://robots.example:8000",
+        b"https://evil.example",
+        b"https://robots.example.evil.example",
+        b"https://evil.example#robots.example",
+        b"file://",
+        b"https://robots.example:port",
+    ],
+)
 async def test_a_page_from_anywhere_else_even_from_another_port_opens_none(origin):
     assert not await opens(origin)
 
@@ -117,7 +147,9 @@ async def test_an_address_that_opens_sockets_without_end_is_kept_out_for_a_while
         let_in.clear()
         headers = [(b"x-forwarded-for", forwarded.encode())] if forwarded else []
         for _ in range(times):
-            await limit({"type": "websocket", "client": (address, 1), "headers": headers}, None, send)
+            await limit(
+                {"type": "websocket", "client": (address, 1), "headers": headers}, None, send
+            )
         return len(let_in)
 
     limit = ConnectLimit(application, ["10.0.0.1"], now=lambda: clock[0])
@@ -148,16 +180,25 @@ class Sockets:
     async def come(self, **scope) -> bool:
         """Open one more and tell whether it was let in."""
         before = len(self.ends)
-        self.tasks.append(asyncio.create_task(self.door({"type": "websocket", **scope}, None, self._send)))
+        self.tasks.append(
+            asyncio.create_task(self.door({"type": "websocket", **scope}, None, self._send))
+        )
         await asyncio.sleep(0)
         return len(self.ends) > before
 
 
 async def test_an_address_has_so_many_sockets_open_and_another_one_when_one_has_ended_however_it_did():
     sockets = Sockets(lambda scope: address_of(scope, ["10.0.0.1"]))
-    here, there = ({"client": (address, 1), "headers": []} for address in ("198.51.100.7", "198.51.100.8"))
+    here, there = (
+        {"client": (address, 1), "headers": []} for address in ("198.51.100.7", "198.51.100.8")
+    )
     proxied = {"client": ("10.0.0.1", 1), "headers": [(b"x-forwarded-for", b"198.51.100.7")]}
-    assert [await sockets.come(**way) for way in (here, proxied, here, proxied)] == [True, True, False, False]
+    assert [await sockets.come(**way) for way in (here, proxied, here, proxied)] == [
+        True,
+        True,
+        False,
+        False,
+    ]
     assert sockets.refused == [1013, 1013]
     assert await sockets.come(**there)
     sockets.ends[0].set_exception(ConnectionError())

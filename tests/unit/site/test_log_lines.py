@@ -35,7 +35,10 @@ def as_json(*arguments, **options):
 
 
 def as_pairs(*arguments, **options):
-    return dict(pair.split("=", 1) for pair in shlex.split(KeyValueLine().format(record(*arguments, **options))))
+    return dict(
+        pair.split("=", 1)
+        for pair in shlex.split(KeyValueLine().format(record(*arguments, **options)))
+    )
 
 
 def test_an_event_with_fields_is_read_from_its_template():
@@ -43,22 +46,40 @@ def test_an_event_with_fields_is_read_from_its_template():
         "bridge_lost",
         {"attempt": 2, "reason": "no route to host"},
     )
-    assert fields_of(record("page_left counts=%s", {"stale": 3})) == ("page_left", {"counts": {"stale": 3}})
-    assert fields_of(record("request_done milliseconds=%.1f", 1.2345)) == ("request_done", {"milliseconds": 1.2})
+    assert fields_of(record("page_left counts=%s", {"stale": 3})) == (
+        "page_left",
+        {"counts": {"stale": 3}},
+    )
+    assert fields_of(record("request_done milliseconds=%.1f", 1.2345)) == (
+        "request_done",
+        {"milliseconds": 1.2},
+    )
     assert fields_of(record("broker_started")) == ("broker_started", {})
 
 
-@pytest.mark.parametrize(("message", "arguments"), [
-    ("Listening on %s", ("x",)), ("Not an event", ()), ("half_event a=%s b", ("x",)), ("it=%d", (1,)), ("too_many a=%s=%s", ("x", "y")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("message", "arguments"),
+    [
+        ("Listening on %s", ("x",)),
+        ("Not an event", ()),
+        ("half_event a=%s b", ("x",)),
+        ("it=%d", (1,)),
+        ("too_many a=%s=%s", ("x", "y")),
+    ],
+)
 def test_what_others_say_is_one_message(message, arguments):
     assert fields_of(record(message, *arguments)) == ("bridge", {"message": message % arguments})
 
 
 def test_both_formats_say_the_same():
     with log_ids.about(request="abc", robot="giraff"):
-        line, pairs = as_json("bridge_lost attempt=%d reason=%s", 2, 'no "route"'), as_pairs("bridge_lost attempt=%d reason=%s", 2, 'no "route"')
-    assert {name: str(value) for name, value in line.items() if name != "time"} == {name: value for name, value in pairs.items() if name != "time"}
+        line, pairs = (
+            as_json("bridge_lost attempt=%d reason=%s", 2, 'no "route"'),
+            as_pairs("bridge_lost attempt=%d reason=%s", 2, 'no "route"'),
+        )
+    assert {name: str(value) for name, value in line.items() if name != "time"} == {
+        name: value for name, value in pairs.items() if name != "time"
+    }
     assert line["request"] == "abc"
     assert line["level"] == "info"
 
@@ -90,7 +111,9 @@ def test_a_process_of_one_robot_names_it_in_every_thread(monkeypatch):
 
 
 def test_a_value_with_line_ends_cannot_make_a_line_of_its_own():
-    assert "\n" not in KeyValueLine().format(record("refused user=%s", "x\nlevel=error event=forged"))
+    assert "\n" not in KeyValueLine().format(
+        record("refused user=%s", "x\nlevel=error event=forged")
+    )
     assert "\n" not in JsonLine().format(record("refused user=%s", "x\nlevel=error event=forged"))
 
 
@@ -101,21 +124,30 @@ def test_a_failure_keeps_its_traceback():
 
 
 def test_a_request_that_failed_is_told_by_its_route_and_not_by_its_path():
-    line = as_json("%s: %s", "Not Found", "/accounts/password/reset/key/1-abcdef-123/", name="django.request", status_code=404)
+    line = as_json(
+        "%s: %s",
+        "Not Found",
+        "/accounts/password/reset/key/1-abcdef-123/",
+        name="django.request",
+        status_code=404,
+    )
     assert (line["event"], line["reason"], line["status"]) == ("request_problem", "Not Found", 404)
     assert "1-abcdef-123" not in json.dumps(line)
 
 
 @pytest.mark.parametrize("format_", [JsonLine, KeyValueLine])
-@pytest.mark.parametrize("said", [
-    ("lost url=%s", "mqtt://server.web:hunter2hunter2@broker.example:1883"),
-    ("asked headers=%s", {"Cookie": "hunter2hunter2"}),
-    ("asked token=%s", "hunter2hunter2"),
-    ("asked headers=%s", "{'cookie': 'sessionid=hunter2hunter2; csrftoken=hunter2hunter2'}"),
-    ("Sent headers [(b'Authorization', b'Bearer hunter2hunter2')]",),
-    ("could not connect: password=hunter2hunter2 host=db",),
-    ("found %s", "a turn secret: shared-with-coturn-hunter2hunter2"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "said",
+    [
+        ("lost url=%s", "mqtt://server.web:hunter2hunter2@broker.example:1883"),
+        ("asked headers=%s", {"Cookie": "hunter2hunter2"}),
+        ("asked token=%s", "hunter2hunter2"),
+        ("asked headers=%s", "{'cookie': 'sessionid=hunter2hunter2; csrftoken=hunter2hunter2'}"),
+        ("Sent headers [(b'Authorization', b'Bearer hunter2hunter2')]",),
+        ("could not connect: password=hunter2hunter2 host=db",),
+        ("found %s", "a turn secret: shared-with-coturn-hunter2hunter2"),
+    ],
+)
 def test_secrets_are_struck_out(settings, format_, said):
     settings.TURN_SECRET = "shared-with-coturn-hunter2hunter2"
     assert "hunter2" not in format_().format(record(*said))

@@ -15,7 +15,9 @@ async def ask(application, path="/about/", headers=(), method="GET", kind="http"
     async def send(message):
         sent.append(message)
 
-    await RequestLog(application)({"type": kind, "path": path, "method": method, "headers": list(headers)}, None, send)
+    await RequestLog(application)(
+        {"type": kind, "path": path, "method": method, "headers": list(headers)}, None, send
+    )
     return sent
 
 
@@ -39,7 +41,13 @@ async def test_an_answer_bears_an_id_that_its_lines_carry():
 
 
 @pytest.mark.parametrize(
-    ("given", "taken"), [(b"0af7651916cd43dd8448eb211c80319c", True), (b"short", False), (b"evil\nline-of-a-log", False), (b"x" * 65, False)]
+    ("given", "taken"),
+    [
+        (b"0af7651916cd43dd8448eb211c80319c", True),
+        (b"short", False),
+        (b"evil\nline-of-a-log", False),
+        (b"x" * 65, False),
+    ],
 )
 async def test_a_proxys_id_is_taken_when_it_is_plain(given, taken):
     headers = dict((await ask(answers, headers=[(b"x-request-id", given)]))[0]["headers"])

@@ -17,7 +17,9 @@ def files(tmp_path) -> dict[str, Any]:
     return WhiteNoise(None, root=str(tmp_path), prefix="static/", max_age=60).files
 
 
-def ask(app: StaticAnswers, path: str, method: str = "GET", scheme: str = "http", **headers: str) -> tuple[int, dict[bytes, bytes], bytes]:
+def ask(
+    app: StaticAnswers, path: str, method: str = "GET", scheme: str = "http", **headers: str
+) -> tuple[int, dict[bytes, bytes], bytes]:
     """Return status, headers and body of an answer."""
     sent: list[dict[str, Any]] = []
 
@@ -25,7 +27,13 @@ def ask(app: StaticAnswers, path: str, method: str = "GET", scheme: str = "http"
         sent.append(message)
 
     told = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
-    asyncio.run(app({"type": "http", "method": method, "path": path, "scheme": scheme, "headers": told}, None, send))
+    asyncio.run(
+        app(
+            {"type": "http", "method": method, "path": path, "scheme": scheme, "headers": told},
+            None,
+            send,
+        )
+    )
     return sent[0]["status"], dict(sent[0]["headers"]), sent[1]["body"]
 
 

@@ -1,4 +1,6 @@
-"""What no page may hold, read from the sources: code or looks beside their files, words that cannot be translated."""
+"""What no page may hold, read from the sources: code or looks beside their files, words that cannot
+be translated.
+"""
 
 import ast
 import gettext
@@ -13,8 +15,11 @@ TEMPLATES = sorted((ROOT / "templates").rglob("*.html"))
 CATALOGUE = ROOT / "locale" / "es" / "LC_MESSAGES"
 # The pages whose Spanish is complete; the administration speaks to the people who run the site.
 TRANSLATED_PYTHON = [
-    *sorted((ROOT / "accounts").glob("*.py")), *sorted((ROOT / "surveys").glob("*.py")), ROOT / "robots" / "cards.py", ROOT / "telepresence_site" / "web" / "pages.py",
-]  # fmt: skip
+    *sorted((ROOT / "accounts").glob("*.py")),
+    *sorted((ROOT / "surveys").glob("*.py")),
+    ROOT / "robots" / "cards.py",
+    ROOT / "telepresence_site" / "web" / "pages.py",
+]
 TAG = re.compile(r"\{%.*?%\}|\{\{.*?\}\}|\{#.*?#\}", re.DOTALL)
 
 
@@ -59,17 +64,27 @@ def test_no_template_holds_code_or_looks_of_its_own(path):
 
 @pytest.mark.parametrize("path", TEMPLATES, ids=name)
 def test_every_word_of_a_template_can_be_translated(path):
-    bare = re.sub(r"\{%\s*blocktranslate.*?endblocktranslate\s*%\}", "", path.read_text(), flags=re.DOTALL)
-    bare = re.sub(r"<(script|code|pre)\b.*?</\1>|<!--.*?-->|\{\w+\}", "", TAG.sub("", bare), flags=re.DOTALL)
+    bare = re.sub(
+        r"\{%\s*blocktranslate.*?endblocktranslate\s*%\}", "", path.read_text(), flags=re.DOTALL
+    )
+    bare = re.sub(
+        r"<(script|code|pre)\b.*?</\1>|<!--.*?-->|\{\w+\}", "", TAG.sub("", bare), flags=re.DOTALL
+    )
     words = [text for text in re.findall(r">([^<]+)<", bare) if re.search(r"[A-Za-z]{2}", text)]
-    attributes = [value for value in re.findall(r"\b(?:alt|title|aria-label|placeholder)=\"([^\"]*)\"", bare) if re.search(r"[A-Za-z]{2}", value)]
+    attributes = [
+        value
+        for value in re.findall(r"\b(?:alt|title|aria-label|placeholder)=\"([^\"]*)\"", bare)
+        if re.search(r"[A-Za-z]{2}", value)
+    ]
     assert not words + attributes
 
 
 @pytest.mark.parametrize("path", [p for p in TEMPLATES if "admin" not in p.parts], ids=name)
 def test_every_word_of_a_page_is_in_the_spanish_catalogue(path):
     known = spanish()._catalog
-    for _, text, _, context in re.findall(r"\{%\s*translate\s+(['\"])(.*?)\1(?:\s+context\s+(['\"])(.*?)\3)?", path.read_text()):
+    for _, text, _, context in re.findall(
+        r"\{%\s*translate\s+(['\"])(.*?)\1(?:\s+context\s+(['\"])(.*?)\3)?", path.read_text()
+    ):
         key = text.replace("%", "%%")
         assert (f"{context}\x04{key}" if context else key) in known, text
 
@@ -78,8 +93,14 @@ def test_every_word_of_a_page_is_in_the_spanish_catalogue(path):
 def test_every_word_that_python_says_to_visitors_is_in_the_spanish_catalogue(path):
     known = spanish()._catalog
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"_", "gettext"}:
-            assert isinstance(node.args[0], ast.Constant), f"line {node.lineno}: only a constant can be looked up"
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in {"_", "gettext"}
+        ):
+            assert isinstance(node.args[0], ast.Constant), (
+                f"line {node.lineno}: only a constant can be looked up"
+            )
             assert node.args[0].value in known, node.args[0].value
 
 
@@ -104,4 +125,6 @@ def test_a_translation_names_the_same_values_as_its_original():
     for entry in po_entries():
         for key, text in entry.items():
             if key.startswith("msgstr"):
-                assert sorted(placeholder.findall(text)) == sorted(placeholder.findall(entry["msgid"])), entry["msgid"]
+                assert sorted(placeholder.findall(text)) == sorted(
+                    placeholder.findall(entry["msgid"])
+                ), entry["msgid"]

@@ -8,7 +8,13 @@ STUDY = shipped()["exploration"]
 
 
 def test_bots_come_by_each_way_as_often_as_there_are_conditions_for_it_by_turns():
-    assert ways_in(STUDY, [Ending.COMPLETES] * 5) == ["open", "invitation", "open", "invitation", "open"]
+    assert ways_in(STUDY, [Ending.COMPLETES] * 5) == [
+        "open",
+        "invitation",
+        "open",
+        "invitation",
+        "open",
+    ]
 
 
 def test_whose_ending_is_about_the_photo_comes_to_a_robot_that_takes_one():

@@ -4,14 +4,23 @@ import datetime
 
 import pytest
 
-from surveys.answers import AnswerValue, Missing, RefusedError, check_complete, read_answer, standings
+from surveys.answers import (
+    AnswerValue,
+    Missing,
+    RefusedError,
+    check_complete,
+    read_answer,
+    standings,
+)
 from surveys.conditions import Circumstances
 from tests.support.questionnaires import NOW, OPTIONS, defined, item
 
 ALONE = [*OPTIONS[:2], {"value": "none", "label": {"en": "None"}, "alone": True}]
 
 
-def said(kind: str, *values: str, reason: str = "", now: datetime.datetime = NOW, **more) -> AnswerValue:
+def said(
+    kind: str, *values: str, reason: str = "", now: datetime.datetime = NOW, **more
+) -> AnswerValue:
     question = defined([item(kind, "q", **more)]).question("q")
     return read_answer(question, {"q": values, **({"q~": [reason]} if reason else {})}, now)
 
@@ -19,13 +28,23 @@ def said(kind: str, *values: str, reason: str = "", now: datetime.datetime = NOW
 @pytest.mark.parametrize(
     ("kind", "more", "values", "stored"),
     [
-        ("likert", {}, ["-1"], -1), ("single", {}, ["b"], "b"), ("multiple", {}, ["c", "a", "c"], ["a", "c"]), ("multiple", {"options": ALONE}, ["none"], ["none"]),
-        ("multiple", {"options": ALONE, "at_least": 2}, ["none"], ["none"]), ("number", {"whole": True}, ["42"], 42), ("number", {}, [" 2,5 "], 2.5),
-        ("number", {"minimum": -3}, ["-3"], -3.0), ("number", {"maximum": "this_year", "whole": True}, ["2026"], 2026), ("text", {}, ["  hello\r\nyou "], "hello\nyou"),
-        ("text", {}, ["~preferred_not"], "~preferred_not"), ("text", {}, ["a\x00b"], "ab"), ("date", {}, ["2024-02-29"], "2024-02-29"),
-        ("slider", {}, ["0"], 0), ("slider", {"step": 5}, ["100"], 100),
+        ("likert", {}, ["-1"], -1),
+        ("single", {}, ["b"], "b"),
+        ("multiple", {}, ["c", "a", "c"], ["a", "c"]),
+        ("multiple", {"options": ALONE}, ["none"], ["none"]),
+        ("multiple", {"options": ALONE, "at_least": 2}, ["none"], ["none"]),
+        ("number", {"whole": True}, ["42"], 42),
+        ("number", {}, [" 2,5 "], 2.5),
+        ("number", {"minimum": -3}, ["-3"], -3.0),
+        ("number", {"maximum": "this_year", "whole": True}, ["2026"], 2026),
+        ("text", {}, ["  hello\r\nyou "], "hello\nyou"),
+        ("text", {}, ["~preferred_not"], "~preferred_not"),
+        ("text", {}, ["a\x00b"], "ab"),
+        ("date", {}, ["2024-02-29"], "2024-02-29"),
+        ("slider", {}, ["0"], 0),
+        ("slider", {"step": 5}, ["100"], 100),
     ],
-)  # fmt: skip
+)
 def test_an_answer_is_stored_as_a_value_of_its_kind(kind, more, values, stored):
     given = said(kind, *values, **more)
     assert given == AnswerValue(value=stored)
@@ -35,17 +54,34 @@ def test_an_answer_is_stored_as_a_value_of_its_kind(kind, more, values, stored):
 @pytest.mark.parametrize(
     ("kind", "more", "values", "told"),
     [
-        ("likert", {}, ["2"], "not among"), ("likert", {}, ["1", "0"], "one answer"), ("likert", {}, ["1.0"], "not among"), ("single", {}, ["z"], "not among"),
-        ("multiple", {}, ["a", "z"], "not among"), ("multiple", {"at_least": 2}, ["a"], "at least 2"), ("multiple", {"at_most": 1}, ["a", "b"], "at most 1"),
-        ("multiple", {"options": ALONE}, ["a", "none"], "excludes"), ("number", {"whole": True}, ["4.5"], "whole"), ("number", {}, ["four"], "a number"),
-        ("number", {}, ["nan"], "a number"), ("number", {}, ["1e999"], "a number"), ("number", {}, ["1_0"], "a number"), ("number", {}, ["9" * 5000], "a number"),
-        ("number", {"minimum": 3}, ["2"], "least number is 3"), ("number", {"maximum": 2.5}, ["2.6"], "greatest number is 2.5"),
-        ("number", {"maximum": "this_year"}, ["2027"], "greatest number is 2026"), ("text", {"max_length": 3}, ["abcd"], "at most 3"),
-        ("date", {}, ["2023-02-29"], "year-month-day"), ("date", {}, ["tomorrow"], "year-month-day"), ("date", {"earliest": "2024-01-01"}, ["2023-12-31"], "earliest"),
-        ("date", {"latest": "today"}, ["2026-03-06"], "latest"), ("slider", {}, ["101"], "from 0 to 100"), ("slider", {}, ["-1"], "from 0 to 100"),
-        ("slider", {"step": 5}, ["7"], "steps of 5"), ("slider", {}, ["7.5"], "from 0 to 100"),
+        ("likert", {}, ["2"], "not among"),
+        ("likert", {}, ["1", "0"], "one answer"),
+        ("likert", {}, ["1.0"], "not among"),
+        ("single", {}, ["z"], "not among"),
+        ("multiple", {}, ["a", "z"], "not among"),
+        ("multiple", {"at_least": 2}, ["a"], "at least 2"),
+        ("multiple", {"at_most": 1}, ["a", "b"], "at most 1"),
+        ("multiple", {"options": ALONE}, ["a", "none"], "excludes"),
+        ("number", {"whole": True}, ["4.5"], "whole"),
+        ("number", {}, ["four"], "a number"),
+        ("number", {}, ["nan"], "a number"),
+        ("number", {}, ["1e999"], "a number"),
+        ("number", {}, ["1_0"], "a number"),
+        ("number", {}, ["9" * 5000], "a number"),
+        ("number", {"minimum": 3}, ["2"], "least number is 3"),
+        ("number", {"maximum": 2.5}, ["2.6"], "greatest number is 2.5"),
+        ("number", {"maximum": "this_year"}, ["2027"], "greatest number is 2026"),
+        ("text", {"max_length": 3}, ["abcd"], "at most 3"),
+        ("date", {}, ["2023-02-29"], "year-month-day"),
+        ("date", {}, ["tomorrow"], "year-month-day"),
+        ("date", {"earliest": "2024-01-01"}, ["2023-12-31"], "earliest"),
+        ("date", {"latest": "today"}, ["2026-03-06"], "latest"),
+        ("slider", {}, ["101"], "from 0 to 100"),
+        ("slider", {}, ["-1"], "from 0 to 100"),
+        ("slider", {"step": 5}, ["7"], "steps of 5"),
+        ("slider", {}, ["7.5"], "from 0 to 100"),
     ],
-)  # fmt: skip
+)
 def test_an_answer_out_of_bounds_is_refused_with_the_bound(kind, more, values, told):
     with pytest.raises(RefusedError, match=told):
         said(kind, *values, **more)
@@ -58,7 +94,9 @@ def test_today_is_any_day_that_it_is_somewhere_on_earth():
     assert said("date", "2026-03-03", earliest="today", now=morning).value == "2026-03-03"
 
 
-@pytest.mark.parametrize("kind", ["likert", "single", "multiple", "number", "text", "date", "slider"])
+@pytest.mark.parametrize(
+    "kind", ["likert", "single", "multiple", "number", "text", "date", "slider"]
+)
 def test_saying_nothing_is_skipped_and_refused_only_where_an_answer_is_required(kind):
     for values in ([], [""], ["  "]):
         assert said(kind, *values) == AnswerValue(missing=Missing.SKIPPED)
@@ -71,14 +109,21 @@ def test_saying_nothing_is_skipped_and_refused_only_where_an_answer_is_required(
 
 @pytest.mark.parametrize("kind", ["likert", "single"])
 def test_where_one_choice_excludes_the_others_a_reason_is_one_of_them(kind):
-    assert said(kind, "~preferred_not", prefer_not=True) == AnswerValue(missing=Missing.PREFERRED_NOT)
+    assert said(kind, "~preferred_not", prefer_not=True) == AnswerValue(
+        missing=Missing.PREFERRED_NOT
+    )
     with pytest.raises(RefusedError):
         said(kind, "~preferred_not", not_applicable=True)
 
 
-@pytest.mark.parametrize(("kind", "value"), [("multiple", "a"), ("number", "3"), ("text", "x"), ("date", "2020-01-01"), ("slider", "5")])
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [("multiple", "a"), ("number", "3"), ("text", "x"), ("date", "2020-01-01"), ("slider", "5")],
+)
 def test_elsewhere_a_reason_comes_beside_the_answer_and_not_with_it(kind, value):
-    assert said(kind, reason="not_applicable", not_applicable=True) == AnswerValue(missing=Missing.NOT_APPLICABLE)
+    assert said(kind, reason="not_applicable", not_applicable=True) == AnswerValue(
+        missing=Missing.NOT_APPLICABLE
+    )
     with pytest.raises(RefusedError, match="either answer or say why not"):
         said(kind, value, reason="not_applicable", not_applicable=True)
     for forged in ("preferred_not", "not_reached", "skipped", "nonsense"):
@@ -88,7 +133,12 @@ def test_elsewhere_a_reason_comes_beside_the_answer_and_not_with_it(kind, value)
 
 def test_missing_is_one_of_four_and_says_what_happened():
     definition = defined(
-        [item("single", "left"), item("single", "declined"), item("single", "hidden", show_if={"robot": ["giraff"]}), item("single", "said")],
+        [
+            item("single", "left"),
+            item("single", "declined"),
+            item("single", "hidden", show_if={"robot": ["giraff"]}),
+            item("single", "said"),
+        ],
         [item("single", "here"), item("single", "now")],
         [item("single", "never")],
     )
@@ -100,6 +150,12 @@ def test_missing_is_one_of_four_and_says_what_happened():
     }
     found = standings(definition, stored, Circumstances(robot=frozenset({"rhodon"})), reached=1)
     assert {key: given.missing for key, given in found.items()} == {
-        "left": "skipped", "declined": "preferred_not", "hidden": "not_applicable", "said": None, "here": "not_reached", "now": None, "never": "not_reached",
-    }  # fmt: skip
+        "left": "skipped",
+        "declined": "preferred_not",
+        "hidden": "not_applicable",
+        "said": None,
+        "here": "not_reached",
+        "now": None,
+        "never": "not_reached",
+    }
     assert found["hidden"].value is None

@@ -22,22 +22,39 @@ def question(key: str, condition: dict | None) -> dict:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
 def test_conditions_on_answers(case):
     definition = defined([question(key, condition) for key, condition in case["questions"].items()])
-    values = {key: read_answer(definition.question(key), case["said"], NOW).value for key in case["questions"]}
+    values = {
+        key: read_answer(definition.question(key), case["said"], NOW).value
+        for key in case["questions"]
+    }
     assert shown_keys(definition, values, Circumstances()) == case["shown"]
 
 
 @pytest.mark.parametrize(
     ("robot", "outcome", "shown"),
-    [(["giraff"], "completed", ["r", "o", "both"]), (["g7", "giraff"], "", ["r"]), (["rhodon"], "completed", ["o"]), ([], "", [])],
+    [
+        (["giraff"], "completed", ["r", "o", "both"]),
+        (["g7", "giraff"], "", ["r"]),
+        (["rhodon"], "completed", ["o"]),
+        ([], "", []),
+    ],
 )
 def test_conditions_on_robot_and_outcome(robot, outcome, shown):
     on_robot, on_outcome = {"robot": ["giraff"]}, {"outcome": ["completed", "timed_out"]}
     definition = defined(
-        [item("text", "r", show_if=on_robot), item("text", "o", show_if=on_outcome), item("text", "both", show_if=on_robot | on_outcome)]
+        [
+            item("text", "r", show_if=on_robot),
+            item("text", "o", show_if=on_outcome),
+            item("text", "both", show_if=on_robot | on_outcome),
+        ]
     )
-    assert shown_keys(definition, {}, Circumstances(robot=frozenset(robot), outcome=outcome)) == shown
+    assert (
+        shown_keys(definition, {}, Circumstances(robot=frozenset(robot), outcome=outcome)) == shown
+    )
 
 
 def test_a_page_that_is_hidden_hides_its_questions():
-    pages = [{"key": "one", "show_if": {"outcome": ["completed"]}, "items": [item("text", "a")]}, {"key": "two", "items": [item("text", "b")]}]
+    pages = [
+        {"key": "one", "show_if": {"outcome": ["completed"]}, "items": [item("text", "a")]},
+        {"key": "two", "items": [item("text", "b")]},
+    ]
     assert shown_keys(defined(pages=pages), {}, Circumstances()) == ["b"]

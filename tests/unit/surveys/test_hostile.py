@@ -15,12 +15,20 @@ from tests.support.questionnaires import NOW, as_bytes, defined, document, item,
 
 PAGES = (
     [
-        item("likert", "l", prefer_not=True), item("grid", "g", rows=rows("g1", "g2")), item("single", "s", order="shuffled"),
-        item("multiple", "m", at_least=1, at_most=3, not_applicable=True), item("number", "n", minimum=-5, maximum="this_year", whole=True),
-        item("text", "t", max_length=20), item("date", "d", earliest="2020-01-01", latest="today"), item("slider", "x", step=5),
+        item("likert", "l", prefer_not=True),
+        item("grid", "g", rows=rows("g1", "g2")),
+        item("single", "s", order="shuffled"),
+        item("multiple", "m", at_least=1, at_most=3, not_applicable=True),
+        item("number", "n", minimum=-5, maximum="this_year", whole=True),
+        item("text", "t", max_length=20),
+        item("date", "d", earliest="2020-01-01", latest="today"),
+        item("slider", "x", step=5),
     ],
-    [item("text", "why", show_if={"item": "s", "is": ["c"]}), item("text", "more", show_if={"item": "n", "at_least": 2, "robot": ["giraff"]})],
-)  # fmt: skip
+    [
+        item("text", "why", show_if={"item": "s", "is": ["c"]}),
+        item("text", "more", show_if={"item": "n", "at_least": 2, "robot": ["giraff"]}),
+    ],
+)
 TOPICS = [{"key": "topic", "text": {"en": "Topic"}, "items": ["l", "g1"]}]
 WHOLE = document(*PAGES, topics=TOPICS, scoring="likert")
 DEFINITION = defined(*PAGES, topics=TOPICS, scoring="likert")
@@ -33,15 +41,41 @@ LEAVES = (
     | st.text(max_size=8)
     | st.sampled_from(["en", "today", "likert", "agree", "shuffled", "l", "\x00"])
 )
-JSON = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3), max_leaves=6)
+JSON = st.recursive(
+    LEAVES,
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
 SENT = st.text(max_size=30) | st.sampled_from(
-    ["", "a", "-1", "1", "0", "2020-02-30", "nan", "1e400", "~preferred_not", "~skipped", "not_applicable", "50", "9" * 400]
+    [
+        "",
+        "a",
+        "-1",
+        "1",
+        "0",
+        "2020-02-30",
+        "nan",
+        "1e400",
+        "~preferred_not",
+        "~skipped",
+        "not_applicable",
+        "50",
+        "9" * 400,
+    ]
 )
 
 
 def places(part, path=()):
     """Return the paths to everything inside a document."""
-    inner = part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ()
+    inner = (
+        part.items()
+        if isinstance(part, dict)
+        else enumerate(part)
+        if isinstance(part, list)
+        else ()
+    )
     return [path, *(deeper for name, value in inner for deeper in places(value, (*path, name)))]
 
 
@@ -78,7 +112,9 @@ def test_a_file_with_one_thing_changed_is_either_right_or_refused_with_a_reason(
     if definition is None:
         return
     assert parse(to_json(definition)) == definition
-    reader = Reader(language="en", seed=1, stored={}, circumstances=Circumstances(), now=NOW, sees_all=True)
+    reader = Reader(
+        language="en", seed=1, stored={}, circumstances=Circumstances(), now=NOW, sees_all=True
+    )
     for page in range(len(definition.pages)):
         assert sheet_of(definition, page, reader, range(len(definition.pages))).blocks
 
@@ -90,7 +126,9 @@ def test_bytes_are_refused_as_json(content):
 
 @settings(deadline=None)
 @given(st.sampled_from(KEYS), st.lists(SENT, max_size=4), st.lists(SENT, max_size=2))
-def test_whatever_is_sent_to_a_question_is_an_answer_that_it_allows_or_refused(key, values, reasons):
+def test_whatever_is_sent_to_a_question_is_an_answer_that_it_allows_or_refused(
+    key, values, reasons
+):
     told, refused = read(key, {key: values, f"{key}~": reasons})
     assert (told is None) == bool(refused)
     if told is None:
@@ -99,7 +137,11 @@ def test_whatever_is_sent_to_a_question_is_an_answer_that_it_allows_or_refused(k
     assert told.missing is not Missing.NOT_REACHED
     if told.value is not None:
         json.dumps(told.value, allow_nan=False)
-        again = [str(value) for value in told.value] if isinstance(told.value, list) else [str(told.value)]
+        again = (
+            [str(value) for value in told.value]
+            if isinstance(told.value, list)
+            else [str(told.value)]
+        )
         assert read(key, {key: again}) == (told, "")
 
 

@@ -16,7 +16,9 @@ def shuffled_page(*names: str):
 
 
 def test_a_fixed_order_is_the_written_one_whatever_the_seed():
-    definition = defined([item("single", "a"), item("grid", "g", rows=rows("r1", "r2"))], [item("single", "z")])
+    definition = defined(
+        [item("single", "a"), item("grid", "g", rows=rows("r1", "r2"))], [item("single", "z")]
+    )
     assert {tuple(keys(definition, seed)) for seed in range(20)} == {("a", "r1", "r2", "z")}
 
 
@@ -45,6 +47,14 @@ def test_what_excludes_the_others_stays_at_the_end():
 
 
 def test_positions_count_questions_as_they_are_met():
-    definition = defined(pages=[{"key": "p", "order": "shuffled", "items": [item("grid", "g", rows=rows("r1", "r2")), item("single", "s")]}])
+    definition = defined(
+        pages=[
+            {
+                "key": "p",
+                "order": "shuffled",
+                "items": [item("grid", "g", rows=rows("r1", "r2")), item("single", "s")],
+            }
+        ]
+    )
     found = {tuple(sorted(positions(definition, seed).items())) for seed in range(50)}
     assert found == {(("r1", 1), ("r2", 2), ("s", 3)), (("r1", 2), ("r2", 3), ("s", 1))}

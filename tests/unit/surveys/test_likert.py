@@ -12,11 +12,18 @@ from surveys.questionnaires import shipped
 from surveys.results import likert_table
 
 SCALE = (-2, -1, 0, 1, 2)
-RESPONSES = st.lists(st.dictionaries(st.sampled_from(["q1", "q2", "q3"]), st.sampled_from([*SCALE, None])), max_size=30)
+RESPONSES = st.lists(
+    st.dictionaries(st.sampled_from(["q1", "q2", "q3"]), st.sampled_from([*SCALE, None])),
+    max_size=30,
+)
 
 
-@pytest.mark.parametrize(("interval", "ci95", "ci99"), [("normal", 0.1715, 0.2254), ("t", 0.1749, 0.2324)])
-def test_the_published_number_of_respondents_and_spread_give_the_published_interval(interval, ci95, ci99):
+@pytest.mark.parametrize(
+    ("interval", "ci95", "ci99"), [("normal", 0.1715, 0.2254), ("t", 0.1749, 0.2324)]
+)
+def test_the_published_number_of_respondents_and_spread_give_the_published_interval(
+    interval, ci95, ci99
+):
     assert half_width(0.70, 64, 0.95, interval) == pytest.approx(ci95, abs=5e-5)
     assert half_width(0.70, 64, 0.99, interval) == pytest.approx(ci99, abs=5e-5)
 
@@ -36,7 +43,13 @@ def test_percentages_pool_answers_and_the_rest_counts_respondents():
 @pytest.mark.parametrize("interval", ["normal", "t"])
 def test_nobody_and_one_respondent_break_nothing(interval):
     nobody = summarise([], ["q1"], SCALE, interval=interval)
-    assert (nobody.respondents, nobody.answers, nobody.percentages, nobody.mean, nobody.positive) == (0, 0, None, None, None)
+    assert (
+        nobody.respondents,
+        nobody.answers,
+        nobody.percentages,
+        nobody.mean,
+        nobody.positive,
+    ) == (0, 0, None, None, None)
     one = summarise([{"q1": 1}], ["q1"], SCALE, interval=interval)
     assert (one.mean, one.sd, one.ci95, one.ci99, one.positive) == (1.0, None, None, None, 100.0)
 
@@ -66,9 +79,21 @@ def test_mean_and_deviation_agree_with_the_standard_library(scores):
 
 
 def test_the_table_has_overall_then_topics_then_statements():
-    table = likert_table(shipped()["experience"], [{f"q{n}": 1 for n in range(1, 9)}] * 2, language="en", interval="t", overall="Overall")
+    table = likert_table(
+        shipped()["experience"],
+        [{f"q{n}": 1 for n in range(1, 9)}] * 2,
+        language="en",
+        interval="t",
+        overall="Overall",
+    )
     assert [line.kind for line in table] == ["overall"] + ["topic"] * 4 + ["statement"] * 8
-    assert [line.label for line in table][:5] == ["Overall", "Robot teleoperation", "Cognitive load", "Task complexity", "Interface design"]
+    assert [line.label for line in table][:5] == [
+        "Overall",
+        "Robot teleoperation",
+        "Cognitive load",
+        "Task complexity",
+        "Interface design",
+    ]
     assert [line.summary.answers for line in table][:5] == [16, 6, 2, 6, 2]
     assert all(line.summary.sd == 0.0 for line in table)
 

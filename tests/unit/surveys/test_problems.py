@@ -24,24 +24,53 @@ def likert(**more) -> dict:
 
 def test_every_kind_of_item_is_read_and_written_again_without_loss():
     kinds = [
-        item("likert", "l", required=True, prefer_not=True, not_applicable=True), item("grid", "g", rows=rows("g1", "g2"), order="shuffled"),
-        item("single", "s", order="shuffled"), item("multiple", "m", at_least=1, at_most=3), item("number", "n", minimum=1900, maximum="this_year", whole=True),
-        item("text", "t", lines=4, max_length=200), item("date", "d", earliest="2020-01-01", latest="today"), item("slider", "x", step=5),
-    ]  # fmt: skip
-    definition = defined(kinds, [item("text", "why", show_if={"robot": ["giraff"], "outcome": ["completed"], "item": "l", "is": [1]})])
+        item("likert", "l", required=True, prefer_not=True, not_applicable=True),
+        item("grid", "g", rows=rows("g1", "g2"), order="shuffled"),
+        item("single", "s", order="shuffled"),
+        item("multiple", "m", at_least=1, at_most=3),
+        item("number", "n", minimum=1900, maximum="this_year", whole=True),
+        item("text", "t", lines=4, max_length=200),
+        item("date", "d", earliest="2020-01-01", latest="today"),
+        item("slider", "x", step=5),
+    ]
+    definition = defined(
+        kinds,
+        [
+            item(
+                "text",
+                "why",
+                show_if={"robot": ["giraff"], "outcome": ["completed"], "item": "l", "is": [1]},
+            )
+        ],
+    )
     again = parse(to_json(definition))
     assert again == definition
     assert digest(again) == digest(definition)
-    assert [question.key for question in definition.questions()] == ["l", "g1", "g2", "s", "m", "n", "t", "d", "x", "why"]
+    assert [question.key for question in definition.questions()] == [
+        "l",
+        "g1",
+        "g2",
+        "s",
+        "m",
+        "n",
+        "t",
+        "d",
+        "x",
+        "why",
+    ]
 
 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"{", "not JSON"), (b"\xff\xfe", "not JSON"), (b"[]", "Expected `object`"), (b"{}", "missing required field `format`"),
-        (b" " * (MAX_BYTES + 1), "larger than 512 kB"), (b"[" * 100_000, "Expected `object`"),
+        (b"{", "not JSON"),
+        (b"\xff\xfe", "not JSON"),
+        (b"[]", "Expected `object`"),
+        (b"{}", "missing required field `format`"),
+        (b" " * (MAX_BYTES + 1), "larger than 512 kB"),
+        (b"[" * 100_000, "Expected `object`"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_definition_at_all_is_told_apart(content, said):
     assert said in refused(content)
 
@@ -49,18 +78,33 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"format": 2}, "$.format"), ({"version": 0}, "$.version"), ({"slug": "No Good"}, "$.slug"), ({"colour": "red"}, "unknown field `colour`"),
-        ({"pages": []}, "There is no page."), ({"languages": []}, "There is no language."), ({"languages": ["en", "en"]}, "language en stands 2 times"),
-        ({"languages": ["en", "es"]}, "q1.text has no text in es"), ({"title": {"en": "T", "fr": "T"}}, "fr, which is not among"),
-        ({"title": {"en": "  "}}, "title has no text in en"), ({"title": {"en": "a\x00b"}}, "null character"), ({"source": "\x00"}, "null character"),
+        ({"format": 2}, "$.format"),
+        ({"version": 0}, "$.version"),
+        ({"slug": "No Good"}, "$.slug"),
+        ({"colour": "red"}, "unknown field `colour`"),
+        ({"pages": []}, "There is no page."),
+        ({"languages": []}, "There is no language."),
+        ({"languages": ["en", "en"]}, "language en stands 2 times"),
+        ({"languages": ["en", "es"]}, "q1.text has no text in es"),
+        ({"title": {"en": "T", "fr": "T"}}, "fr, which is not among"),
+        ({"title": {"en": "  "}}, "title has no text in en"),
+        ({"title": {"en": "a\x00b"}}, "null character"),
+        ({"source": "\x00"}, "null character"),
         ({"intro": {"en": "x" * 5000}}, "longer than 4000"),
-        ({"scales": {}}, "q1: there is no scale agree"), ({"scales": {"agree": AGREE[:1]}}, "has 1 points"),
-        ({"scales": {"agree": AGREE[::-1]}}, "do not rise"), ({"scales": {"agree": [AGREE[0], {"value": 3}]}}, "does not name its two ends"),
-        ({"scales": {"a.b": AGREE}}, "$.scales"), ({"scoring": "magic"}, "$.scoring"),
-        ({"scoring": "sus"}, "ten statements"), ({"scoring": "tlx_raw"}, "six sliders"),
-        ({"topics": [{"key": "t", "text": {"en": "T"}, "items": ["zz"]}]}, "topic t: there is no statement zz"),
+        ({"scales": {}}, "q1: there is no scale agree"),
+        ({"scales": {"agree": AGREE[:1]}}, "has 1 points"),
+        ({"scales": {"agree": AGREE[::-1]}}, "do not rise"),
+        ({"scales": {"agree": [AGREE[0], {"value": 3}]}}, "does not name its two ends"),
+        ({"scales": {"a.b": AGREE}}, "$.scales"),
+        ({"scoring": "magic"}, "$.scoring"),
+        ({"scoring": "sus"}, "ten statements"),
+        ({"scoring": "tlx_raw"}, "six sliders"),
+        (
+            {"topics": [{"key": "t", "text": {"en": "T"}, "items": ["zz"]}]},
+            "topic t: there is no statement zz",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_whole_is_told_with_its_place(change, said):
     assert said in refused(document([likert()], **change))
 
@@ -68,16 +112,27 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
 @pytest.mark.parametrize(
     ("items", "said"),
     [
-        ([], "Page page1 has no items"), ([likert(), likert()], "The key q1 stands 2 times"), ([{**likert(), "kind": "essay"}], "Invalid value 'essay'"),
-        ([likert(requird=True)], "unknown field `requird`"), ([item("likert", "Q 1")], "items[0].key"), ([item("grid", "g", rows=[])], "g: the grid has no rows"),
-        ([item("grid", "g", rows=rows("g"))], "The key g stands 2 times"), ([item("grid", "g", rows=[{"key": "r", "text": {"en": ""}}])], "r.text has no text"),
-        ([item("single", "s", options=[])], "no options"), ([item("single", "s", options=OPTIONS[:1] * 2)], "option a stands 2 times"),
-        ([item("multiple", "m", at_least=3, at_most=2)], "so many options"), ([item("multiple", "m", at_most=9)], "so many options"),
-        ([item("number", "n", minimum=5, maximum=1)], "least number is larger"), ([item("slider", "x", minimum=9, maximum=1)], "multiple of its step"),
-        ([item("slider", "x", step=7)], "multiple of its step"), ([item("slider", "x", maximum=10**9)], "$.pages"), ([item("text", "t", max_length=0)], "$.pages"),
-        ([item("date", "d", earliest="2020-02-31")], "2020-02-31 is not a day"), ([item("date", "d", earliest="2021-01-01", latest="2020-01-01")], "after the latest"),
+        ([], "Page page1 has no items"),
+        ([likert(), likert()], "The key q1 stands 2 times"),
+        ([{**likert(), "kind": "essay"}], "Invalid value 'essay'"),
+        ([likert(requird=True)], "unknown field `requird`"),
+        ([item("likert", "Q 1")], "items[0].key"),
+        ([item("grid", "g", rows=[])], "g: the grid has no rows"),
+        ([item("grid", "g", rows=rows("g"))], "The key g stands 2 times"),
+        ([item("grid", "g", rows=[{"key": "r", "text": {"en": ""}}])], "r.text has no text"),
+        ([item("single", "s", options=[])], "no options"),
+        ([item("single", "s", options=OPTIONS[:1] * 2)], "option a stands 2 times"),
+        ([item("multiple", "m", at_least=3, at_most=2)], "so many options"),
+        ([item("multiple", "m", at_most=9)], "so many options"),
+        ([item("number", "n", minimum=5, maximum=1)], "least number is larger"),
+        ([item("slider", "x", minimum=9, maximum=1)], "multiple of its step"),
+        ([item("slider", "x", step=7)], "multiple of its step"),
+        ([item("slider", "x", maximum=10**9)], "$.pages"),
+        ([item("text", "t", max_length=0)], "$.pages"),
+        ([item("date", "d", earliest="2020-02-31")], "2020-02-31 is not a day"),
+        ([item("date", "d", earliest="2021-01-01", latest="2020-01-01")], "after the latest"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_item_is_told_with_its_key(items, said):
     assert said in refused(document(items))
 
@@ -85,32 +140,61 @@ def test_a_wrong_item_is_told_with_its_key(items, said):
 @pytest.mark.parametrize(
     ("condition", "said"),
     [
-        ({}, "neither robot nor outcome nor item"), ({"item": "q1"}, "needs item together with"), ({"is": [1]}, "needs item together with"),
-        ({"item": "later", "is": ["a"]}, "no earlier question"), ({"item": "own", "is": ["x"]}, "no earlier question"),
-        ({"item": "q1", "is": [7]}, "expects 7, which q1 cannot be"), ({"item": "s", "is": ["z"]}, "expects z"), ({"item": "s", "at_least": 2}, "is no number"),
+        ({}, "neither robot nor outcome nor item"),
+        ({"item": "q1"}, "needs item together with"),
+        ({"is": [1]}, "needs item together with"),
+        ({"item": "later", "is": ["a"]}, "no earlier question"),
+        ({"item": "own", "is": ["x"]}, "no earlier question"),
+        ({"item": "q1", "is": [7]}, "expects 7, which q1 cannot be"),
+        ({"item": "s", "is": ["z"]}, "expects z"),
+        ({"item": "s", "at_least": 2}, "is no number"),
     ],
-)  # fmt: skip
+)
 def test_a_condition_that_cannot_be_decided_is_refused(condition, said):
-    items = [likert(), item("single", "s"), item("text", "own", show_if=condition), item("single", "later")]
+    items = [
+        likert(),
+        item("single", "s"),
+        item("text", "own", show_if=condition),
+        item("single", "later"),
+    ]
     assert said in refused(document(items))
 
 
 def test_on_a_shuffled_page_no_question_is_earlier_than_another():
-    shuffled = {"key": "p", "order": "shuffled", "items": [likert(), item("text", "why", show_if={"item": "q1", "is": [1]})]}
+    shuffled = {
+        "key": "p",
+        "order": "shuffled",
+        "items": [likert(), item("text", "why", show_if={"item": "q1", "is": [1]})],
+    }
     assert "no earlier question" in refused({**document(), "pages": [shuffled]})
-    fine = [{"key": "p", "order": "shuffled", "items": [likert()]}, {"key": "p2", "items": [item("text", "why", show_if={"item": "q1", "is": [1]})]}]
+    fine = [
+        {"key": "p", "order": "shuffled", "items": [likert()]},
+        {"key": "p2", "items": [item("text", "why", show_if={"item": "q1", "is": [1]})]},
+    ]
     assert parse(as_bytes({**document(), "pages": fine}))
 
 
 def test_all_problems_are_told_at_once():
-    told = refused(document([likert(scale="none"), item("single", "s", options=[])], title={"en": ""}))
+    told = refused(
+        document([likert(scale="none"), item("single", "s", options=[])], title={"en": ""})
+    )
     assert len(told.splitlines()) == 3
 
 
 def test_the_text_version_changes_with_any_word_of_its_language_and_with_no_other():
     def version(language: str, **more) -> str:
         both = {"en": "One", "es": "Uno"}
-        written = document([{"kind": "single", "key": "s", "text": both, "options": [{"value": "a", "label": {"en": "A", "es": "A"}}], **more}])
+        written = document(
+            [
+                {
+                    "kind": "single",
+                    "key": "s",
+                    "text": both,
+                    "options": [{"value": "a", "label": {"en": "A", "es": "A"}}],
+                    **more,
+                }
+            ]
+        )
         written |= {"languages": ["en", "es"], "title": both, "scales": {}}
         return parse(json.dumps(written).encode()).question("s").fingerprint(language)
 

@@ -8,7 +8,13 @@ from surveys.scoring import scores, sus, tlx_raw
 
 @pytest.mark.parametrize(
     ("answers", "score"),
-    [([5, 1] * 5, 100.0), ([1, 5] * 5, 0.0), ([3] * 10, 50.0), ([4, 2, 4, 2, 4, 2, 4, 2, 4, 2], 75.0), ([5, 2, 4, 1, 3, 3, 5, 2, 4, 1], 80.0)],
+    [
+        ([5, 1] * 5, 100.0),
+        ([1, 5] * 5, 0.0),
+        ([3] * 10, 50.0),
+        ([4, 2, 4, 2, 4, 2, 4, 2, 4, 2], 75.0),
+        ([5, 2, 4, 1, 3, 3, 5, 2, 4, 1], 80.0),
+    ],
 )
 def test_sus_counts_odd_items_up_and_even_items_down(answers, score):
     assert sus(answers) == score

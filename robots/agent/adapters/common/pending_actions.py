@@ -1,9 +1,11 @@
-"""What was ordered of an RCA and has not ended: which errand, until when, and what becomes of it. Pure: `now` is given.
+"""What was ordered of an RCA and has not ended: which errand, until when, and what becomes of it.
+Pure: `now` is given.
 
-An errand that moves the base, one that moves the head and one that tells the robot where it is may run at once; of each the newer
-replaces the older. Some RCAs say when they are done, others only do it: arriving in the dock, leaving it, the head's angle and the
-pose are seen in the readings. That an order was sent never means that it was obeyed. Docking has
-ended when the robot is docked (robots/api/docked.py), undocking when its contacts are apart.
+An errand that moves the base, one that moves the head and one that tells the robot where it is may
+run at once; of each the newer replaces the older. Some RCAs say when they are done, others only do
+it: arriving in the dock, leaving it, the head's angle and the pose are seen in the readings. That
+an order was sent never means that it was obeyed. Docking has ended when the robot is docked
+(robots/api/docked.py), undocking when its contacts are apart.
 """
 
 import math
@@ -26,9 +28,11 @@ Kind = Literal["goto", "dock", "undock", "tilt", "relocalize"]
 
 @dataclass(frozen=True)
 class Area:
-    """Where a robot that was told so should find itself: a square in map metres, and a heading in radians unless that was not told.
+    """Where a robot that was told so should find itself: a square in map metres, and a heading in
+    radians unless that was not told.
 
-    `settles` is how many seconds after the order a pose counts: an RCA that says its pose all the time says the old one first.
+    `settles` is how many seconds after the order a pose counts: an RCA that says its pose all the
+    time says the old one first.
     """
 
     x: float
@@ -41,14 +45,18 @@ class Area:
     def holds(self, pose: Pose) -> bool:
         """Return whether a pose is in here."""
         near = max(abs(pose.x - self.x), abs(pose.y - self.y)) <= self.half_width
-        return near and (self.theta is None or abs(wrap_angle(pose.theta - self.theta)) <= self.half_turn)
+        return near and (
+            self.theta is None or abs(wrap_angle(pose.theta - self.theta)) <= self.half_turn
+        )
 
 
 @dataclass
 class PendingAction:
-    """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline` and `over_at` are monotonic seconds.
+    """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline` and
+    `over_at` are monotonic seconds.
 
-    `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when the RCA said that it is done.
+    `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when
+    the RCA said that it is done.
     """
 
     action_id: str
@@ -86,7 +94,14 @@ class PendingActions:
 
     def of(self, action_id: str) -> PendingAction | None:
         """Return a running errand by its action."""
-        return next((each for each in (self.drive, self.head, self.whereabouts) if each is not None and each.action_id == action_id), None)
+        return next(
+            (
+                each
+                for each in (self.drive, self.head, self.whereabouts)
+                if each is not None and each.action_id == action_id
+            ),
+            None,
+        )
 
     def end(self, action_id: str, status: ActionState, reason: str = "") -> None:
         """Say what became of an errand; nothing when it has ended before."""
@@ -102,8 +117,17 @@ class PendingActions:
         for pending in (self.drive, self.head, self.whereabouts):
             self._end(pending, "FAILED", reason)
 
-    def watch(self, now: float, *, dock: DockState, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> PendingAction | None:
-        """Look whether something was reached, or takes too long; return what moves the base and took too long, to be taken back.
+    def watch(
+        self,
+        now: float,
+        *,
+        dock: DockState,
+        tilt: float | None,
+        pose: Pose = NOWHERE,
+        fixed_at: float = -math.inf,
+    ) -> PendingAction | None:
+        """Look whether something was reached, or takes too long; return what moves the base and
+        took too long, to be taken back.
 
         Args:
             now: monotonic seconds.

@@ -1,4 +1,6 @@
-"""How far actions are, until the agent has heard it. Nothing grows while nobody listens: of each action every status waits once."""
+"""How far actions are, until the agent has heard it. Nothing grows while nobody listens: of each
+action every status waits once.
+"""
 
 import asyncio
 
@@ -10,7 +12,9 @@ MOST = 256
 
 
 class ProgressQueue:
-    """In order of arrival; for one loop. When there is more than `MOST`, the oldest that ends no action is forgotten first."""
+    """In order of arrival; for one loop. When there is more than `MOST`, the oldest that ends no
+    action is forgotten first.
+    """
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[str, str], News] = {}

@@ -1,8 +1,11 @@
-"""What all adapters of an RCA outside of the agent have in common: everything but the words that the RCA understands.
+"""What all adapters of an RCA outside of the agent have in common: everything but the words that
+the RCA understands.
 
-A subclass says how to reach it (`_open`, `_shut`, `_cut`), how a velocity is said (`_drive`), how to find out that it reads what it
-is told (`_ask`), and what it can be told to do (`_order`, `_withdraw`, `_turn_head`). Whatever it hears goes into `readings`, what
-becomes of orders into `pending_actions`, and its end into `_lose`. When the robot may be told to move, velocity_gate.py decides.
+A subclass says how to reach it (`_open`, `_shut`, `_cut`), how a velocity is said (`_drive`), how
+to find out that it reads what it is told (`_ask`), and what it can be told to do (`_order`,
+`_withdraw`, `_turn_head`). Whatever it hears goes into `readings`, what becomes of orders into
+`pending_actions`, and its end into `_lose`. When the robot may be told to move, velocity_gate.py
+decides.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -16,12 +19,24 @@ from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
 from typing import Any
 
-from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING, LONGEST_TILT, PendingAction, PendingActions
+from robots.agent.adapters.common.pending_actions import (
+    LONGEST_DOCKING,
+    LONGEST_TILT,
+    PendingAction,
+    PendingActions,
+)
 from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
-from robots.agent.robot_interface import ActionProgress, AdapterError, AudioSource, Profile, RcaState, VideoSource
+from robots.agent.robot_interface import (
+    ActionProgress,
+    AdapterError,
+    AudioSource,
+    Profile,
+    RcaState,
+    VideoSource,
+)
 from robots.agent.safety.ramp import ZERO
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
@@ -40,19 +55,34 @@ GATE = GateParams()
 log = logging.getLogger(__name__)
 
 
-def profile_of(robot: RobotProfile, rca: str, watchdog: float, *, own: tuple[Capability, ...] = ()) -> Profile:
-    """Return a robot's share of the factsheet; `own` is what it can do besides driving, in this RCA."""
+def profile_of(
+    robot: RobotProfile, rca: str, watchdog: float, *, own: tuple[Capability, ...] = ()
+) -> Profile:
+    """Return a robot's share of the factsheet; `own` is what it can do besides driving, in this
+    RCA.
+    """
     tilts = robot.tilt is not None and "tilt" in own
     capabilities = ("velocity", *(name for name in own if name != "tilt" or tilts))
     return Profile(
-        series=robot.series, rca=rca, capabilities=capabilities, limits=robot.limits, footprint=robot.footprint, watchdog=watchdog,
-        tilt=robot.tilt if tilts else None, laser=robot.laser if "scan" in own else None, camera=robot.camera,
-        sonars=robot.sonars, bumper=robot.bumper, depth=robot.depth,
-    )  # fmt: skip
+        series=robot.series,
+        rca=rca,
+        capabilities=capabilities,
+        limits=robot.limits,
+        footprint=robot.footprint,
+        watchdog=watchdog,
+        tilt=robot.tilt if tilts else None,
+        laser=robot.laser if "scan" in own else None,
+        camera=robot.camera,
+        sonars=robot.sonars,
+        bumper=robot.bumper,
+        depth=robot.depth,
+    )
 
 
 class RemoteAdapter(ABC):
-    """See contract.Adapter. `place` names the RCA and where it is, for sentences; `vital` what it must not stop saying."""
+    """See contract.Adapter. `place` names the RCA and where it is, for sentences; `vital` what it
+    must not stop saying.
+    """
 
     place = "the robot control architecture"
     vital = "its readings"
@@ -69,7 +99,7 @@ class RemoteAdapter(ABC):
         self._news = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
 
-    # --- what a subclass says --------------------------------------------------------------------------------------------
+    # --- what a subclass says ---------------------------------------------------------------------
 
     @abstractmethod
     async def _open(self) -> None:
@@ -113,7 +143,8 @@ class RemoteAdapter(ABC):
         return ""
 
     async def _order(self, action: Action) -> PendingAction:
-        """Tell the RCA to do something; return what to wait for, because to have told it is not to have done it.
+        """Tell the RCA to do something; return what to wait for, because to have told it is not to
+        have done it.
 
         Raises:
             AdapterError: not possible.
@@ -129,10 +160,12 @@ class RemoteAdapter(ABC):
     def _turn_head(self, angle: float) -> None:  # noqa: B027 -- not every RCA needs it
         """Tilt the head to an angle in radians."""
 
-    # --- what a subclass uses --------------------------------------------------------------------------------------------
+    # --- what a subclass uses ---------------------------------------------------------------------
 
     def _heard(self) -> None:
-        """Take that the robot said something of itself: wake whoever waits for states, and tell it what it may be told now."""
+        """Take that the robot said something of itself: wake whoever waits for states, and tell it
+        what it may be told now.
+        """
         self._news.set()
         now = time.monotonic()
         self._gate.heard(now)
@@ -182,9 +215,11 @@ class RemoteAdapter(ABC):
             case Dock():
                 return PendingAction(action.action_id, "dock", now, deadline=now + LONGEST_DOCKING)
             case _:
-                return PendingAction(action.action_id, "undock", now, deadline=now + LONGEST_DOCKING)
+                return PendingAction(
+                    action.action_id, "undock", now, deadline=now + LONGEST_DOCKING
+                )
 
-    # --- the contract ----------------------------------------------------------------------------------------------------
+    # --- the contract -----------------------------------------------------------------------------
 
     async def connect(self) -> None:
         """Reach the RCA, and hear where the robot is.
@@ -205,7 +240,9 @@ class RemoteAdapter(ABC):
             self._run(self._watch())
         except (OSError, TimeoutError) as error:
             await self._let_go("not connected")
-            raise AdapterError(f"{self.place} does not answer: {error or type(error).__name__}") from error
+            raise AdapterError(
+                f"{self.place} does not answer: {error or type(error).__name__}"
+            ) from error
         except AdapterError:
             await self._let_go("not connected")
             raise
@@ -219,7 +256,10 @@ class RemoteAdapter(ABC):
                     await self._news.wait()
         except TimeoutError as error:
             why = self._why_silent()
-            raise AdapterError(f"{self.place} is there, and says nothing of {self.vital}" + (f": {why}" if why else "")) from error
+            raise AdapterError(
+                f"{self.place} is there, and says nothing of {self.vital}"
+                + (f": {why}" if why else "")
+            ) from error
         if self._failure:
             raise AdapterError(self._failure)
 
@@ -233,7 +273,8 @@ class RemoteAdapter(ABC):
             raise AdapterError(self._failure)
         limits = self.profile.limits
         sent = Velocity(
-            linear=min(max(velocity.linear, -limits.reverse), limits.linear), angular=min(max(velocity.angular, -limits.angular), limits.angular)
+            linear=min(max(velocity.linear, -limits.reverse), limits.linear),
+            angular=min(max(velocity.angular, -limits.angular), limits.angular),
         )
         now = time.monotonic()
         if sent == ZERO or self._gate.shut(now) or self._unheard():
@@ -256,7 +297,9 @@ class RemoteAdapter(ABC):
             self._tilt(action)
             return
         name = str(type(action).__struct_config__.tag)
-        if name not in self.profile.capabilities or not isinstance(action, Goto | Dock | Undock | Relocalize):
+        if name not in self.profile.capabilities or not isinstance(
+            action, Goto | Dock | Undock | Relocalize
+        ):
             raise AdapterError(f"{self.profile.series} cannot do {name}")
         self.pending_actions.begin(await self._order(action))
 
@@ -265,10 +308,17 @@ class RemoteAdapter(ABC):
         if reach is None:
             raise AdapterError(f"{self.profile.series} cannot do tilt")
         if not reach.minimum <= action.angle <= reach.maximum:
-            raise AdapterError(f"the head tilts from {reach.minimum:g} to {reach.maximum:g} rad, not to {action.angle:g}")
+            raise AdapterError(
+                f"the head tilts from {reach.minimum:g} to {reach.maximum:g} rad, not to"
+                f" {action.angle:g}"
+            )
         self._turn_head(action.angle)
         now = time.monotonic()
-        self.pending_actions.begin(PendingAction(action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT))
+        self.pending_actions.begin(
+            PendingAction(
+                action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT
+            )
+        )
 
     async def cancel(self, action_id: str) -> None:
         """Cancel an action; unknown ids are ignored."""
@@ -315,9 +365,16 @@ class RemoteAdapter(ABC):
             self._look(now)
             readings = self.readings
             velocity = readings.velocity
-            reading = DockReading(at=now, contact=readings.charger_contact, linear=velocity.linear, angular=velocity.angular)
+            reading = DockReading(
+                at=now,
+                contact=readings.charger_contact,
+                linear=velocity.linear,
+                angular=velocity.angular,
+            )
             dock = docked.follow(docked.DOCKED, dock, reading)
-            late = self.pending_actions.watch(now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)
+            late = self.pending_actions.watch(
+                now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at
+            )
             if late is not None:
                 with contextlib.suppress(AdapterError):
                     await self._withdraw(late)  # what was told to have failed must not go on

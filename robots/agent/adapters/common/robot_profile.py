@@ -1,14 +1,17 @@
-"""What is fixed about one real robot, in a TOML file: shipped under a name in profiles/, or anywhere as a path that ends in .toml.
+"""What is fixed about one real robot, in a TOML file: shipped under a name in profiles/, or
+anywhere as a path that ends in .toml.
 
 series = "giraff"                      how the site calls this kind of robot
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
-[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in contract.py, whose readings the adapter gives
-[moos]  [ros1]  …                      what one adapter must know about this robot; options of the command line overrule it
+[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in contract.py, whose readings
+the adapter gives [moos]  [ros1]  …                      what one adapter must know about this
+robot; options of the command line overrule it
 
-Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when velocities no longer come: no adapter has
-a default, and no option overrules it, for it is a property of the base. A section or key that nobody reads is an error, case and all:
-what is written there was meant to count.
+Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when
+velocities no longer come: no adapter has a default, and no option overrules it, for it is a
+property of the base. A section or key that nobody reads is an error, case and all: what is written
+there was meant to count.
 """
 
 import difflib
@@ -25,7 +28,8 @@ from robots.agent.safety.ramp import check_times
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
 SHIPPED = Path(__file__).parents[1] / "profiles"
-ADAPTERS = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")  # the shipped ones of real robots, whose tables any profile may have
+# the shipped ones of real robots, whose tables any profile may have
+ADAPTERS = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")
 SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
 Settings = TypeVar("Settings", bound=Struct)
 
@@ -57,7 +61,13 @@ class RobotProfile(Struct, frozen=True):
     adapters: dict[str, dict[str, Any]] = {}
 
 
-SECTIONS: dict[str, type[Struct]] = {"limits": Limits, "tilt": TiltRange, "laser": Laser, "camera": Camera, "battery": BatteryRange}
+SECTIONS: dict[str, type[Struct]] = {
+    "limits": Limits,
+    "tilt": TiltRange,
+    "laser": Laser,
+    "camera": Camera,
+    "battery": BatteryRange,
+}
 SHARED = frozenset({"series", "footprint", "sonars", "bumper", "depth", *SECTIONS})
 
 
@@ -79,18 +89,30 @@ def load_profile(name: str) -> RobotProfile:
         return _checked(content)
     except FileNotFoundError as error:
         known = ", ".join(sorted(each.stem for each in SHIPPED.glob("*.toml")))
-        raise AdapterError(f"no robot profile {name!r}; there are {known}, or give the path of a .toml file") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, msgspec.ValidationError, ValueError) as error:
+        raise AdapterError(
+            f"no robot profile {name!r}; there are {known}, or give the path of a .toml file"
+        ) from error
+    except (
+        OSError,
+        UnicodeDecodeError,
+        tomllib.TOMLDecodeError,
+        msgspec.ValidationError,
+        ValueError,
+    ) as error:
         raise AdapterError(f"the robot profile {path} cannot be used: {error}") from error
 
 
-def settings_of(kind: type[Settings], adapter: str, profile: RobotProfile, options: Mapping[str, Any]) -> Settings:
-    """Return an adapter's settings: its defaults, overruled by the profile's table, overruled by the options of this run.
+def settings_of(
+    kind: type[Settings], adapter: str, profile: RobotProfile, options: Mapping[str, Any]
+) -> Settings:
+    """Return an adapter's settings: its defaults, overruled by the profile's table, overruled by
+    the options of this run.
 
     A `watchdog` among them is the profile's own.
 
     Raises:
-        AdapterError: a section or an option that nobody knows, one that is not what it should be, or no watchdog; one sentence.
+        AdapterError: a section or an option that nobody knows, one that is not what it should be,
+            or no watchdog; one sentence.
     """
     given = {name.replace("-", "_"): value for name, value in options.items()}
     stated = profile.adapters.get(adapter, {})
@@ -100,36 +122,53 @@ def settings_of(kind: type[Settings], adapter: str, profile: RobotProfile, optio
             _check_watchdog(adapter, profile, given)
         return msgspec.convert(_switched(kind, {**stated, **given}), kind, strict=False)
     except msgspec.ValidationError as error:
-        raise AdapterError(f"an option of the adapter {adapter!r} is not what it should be: {error}") from error
+        raise AdapterError(
+            f"an option of the adapter {adapter!r} is not what it should be: {error}"
+        ) from error
     except ValueError as error:
         raise AdapterError(str(error)) from error
 
 
-def _check_names(kind: type[Struct], adapter: str, profile: RobotProfile, given: Collection[str]) -> None:
+def _check_names(
+    kind: type[Struct], adapter: str, profile: RobotProfile, given: Collection[str]
+) -> None:
     sections = {*ADAPTERS, adapter}
     for name in profile.adapters:
         if name not in sections:
-            raise ValueError(f"the profile of {profile.series} has a section [{name}] that nobody reads; {nearest(name, sections | SECTIONS.keys())}")
+            raise ValueError(
+                f"the profile of {profile.series} has a section [{name}] that nobody reads;"
+                f" {nearest(name, sections | SECTIONS.keys())}"
+            )
     for name in given:
         if name not in kind.__struct_fields__:
-            raise ValueError(f"the adapter {adapter!r} has no option {name}; {nearest(name, kind.__struct_fields__)}")
+            raise ValueError(
+                f"the adapter {adapter!r} has no option {name};"
+                f" {nearest(name, kind.__struct_fields__)}"
+            )
 
 
 def _check_watchdog(adapter: str, profile: RobotProfile, options: Mapping[str, Any]) -> None:
     if "watchdog" in options:
-        raise ValueError(f"a watchdog is a property of the base: state it in the profile, in the section [{adapter}]")
+        raise ValueError(
+            "a watchdog is a property of the base: state it in the profile, in the section"
+            f" [{adapter}]"
+        )
     stated = profile.adapters.get(adapter, {})
     if "watchdog" not in stated:
         raise ValueError(
-            f"the profile of {profile.series} states no watchdog for {adapter}: write into its section [{adapter}] how many seconds the base goes on "
-            "after the last velocity; `run_robot NAME --check` measures it"
+            f"the profile of {profile.series} states no watchdog for {adapter}: write into its"
+            f" section [{adapter}] how many seconds the base goes on after the last velocity;"
+            " `run_robot NAME --check` measures it"
         )
     check_times(msgspec.convert(stated["watchdog"], float), profile.limits)
 
 
 def _switched(kind: type[Struct], given: dict[str, Any]) -> dict[str, Any]:
     switches = {field.name for field in msgspec.structs.fields(kind) if field.type is bool}
-    return {name: SAID.get(str(value).lower(), value) if name in switches else value for name, value in given.items()}
+    return {
+        name: SAID.get(str(value).lower(), value) if name in switches else value
+        for name, value in given.items()
+    }
 
 
 def _checked(content: dict[str, Any]) -> RobotProfile:

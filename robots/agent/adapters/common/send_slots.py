@@ -1,6 +1,8 @@
-"""What waits to be said to an RCA over a connection that takes its time: of velocities the newest and never an old one.
+"""What waits to be said to an RCA over a connection that takes its time: of velocities the newest
+and never an old one.
 
-A command that was held up here may not move the robot later: many RCAs obey whatever arrives, whenever it does.
+A command that was held up here may not move the robot later: many RCAs obey whatever arrives,
+whenever it does.
 """
 
 import asyncio

@@ -1,8 +1,9 @@
-"""A TCP connection that velocities go through: nothing waits in the system that could still move a robot.
+"""A TCP connection that velocities go through: nothing waits in the system that could still move a
+robot.
 
 Closing such a connection resets it, also when this process is killed: what the peer has not
-acknowledged by then is thrown away instead of sent when the network is back. Whoever leaves in order
-waits for an answer to its last word before.
+acknowledged by then is thrown away instead of sent when the network is back. Whoever leaves in
+order waits for an answer to its last word before.
 """
 
 import socket

@@ -1,8 +1,10 @@
-"""From what an RCA says, piece by piece and at its own pace, to one `RcaState`. Pure: times are given.
+"""From what an RCA says, piece by piece and at its own pace, to one `RcaState`. Pure: times are
+given.
 
-Where the RCA localizes itself now and then (amcl only while the robot moves) and counts its wheels always, the pose is carried on
-by the odometry: at the moment of a fix, map_from_odometry = fix * odometry^-1. An RCA that gives poses only gets its velocity from
-them, over a window long enough that the noise of single poses counts little.
+Where the RCA localizes itself now and then (amcl only while the robot moves) and counts its wheels
+always, the pose is carried on by the odometry: at the moment of a fix, map_from_odometry = fix *
+odometry^-1. An RCA that gives poses only gets its velocity from them, over a window long enough
+that the noise of single poses counts little.
 """
 
 import math
@@ -11,7 +13,13 @@ from collections import deque
 import msgspec
 
 from robots.agent.adapters.common.robot_profile import BatteryRange
-from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, ObstaclePoints, RcaState, SonarEcho
+from robots.agent.robot_interface import (
+    NOWHERE,
+    UNKNOWN_BATTERY,
+    ObstaclePoints,
+    RcaState,
+    SonarEcho,
+)
 from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Battery, Pose, Scan, Velocity
@@ -24,14 +32,17 @@ TICK = 1e-4  # seconds: stamps grow, whatever clocks do
 
 
 def stamp_of(said: float, arrived: float) -> float:
-    """Return when something was measured: as the RCA says when its clock agrees with ours, when it arrived otherwise."""
+    """Return when something was measured: as the RCA says when its clock agrees with ours, when it
+    arrived otherwise.
+    """
     return said if abs(said - arrived) < CLOCK_SKEW else arrived
 
 
 class Readings:
     """The newest of everything.
 
-    `last_received_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is, `fixed_at` that of its localization.
+    `last_received_at` is the moment (monotonic) at which the RCA last said where or how fast the
+    robot is, `fixed_at` that of its localization.
     """
 
     def __init__(self, battery: BatteryRange | None = None) -> None:
@@ -58,7 +69,9 @@ class Readings:
         self._said = self._stamp = 0.0
 
     def moved(self, odometry: Pose2D, velocity: Velocity | None, stamp: float, now: float) -> None:
-        """Take dead reckoning, in a frame that begins anywhere; `velocity` is None when the RCA does not measure it."""
+        """Take dead reckoning, in a frame that begins anywhere; `velocity` is None when the RCA
+        does not measure it.
+        """
         self._advance(odometry, stamp)
         self.odometry, self._velocity = odometry, velocity
         self._heard(stamp, now)
@@ -87,8 +100,16 @@ class Readings:
         """Take a sweep of the laser."""
         self._scan = scan
 
-    def charged(self, *, voltage: float | None = None, charge: float | None = None, charging: bool | None = None) -> None:
-        """Take the battery, which is charged in the dock and nowhere else; a charge that is not said follows from the volts, if it can."""
+    def charged(
+        self,
+        *,
+        voltage: float | None = None,
+        charge: float | None = None,
+        charging: bool | None = None,
+    ) -> None:
+        """Take the battery, which is charged in the dock and nowhere else; a charge that is not
+        said follows from the volts, if it can.
+        """
         if charge is None and voltage is not None and self._range is not None:
             charge = self._range.charge(voltage)
         known = None if charge is None or not math.isfinite(charge) else min(1.0, max(0.0, charge))
@@ -96,7 +117,9 @@ class Readings:
         self.charger_contact = charging is True
 
     def bumped(self, *, touching: bool, bearings: tuple[float, ...] | None = None) -> None:
-        """Take the bumpers: a contact begins when one is pressed; `bearings` are where, in radians in the robot's frame, None if unknown."""
+        """Take the bumpers: a contact begins when one is pressed; `bearings` are where, in radians
+        in the robot's frame, None if unknown.
+        """
         self._contacts += touching and not self._touching
         self._touching, self._bumper = touching, bearings
 
@@ -122,7 +145,9 @@ class Readings:
         return msgspec.structs.replace(self._fix, x=x, y=y, theta=theta)
 
     def state(self, unix: float) -> RcaState:
-        """Return all of it; what obstacles were seen is told once. Stamps grow: what only repeats what was known is stamped `unix`, now."""
+        """Return all of it; what obstacles were seen is told once. Stamps grow: what only repeats
+        what was known is stamped `unix`, now.
+        """
         stamp = self._said if self.fresh else unix
         self._stamp = max(stamp, self._stamp + TICK)
         self.fresh = False
@@ -131,10 +156,22 @@ class Readings:
         sonar = tuple(self._sonar)
         self._sonar.clear()
         return RcaState(
-            stamp=self._stamp, pose=self.pose, velocity=self.velocity, battery=self._battery, charger_contact=self.charger_contact, tilt=self.tilt,
-            contacts=self._contacts, distance=self._distance, scan=scan, errors=self.errors, estop=self.estop, odometry=self.odometry,
-            sonar=sonar, bumper=self._bumper, points=points,
-        )  # fmt: skip
+            stamp=self._stamp,
+            pose=self.pose,
+            velocity=self.velocity,
+            battery=self._battery,
+            charger_contact=self.charger_contact,
+            tilt=self.tilt,
+            contacts=self._contacts,
+            distance=self._distance,
+            scan=scan,
+            errors=self.errors,
+            estop=self.estop,
+            odometry=self.odometry,
+            sonar=sonar,
+            bumper=self._bumper,
+            points=points,
+        )
 
     def _heard(self, stamp: float, now: float) -> None:
         self.last_received_at, self.fresh, self._said = now, True, stamp
@@ -160,4 +197,7 @@ class Readings:
         if len(past) < 2 or there == here or stamp - began < WINDOW / 4:  # noqa: PLR2004 -- as above
             return ZERO
         moved = there.inverse().compose(here)
-        return Velocity(linear=moved.x / (stamp - began), angular=wrap_angle(here.theta - there.theta) / (stamp - began))
+        return Velocity(
+            linear=moved.x / (stamp - began),
+            angular=wrap_angle(here.theta - there.theta) / (stamp - began),
+        )

@@ -1,15 +1,15 @@
 """Whether a robot may be told to move now. Pure: times are given.
 
-A velocity that has left this computer cannot be taken back. The system's socket buffers, here and at
-the peer, keep what a peer that hangs does not read, hand it over when the peer goes on, and on Linux
-even a reset leaves the peer what has arrived already. Many robots obey whatever arrives, however late
-it does. So nothing that moves is sent to a peer that may not read it:
+A velocity that has left this computer cannot be taken back. The system's socket buffers, here and
+at the peer, keep what a peer that hangs does not read, hand it over when the peer goes on, and on
+Linux even a reset leaves the peer what has arrived already. Many robots obey whatever arrives,
+however late it does. So nothing that moves is sent to a peer that may not read it:
 
-- It is asked first ("are you there?", in the words of each protocol), and the velocity is the reply to
-  its answer. At most one question is open. A peer that hangs leaves its question unanswered, and finds
-  that and a zero in its buffer when it goes on.
-- The robot behind the peer has to be heard, too: of what it says of itself, each reading permits a few
-  velocities, and an old reading none. An unchanged velocity waits for a new reading.
+- It is asked first ("are you there?", in the words of each protocol), and the velocity is the reply
+  to its answer. At most one question is open. A peer that hangs leaves its question unanswered, and
+  finds that and a zero in its buffer when it goes on.
+- The robot behind the peer has to be heard, too: of what it says of itself, each reading permits a
+  few velocities, and an old reading none. An unchanged velocity waits for a new reading.
 - A zero is sent at once, whatever happens, and so is the zero that follows when the gate shuts.
 
 What is left: a peer that hangs between its answer and the velocity, a fraction of a millisecond on

@@ -1,17 +1,22 @@
 """The paper's Giraff at its source: the variables of OpenMORA in a MOOSDB.
 
-A variable never changes its type and keeps its last value, which comes when we register: of what was said before we came, only what
-stays true counts (battery, place), never an end of navigation.
+A variable never changes its type and keeps its last value, which comes when we register: of what
+was said before we came, only what stays true counts (battery, place), never an end of navigation.
 
 What OpenMORA does with these variables (its sources, by module and file):
-- A journey to a point ends with NAV_EVENT_END, ERROR or NOWAY (NavigatorReactivePTG/CReacNavPTGApp.cpp). One to a node is a plan of
-  several such journeys, tried again after an ERROR, and ends with PLAN_FINISHED "task 0 ROBOT_CONTROLLER" whether it got there or not
-  (Executor/TExecutor.cpp, Planner/HPWA.cpp, RobotControlManager/CRobotControllerApp.cpp): the place tells.
-- The head's angle is said once after TILT_SET_ANGLE_FROM_HOME, before it has turned, and whenever TILT_GET_ANGLE_FROM_HOME asks.
-- UNDOCK sets MOTION_CMD_V, which the base obeys in autonomous mode alone (MobileRobot_Giraff/CRobotGiraffApp.cpp); docking ends in
-  manual mode. A MOTION_REQUEST, of zero too, makes it autonomous.
-- With `use_client_alive_ack`, as shipped, a robot out of its dock is stopped again and again while CLIENT_MQTT_ACK has not come for two seconds
-  (RobotControlManager/CRobotControllerApp.cpp, Iterate). So it has to come from us; when we are dead, that stops the base.
+- A journey to a point ends with NAV_EVENT_END, ERROR or NOWAY
+  (NavigatorReactivePTG/CReacNavPTGApp.cpp). One to a node is a plan of several such journeys, tried
+  again after an ERROR, and ends with PLAN_FINISHED "task 0 ROBOT_CONTROLLER" whether it got there
+  or not (Executor/TExecutor.cpp, Planner/HPWA.cpp, RobotControlManager/CRobotControllerApp.cpp):
+  the place tells.
+- The head's angle is said once after TILT_SET_ANGLE_FROM_HOME, before it has turned, and whenever
+  TILT_GET_ANGLE_FROM_HOME asks.
+- UNDOCK sets MOTION_CMD_V, which the base obeys in autonomous mode alone
+  (MobileRobot_Giraff/CRobotGiraffApp.cpp); docking ends in manual mode. A MOTION_REQUEST, of zero
+  too, makes it autonomous.
+- With `use_client_alive_ack`, as shipped, a robot out of its dock is stopped again and again while
+  CLIENT_MQTT_ACK has not come for two seconds (RobotControlManager/CRobotControllerApp.cpp,
+  Iterate). So it has to come from us; when we are dead, that stops the base.
 """
 
 import asyncio
@@ -38,12 +43,24 @@ from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Undo
 
 OWN: tuple[Capability, ...] = ("localization", "goto", "dock", "undock", "relocalize", "tilt")
 HEARD = (
-    "LOCALIZATION", "BATTERY_V_FLOAT", "BATTERY_IS_CHARGING", "TILT_CURRENT_ANGLE_FROM_HOME", "BUMPERS", "ERROR_MSG",
-    "NAV_EVENT_START", "NAV_EVENT_END", "NAV_EVENT_ERROR", "NAV_EVENT_NOWAY", "PLAN_FINISHED", "ROBOT_TOPOLOGICAL_PLACE",
-)  # fmt: skip
+    "LOCALIZATION",
+    "BATTERY_V_FLOAT",
+    "BATTERY_IS_CHARGING",
+    "TILT_CURRENT_ANGLE_FROM_HOME",
+    "BUMPERS",
+    "ERROR_MSG",
+    "NAV_EVENT_START",
+    "NAV_EVENT_END",
+    "NAV_EVENT_ERROR",
+    "NAV_EVENT_NOWAY",
+    "PLAN_FINISHED",
+    "ROBOT_TOPOLOGICAL_PLACE",
+)
 SETTING_OUT = 5.0
 OURS = ["0", "ROBOT_CONTROLLER"]  # of PLAN_FINISHED: the journey to a node
-ARRIVED = 0.6  # metres from its goal at which a robot that ended its journey has reached it: OpenMORA allows itself 0.4
+# metres from its goal at which a robot that ended its journey has reached it: OpenMORA allows
+# itself 0.4
+ARRIVED = 0.6
 LANDING = 2.0  # seconds that the place may come after the end of the journey
 ACK_PERIOD = 0.5  # seconds
 ASKING = 0.3  # seconds between two questions for the head's angle while it turns
@@ -53,10 +70,12 @@ log = logging.getLogger(__name__)
 
 
 class Options(Struct, frozen=True, kw_only=True):
-    """Where the MOOSDB is, and who we are to it; `tilt_sign` -1 where the head counts upwards, `nodes` places by name, by comma.
+    """Where the MOOSDB is, and who we are to it; `tilt_sign` -1 where the head counts upwards,
+    `nodes` places by name, by comma.
 
-    Told where it is, the robot looks for itself in a square that reaches `relocalize_half_width` metres either way, with so many
-    `relocalize_particles`. The first should be what the robot's own X_MIN … Y_MAX say, the second is what OpenMORA takes when lost.
+    Told where it is, the robot looks for itself in a square that reaches `relocalize_half_width`
+    metres either way, with so many `relocalize_particles`. The first should be what the robot's own
+    X_MIN … Y_MAX say, the second is what OpenMORA takes when lost.
     """
 
     host: str = "127.0.0.1"
@@ -85,7 +104,9 @@ class MoosAdapter(RemoteAdapter):
     vital = "LOCALIZATION"
 
     def __init__(self, robot: RobotProfile, options: Options) -> None:
-        super().__init__(profile_of(robot, "MOOS (OpenMORA)", options.watchdog, own=OWN), robot.battery)
+        super().__init__(
+            profile_of(robot, "MOOS (OpenMORA)", options.watchdog, own=OWN), robot.battery
+        )
         self.place = f"the MOOSDB at {options.host}:{options.port}"
         self._robot, self._options = robot, options
         self._client: MoosClient | None = None
@@ -124,7 +145,7 @@ class MoosAdapter(RemoteAdapter):
             self._notify("CLIENT_MQTT_ACK", f"{count} {openmora.milliseconds(time.time())}|0 0|0 0")
             await asyncio.sleep(ACK_PERIOD)
 
-    # --- what it hears ---------------------------------------------------------------------------------------------------
+    # --- what it hears ----------------------------------------------------------------------------
 
     def _take(self, mail: Mail) -> None:
         is_news = mail.time > self._connected_at
@@ -143,7 +164,10 @@ class MoosAdapter(RemoteAdapter):
                 self.readings.bumped(touching=_is_set(value))
             case "ERROR_MSG", str(text) if is_news:
                 self.readings.errors, self._error_at = (text,), time.monotonic()
-            case (("NAV_EVENT_START" | "NAV_EVENT_END" | "NAV_EVENT_ERROR" | "NAV_EVENT_NOWAY"), _) if is_news:
+            case (
+                ("NAV_EVENT_START" | "NAV_EVENT_END" | "NAV_EVENT_ERROR" | "NAV_EVENT_NOWAY"),
+                _,
+            ) if is_news:
                 self._navigated(mail.key.rpartition("_")[2])
             case "PLAN_FINISHED", str(text) if is_news and text.split()[1:3] == OURS:
                 self._over(named=True)
@@ -207,17 +231,24 @@ class MoosAdapter(RemoteAdapter):
         if pending.over_at < now and self._is_there(pending):
             self.pending_actions.end(pending.action_id, "FINISHED")
         elif now - pending.over_at > LANDING:
-            self.pending_actions.end(pending.action_id, "FAILED", "the robot stopped before it was there")
-        elif pending.over_at > now and not pending.seen_running and now - pending.began > SETTING_OUT:
+            self.pending_actions.end(
+                pending.action_id, "FAILED", "the robot stopped before it was there"
+            )
+        elif (
+            pending.over_at > now and not pending.seen_running and now - pending.began > SETTING_OUT
+        ):
             self._give_up("the robot does not set out")
 
     def _is_there(self, pending: PendingAction) -> bool:
         if pending.goal is None:
             return self._place == pending.place
         pose = self.readings.pose
-        return pose.localized and math.hypot(pose.x - pending.goal[0], pose.y - pending.goal[1]) < ARRIVED
+        return (
+            pose.localized
+            and math.hypot(pose.x - pending.goal[0], pose.y - pending.goal[1]) < ARRIVED
+        )
 
-    # --- what it says ----------------------------------------------------------------------------------------------------
+    # --- what it says -----------------------------------------------------------------------------
 
     def _notify(self, key: str, value: float | str) -> None:
         if self._client is None:
@@ -228,7 +259,10 @@ class MoosAdapter(RemoteAdapter):
         self._notify("MOTION_REQUEST", openmora.motion(velocity))
 
     def _turn_head(self, angle: float) -> None:
-        self._notify("TILT_SET_ANGLE_FROM_HOME", openmora.head_degrees(angle, self._robot, self._options.tilt_sign))
+        self._notify(
+            "TILT_SET_ANGLE_FROM_HOME",
+            openmora.head_degrees(angle, self._robot, self._options.tilt_sign),
+        )
 
     def _ask_for_angle(self, now: float) -> None:
         if self.profile.tilt is not None:
@@ -242,7 +276,10 @@ class MoosAdapter(RemoteAdapter):
             case Goto(place=str(place)) if place in self._nodes:
                 self._notify("GO_TO_NODE", place)
             case Goto(place=place):
-                raise AdapterError(f"this robot knows no place {place!r}; it knows {', '.join(sorted(self._nodes)) or 'none by name'}")
+                raise AdapterError(
+                    f"this robot knows no place {place!r}; it knows"
+                    f" {', '.join(sorted(self._nodes)) or 'none by name'}"
+                )
             case Dock():
                 self._notify("GO_TO_RECHARGE", 1.0)
             case Undock():
@@ -250,8 +287,15 @@ class MoosAdapter(RemoteAdapter):
                 self._notify("NEW_TASK", "ROBOT_CONTROLLER 1 UNDOCK")
             case Relocalize(x=x, y=y) if x is not None and y is not None:
                 options = self._options
-                self._notify("RELOCALIZE_IN_AREA", openmora.area(x, y, options.relocalize_half_width, options.relocalize_particles))
-                return openmora.search(action.action_id, x, y, options.relocalize_half_width, time.monotonic())
+                self._notify(
+                    "RELOCALIZE_IN_AREA",
+                    openmora.area(
+                        x, y, options.relocalize_half_width, options.relocalize_particles
+                    ),
+                )
+                return openmora.search(
+                    action.action_id, x, y, options.relocalize_half_width, time.monotonic()
+                )
             case _:
                 raise AdapterError("this robot has to be told where it is")
         return self._pending(action)

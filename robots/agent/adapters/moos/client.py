@@ -1,4 +1,6 @@
-"""A client of a MOOSDB: variables said and heard over one connection, which the database ends after five seconds of silence."""
+"""A client of a MOOSDB: variables said and heard over one connection, which the database ends after
+five seconds of silence.
+"""
 
 import asyncio
 import contextlib
@@ -19,14 +21,22 @@ BACKLOG = 64 << 10  # bytes that may wait to be sent before the database counts 
 
 
 class MoosClient:
-    """One connection. `heard` gets every variable as it comes, `lost` why the connection ended; both on the loop.
+    """One connection. `heard` gets every variable as it comes, `lost` why the connection ended;
+    both on the loop.
 
     Args:
         name: who we are to the database; it knows each name once.
         host, port: where the database is.
     """
 
-    def __init__(self, name: str, host: str, port: int, heard: Callable[[Mail], None], lost: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        name: str,
+        host: str,
+        port: int,
+        heard: Callable[[Mail], None],
+        lost: Callable[[str], None],
+    ) -> None:
         self.name, self.community = name, ""
         self._host, self._port, self._heard, self._lost = host, port, heard, lost
         self._ids = itertools.count()
@@ -44,19 +54,30 @@ class MoosClient:
         async with asyncio.timeout(GREETING_TIME):
             reader, self._writer = await asyncio.open_connection(self._host, self._port)
             make_prompt(self._writer.get_extra_info("socket"))
-            self._writer.write(wire.GREETING + wire.pack([Mail(wire.DATA, wire.ASYNCHRONOUS, self.name, time.time())]))
+            self._writer.write(
+                wire.GREETING
+                + wire.pack([Mail(wire.DATA, wire.ASYNCHRONOUS, self.name, time.time())])
+            )
             self.community = await self._welcome(reader)
-        self._tasks = [asyncio.ensure_future(self._read(reader)), asyncio.ensure_future(self._beat())]
+        self._tasks = [
+            asyncio.ensure_future(self._read(reader)),
+            asyncio.ensure_future(self._beat()),
+        ]
 
     async def _welcome(self, reader: asyncio.StreamReader) -> str:
         try:
             answer = (await _packet(reader))[0]
         except (wire.MoosWireError, IndexError, asyncio.IncompleteReadError) as error:
-            raise AdapterError(f"at {self._host}:{self._port} is no MOOSDB of this protocol: {error}") from error
+            raise AdapterError(
+                f"at {self._host}:{self._port} is no MOOSDB of this protocol: {error}"
+            ) from error
         if answer.type == wire.POISON:
             raise AdapterError(f"the MOOSDB refuses: {answer.text}")
         if answer.type != wire.WELCOME or answer.text != wire.ASYNCHRONOUS:
-            raise AdapterError("the MOOSDB does not let clients speak when they want to: it is older than version 10")
+            raise AdapterError(
+                "the MOOSDB does not let clients speak when they want to: it is older than"
+                " version 10"
+            )
         return answer.community
 
     def notify(self, key: str, value: Value) -> None:
@@ -69,12 +90,15 @@ class MoosClient:
 
     def register(self, key: str, interval: float = 0.0) -> None:
         """Hear a variable, at most every `interval` seconds; its last value comes at once."""
-        self._send(Mail(wire.REGISTER, key, interval, time.time(), self.name, number=next(self._ids)))
+        self._send(
+            Mail(wire.REGISTER, key, interval, time.time(), self.name, number=next(self._ids))
+        )
 
     async def ask(self) -> None:
         """Wait until the database has read what it was told so far.
 
-        It answers a message of timing that leads a packet, behind all packets of before (ThreadedCommServer::ProcessClient).
+        It answers a message of timing that leads a packet, behind all packets of before
+        (ThreadedCommServer::ProcessClient).
 
         Raises:
             AdapterError: the database is gone.
@@ -121,12 +145,15 @@ class MoosClient:
         """Speak before the silence is too long."""
         with contextlib.suppress(AdapterError):  # who reads says that it is gone
             while True:
-                self._asking.append(asyncio.get_running_loop().create_future())  # nobody waits for it
+                # nobody waits for it
+                self._asking.append(asyncio.get_running_loop().create_future())
                 self._say_time()
                 await asyncio.sleep(BEAT)
 
     def _say_time(self) -> None:
-        self._send(Mail(wire.TIMING, wire.CLOCK, 0.0, time.time(), self.name, number=next(self._ids)))
+        self._send(
+            Mail(wire.TIMING, wire.CLOCK, 0.0, time.time(), self.name, number=next(self._ids))
+        )
 
     def _answer(self) -> None:
         """Take the answer to the oldest question: the database answers in order."""

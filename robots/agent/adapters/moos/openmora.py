@@ -1,7 +1,8 @@
 """The words of OpenMORA, the robot architecture of the paper's Giraff, as strings and back. Pure.
 
-The same values travel as variables of MOOS and, prefixed by a time, as MQTT payloads of OpenMORA's MQTTMosquitto module. Angles are in
-degrees there; the head's are counted from its home, which in our words is the profile's `tilt.home`.
+The same values travel as variables of MOOS and, prefixed by a time, as MQTT payloads of OpenMORA's
+MQTTMosquitto module. Angles are in degrees there; the head's are counted from its home, which in
+our words is the profile's `tilt.home`.
 """
 
 import math
@@ -14,7 +15,9 @@ from robots.api.messages import Pose, Scan, Velocity
 
 EPOCH = 11_644_473_600.0  # seconds from 1601-01-01 to 1970-01-01: MRPT counts from there
 MOST_RANGES = 2000
-FILTERING = 1.0  # seconds in which the particle filter has taken note of an area: it thinks once for ten scans while the robot stands
+# seconds in which the particle filter has taken note of an area: it thinks once for ten scans while
+# the robot stands
+FILTERING = 1.0
 LONGEST_STAMP = 20  # digits
 UNKNOWN = "NULL"
 
@@ -30,7 +33,9 @@ def listed_nodes(text: str) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Status:
-    """`Status`, ten times a second. `pose`, `voltage` and `charging` are None, and names empty, when the robot does not know."""
+    """`Status`, ten times a second. `pose`, `voltage` and `charging` are None, and names empty,
+    when the robot does not know.
+    """
 
     pose: Pose | None
     place: str
@@ -73,18 +78,27 @@ def point(x: float, y: float) -> str:
 
 
 def area(x: float, y: float, half_width: float, particles: int) -> str:
-    """Return `[xmin xmax ymin ymax particles]`, metres: what OpenMORA's particle filter takes as RELOCALIZE_IN_AREA.
+    """Return `[xmin xmax ymin ymax particles]`, metres: what OpenMORA's particle filter takes as
+    RELOCALIZE_IN_AREA.
 
-    It ignores whatever is no matrix of at least five columns without a word (Localization2D_PF/CPFLocalizationApp.cpp,
-    ProcessParticleFilter). Of the box it takes the middle, and spreads its particles as wide around it as its own X_MIN … Y_MAX say.
+    It ignores whatever is no matrix of at least five columns without a word
+    (Localization2D_PF/CPFLocalizationApp.cpp, ProcessParticleFilter). Of the box it takes the
+    middle, and spreads its particles as wide around it as its own X_MIN … Y_MAX say.
     """
-    return f"[{x - half_width:.3f} {x + half_width:.3f} {y - half_width:.3f} {y + half_width:.3f} {particles}]"
+    return (
+        f"[{x - half_width:.3f} {x + half_width:.3f} {y - half_width:.3f} {y + half_width:.3f}"
+        f" {particles}]"
+    )
 
 
 def search(action_id: str, x: float, y: float, half_width: float, now: float) -> PendingAction:
-    """Return what to wait for after a robot was told its `area`: that it says to be in it. A heading cannot be told."""
+    """Return what to wait for after a robot was told its `area`: that it says to be in it. A
+    heading cannot be told.
+    """
     place = Area(x, y, half_width, settles=FILTERING)
-    return PendingAction(action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place)
+    return PendingAction(
+        action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place
+    )
 
 
 def pose_of(text: str) -> Pose | None:
@@ -106,7 +120,8 @@ def pose_of(text: str) -> Pose | None:
 
 
 def status_of(text: str) -> Status:
-    """Read `x y phi|place|destination|mode|volts|charging|…`; what newer robots add behind is ignored.
+    """Read `x y phi|place|destination|mode|volts|charging|…`; what newer robots add behind is
+    ignored.
 
     Raises:
         DialectError: it is none.
@@ -116,14 +131,23 @@ def status_of(text: str) -> Status:
         raise DialectError(f"a status of {len(fields)} fields")
     pose, place, destination, mode, volts, charging = fields[:6]
     try:
-        voltage = None if volts in {"", UNKNOWN} else float(volts) or None  # 0.00 is a variable that nobody has said yet
+        # 0.00 is a variable that nobody has said yet
+        voltage = None if volts in {"", UNKNOWN} else float(volts) or None
     except ValueError as error:
         raise DialectError(f"no voltage: {volts[:20]!r}") from error
-    return Status(pose_of(pose), _name(place), _name(destination), mode == "Autonomous", voltage, _truth(charging))
+    return Status(
+        pose_of(pose),
+        _name(place),
+        _name(destination),
+        mode == "Autonomous",
+        voltage,
+        _truth(charging),
+    )
 
 
 def scan_of(text: str, stamp: float, farthest: float) -> Scan:
-    """Read `Aperture a#Nsamples n#Values r r r …` (radians, metres, from right to left); what reaches `farthest` came back from nowhere.
+    """Read `Aperture a#Nsamples n#Values r r r …` (radians, metres, from right to left); what
+    reaches `farthest` came back from nowhere.
 
     Raises:
         DialectError: it is none.
@@ -137,14 +161,26 @@ def scan_of(text: str, stamp: float, farthest: float) -> Scan:
     if len(ranges) < 2 or not 0.0 < angle <= math.tau:  # noqa: PLR2004 -- an angle between beams needs two
         raise DialectError(f"no laser scan: {text[:40]!r}")
     return Scan(
-        stamp=stamp, angle_min=-angle / 2.0, angle_increment=angle / (len(ranges) - 1), range_max=farthest,
+        stamp=stamp,
+        angle_min=-angle / 2.0,
+        angle_increment=angle / (len(ranges) - 1),
+        range_max=farthest,
         ranges=tuple(value if 0.0 < value < farthest else None for value in ranges),
-    )  # fmt: skip
+    )
 
 
 def nodes_of(text: str) -> frozenset[str]:
-    """Return the labels of the places in a topology: those words of it that stand before a type and two numbers."""
-    words = text.replace("#", " ").replace(";", " ").replace(",", " ").replace("[", " ").replace("]", " ").split()
+    """Return the labels of the places in a topology: those words of it that stand before a type and
+    two numbers.
+    """
+    words = (
+        text.replace("#", " ")
+        .replace(";", " ")
+        .replace(",", " ")
+        .replace("[", " ")
+        .replace("]", " ")
+        .split()
+    )
     found = set()
     for label, _, x, y in zip(words, words[1:], words[2:], words[3:], strict=False):
         if _is_number(x) and _is_number(y) and not _is_number(label):
@@ -153,7 +189,9 @@ def nodes_of(text: str) -> frozenset[str]:
 
 
 def head_degrees(angle: float, robot: RobotProfile, sign: float) -> float:
-    """Return our tilt in radians as degrees from the head's home; `sign` is -1 where the robot counts upwards."""
+    """Return our tilt in radians as degrees from the head's home; `sign` is -1 where the robot
+    counts upwards.
+    """
     return sign * math.degrees(angle - (robot.tilt.home if robot.tilt else 0.0))
 
 

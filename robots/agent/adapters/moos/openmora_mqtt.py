@@ -1,14 +1,19 @@
-"""The paper's Giraff as it is: OpenMORA's MQTTMosquitto module on a broker of its own, with our age limits in front of it.
+"""The paper's Giraff as it is: OpenMORA's MQTTMosquitto module on a broker of its own, with our age
+limits in front of it.
 
-Its topics are `<robot>/…`, QoS 0, not retained. It stops half a second after the last `Motion` and two seconds after the last
-`ClientACK`; it obeys a `Motion` however late it comes (CMQTTMosquitto::on_message compares its time with that of the last `ClientACK`,
-not with the clock). So one that waited here too long is not sent at all (outgoing.py), and none is sent to a broker that has not just
-acknowledged a `ClientProbe`, which is of QoS 1 and means nothing to the robot (velocity_gate.py).
+Its topics are `<robot>/…`, QoS 0, not retained. It stops half a second after the last `Motion` and
+two seconds after the last `ClientACK`; it obeys a `Motion` however late it comes
+(CMQTTMosquitto::on_message compares its time with that of the last `ClientACK`, not with the
+clock). So one that waited here too long is not sent at all (outgoing.py), and none is sent to a
+broker that has not just acknowledged a `ClientProbe`, which is of QoS 1 and means nothing to the
+robot (velocity_gate.py).
 
-The angle of the head is told and never reported: unknown before we told it, then taken to turn as fast as the profile says.
+The angle of the head is told and never reported: unknown before we told it, then taken to turn as
+fast as the profile says.
 
-The robot ends a journey to a place by name in manual mode. One to a point leaves it autonomous, arrived or not (only PLAN_FINISHED,
-CANCEL_NAVIGATION and PARKING set manual mode in RobotControlManager/CRobotControllerApp.cpp): it has ended where the robot stays.
+The robot ends a journey to a place by name in manual mode. One to a point leaves it autonomous,
+arrived or not (only PLAN_FINISHED, CANCEL_NAVIGATION and PARKING set manual mode in
+RobotControlManager/CRobotControllerApp.cpp): it has ended where the robot stays.
 """
 
 import asyncio
@@ -37,11 +42,14 @@ HEARD = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
 CONNECTING = 4.0
 KEEPALIVE = 5
 ACK_PERIOD = 0.2
-MOTION_MEMORY = 0.6  # seconds after a Motion in which the robot would cancel any new journey with it
+# seconds after a Motion in which the robot would cancel any new journey with it
+MOTION_MEMORY = 0.6
 ARRIVED = 0.6  # metres from its goal at which a robot that ended its journey has reached it
 SETTING_OUT = 5.0
 STAYS = 0.1  # metres that the pose of a robot which stands may wander
-STAYED = 1.5  # seconds after which a robot that does not leave its place has ended its journey, if it is where it should be
+# seconds after which a robot that does not leave its place has ended its journey, if it is where it
+# should be
+STAYED = 1.5
 GIVEN_UP = 20.0  # seconds after which one that is not has given up
 ERROR_SHOWN = 10.0
 
@@ -49,8 +57,9 @@ ERROR_SHOWN = 10.0
 class Options(Struct, frozen=True, kw_only=True):
     """`broker` is the robot's own broker, `robot` the first part of its topics.
 
-    `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign` -1 where the head counts upwards;
-    `nodes` are the places that it knows by name, besides those that its topology tells, by comma; `relocalize_…` as in moos.Options.
+    `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign`
+    -1 where the head counts upwards; `nodes` are the places that it knows by name, besides those
+    that its topology tells, by comma; `relocalize_…` as in moos.Options.
     """
 
     broker: str = "mqtt://127.0.0.1:1883"
@@ -75,7 +84,9 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapte
     robot = load_profile(profile_name)
     settings = settings_of(Options, "openmora_mqtt", robot, options)
     try:
-        endpoint = Endpoint.of(settings.broker, settings.username or None, settings.password or None)
+        endpoint = Endpoint.of(
+            settings.broker, settings.username or None, settings.password or None
+        )
     except ValueError as error:
         raise AdapterError(str(error)) from error
     return OpenMoraMqttAdapter(robot, settings, endpoint)
@@ -87,7 +98,9 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     vital = "its Status"
 
     def __init__(self, robot: RobotProfile, options: Options, endpoint: Endpoint) -> None:
-        super().__init__(profile_of(robot, "OpenMORA over MQTT", options.watchdog, own=OWN), robot.battery)
+        super().__init__(
+            profile_of(robot, "OpenMORA over MQTT", options.watchdog, own=OWN), robot.battery
+        )
         self.place = f"{options.robot} at {options.broker}"
         self._robot, self._options, self._endpoint = robot, options, endpoint
         self._outgoing: Outgoing[tuple[str, str]] = Outgoing()
@@ -98,7 +111,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._head = _Head(robot)
         self._broker: Client | None = None
 
-    # --- the broker ------------------------------------------------------------------------------------------------------
+    # --- the broker -------------------------------------------------------------------------------
 
     async def _open(self) -> None:
         self._outgoing.clear()
@@ -129,16 +142,29 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     def _client(self) -> Client:
         place = self._endpoint
         return Client(
-            place.host, place.port, username=place.username, password=place.password, transport=place.transport,
-            websocket_path=place.path, tls_context=place.tls, keepalive=KEEPALIVE, timeout=CONNECTING, clean_session=True,
+            place.host,
+            place.port,
+            username=place.username,
+            password=place.password,
+            transport=place.transport,
+            websocket_path=place.path,
+            tls_context=place.tls,
+            keepalive=KEEPALIVE,
+            timeout=CONNECTING,
+            clean_session=True,
             socket_options=socket_options() if place.transport == "tcp" else (),
-        )  # fmt: skip
+        )
 
     async def _ask(self) -> None:
         if self._broker is None:
             raise AdapterError(f"{self.place} is not connected")
         try:
-            await self._broker.publish(f"{self._options.robot}/ClientProbe", openmora.stamped("", time.time()), qos=1, timeout=math.inf)
+            await self._broker.publish(
+                f"{self._options.robot}/ClientProbe",
+                openmora.stamped("", time.time()),
+                qos=1,
+                timeout=math.inf,
+            )
         except MqttError as error:
             raise AdapterError(f"{self.place}: {error}") from error
 
@@ -159,14 +185,18 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     async def _receive(self, client: Client) -> None:
         async for delivery in client.messages:
             payload = delivery.payload if isinstance(delivery.payload, bytes) else b""
-            with contextlib.suppress(openmora.DialectError):  # what cannot be read is as if it had not come: silence is noticed
+            # what cannot be read is as if it had not come: silence is noticed
+            with contextlib.suppress(openmora.DialectError):
                 self._take(str(delivery.topic).rpartition("/")[2], *openmora.unstamped(payload))
 
     async def _send(self, client: Client) -> None:
-        # asyncio.wait_for, which `publish` waits with, forgets that it was cancelled when it ends at that moment (until Python 3.12).
+        # asyncio.wait_for, which `publish` waits with, forgets that it was cancelled when it ends
+        # at that moment (until Python 3.12).
         while not self._failure:
             topic, text = await self._outgoing.take()
-            await client.publish(f"{self._options.robot}/{topic}", openmora.stamped(text, time.time()), qos=0)
+            await client.publish(
+                f"{self._options.robot}/{topic}", openmora.stamped(text, time.time()), qos=0
+            )
 
     async def _acknowledge(self) -> None:
         count = 0
@@ -182,14 +212,16 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     def _command(self, text: str) -> None:
         self._say("NavigationCommand", text)
 
-    # --- what it hears ---------------------------------------------------------------------------------------------------
+    # --- what it hears ----------------------------------------------------------------------------
 
     def _take(self, topic: str, text: str, sent: float) -> None:
         match topic:
             case "Status":
                 self._take_status(openmora.status_of(text), stamp_of(sent, time.time()))
             case "LaserScan" if "scan" in self.profile.capabilities:
-                self.readings.scanned(openmora.scan_of(text, stamp_of(sent, time.time()), self._options.range_max))
+                self.readings.scanned(
+                    openmora.scan_of(text, stamp_of(sent, time.time()), self._options.range_max)
+                )
             case "Topology":
                 self._nodes |= openmora.nodes_of(text)
             case "ErrorMsg":
@@ -220,7 +252,9 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             if stays > STAYED and (pending.goal is not None or not status.autonomous):
                 self._finish(pending, status)
         elif pending.seen_running and not status.autonomous:
-            self.pending_actions.end(pending.action_id, "FAILED", "the robot stopped before it was there")
+            self.pending_actions.end(
+                pending.action_id, "FAILED", "the robot stopped before it was there"
+            )
         elif not pending.seen_running and now - pending.began > SETTING_OUT:
             self.pending_actions.end(pending.action_id, "FAILED", "the robot does not set out")
         elif stays > GIVEN_UP:
@@ -229,13 +263,17 @@ class OpenMoraMqttAdapter(RemoteAdapter):
 
     def _finish(self, pending: PendingAction, status: openmora.Status) -> None:
         if status.autonomous:
-            self._command("StopGiraff")  # or it would set out again when somebody stands in its place
+            # or it would set out again when somebody stands in its place
+            self._command("StopGiraff")
         self.pending_actions.end(pending.action_id, "FINISHED")
 
     def _stays_since(self, status: openmora.Status, now: float) -> float:
         """Return since when the robot has not left its place, monotonic seconds."""
         pose = status.pose
-        if pose is not None and math.hypot(pose.x - self._stood_at[0], pose.y - self._stood_at[1]) > STAYS:
+        if (
+            pose is not None
+            and math.hypot(pose.x - self._stood_at[0], pose.y - self._stood_at[1]) > STAYS
+        ):
             self._stood_at, self._stood_since = (pose.x, pose.y), now
         return self._stood_since
 
@@ -243,30 +281,41 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         if pending.goal is None:
             return status.place == pending.place
         x, y = pending.goal
-        return status.pose is not None and math.hypot(status.pose.x - x, status.pose.y - y) < ARRIVED
+        return (
+            status.pose is not None and math.hypot(status.pose.x - x, status.pose.y - y) < ARRIVED
+        )
 
     def _look(self, now: float) -> None:
         if self.readings.errors and now - self._error_at > ERROR_SHOWN:
             self.readings.errors = ()
         self.readings.tilt = self._head.angle(now)
 
-    # --- what it says ----------------------------------------------------------------------------------------------------
+    # --- what it says -----------------------------------------------------------------------------
 
     def _drive(self, velocity: Velocity) -> None:
         self._outgoing.drive(("NavigationCommand", f"Motion {openmora.motion(velocity)}"))
         self._moved_at = time.monotonic()
 
     def _turn_head(self, angle: float) -> None:
-        self._command(f"Tilt {openmora.head_degrees(angle, self._robot, self._options.tilt_sign):.1f}")
+        self._command(
+            f"Tilt {openmora.head_degrees(angle, self._robot, self._options.tilt_sign):.1f}"
+        )
         self._head.turn_to(angle, time.monotonic())
 
     async def _order(self, action: Action) -> PendingAction:
         words = self._words(action)
-        # A Motion of just now is cancelled by the robot after half a second, and any journey with it.
+        # A Motion of just now is cancelled by the robot after half a second, and any journey with
+        # it.
         await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
         self._command(words)
         if isinstance(action, Relocalize) and action.x is not None and action.y is not None:
-            return openmora.search(action.action_id, action.x, action.y, self._options.relocalize_half_width, time.monotonic())
+            return openmora.search(
+                action.action_id,
+                action.x,
+                action.y,
+                self._options.relocalize_half_width,
+                time.monotonic(),
+            )
         return self._pending(action)
 
     def _words(self, action: Action) -> str:
@@ -278,10 +327,17 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             case Dock():
                 return "GoToRecharge"
             case Relocalize(x=x, y=y) if x is not None and y is not None:
-                # Handed on to RELOCALIZE_IN_AREA letter by letter (MQTTMosquitto/CMQTTMosquitto.cpp, on_message).
-                return f"Relocalize {openmora.area(x, y, self._options.relocalize_half_width, self._options.relocalize_particles)}"
+                # Handed on to RELOCALIZE_IN_AREA letter by letter
+                # (MQTTMosquitto/CMQTTMosquitto.cpp, on_message).
+                return (
+                    "Relocalize"
+                    f" {openmora.area(x, y, self._options.relocalize_half_width, self._options.relocalize_particles)}"
+                )
             case Goto(place=place):
-                raise AdapterError(f"{self._options.robot} knows no place {place!r}; it knows {', '.join(sorted(self._nodes)) or 'none by name'}")
+                raise AdapterError(
+                    f"{self._options.robot} knows no place {place!r}; it knows"
+                    f" {', '.join(sorted(self._nodes)) or 'none by name'}"
+                )
             case _:
                 raise AdapterError(f"{self._options.robot} has to be told where it is")
 
@@ -304,7 +360,9 @@ class _Head:
         self._from, self._to, self._since = self.angle(now), angle, now
 
     def angle(self, now: float) -> float | None:
-        """Return the angle that it has by now in radians, None while it turns from one that nobody knows, or before it was told."""
+        """Return the angle that it has by now in radians, None while it turns from one that nobody
+        knows, or before it was told.
+        """
         if self._to is None:
             return None
         turned = self._speed * (now - self._since)

@@ -1,8 +1,11 @@
-"""The wire of MOOS (protocol version 10): packets of messages between a MOOSDB and its clients. Pure; little endian throughout.
+"""The wire of MOOS (protocol version 10): packets of messages between a MOOSDB and its clients.
+Pure; little endian throughout.
 
     packet   int32 bytes in all, int32 messages, uint8 compressed (always 0 here), the messages
-    message  int32 bytes in all, int32 id, char type, char kind of value, four strings (source, its helper, community, variable),
-             three float64 (time, value, second value), the string value;      a string is int32 bytes, then the bytes
+    message  int32 bytes in all, int32 id, char type, char kind of value, four strings (source, its
+    helper, community, variable),
+             three float64 (time, value, second value), the string value;      a string is int32
+             bytes, then the bytes
     greeting 32 bytes padded with NUL, then a packet with one message that says who the client is
 
 Tried against a MOOSDB of its authors.
@@ -33,7 +36,9 @@ class MoosWireError(ValueError):
 
 @dataclass(frozen=True)
 class Mail:
-    """One message. `text` is the string value: that of a string, and what WELCOME and POISON say besides their number."""
+    """One message. `text` is the string value: that of a string, and what WELCOME and POISON say
+    besides their number.
+    """
 
     type: bytes
     key: str = ""
@@ -61,7 +66,9 @@ def body_length(header: bytes) -> tuple[int, int]:
     """
     size, count, compressed = _PACKET.unpack(header)
     if compressed or not HEADER <= size <= LARGEST or count < 0:
-        raise MoosWireError(f"a packet of {size} bytes with {count} messages, compressed {compressed}")
+        raise MoosWireError(
+            f"a packet of {size} bytes with {count} messages, compressed {compressed}"
+        )
     return size - HEADER, count
 
 
@@ -86,7 +93,9 @@ def _pack(mail: Mail) -> bytes:
             kind, said, number = b"B", data, -1.0
         case number:
             kind, said, number = b"D", mail.text.encode(), float(number)
-    names = b"".join(_string(name.encode()) for name in (mail.source, mail.helper, mail.community, mail.key))
+    names = b"".join(
+        _string(name.encode()) for name in (mail.source, mail.helper, mail.community, mail.key)
+    )
     rest = names + _NUMBERS.pack(mail.time, number, mail.second) + _string(said)
     return _MESSAGE.pack(_MESSAGE.size + len(rest), mail.number, mail.type, kind) + rest
 

@@ -1,12 +1,15 @@
-"""Localization and navigation for a robot that lacks them: beside any adapter that gives velocity, odometry and a laser.
+"""Localization and navigation for a robot that lacks them: beside any adapter that gives velocity,
+odometry and a laser.
 
     inner adapter ──reading──► Mind (a process of its own) ──► pose, what an action wants, the path
 
-Chosen one by one: what the RCA names among its capabilities stays its own. Where it knows its pose, that feeds our navigation.
+Chosen one by one: what the RCA names among its capabilities stays its own. Where it knows its pose,
+that feeds our navigation.
 
-It adds actions, a pose and a path, and has no part in what the base is told: what navigation wants goes through the safety kernel like a
-visitor's wish (contract.Navigating). A mind that is late makes the robot stand; one that stays silent is given up, its action fails with
-the reason, and the next mind begins where the robot was known last.
+It adds actions, a pose and a path, and has no part in what the base is told: what navigation wants
+goes through the safety kernel like a visitor's wish (contract.Navigating). A mind that is late
+makes the robot stand; one that stays silent is given up, its action fails with the reason, and the
+next mind begins where the robot was known last.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -44,14 +47,25 @@ from robots.agent.robot_interface import (
 from robots.agent.safety.ramp import ZERO
 from robots.api.floorplan import Dock as Station
 from robots.api.geometry import Pose2D
-from robots.api.messages import Action, Capability, FloorPlanUpdate, Laser, Point, Relocalize, Velocity
+from robots.api.messages import (
+    Action,
+    Capability,
+    FloorPlanUpdate,
+    Laser,
+    Point,
+    Relocalize,
+    Velocity,
+)
 from robots.world.sensing import Floats, LaserScan
 
 THINKING = 0.1  # seconds between two perceptions
 LATE = 0.3  # seconds without a thought after which the robot stands
-STUCK, STUCK_IDLE = 1.0, 3.0  # and after which the mind is given up: while it drives, while it does not
-START_SPREAD, START_TURN = 0.15, math.radians(8.0)  # how exactly somebody puts a robot where it begins
-AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)  # and how far it may have gone since it was known last
+# and after which the mind is given up: while it drives, while it does not
+STUCK, STUCK_IDLE = 1.0, 3.0
+# how exactly somebody puts a robot where it begins
+START_SPREAD, START_TURN = 0.15, math.radians(8.0)
+# and how far it may have gone since it was known last
+AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)
 OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize")
 LOCALIZATION: frozenset[Capability] = frozenset({"localization", "relocalize"})
 
@@ -59,10 +73,12 @@ log = logging.getLogger(__name__)
 
 
 def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = None) -> Adapter:
-    """Return the adapter with the localization and the navigation that its RCA lacks, or as it is when that has both, or no laser.
+    """Return the adapter with the localization and the navigation that its RCA lacks, or as it is
+    when that has both, or no laser.
 
-    An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose. `area` is the site it stands in, None when
-    the server will say so; `memory` is the file that keeps where it stood.
+    An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose.
+    `area` is the site it stands in, None when the server will say so; `memory` is the file that
+    keeps where it stood.
     """
     profile = inner.profile
     if profile.laser is None or {"localization", "goto"} <= set(profile.capabilities):
@@ -74,18 +90,33 @@ class AutonomyAdapter:
     """See contract.Adapter and contract.Navigating."""
 
     def __init__(
-        self, inner: Adapter, laser: Laser, area: FloorPlanUpdate | None, memory: Path | None = None, now: Callable[[], float] = time.monotonic
+        self,
+        inner: Adapter,
+        laser: Laser,
+        area: FloorPlanUpdate | None,
+        memory: Path | None = None,
+        now: Callable[[], float] = time.monotonic,
     ) -> None:
         own = inner.profile
         self.inner = inner
         self._localizes = "localization" in own.capabilities
-        self._ours = frozenset(OURS) - frozenset(own.capabilities) - (LOCALIZATION if self._localizes else frozenset())
-        self.profile: Profile = replace(own, capabilities=(*own.capabilities, *(name for name in OURS if name in self._ours)))
+        self._ours = (
+            frozenset(OURS)
+            - frozenset(own.capabilities)
+            - (LOCALIZATION if self._localizes else frozenset())
+        )
+        self.profile: Profile = replace(
+            own, capabilities=(*own.capabilities, *(name for name in OURS if name in self._ours))
+        )
         self._laser, self._now = laser, now
         self._knows_site = area is not None
         self._memory = PoseMemory(memory)
         self._pose_buffer = PoseExtrapolator()
-        self.node = NavigationProcess(Body(own.series, own.footprint, own.limits, self._localizes), output=self._think, settled=self._place)
+        self.node = NavigationProcess(
+            Body(own.series, own.footprint, own.limits, self._localizes),
+            output=self._think,
+            settled=self._place,
+        )
         self._area: FloorPlanUpdate | None = None
         self.dock: Station | None = None
         self._news = ProgressQueue()
@@ -102,7 +133,8 @@ class AutonomyAdapter:
             self._settle(area)
 
     async def connect(self) -> None:
-        """Reach the RCA; the mind begins by itself, and what it is not there for yet goes without it.
+        """Reach the RCA; the mind begins by itself, and what it is not there for yet goes without
+        it.
 
         Raises:
             AdapterError: the RCA cannot be reached.
@@ -213,13 +245,21 @@ class AutonomyAdapter:
             await self.inner.close()
         finally:
             await self.node.close()
-            if self._area is not None and self._last is not None and self._pose_buffer.trusted and not self._localizes:
-                await self._memory.close(self._area.map_id, self._pose_buffer.place(self._last.odometry))
+            if (
+                self._area is not None
+                and self._last is not None
+                and self._pose_buffer.trusted
+                and not self._localizes
+            ):
+                await self._memory.close(
+                    self._area.map_id, self._pose_buffer.place(self._last.odometry)
+                )
 
-    # --- readings ----------------------------------------------------------------------------------------------------
+    # --- readings ---------------------------------------------------------------------------------
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
-        """Perceive a reading and what stands about, points (n, 2) in the robot's frame; return it with our pose, path and complaints.
+        """Perceive a reading and what stands about, points (n, 2) in the robot's frame; return it
+        with our pose, path and complaints.
 
         Raises:
             OSError, RuntimeError: the task that keeps a mind alive has ended so.
@@ -231,7 +271,12 @@ class AutonomyAdapter:
         pose = reading.pose if self._localizes else self._pose_buffer.pose(reading.odometry, now)
         if pose.localized and self._area is not None and not self._localizes:
             self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
-        return replace(reading, pose=pose, errors=(*reading.errors, *self._complaints(reading)), path=self._path)
+        return replace(
+            reading,
+            pose=pose,
+            errors=(*reading.errors, *self._complaints(reading)),
+            path=self._path,
+        )
 
     def _perceive(self, reading: RcaState, points: Floats, now: float) -> None:
         if reading.odometry is None:
@@ -241,7 +286,15 @@ class AutonomyAdapter:
         self._beams = beams or self._beams
         if self.node.ready and self._due.due(now):
             pose = reading.pose if self._localizes else None
-            moment = SensorSnapshot(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points, pose)
+            moment = SensorSnapshot(
+                reading.stamp,
+                reading.odometry,
+                reading.velocity,
+                reading.charger_contact,
+                self._beams,
+                points,
+                pose,
+            )
             new = self._beams is not None and self._beams.stamp != self._told_sweep
             if self.node.say(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._told_sweep = self._beams.stamp
@@ -250,10 +303,11 @@ class AutonomyAdapter:
         if reading.odometry is None:
             return ("the robot gives no odometry",)
         if self._localizes and self._area is None:
-            return ()  # a robot that needs nothing of ours to be driven is not at fault for want of a map
+            # a robot that needs nothing of ours to be driven is not at fault for want of a map
+            return ()
         return () if self.node.ready else (f"navigation: {self.node.problem}",)
 
-    # --- the mind ----------------------------------------------------------------------------------------------------
+    # --- the mind ---------------------------------------------------------------------------------
 
     def _settle(self, area: FloorPlanUpdate) -> None:
         self._area = area
@@ -270,7 +324,11 @@ class AutonomyAdapter:
             self.node.say(wire.Place(known, AGAIN_SPREAD, AGAIN_TURN))
         elif self.profile.start is not None and self._pose_buffer.unheard:
             self.node.say(wire.Place(self.profile.start, START_SPREAD, START_TURN))
-        elif self._pose_buffer.unheard and self._area is not None and (kept := self._memory.recall(self._area.map_id)):
+        elif (
+            self._pose_buffer.unheard
+            and self._area is not None
+            and (kept := self._memory.recall(self._area.map_id))
+        ):
             self.node.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
 
     def _think(self, output: NavigationOutput) -> None:

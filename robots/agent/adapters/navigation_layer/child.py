@@ -1,4 +1,6 @@
-"""A mind's process as a child of the agent: started, listened to, given up when it is stuck, and begun again."""
+"""A mind's process as a child of the agent: started, listened to, given up when it is stuck, and
+begun again.
+"""
 
 import asyncio
 import contextlib
@@ -40,7 +42,14 @@ class NavigationProcess:
         seed: of everything random.
     """
 
-    def __init__(self, body: Body, *, output: Callable[[NavigationOutput], None], settled: Callable[[], None], seed: int = 0) -> None:
+    def __init__(
+        self,
+        body: Body,
+        *,
+        output: Callable[[NavigationOutput], None],
+        settled: Callable[[], None],
+        seed: int = 0,
+    ) -> None:
         self.ready = False
         self.problem = "no map of the site has come yet"
         self.starts = 0
@@ -77,7 +86,12 @@ class NavigationProcess:
     def say(self, message: wire.NodeMessage) -> bool:
         """Send without waiting; return False when no mind hears it."""
         writer = self._writer
-        if not self.ready or writer is None or writer.transport.is_closing() or writer.transport.get_write_buffer_size() > BACKLOG:
+        if (
+            not self.ready
+            or writer is None
+            or writer.transport.is_closing()
+            or writer.transport.get_write_buffer_size() > BACKLOG
+        ):
             return False
         writer.write(framing.pack(message))
         return True
@@ -116,7 +130,7 @@ class NavigationProcess:
             await asyncio.gather(self._task, return_exceptions=True)
             self._task = None
 
-    # --- inside ----------------------------------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
 
     async def _until_ready(self) -> None:
         try:
@@ -157,7 +171,11 @@ class NavigationProcess:
             writer.write(framing.pack(wire.Settle(self._body, area, self._seed + self.starts)))
             async with asyncio.timeout(START_TIME):
                 settled = await _read(reader)
-            self.problem = settled.problem if isinstance(settled, wire.Settled) else "it speaks another language"
+            self.problem = (
+                settled.problem
+                if isinstance(settled, wire.Settled)
+                else "it speaks another language"
+            )
             if self.problem:
                 log.error("map_refused reason=%r", self.problem)
                 self._area_came.clear()  # the same map again would be refused again
@@ -174,12 +192,18 @@ class NavigationProcess:
 
     async def _start(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         token = secrets.token_hex(16)
-        met: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = asyncio.get_running_loop().create_future()
+        met: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = (
+            asyncio.get_running_loop().create_future()
+        )
 
         async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             with contextlib.suppress(asyncio.IncompleteReadError, OSError, framing.WireError):
                 word = await _read(reader)
-                if isinstance(word, wire.Token) and hmac.compare_digest(word.token, token) and not met.done():
+                if (
+                    isinstance(word, wire.Token)
+                    and hmac.compare_digest(word.token, token)
+                    and not met.done()
+                ):
                     met.set_result((reader, writer))
                     return
             writer.close()
@@ -192,7 +216,9 @@ class NavigationProcess:
             async with asyncio.timeout(START_TIME):
                 while not met.done():
                     if self._child.poll() is not None:
-                        raise OSError(f"it ended at once, with exit status {self._child.returncode}")
+                        raise OSError(
+                            f"it ended at once, with exit status {self._child.returncode}"
+                        )
                     await asyncio.wait({met}, timeout=GLANCE)
             return met.result()
         finally:
@@ -223,16 +249,23 @@ def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
     Raises:
         OSError: it cannot be started.
     """
-    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside the agent.
+    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside
+    # the agent.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-    root = str(Path(__file__).resolve().parents[4])  # from where `robots` is imported, so that a child finds it from anywhere
+    # from where `robots` is imported, so that a child finds it from anywhere
+    root = str(Path(__file__).resolve().parents[4])
     child = subprocess.Popen(  # noqa: S603 -- our own module, with our own interpreter
         [sys.executable, "-m", "robots.agent.autonomy", address],
-        stdin=subprocess.PIPE, start_new_session=True, creationflags=flags, cwd=root, env=environment,
-    )  # fmt: skip
+        stdin=subprocess.PIPE,
+        start_new_session=True,
+        creationflags=flags,
+        cwd=root,
+        env=environment,
+    )
     assert child.stdin is not None
-    with contextlib.suppress(BrokenPipeError):  # it is dead already, which the silence on its socket tells
+    # it is dead already, which the silence on its socket tells
+    with contextlib.suppress(BrokenPipeError):
         child.stdin.write(f"{token}\n".encode())
         child.stdin.close()
     return child

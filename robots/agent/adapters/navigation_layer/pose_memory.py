@@ -1,7 +1,8 @@
-"""Where the robot stood when the agent ended, so that the next one need not look for it on the whole map.
+"""Where the robot stood when the agent ended, so that the next one need not look for it on the
+whole map.
 
-Somebody may have moved it meanwhile: what is remembered is a beginning, which the laser confirms or not. A memory that cannot be read or
-written is none.
+Somebody may have moved it meanwhile: what is remembered is a beginning, which the laser confirms or
+not. A memory that cannot be read or written is none.
 """
 
 import asyncio
@@ -32,17 +33,28 @@ class PoseMemory:
         """Return where the robot stood last in this map, None when unknown. Blocks for a disk."""
         try:
             content = json.loads(self._path.read_text(encoding="utf-8")) if self._path else None
-            pose = Pose2D(*(float(content[name]) for name in ("x", "y", "theta"))) if content and content["map_id"] == map_id else None
+            pose = (
+                Pose2D(*(float(content[name]) for name in ("x", "y", "theta")))
+                if content and content["map_id"] == map_id
+                else None
+            )
         except (OSError, ValueError, KeyError, TypeError):
             return None
         return pose if pose is not None and all(map(math.isfinite, pose)) else None
 
     def note(self, map_id: str, pose: Pose2D, now: float) -> None:
         """Remember a pose, now and then and beside the loop."""
-        if self._path is None or self._writing is not None or not self._due.due(now) or not self._is_news(map_id, pose):
+        if (
+            self._path is None
+            or self._writing is not None
+            or not self._due.due(now)
+            or not self._is_news(map_id, pose)
+        ):
             return
         self._kept = map_id, pose
-        self._writing = asyncio.get_running_loop().create_task(asyncio.to_thread(self._write, map_id, pose))
+        self._writing = asyncio.get_running_loop().create_task(
+            asyncio.to_thread(self._write, map_id, pose)
+        )
         self._writing.add_done_callback(self._written)
 
     async def close(self, map_id: str, pose: Pose2D | None) -> None:
@@ -66,7 +78,9 @@ class PoseMemory:
         unfinished = self._path.with_suffix(".new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.write_text(json.dumps({"map_id": map_id, **pose._asdict()}), encoding="utf-8")
+            unfinished.write_text(
+                json.dumps({"map_id": map_id, **pose._asdict()}), encoding="utf-8"
+            )
             unfinished.replace(self._path)
         except OSError as error:
             log.warning("pose_not_kept reason=%r", str(error))

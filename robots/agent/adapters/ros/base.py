@@ -1,7 +1,8 @@
 """A robot that runs ROS, whatever way leads to it: rosbridge, a node of ROS 1, DDS of ROS 2.
 
-A `Bus` carries messages as JSON objects (ros_words.py); this module knows the topics. Where the robot is comes from its own
-localization (`pose`: amcl's topic, or `tf`), or with `localization` "none" from the agent's. Go-to is move_base's or Nav2's.
+A `Bus` carries messages as JSON objects (ros_words.py); this module knows the topics. Where the
+robot is comes from its own localization (`pose`: amcl's topic, or `tf`), or with `localization`
+"none" from the agent's. Go-to is move_base's or Nav2's.
 """
 
 import asyncio
@@ -20,18 +21,38 @@ from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_o
 from robots.agent.adapters.common.robot_profile import RobotProfile
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.ros import messages
-from robots.agent.adapters.ros.graph import TWIST, TWIST_STAMPED, Graph, Need, TopicPeers, chosen_stamped, nobody_listens, not_said
+from robots.agent.adapters.ros.graph import (
+    TWIST,
+    TWIST_STAMPED,
+    Graph,
+    Need,
+    TopicPeers,
+    chosen_stamped,
+    nobody_listens,
+    not_said,
+)
 from robots.agent.adapters.ros.topic_camera import TopicCamera
 from robots.agent.robot_interface import AdapterError, VideoSource
 from robots.api.geometry import Pose2D
-from robots.api.messages import Action, ActionState, Capability, Dock, Goto, Relocalize, Undock, Velocity
+from robots.api.messages import (
+    Action,
+    ActionState,
+    Capability,
+    Dock,
+    Goto,
+    Relocalize,
+    Undock,
+    Velocity,
+)
 
 ACCEPTANCE = 5.0  # seconds in which navigation has to take note of a goal
-TOLD_WITHIN, TURNED_WITHIN = 0.5, 0.26  # metres and radians: standard deviations of a pose that somebody told
+# metres and radians: standard deviations of a pose that somebody told
+TOLD_WITHIN, TURNED_WITHIN = 0.5, 0.26
 SCAN_PERIOD = 0.05
 PICTURE_PERIOD = 0.03
 DONE: dict[int, dict[int, ActionState]] = {
-    1: {2: "CANCELLED", 3: "FINISHED", 4: "FAILED", 5: "FAILED", 8: "CANCELLED", 9: "FAILED"},  # actionlib_msgs/GoalStatus
+    # actionlib_msgs/GoalStatus
+    1: {2: "CANCELLED", 3: "FINISHED", 4: "FAILED", 5: "FAILED", 8: "CANCELLED", 9: "FAILED"},
     2: {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"},  # action_msgs/GoalStatus
 }
 STAMPED: dict[str, bool | None] = {
@@ -53,11 +74,12 @@ Handler = Callable[[dict[str, Any]], None]
 class RosOptions(Struct, frozen=True, kw_only=True):
     """Names of topics, services and frames; an empty name is one that this robot does not have.
 
-    `watchdog` is the base's own, in seconds. `navigation` is `move_base` (topics of its action), `nav2` (the action), `goal_pose` (a
-    topic, and the status of Nav2's action) or `none`. `dock`, `undock` and `cancel_dock` are std_srvs/Trigger services; done is what the
-    battery says. `tilt` takes a std_msgs/Float64 in radians, `tilt_joint` is its name in `joint_states`. `bumper` and `estop` are
-    std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. `stamped` says whether velocities are TwistStamped; `auto` goes by what
-    listens on `cmd_vel`.
+    `watchdog` is the base's own, in seconds. `navigation` is `move_base` (topics of its action),
+    `nav2` (the action), `goal_pose` (a topic, and the status of Nav2's action) or `none`. `dock`,
+    `undock` and `cancel_dock` are std_srvs/Trigger services; done is what the battery says. `tilt`
+    takes a std_msgs/Float64 in radians, `tilt_joint` is its name in `joint_states`. `bumper` and
+    `estop` are std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. `stamped` says whether
+    velocities are TwistStamped; `auto` goes by what listens on `cmd_vel`.
     """
 
     cmd_vel: str = "/cmd_vel"
@@ -101,11 +123,15 @@ class Goals(Protocol):
 
 
 class Bus(Protocol):
-    """A way to a ROS system. Types are written as in ROS 1 (`nav_msgs/Odometry`); nothing but the awaited may block."""
+    """A way to a ROS system. Types are written as in ROS 1 (`nav_msgs/Odometry`); nothing but the
+    awaited may block.
+    """
 
     version: int
     place: str
-    answers: bool  # whether `ask` asks those who listen for velocities; else it is a reading that says that they live
+    # whether `ask` asks those who listen for velocities; else it is a reading that says that they
+    # live
+    answers: bool
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Reach it; `lost` hears later why it is gone.
@@ -117,8 +143,19 @@ class Bus(Protocol):
     async def shut(self) -> None:
         """Let go of it."""
 
-    def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
-        """Hear a topic; `latched` wants its last message too, `sensor` may lose some, `period` is the least time between two."""
+    def subscribe(
+        self,
+        topic: str,
+        kind: str,
+        handler: Handler,
+        *,
+        latched: bool = False,
+        sensor: bool = False,
+        period: float = 0.0,
+    ) -> None:
+        """Hear a topic; `latched` wants its last message too, `sensor` may lose some, `period` is
+        the least time between two.
+        """
 
     def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
         """Say what will be published; `drives` are velocities."""
@@ -140,7 +177,8 @@ class Bus(Protocol):
         """Return how many hear a topic that drives, as the same type; None when that is not known."""
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Return what others have to do with topics: at least with the one that drives and those `heard`; None when nobody knows.
+        """Return what others have to do with topics: at least with the one that drives and those
+        `heard`; None when nobody knows.
 
         Raises:
             AdapterError: the system is gone.
@@ -177,7 +215,10 @@ class RosAdapter(RemoteAdapter):
     def __init__(self, robot: RobotProfile, options: RosOptions, bus: Bus, rca: str) -> None:
         self._options, self._bus = options, bus
         self._navigation = options.navigation or ("move_base" if bus.version == 1 else "nav2")
-        super().__init__(profile_of(robot, rca, options.watchdog, own=_abilities(options, self._navigation)), robot.battery)
+        super().__init__(
+            profile_of(robot, rca, options.watchdog, own=_abilities(options, self._navigation)),
+            robot.battery,
+        )
         self.must_answer = bus.answers
         self.place, self.vital = bus.place, f"its odometry on {options.odom}"
         self._counter = itertools.count(1)
@@ -193,7 +234,7 @@ class RosAdapter(RemoteAdapter):
         self._advertised = False
         self._next_reading: asyncio.Future[None] | None = None
 
-    # --- the connection --------------------------------------------------------------------------------------------------
+    # --- the connection ---------------------------------------------------------------------------
 
     async def _open(self) -> None:
         await self._bus.open(self._lose, self)
@@ -223,21 +264,38 @@ class RosAdapter(RemoteAdapter):
     def _cut(self) -> None:
         self._bus.cut()
 
-    # --- who else is there -----------------------------------------------------------------------------------------------
+    # --- who else is there ------------------------------------------------------------------------
 
     def _needs(self) -> list[Need]:
-        names = {topic: option for option, topic in msgspec.structs.asdict(self._options).items() if isinstance(topic, str)}
-        return [Need(topic, kind, names[topic]) for topic, kind, _, _ in self._listened() if topic and topic in names]
+        names = {
+            topic: option
+            for option, topic in msgspec.structs.asdict(self._options).items()
+            if isinstance(topic, str)
+        }
+        return [
+            Need(topic, kind, names[topic])
+            for topic, kind, _, _ in self._listened()
+            if topic and topic in names
+        ]
 
     def _wanted_stamped(self) -> bool:
         told = STAMPED[str(self._options.stamped).lower()]
-        return chosen_stamped(self._graph, self._options.cmd_vel, stamped=self._stamped) if told is None else told
+        return (
+            chosen_stamped(self._graph, self._options.cmd_vel, stamped=self._stamped)
+            if told is None
+            else told
+        )
 
     def _advertise_velocities(self) -> None:
-        """Say that velocities will come, as who listens wants them; with `stamped=auto` not before somebody does."""
+        """Say that velocities will come, as who listens wants them; with `stamped=auto` not before
+        somebody does.
+        """
         topic, wanted = self._options.cmd_vel, self._wanted_stamped()
         if not self._advertised:
-            is_there = self._graph is None or self._graph.get(topic, TopicPeers(listeners=0)).listeners != 0
+            is_there = (
+                self._graph is None
+                or self._graph.get(topic, TopicPeers(listeners=0)).listeners != 0
+            )
             if not is_there and STAMPED[str(self._options.stamped).lower()] is None:
                 return
         elif wanted == self._stamped or self._bus.listeners(topic):
@@ -251,8 +309,14 @@ class RosAdapter(RemoteAdapter):
         return self._bus.listeners(self._options.cmd_vel) if self._advertised else 0
 
     def _unheard(self) -> str:
-        """Say that nobody listens for velocities: of another type they are not heard, and neither side is told."""
-        return nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped) if self._listeners() == 0 else ""
+        """Say that nobody listens for velocities: of another type they are not heard, and neither
+        side is told.
+        """
+        return (
+            nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped)
+            if self._listeners() == 0
+            else ""
+        )
 
     async def _settle(self) -> None:
         deadline = time.monotonic() + LISTENERS
@@ -271,7 +335,9 @@ class RosAdapter(RemoteAdapter):
             await asyncio.sleep(LOOKING / 5)
 
     async def _look_round(self) -> None:
-        """Say what is missing. Not while the robot moves: a rosbridge takes no velocities meanwhile."""
+        """Say what is missing. Not while the robot moves: a rosbridge takes no velocities
+        meanwhile.
+        """
         began = time.monotonic()
         due = began
         while True:
@@ -281,7 +347,9 @@ class RosAdapter(RemoteAdapter):
                 self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
             missing = not_said(self._graph, self._silent_needs()) if now - began > SETTLING else ()
             hangs = self._gate.shut(time.monotonic())
-            self.readings.errors = tuple(filter(None, (hangs and f"{self.place} {hangs}", self._unheard(), *missing)))
+            self.readings.errors = tuple(
+                filter(None, (hangs and f"{self.place} {hangs}", self._unheard(), *missing))
+            )
             await asyncio.sleep(LOOKING)
 
     def _silent_needs(self) -> list[Need]:
@@ -293,9 +361,15 @@ class RosAdapter(RemoteAdapter):
 
     def _said(self) -> list[tuple[str, str]]:
         options = self._options
-        topics = [(options.initial_pose, "geometry_msgs/PoseWithCovarianceStamped"), (options.tilt, "std_msgs/Float64")]
+        topics = [
+            (options.initial_pose, "geometry_msgs/PoseWithCovarianceStamped"),
+            (options.tilt, "std_msgs/Float64"),
+        ]
         if self._navigation == "move_base":
-            topics += [(f"{options.move_base}/goal", "move_base_msgs/MoveBaseActionGoal"), (f"{options.move_base}/cancel", "actionlib_msgs/GoalID")]
+            topics += [
+                (f"{options.move_base}/goal", "move_base_msgs/MoveBaseActionGoal"),
+                (f"{options.move_base}/cancel", "actionlib_msgs/GoalID"),
+            ]
         if self._navigation == "goal_pose":
             topics.append((options.goal_pose, "geometry_msgs/PoseStamped"))
         return [(topic, kind) for topic, kind in topics if topic]
@@ -304,22 +378,75 @@ class RosAdapter(RemoteAdapter):
         options = self._options
         topics: list[tuple[str, str, Handler, dict[str, Any]]] = [
             (options.odom, "nav_msgs/Odometry", self._odometry, {}),
-            (options.scan, "sensor_msgs/LaserScan", self._scan, {"sensor": True, "period": SCAN_PERIOD}),
+            (
+                options.scan,
+                "sensor_msgs/LaserScan",
+                self._scan,
+                {"sensor": True, "period": SCAN_PERIOD},
+            ),
             (options.battery, "sensor_msgs/BatteryState", self._charge, {}),
-            (options.joint_states if options.tilt_joint else "", "sensor_msgs/JointState", self._joints, {}),
-            (options.bumper, "std_msgs/Bool", lambda m: self.readings.bumped(touching=bool(m.get("data"))), {}),
-            (options.image, "sensor_msgs/CompressedImage", self._picture, {"sensor": True, "period": PICTURE_PERIOD}),
-            (options.estop, "std_msgs/Bool", lambda m: setattr(self.readings, "estop", bool(m.get("data"))), {"latched": True}),
+            (
+                options.joint_states if options.tilt_joint else "",
+                "sensor_msgs/JointState",
+                self._joints,
+                {},
+            ),
+            (
+                options.bumper,
+                "std_msgs/Bool",
+                lambda m: self.readings.bumped(touching=bool(m.get("data"))),
+                {},
+            ),
+            (
+                options.image,
+                "sensor_msgs/CompressedImage",
+                self._picture,
+                {"sensor": True, "period": PICTURE_PERIOD},
+            ),
+            (
+                options.estop,
+                "std_msgs/Bool",
+                lambda m: setattr(self.readings, "estop", bool(m.get("data"))),
+                {"latched": True},
+            ),
         ]
         if options.localization == "pose":
-            topics.append((options.pose, "geometry_msgs/PoseWithCovarianceStamped", self._fix, {"latched": True}))
+            topics.append(
+                (
+                    options.pose,
+                    "geometry_msgs/PoseWithCovarianceStamped",
+                    self._fix,
+                    {"latched": True},
+                )
+            )
         if options.localization == "tf":
             topics.append(("/tf", "tf2_msgs/TFMessage", self._transforms, {}))
         if self._navigation == "move_base":
-            topics.append((f"{options.move_base}/status", "actionlib_msgs/GoalStatusArray", self._goal_states, {}))
-            topics.append((f"{options.move_base}/result", "move_base_msgs/MoveBaseActionResult", self._goal_result, {}))
+            topics.append(
+                (
+                    f"{options.move_base}/status",
+                    "actionlib_msgs/GoalStatusArray",
+                    self._goal_states,
+                    {},
+                )
+            )
+            topics.append(
+                (
+                    f"{options.move_base}/result",
+                    "move_base_msgs/MoveBaseActionResult",
+                    self._goal_result,
+                    {},
+                )
+            )
         if self._navigation == "goal_pose":
-            topics.append((f"{options.navigate}/_action/status", "action_msgs/GoalStatusArray", self._nav2_states, {"latched": True}))
+            topics.append(
+                (
+                    f"{options.navigate}/_action/status",
+                    "action_msgs/GoalStatusArray",
+                    self._nav2_states,
+                    {"latched": True},
+                )
+            )
         return topics
 
     def _safely(self, topic: str, handler: Handler) -> Handler:
@@ -334,22 +461,27 @@ class RosAdapter(RemoteAdapter):
 
         return handle
 
-    # --- what it hears ---------------------------------------------------------------------------------------------------
+    # --- what it hears ----------------------------------------------------------------------------
 
     def _odometry(self, message: dict[str, Any]) -> None:
         here, velocity = messages.odometry_in(message)
         arrived = time.time()
-        self.readings.moved(here, velocity, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic())
+        self.readings.moved(
+            here, velocity, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
+        )
         if self._next_reading is not None and not self._next_reading.done():
             self._next_reading.set_result(None)
         self._heard()
 
     def _fix(self, message: dict[str, Any]) -> None:
         pose, arrived = messages.fix_in(message), time.time()
-        if self.readings.odometry is None:  # a latched fix of long ago, before any odometry: once that is there, they are put together
+        # a latched fix of long ago, before any odometry: once that is there, they are put together
+        if self.readings.odometry is None:
             self._later(lambda: self._fix(message))
         else:
-            self.readings.located(pose, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic())
+            self.readings.located(
+                pose, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
+            )
 
     def _later(self, again: Callable[[], None]) -> None:
         async def wait() -> None:
@@ -366,16 +498,22 @@ class RosAdapter(RemoteAdapter):
 
     def _scan(self, message: dict[str, Any]) -> None:
         arrived = time.time()
-        self.readings.scanned(messages.scan_in(message, stamp_of(messages.stamp_in(message, arrived), arrived)))
+        self.readings.scanned(
+            messages.scan_in(message, stamp_of(messages.stamp_in(message, arrived), arrived))
+        )
 
     def _charge(self, message: dict[str, Any]) -> None:
         battery = messages.battery_in(message)
-        self.readings.charged(voltage=battery.voltage, charge=battery.charge, charging=battery.charging)
+        self.readings.charged(
+            voltage=battery.voltage, charge=battery.charge, charging=battery.charging
+        )
 
     def _picture(self, message: dict[str, Any]) -> None:
         if self._camera is not None and self._camera.wanted:
             arrived = time.time()
-            self._camera.take(messages.picture_in(message), stamp_of(messages.stamp_in(message, arrived), arrived))
+            self._camera.take(
+                messages.picture_in(message), stamp_of(messages.stamp_in(message, arrived), arrived)
+            )
 
     def _joints(self, message: dict[str, Any]) -> None:
         angle = messages.joint_in(message, self._options.tilt_joint)
@@ -385,14 +523,17 @@ class RosAdapter(RemoteAdapter):
         """Return the camera whose pictures are a topic, always the same one, or None."""
         return self._camera
 
-    # --- what it says ----------------------------------------------------------------------------------------------------
+    # --- what it says -----------------------------------------------------------------------------
 
     def _drive(self, velocity: Velocity) -> None:
         message: dict[str, Any] = messages.twist(velocity)
         if not self._advertised:
             return  # nobody is there to hear it
         if self._stamped:
-            message = {"header": messages.header("base_link", time.time(), self._bus.version), "twist": message}
+            message = {
+                "header": messages.header("base_link", time.time(), self._bus.version),
+                "twist": message,
+            }
         self._bus.publish(self._options.cmd_vel, message, newest=True)
 
     def _turn_head(self, angle: float) -> None:
@@ -403,7 +544,10 @@ class RosAdapter(RemoteAdapter):
             case Goto(x=x, y=y) if x is not None and y is not None:
                 self._send_goal(Pose2D(x, y, self._heading(action)))
             case Goto(place=place):
-                raise AdapterError(f"{self.profile.series} is sent to points of its map, and knows no place {place!r}")
+                raise AdapterError(
+                    f"{self.profile.series} is sent to points of its map, and knows no place"
+                    f" {place!r}"
+                )
             case Dock():
                 await self._trigger(self._options.dock)
             case Undock():
@@ -426,39 +570,63 @@ class RosAdapter(RemoteAdapter):
             raise AdapterError(f"{service} refuses: {reason or 'it does not say why'}")
 
     def _relocalize(self, action: Relocalize, place: Pose2D) -> PendingAction:
-        """Say where the robot is, and wait for its localization to say so too: amcl answers with the next scan, and once."""
+        """Say where the robot is, and wait for its localization to say so too: amcl answers with
+        the next scan, and once.
+        """
         covariance = [0.0] * 36
         covariance[0] = covariance[7] = TOLD_WITHIN**2
         covariance[35] = (TURNED_WITHIN if action.theta is not None else math.pi) ** 2
         header = messages.header(self._options.map_frame, time.time(), self._bus.version)
-        self._bus.publish(self._options.initial_pose, {"header": header, "pose": {"pose": messages.pose(place), "covariance": covariance}})
+        self._bus.publish(
+            self._options.initial_pose,
+            {"header": header, "pose": {"pose": messages.pose(place), "covariance": covariance}},
+        )
         area = Area(place.x, place.y, 2.0 * TOLD_WITHIN, action.theta, 3.0 * TURNED_WITHIN)
         now = time.monotonic()
-        return PendingAction(action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area)
+        return PendingAction(
+            action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area
+        )
 
     async def _withdraw(self, pending: PendingAction) -> None:
         if pending.kind != "goto":
             if self._options.cancel_dock:
                 await self._trigger(self._options.cancel_dock)
         elif self._navigation == "move_base":
-            self._bus.publish(f"{self._options.move_base}/cancel", {"stamp": messages.time_of(0.0, 1), "id": self._goal})
+            self._bus.publish(
+                f"{self._options.move_base}/cancel",
+                {"stamp": messages.time_of(0.0, 1), "id": self._goal},
+            )
         elif self._navigation == "nav2":
             self._bus.cancel_goal(self._options.navigate, self._goal)
         else:
             here = self.readings.pose
-            self._publish_goal(Pose2D(here.x, here.y, here.theta))  # the only way to say it on a topic: stay where you are
+            # the only way to say it on a topic: stay where you are
+            self._publish_goal(Pose2D(here.x, here.y, here.theta))
 
-    # --- goals -----------------------------------------------------------------------------------------------------------
+    # --- goals ------------------------------------------------------------------------------------
 
     def _send_goal(self, place: Pose2D) -> None:
         now, version = time.time(), self._bus.version
         self._goal = f"telepresence-{next(self._counter)}-{now:.3f}"
-        target = {"header": messages.header(self._options.map_frame, now, version), "pose": messages.pose(place)}
+        target = {
+            "header": messages.header(self._options.map_frame, now, version),
+            "pose": messages.pose(place),
+        }
         if self._navigation == "move_base":
-            goal = {"goal_id": {"stamp": messages.time_of(now, version), "id": self._goal}, "goal": {"target_pose": target}}
-            self._bus.publish(f"{self._options.move_base}/goal", {"header": target["header"], **goal})
+            goal = {
+                "goal_id": {"stamp": messages.time_of(now, version), "id": self._goal},
+                "goal": {"target_pose": target},
+            }
+            self._bus.publish(
+                f"{self._options.move_base}/goal", {"header": target["header"], **goal}
+            )
         elif self._navigation == "nav2":
-            self._bus.send_goal(self._options.navigate, "nav2_msgs/NavigateToPose", {"pose": target, "behavior_tree": ""}, self._goal)
+            self._bus.send_goal(
+                self._options.navigate,
+                "nav2_msgs/NavigateToPose",
+                {"pose": target, "behavior_tree": ""},
+                self._goal,
+            )
         else:
             self._seen, self._knew_goals, self._ours = self._latest, bool(self._latest), ""
             self._publish_goal(place)
@@ -469,12 +637,21 @@ class RosAdapter(RemoteAdapter):
 
     def _look(self, now: float) -> None:
         pending = self.pending_actions.drive
-        if pending is not None and pending.kind == "goto" and not pending.seen_running and now - pending.began > ACCEPTANCE:
+        if (
+            pending is not None
+            and pending.kind == "goto"
+            and not pending.seen_running
+            and now - pending.began > ACCEPTANCE
+        ):
             self.pending_actions.end(pending.action_id, "FAILED", "navigation does not answer")
 
     def accepted(self, goal: str) -> None:
         """Take that the robot works on a goal."""
-        if goal == self._goal and self.pending_actions.drive is not None and self.pending_actions.drive.kind == "goto":
+        if (
+            goal == self._goal
+            and self.pending_actions.drive is not None
+            and self.pending_actions.drive.kind == "goto"
+        ):
             self.pending_actions.drive.seen_running = True
 
     def ended(self, goal: str, status: ActionState, reason: str) -> None:
@@ -488,12 +665,19 @@ class RosAdapter(RemoteAdapter):
 
     def _goal_result(self, message: dict[str, Any]) -> None:
         status = message.get("status", {})
-        self._over(str(status.get("goal_id", {}).get("id", "")), 1, status.get("status"), str(status.get("text", "")))
+        self._over(
+            str(status.get("goal_id", {}).get("id", "")),
+            1,
+            status.get("status"),
+            str(status.get("text", "")),
+        )
 
     def _nav2_states(self, message: dict[str, Any]) -> None:
-        """Of goals on a topic nobody tells which is whose: ours is the one that was not there before we sent it.
+        """Of goals on a topic nobody tells which is whose: ours is the one that was not there
+        before we sent it.
 
-        When we had not heard of any goals by then, one that has ended already may be an old one, and does not count.
+        When we had not heard of any goals by then, one that has ended already may be an old one,
+        and does not count.
         """
         entries = {_uuid(entry): entry.get("status") for entry in message.get("status_list", ())}
         self._latest = frozenset(entries)
@@ -517,9 +701,14 @@ def _abilities(options: RosOptions, navigation: str) -> tuple[Capability, ...]:
     """Return what a robot with these topics can do by itself."""
     localizes = options.localization != "none"
     able: dict[Capability, bool] = {
-        "localization": localizes, "scan": bool(options.scan), "goto": localizes and navigation != "none", "dock": bool(options.dock),
-        "undock": bool(options.undock), "relocalize": localizes and bool(options.initial_pose), "tilt": bool(options.tilt and options.tilt_joint),
-    }  # fmt: skip
+        "localization": localizes,
+        "scan": bool(options.scan),
+        "goto": localizes and navigation != "none",
+        "dock": bool(options.dock),
+        "undock": bool(options.undock),
+        "relocalize": localizes and bool(options.initial_pose),
+        "tilt": bool(options.tilt and options.tilt_joint),
+    }
     return tuple(name for name, is_able in able.items() if is_able)
 
 

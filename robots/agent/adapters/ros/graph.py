@@ -1,6 +1,8 @@
-"""What else is in a ROS system: who listens on the topics that we say, who says what we listen for, of which type. Pure.
+"""What else is in a ROS system: who listens on the topics that we say, who says what we listen for,
+of which type. Pure.
 
-Types are written as in ROS 1. Publishers and subscribers of different types do not meet, in either ROS, and neither is told.
+Types are written as in ROS 1. Publishers and subscribers of different types do not meet, in either
+ROS, and neither is told.
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,35 +35,57 @@ class Need:
 
 
 def chosen_stamped(graph: Graph | None, topic: str, *, stamped: bool) -> bool:
-    """Return whether velocities go as TwistStamped: as the others on the topic have it, as before where they do not say."""
+    """Return whether velocities go as TwistStamped: as the others on the topic have it, as before
+    where they do not say.
+    """
     known = graph.get(topic) if graph is not None else None
     kinds = set(VELOCITIES) & known.kinds if known is not None else set()
     return kinds == {TWIST_STAMPED} if len(kinds) == 1 else stamped
 
 
 def nobody_listens(graph: Graph | None, topic: str, *, stamped: bool) -> str:
-    """Return the sentence about velocities that nobody hears: what is there instead, and the option to set."""
+    """Return the sentence about velocities that nobody hears: what is there instead, and the option
+    to set.
+    """
     ours = TWIST_STAMPED if stamped else TWIST
     known = graph.get(topic, TopicPeers()) if graph is not None else TopicPeers()
     there = sorted(known.kinds - {ours})
     if there:
-        way_out = f"set stamped={'false' if stamped else 'true'}" if set(there) & set(VELOCITIES) else "set cmd_vel to another topic"
+        way_out = (
+            f"set stamped={'false' if stamped else 'true'}"
+            if set(there) & set(VELOCITIES)
+            else "set cmd_vel to another topic"
+        )
         return f"nobody listens on {topic} for {ours}: there it is {' and '.join(there)}; {way_out}"
     others = _listening(graph, topic)
-    return f"nobody listens on {topic} ({ours}): set cmd_vel to the topic of the robot's base" + (f"; here are {', '.join(others)}" if others else "")
+    return f"nobody listens on {topic} ({ours}): set cmd_vel to the topic of the robot's base" + (
+        f"; here are {', '.join(others)}" if others else ""
+    )
 
 
 def not_said(graph: Graph | None, needs: Iterable[Need]) -> tuple[str, ...]:
-    """Return a sentence about each topic that we listen for and nobody publishes, or as another type."""
+    """Return a sentence about each topic that we listen for and nobody publishes, or as another
+    type.
+    """
     found = []
     for need in needs if graph is not None else ():
         known = graph.get(need.topic, TopicPeers(speakers=0)) if graph is not None else TopicPeers()
         if known.kinds and need.kind not in known.kinds:
-            found.append(f"{need.topic} is {' and '.join(sorted(known.kinds))}, not {need.kind}: set {need.option} to another topic")
+            found.append(
+                f"{need.topic} is {' and '.join(sorted(known.kinds))}, not {need.kind}: set"
+                f" {need.option} to another topic"
+            )
         elif known.speakers == 0:
-            others = [name for name, each in sorted((graph or {}).items()) if need.kind in each.kinds and each.speakers != 0 and name != need.topic]
+            others = [
+                name
+                for name, each in sorted((graph or {}).items())
+                if need.kind in each.kinds and each.speakers != 0 and name != need.topic
+            ]
             here = f"; here are {', '.join(others[:MOST_NAMED])}" if others else ""
-            found.append(f"nobody publishes {need.topic} ({need.kind}): set {need.option} to the robot's topic, or to nothing{here}")
+            found.append(
+                f"nobody publishes {need.topic} ({need.kind}): set {need.option} to the robot's"
+                f" topic, or to nothing{here}"
+            )
     return tuple(found)
 
 

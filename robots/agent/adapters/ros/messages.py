@@ -1,8 +1,9 @@
 """Messages of ROS as JSON objects, the way rosbridge writes them, and back to ours. Pure.
 
-Both generations: the stamp of a header is `secs, nsecs` in ROS 1 and `sec, nanosec` in ROS 2. Numbers that JSON lacks (NaN, infinity)
-arrive as null, bytes as base64 or as a list of numbers.
-Frames and signs are ROS's own (REP 103): x forward, y left, a positive pitch looks down, as with us.
+Both generations: the stamp of a header is `secs, nsecs` in ROS 1 and `sec, nanosec` in ROS 2.
+Numbers that JSON lacks (NaN, infinity) arrive as null, bytes as base64 or as a list of numbers.
+Frames and signs are ROS's own (REP 103): x forward, y left, a positive pitch looks down, as with
+us.
 """
 
 import base64
@@ -16,7 +17,8 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Pose, Scan, Velocity
 
 MOST_RANGES = 2000
-HALF_TRUSTED = 0.3  # metres of standard deviation at which a pose counts half; beyond it the robot is lost
+# metres of standard deviation at which a pose counts half; beyond it the robot is lost
+HALF_TRUSTED = 0.3
 CHARGING, FULL = 1, 4  # sensor_msgs/BatteryState
 STATUS_KNOWN = frozenset({1, 2, 3, 4})
 
@@ -50,12 +52,20 @@ def header(frame: str, unix: float, version: int) -> dict[str, Any]:
 
 def twist(velocity: Velocity) -> dict[str, Any]:
     """Return a geometry_msgs/Twist."""
-    return {"linear": {"x": velocity.linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": velocity.angular}}
+    return {
+        "linear": {"x": velocity.linear, "y": 0.0, "z": 0.0},
+        "angular": {"x": 0.0, "y": 0.0, "z": velocity.angular},
+    }
 
 
 def pose(place: Pose2D) -> dict[str, Any]:
     """Return a geometry_msgs/Pose on the floor."""
-    orientation = {"x": 0.0, "y": 0.0, "z": math.sin(place.theta / 2.0), "w": math.cos(place.theta / 2.0)}
+    orientation = {
+        "x": 0.0,
+        "y": 0.0,
+        "z": math.sin(place.theta / 2.0),
+        "w": math.cos(place.theta / 2.0),
+    }
     return {"position": {"x": place.x, "y": place.y, "z": 0.0}, "orientation": orientation}
 
 
@@ -88,7 +98,9 @@ def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
     """
     try:
         speed = message["twist"]["twist"]
-        velocity = Velocity(linear=_number(speed["linear"]["x"]), angular=_number(speed["angular"]["z"]))
+        velocity = Velocity(
+            linear=_number(speed["linear"]["x"]), angular=_number(speed["angular"]["z"])
+        )
         return pose_in(message["pose"]["pose"]), velocity
     except (KeyError, TypeError) as error:
         raise RosError(f"no odometry: {error}") from error
@@ -107,7 +119,14 @@ def fix_in(message: Said) -> Pose:
     except (KeyError, TypeError, IndexError) as error:
         raise RosError(f"no pose with covariance: {error}") from error
     score = 1.0 / (1.0 + max(0.0, xx, yy) / HALF_TRUSTED**2)
-    return Pose(x=here.x, y=here.y, theta=here.theta, covariance=(xx, xy, xt, yy, yt, tt), localized=score >= 0.5, score=score)  # noqa: PLR2004 -- as Pose says
+    return Pose(
+        x=here.x,
+        y=here.y,
+        theta=here.theta,
+        covariance=(xx, xy, xt, yy, yt, tt),
+        localized=score >= 0.5,
+        score=score,
+    )  # noqa: PLR2004 -- as Pose says
 
 
 def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:
@@ -118,16 +137,24 @@ def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:
     """
     try:
         for each in message["transforms"]:
-            if each["header"]["frame_id"].lstrip("/") == parent and each["child_frame_id"].lstrip("/") == child:
+            if (
+                each["header"]["frame_id"].lstrip("/") == parent
+                and each["child_frame_id"].lstrip("/") == child
+            ):
                 shift = each["transform"]["translation"]
-                return _checked(Pose2D(float(shift["x"]), float(shift["y"]), _yaw(each["transform"]["rotation"])))
+                return _checked(
+                    Pose2D(
+                        float(shift["x"]), float(shift["y"]), _yaw(each["transform"]["rotation"])
+                    )
+                )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RosError(f"no transform: {error}") from error
     return None
 
 
 def scan_in(message: Said, stamp: float) -> Scan:
-    """Read a sensor_msgs/LaserScan; beams that run clockwise are turned round, and of too many every so many are kept.
+    """Read a sensor_msgs/LaserScan; beams that run clockwise are turned round, and of too many
+    every so many are kept.
 
     Raises:
         RosError: it is none.
@@ -144,11 +171,19 @@ def scan_in(message: Said, stamp: float) -> Scan:
         ranges, low, step = ranges[::-1], low + step * (len(ranges) - 1), -step
     every = math.ceil(len(ranges) / MOST_RANGES)
     kept = tuple(_range(value, nearest, farthest) for value in ranges[::every])
-    return Scan(stamp=stamp, angle_min=wrap_angle(low), angle_increment=step * every, range_max=min(farthest, 1000.0), ranges=kept)
+    return Scan(
+        stamp=stamp,
+        angle_min=wrap_angle(low),
+        angle_increment=step * every,
+        range_max=min(farthest, 1000.0),
+        ranges=kept,
+    )
 
 
 def battery_in(message: Said) -> Charge:
-    """Read a sensor_msgs/BatteryState, in which NaN is unmeasured; some drivers count to 100, and some say -1 or 0 V for what they do not know."""
+    """Read a sensor_msgs/BatteryState, in which NaN is unmeasured; some drivers count to 100, and
+    some say -1 or 0 V for what they do not know.
+    """
     voltage, share = _finite(message.get("voltage")), _finite(message.get("percentage"))
     if share is not None and share > 1.0:
         share /= 100.0
@@ -176,7 +211,10 @@ def picture_in(message: Said) -> bytes:
 def joint_in(message: Said, name: str) -> float | None:
     """Return the angle of one joint of a sensor_msgs/JointState, None when it tells of others."""
     names, positions = message.get("name", ()), message.get("position", ())
-    return next((_finite(angle) for joint, angle in zip(names, positions, strict=False) if joint == name), None)
+    return next(
+        (_finite(angle) for joint, angle in zip(names, positions, strict=False) if joint == name),
+        None,
+    )
 
 
 def _yaw(turn: Said) -> float:

@@ -1,7 +1,9 @@
-"""ROS 1: a node in a process of its own (ros1_node.py), in the Python that ROS was built for, and a loopback connection to it.
+"""ROS 1: a node in a process of its own (ros1_node.py), in the Python that ROS was built for, and a
+loopback connection to it.
 
-Needs rospy: Debian and Ubuntu have it as `python3-rospy`, ROS itself brings it. Options: `master` (default: ROS_MASTER_URI), `ip` (how
-others reach this computer: ROS_IP), `python` (the interpreter that has rospy), and those of `ros.RosOptions`.
+Needs rospy: Debian and Ubuntu have it as `python3-rospy`, ROS itself brings it. Options: `master`
+(default: ROS_MASTER_URI), `ip` (how others reach this computer: ROS_IP), `python` (the interpreter
+that has rospy), and those of `ros.RosOptions`.
 """
 
 import asyncio
@@ -94,7 +96,9 @@ class NodeBus:
         self._reading = asyncio.ensure_future(self._read(reader, lost))
 
     async def _start(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        arrived: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = asyncio.get_running_loop().create_future()
+        arrived: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = (
+            asyncio.get_running_loop().create_future()
+        )
         password = secrets.token_hex(16)
 
         async def greet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -120,10 +124,16 @@ class NodeBus:
         flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         try:
             child = subprocess.Popen(  # noqa: S603 -- our own script, with the interpreter that the owner named
-                command, stdin=subprocess.PIPE, start_new_session=True, creationflags=flags, env=self._environment
+                command,
+                stdin=subprocess.PIPE,
+                start_new_session=True,
+                creationflags=flags,
+                env=self._environment,
             )
         except OSError as error:
-            raise AdapterError(f"{self._python} cannot be run: {error.strerror or error}") from error
+            raise AdapterError(
+                f"{self._python} cannot be run: {error.strerror or error}"
+            ) from error
         assert child.stdin is not None
         child.stdin.write(f"{password}\n".encode())
         child.stdin.flush()
@@ -140,11 +150,17 @@ class NodeBus:
             while line := await reader.readline():
                 said: dict[str, Any] = json.loads(line)
                 match said:
-                    case {"op": "publish", "topic": topic, "content": content} if topic in self._handlers:
+                    case {"op": "publish", "topic": topic, "content": content} if (
+                        topic in self._handlers
+                    ):
                         self._handlers[topic](content)
-                    case {"op": "response", "number": number} if number in self._calls and not self._calls[number].done():
+                    case {"op": "response", "number": number} if (
+                        number in self._calls and not self._calls[number].done()
+                    ):
                         self._calls[number].set_result(said)
-                    case {"op": "listeners", "topic": topic, "count": int(count)} if topic in self._listeners:
+                    case {"op": "listeners", "topic": topic, "count": int(count)} if (
+                        topic in self._listeners
+                    ):
                         self._listeners[topic] = count
                     case {"op": "lost", "reason": why}:
                         reason = str(why)
@@ -167,13 +183,24 @@ class NodeBus:
         if child is not None:
             await asyncio.to_thread(_end, child)
 
-    def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
+    def subscribe(
+        self,
+        topic: str,
+        kind: str,
+        handler: Handler,
+        *,
+        latched: bool = False,
+        sensor: bool = False,
+        period: float = 0.0,
+    ) -> None:
         """Hear a topic."""
         del latched, sensor  # the publisher of ROS 1 alone decides
         self._handlers[topic] = handler
         self._say(op="subscribe", topic=topic, kind=kind, period=period)
 
-    def advertise(self, topic: str, kind: str, *, drives: bool = False, latch: bool = False) -> None:
+    def advertise(
+        self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
+    ) -> None:
         """Say what will be published; who comes to hear velocities is told to stand first."""
         self._listeners.pop(topic, None)
         self._say(op="advertise", topic=topic, kind=kind, latch=latch, drives=drives)
@@ -204,9 +231,12 @@ class NodeBus:
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Ask the master."""
         del heard
-        answer = await self._answer(lambda number: self._say(op="graph", number=number, driving=driving))
+        answer = await self._answer(
+            lambda number: self._say(op="graph", number=number, driving=driving)
+        )
         return {
-            str(topic): TopicPeers(frozenset(kinds), listeners, speakers) for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
+            str(topic): TopicPeers(frozenset(kinds), listeners, speakers)
+            for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
         }
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
@@ -216,7 +246,13 @@ class NodeBus:
             AdapterError: the node is gone, or does not read.
         """
         if newest:
-            self._say(op="drive", topic=topic, content=message, moving=_moves(message), at=time.monotonic())
+            self._say(
+                op="drive",
+                topic=topic,
+                content=message,
+                moving=_moves(message),
+                at=time.monotonic(),
+            )
         else:
             self._say(op="publish", topic=topic, content=message)
 
@@ -228,7 +264,9 @@ class NodeBus:
         """
         try:
             async with asyncio.timeout(ANSWER_TIME):
-                response = await self._answer(lambda number: self._say(op="call", number=number, service=service, kind=kind))
+                response = await self._answer(
+                    lambda number: self._say(op="call", number=number, service=service, kind=kind)
+                )
         except TimeoutError as error:
             raise AdapterError(f"{service} does not answer") from error
         if "values" not in response:

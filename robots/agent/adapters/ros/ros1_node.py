@@ -1,18 +1,24 @@
-"""A node of ROS 1 that does what the agent tells it over a loopback connection: one JSON object a line, messages as objects.
+"""A node of ROS 1 that does what the agent tells it over a loopback connection: one JSON object a
+line, messages as objects.
 
-It runs in the Python that ROS was built for, which is not the agent's (Noetic: 3.8; Debian 12: 3.11 of the system), and so imports nothing
-of ours and is written for Python 3.6. rospy takes a node's name once a process and forgets nothing of a lost master: whoever wants to
-begin again ends this process and starts another. It ends by itself, with a standing robot, when the agent is gone or the master is.
+It runs in the Python that ROS was built for, which is not the agent's (Noetic: 3.8; Debian 12: 3.11
+of the system), and so imports nothing of ours and is written for Python 3.6. rospy takes a node's
+name once a process and forgets nothing of a lost master: whoever wants to begin again ends this
+process and starts another. It ends by itself, with a standing robot, when the agent is gone or the
+master is.
 
-    agent -> node   advertise, unadvertise, publish, drive (a velocity: after SILENCE without another the robot is told to stand),
+    agent -> node   advertise, unadvertise, publish, drive (a velocity: after SILENCE without
+    another the robot is told to stand),
                     ask (do those live who listen for velocities?), graph, subscribe, call
     node -> agent   ready, publish, response, listeners, lost
 
-TCPROS has no answers: a node that hangs lets its socket buffer fill and obeys all of it when it goes on. So whoever listens for
-velocities is asked for its process id (the slave API's getPid, which every node serves) before each of them; who owes the answer for
-a second loses its connection, by a reset, and is told to stand when it comes back.
+TCPROS has no answers: a node that hangs lets its socket buffer fill and obeys all of it when it
+goes on. So whoever listens for velocities is asked for its process id (the slave API's getPid,
+which every node serves) before each of them; who owes the answer for a second loses its connection,
+by a reset, and is told to stand when it comes back.
 """
-# ruff: noqa: D102, D103, PLC0415, SIM105, SLF001, I001, UP -- read by old Pythons; rospy is imported where its absence can be told
+# ruff: noqa: D102, D103, PLC0415, SIM105, SLF001, I001, UP -- read by old Pythons; rospy is
+# imported where its absence can be told
 
 import base64
 import functools
@@ -57,7 +63,9 @@ class Listener:
         self.has_answered = False
 
     def lives(self) -> bool:
-        """Tell whether it answers; one that never did cannot be reached from here, and is believed to."""
+        """Tell whether it answers; one that never did cannot be reached from here, and is believed
+        to.
+        """
         try:
             self.proxy.getPid("/telepresence")
         except (OSError, http.client.HTTPException, xmlrpc.client.Error):
@@ -84,9 +92,15 @@ class Node:
         self.subscribers: Any = []
         self.driving = ""  # the topic of velocities
         self.driven: Any = None  # (topic, monotonic time) while the robot may be moving
-        self.new_master: Any = functools.partial(rosgraph.Master, "/telepresence")  # one for each thread: it has one connection
+        # one for each thread: it has one connection
+        self.new_master: Any = functools.partial(rosgraph.Master, "/telepresence")
         self.master = self.new_master()
-        self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException)
+        self.unreachable = (
+            OSError,
+            http.client.HTTPException,
+            xmlrpc.client.Error,
+            rosgraph.MasterException,
+        )
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         socket.setdefaulttimeout(MASTER_TIME)
         self.master_pid = self.master.getPid()
@@ -96,7 +110,10 @@ class Node:
         self.refused: Any = {}  # by topic: by node the type that it wants
         rospy.init_node("telepresence", anonymous=True, disable_signals=True, disable_rosout=True)
         self.server = rospy.impl.tcpros_base._tcpros_server
-        self.accept, self.server.topic_connection_handler = self.server.topic_connection_handler, self.connected
+        self.accept, self.server.topic_connection_handler = (
+            self.server.topic_connection_handler,
+            self.connected,
+        )
 
     def say(self, **message: Any) -> None:
         data = (json.dumps(message) + "\n").encode()
@@ -105,7 +122,8 @@ class Node:
 
     def run(self) -> None:
         """Do what the agent says until it is gone."""
-        self.say(op="ready", node=self.rospy.get_name())  # the agent takes anything else that comes first for a failure
+        # the agent takes anything else that comes first for a failure
+        self.say(op="ready", node=self.rospy.get_name())
         for work in (self.watch_wheels, self.watch_master, self.answer_questions):
             threading.Thread(target=work, daemon=True).start()
         try:
@@ -126,7 +144,9 @@ class Node:
         if drives:
             self.driving = topic
         greeting = Standing(message) if drives else None
-        self.publishers[topic] = self.rospy.Publisher(topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True)
+        self.publishers[topic] = self.rospy.Publisher(
+            topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True
+        )
 
     def do_unadvertise(self, topic: str) -> None:
         publisher = self.publishers.pop(topic, None)
@@ -187,7 +207,9 @@ class Node:
             speaking, listening, _ = master.getSystemState()
             for which, topics in ((2, speaking), (1, listening)):
                 for topic, nodes in topics:
-                    entry = found.setdefault(topic, [[kinds[topic]] if topic in kinds else [], 0, 0])
+                    entry = found.setdefault(
+                        topic, [[kinds[topic]] if topic in kinds else [], 0, 0]
+                    )
                     entry[which] += len([node for node in nodes if node != own])
             wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
             if wanted:  # the master knows a topic by the type of who publishes it, which is ours
@@ -197,7 +219,9 @@ class Node:
         self.say(op="response", number=number, topics=found)
 
     def do_publish(self, topic: str, content: Any) -> None:
-        """Publish once somebody hears: what rospy publishes before its first subscriber has connected is lost."""
+        """Publish once somebody hears: what rospy publishes before its first subscriber has
+        connected is lost.
+        """
         publisher, waiting = self.publishers[topic], self.waiting.setdefault(topic, [])
         message = self.filled(publisher.data_class(), content)
         if not waiting and publisher.get_num_connections():
@@ -239,7 +263,9 @@ class Node:
             except OSError:
                 pass  # the agent is gone, which run() notices
 
-        self.subscribers.append(self.rospy.Subscriber(topic, message, heard, queue_size=2, tcp_nodelay=True))
+        self.subscribers.append(
+            self.rospy.Subscriber(topic, message, heard, queue_size=2, tcp_nodelay=True)
+        )
 
     def do_call(self, number: int, service: str, kind: str) -> None:
         threading.Thread(target=self.call, args=(number, service, kind), daemon=True).start()
@@ -253,7 +279,9 @@ class Node:
             self.say(op="response", number=number, problem=str(error) or type(error).__name__)
 
     def watch_wheels(self) -> None:
-        """Stop a robot whose agent is stuck, and tell the agent how many hear what it says of motion."""
+        """Stop a robot whose agent is stuck, and tell the agent how many hear what it says of
+        motion.
+        """
         told = None
         while True:
             time.sleep(GLANCE)
@@ -344,7 +372,9 @@ class Standing:
 
 
 def main(make: Any = Node) -> int:
-    """Connect to the agent, whose port is the argument and whose password is the first line of standard input."""
+    """Connect to the agent, whose port is the argument and whose password is the first line of
+    standard input.
+    """
     connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
     connection.settimeout(None)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -352,9 +382,17 @@ def main(make: Any = Node) -> int:
     try:
         node = make(connection)
     except ImportError as error:
-        return refuse(connection, "rospy is not installed for " + sys.executable + ": " + str(error))
+        return refuse(
+            connection, "rospy is not installed for " + sys.executable + ": " + str(error)
+        )
     except OSError as error:
-        return refuse(connection, "no ROS master at " + os.environ.get("ROS_MASTER_URI", "http://localhost:11311") + ": " + str(error))
+        return refuse(
+            connection,
+            "no ROS master at "
+            + os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+            + ": "
+            + str(error),
+        )
     node.run()
     os._exit(0)  # rospy's threads would wait for a master that may be gone
 

@@ -1,8 +1,9 @@
 """ROS 2 without ROS: its topics are DDS topics, and cyclonedds speaks DDS.
 
-Needs `cyclonedds` (the extra `ros2`). Services and actions are not portable over plain DDS: go-to is a topic (`goal_pose`) whose end
-Nav2's action tells on another; for docking by a service, use rosbridge. Options: `domain` (default: ROS_DOMAIN_ID, or 0) and those of
-`ros.RosOptions`; interfaces and peers are configured as for every Cyclone DDS, by CYCLONEDDS_URI.
+Needs `cyclonedds` (the extra `ros2`). Services and actions are not portable over plain DDS: go-to
+is a topic (`goal_pose`) whose end Nav2's action tells on another; for docking by a service, use
+rosbridge. Options: `domain` (default: ROS_DOMAIN_ID, or 0) and those of `ros.RosOptions`;
+interfaces and peers are configured as for every Cyclone DDS, by CYCLONEDDS_URI.
 """
 
 import asyncio
@@ -20,7 +21,11 @@ from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import AdapterError
 
 try:
-    from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
+    from cyclonedds.builtin import (
+        BuiltinDataReader,
+        BuiltinTopicDcpsPublication,
+        BuiltinTopicDcpsSubscription,
+    )
     from cyclonedds.core import DDSException
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.internal import InvalidSample
@@ -59,15 +64,22 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
     robot = load_profile(profile_name)
     settings = settings_of(Options, "ros2", robot, {"navigation": "goal_pose", **options})
     if settings.navigation not in {"goal_pose", "none"}:
-        raise AdapterError("over DDS, navigation is goal_pose or none; actions go through the adapter rosbridge")
+        raise AdapterError(
+            "over DDS, navigation is goal_pose or none; actions go through the adapter rosbridge"
+        )
     if settings.dock or settings.undock:
-        raise AdapterError("services of ROS 2 cannot be called over DDS; docking goes through the adapter rosbridge")
+        raise AdapterError(
+            "services of ROS 2 cannot be called over DDS; docking goes through the adapter"
+            " rosbridge"
+        )
     domain = settings.domain if settings.domain >= 0 else int(os.environ.get("ROS_DOMAIN_ID") or 0)
     return RosAdapter(robot, settings, DdsBus(domain), "ROS 2")
 
 
 def quality(*, latched: bool = False, sensor: bool = False, depth: int = DEPTH) -> Any:
-    """Return the quality of service that ROS 2 gives a topic: `sensor` may lose, `latched` is kept for who comes later."""
+    """Return the quality of service that ROS 2 gives a topic: `sensor` may lose, `latched` is kept
+    for who comes later.
+    """
     reliable = Policy.Reliability.BestEffort if sensor else Policy.Reliability.Reliable(BLOCKING)
     durable = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
     form = Policy.DataRepresentation(use_cdrv0_representation=True)
@@ -103,7 +115,10 @@ class DdsBus:
             self._participant = DomainParticipant(self._domain)
         except DDSException as error:
             raise AdapterError(f"{self.place} cannot be joined: {error}") from error
-        self._endpoints = [_Endpoints(self._participant, topic) for topic in (BuiltinTopicDcpsSubscription, BuiltinTopicDcpsPublication)]
+        self._endpoints = [
+            _Endpoints(self._participant, topic)
+            for topic in (BuiltinTopicDcpsSubscription, BuiltinTopicDcpsPublication)
+        ]
         self._task = asyncio.ensure_future(self._poll(lost))
 
     async def shut(self) -> None:
@@ -113,7 +128,14 @@ class DdsBus:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await task
-        entities = [self._readers, self._writers, self._topics, self._endpoints, self._driving, self._participant]
+        entities = [
+            self._readers,
+            self._writers,
+            self._topics,
+            self._endpoints,
+            self._driving,
+            self._participant,
+        ]
         self._readers, self._writers, self._topics, self._participant = [], {}, {}, None
         self._endpoints, self._driving = [], None
         await asyncio.to_thread(_forget, entities)
@@ -123,15 +145,48 @@ class DdsBus:
             self._topics[name] = Topic(self._participant, f"rt/{name.lstrip('/')}", TYPES[kind])
         return self._topics[name]
 
-    def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
-        """Hear a topic. What is not latched is asked for as if it might be lost: then writers of either reliability are heard."""
+    def subscribe(
+        self,
+        topic: str,
+        kind: str,
+        handler: Handler,
+        *,
+        latched: bool = False,
+        sensor: bool = False,
+        period: float = 0.0,
+    ) -> None:
+        """Hear a topic. What is not latched is asked for as if it might be lost: then writers of
+        either reliability are heard.
+        """
         del sensor, period
-        self._readers.append((DataReader(self._participant, self._topic(topic, kind), qos=quality(latched=latched, sensor=not latched)), handler))
+        self._readers.append(
+            (
+                DataReader(
+                    self._participant,
+                    self._topic(topic, kind),
+                    qos=quality(latched=latched, sensor=not latched),
+                ),
+                handler,
+            )
+        )
 
-    def advertise(self, topic: str, kind: str, *, drives: bool = False, latched: bool = False, sensor: bool = False) -> None:
-        """Join the writers of a topic; of velocities only the newest is sent again to who missed it."""
+    def advertise(
+        self,
+        topic: str,
+        kind: str,
+        *,
+        drives: bool = False,
+        latched: bool = False,
+        sensor: bool = False,
+    ) -> None:
+        """Join the writers of a topic; of velocities only the newest is sent again to who missed
+        it.
+        """
         form = quality(latched=latched, sensor=sensor, depth=1 if drives else DEPTH)
-        self._writers[topic] = (DataWriter(self._participant, self._topic(topic, kind), qos=form), TYPES[kind])
+        self._writers[topic] = (
+            DataWriter(self._participant, self._topic(topic, kind), qos=form),
+            TYPES[kind],
+        )
         if drives:
             self._driving = self._writers[topic][0]
 
@@ -143,13 +198,17 @@ class DdsBus:
         gc.collect(0)
 
     async def ask(self) -> None:
-        """Wait until every reliable reader has acknowledged the velocity of before: one that hangs does not.
+        """Wait until every reliable reader has acknowledged the velocity of before: one that hangs
+        does not.
 
-        Where several listen, one that owes it for a second may be a bystander that has died; then readings alone say who lives.
+        Where several listen, one that owes it for a second may be a bystander that has died; then
+        readings alone say who lives.
         """
         began = time.monotonic()
         while self._driving is not None and not _acknowledged(self._driving):
-            if self._has_bystanders or (time.monotonic() - began > BYSTANDER and self._matched(self._driving) > 1):
+            if self._has_bystanders or (
+                time.monotonic() - began > BYSTANDER and self._matched(self._driving) > 1
+            ):
                 self._has_bystanders = True
                 return
             await asyncio.sleep(GLANCE)
@@ -172,7 +231,11 @@ class DdsBus:
         none: frozenset[str] = frozenset()
         readers, writers = (each.others() for each in self._endpoints)
         return {
-            topic: TopicPeers(readers.get(topic, none) | writers.get(topic, none), len(readers.get(topic, none)), len(writers.get(topic, none)))
+            topic: TopicPeers(
+                readers.get(topic, none) | writers.get(topic, none),
+                len(readers.get(topic, none)),
+                len(writers.get(topic, none)),
+            )
             for topic in readers.keys() | writers.keys()
         }
 
@@ -205,7 +268,10 @@ class DdsBus:
         Raises:
             AdapterError: always.
         """
-        raise AdapterError(f"{action} ({kind}) is an action, which plain DDS does not carry: {name} of {len(goal)} fields")
+        raise AdapterError(
+            f"{action} ({kind}) is an action, which plain DDS does not carry: {name} of {len(goal)}"
+            " fields"
+        )
 
     def cancel_goal(self, action: str, name: str) -> None:
         """Do nothing: there is no such goal."""
@@ -223,7 +289,9 @@ class DdsBus:
 
 
 def _forget(entities: list[Any]) -> None:
-    """Let entities leave, which they do when they are forgotten: a writer waits a second for acknowledgements."""
+    """Let entities leave, which they do when they are forgotten: a writer waits a second for
+    acknowledgements.
+    """
     entities.clear()
     gc.collect(0)
 

@@ -1,11 +1,13 @@
 """The messages of ROS 2 that an adapter needs, as DDS types, and to and from JSON objects.
 
-A type of ROS is called `package::msg::dds_::Name_` on the wire, a topic `rt/…`; fields are laid out in the order of the .msg files of
-common_interfaces, here from Humble on. Numbers that JSON lacks become None.
+A type of ROS is called `package::msg::dds_::Name_` on the wire, a topic `rt/…`; fields are laid out
+in the order of the .msg files of common_interfaces, here from Humble on. Numbers that JSON lacks
+become None.
 """
 # mypy: disable-error-code="type-arg,valid-type,assignment,misc,arg-type"
 # (IDL says its types by values, which no type checker knows.)
-# ruff: noqa: D101, RUF009 -- each class is the .msg file of its name, and a field of it is made by _made
+# ruff: noqa: D101, RUF009 -- each class is the .msg file of its name, and a field of it is made by
+# _made
 
 import base64
 import dataclasses
@@ -90,7 +92,9 @@ class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWith
 
 
 @dataclass
-class PoseWithCovarianceStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovarianceStamped_"):
+class PoseWithCovarianceStamped(
+    IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovarianceStamped_"
+):
     header: Header = _made(Header)
     pose: PoseWithCovariance = _made(PoseWithCovariance)
 
@@ -179,7 +183,9 @@ class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformS
 
 @dataclass
 class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
-    transforms: sequence[TransformStamped] = field(default_factory=list, metadata={"of": TransformStamped})
+    transforms: sequence[TransformStamped] = field(
+        default_factory=list, metadata={"of": TransformStamped}
+    )
 
 
 @dataclass
@@ -212,12 +218,20 @@ class CompressedImage(IdlStruct, typename="sensor_msgs::msg::dds_::CompressedIma
 
 
 TYPES: dict[str, type[IdlStruct]] = {
-    "std_msgs/Bool": Bool, "std_msgs/Float64": Float64, "geometry_msgs/Twist": Twist, "geometry_msgs/TwistStamped": TwistStamped,
-    "geometry_msgs/PoseStamped": PoseStamped, "geometry_msgs/PoseWithCovarianceStamped": PoseWithCovarianceStamped,
-    "nav_msgs/Odometry": Odometry, "sensor_msgs/LaserScan": LaserScan, "sensor_msgs/BatteryState": BatteryState,
-    "sensor_msgs/JointState": JointState, "tf2_msgs/TFMessage": TFMessage, "action_msgs/GoalStatusArray": GoalStatusArray,
+    "std_msgs/Bool": Bool,
+    "std_msgs/Float64": Float64,
+    "geometry_msgs/Twist": Twist,
+    "geometry_msgs/TwistStamped": TwistStamped,
+    "geometry_msgs/PoseStamped": PoseStamped,
+    "geometry_msgs/PoseWithCovarianceStamped": PoseWithCovarianceStamped,
+    "nav_msgs/Odometry": Odometry,
+    "sensor_msgs/LaserScan": LaserScan,
+    "sensor_msgs/BatteryState": BatteryState,
+    "sensor_msgs/JointState": JointState,
+    "tf2_msgs/TFMessage": TFMessage,
+    "action_msgs/GoalStatusArray": GoalStatusArray,
     "sensor_msgs/CompressedImage": CompressedImage,
-}  # fmt: skip
+}
 
 
 def plain(value: Any) -> Any:

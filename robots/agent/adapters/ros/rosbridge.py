@@ -1,6 +1,7 @@
 """ROS 1 and ROS 2 through rosbridge: JSON over a WebSocket, protocol version 2.
 
-Needs `websockets` (the extra `rosbridge`). Options: `url`, `version` (1 or 2: which ROS is behind it), and those of `ros.RosOptions`.
+Needs `websockets` (the extra `rosbridge`). Options: `url`, `version` (1 or 2: which ROS is behind
+it), and those of `ros.RosOptions`.
 """
 
 import asyncio
@@ -30,7 +31,8 @@ except ImportError as error:
 ANSWER_TIME = 10.0
 ROSAPI_TIME = 2.0
 REFUSED = 2.0  # seconds after which what rosbridge refused is tried again
-ESTABLISHED = re.compile(r"established with type (\S+)")  # internal/topics.py, TypeConflictException
+# internal/topics.py, TypeConflictException
+ESTABLISHED = re.compile(r"established with type (\S+)")
 CLOSING = 1.0
 LARGEST = 16 << 20  # bytes of a message: maps and clouds that nobody asked for are larger
 PING = 2.0  # seconds between pings, and until one counts as lost
@@ -54,8 +56,16 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
     robot = load_profile(profile_name)
     settings = settings_of(Options, "rosbridge", robot, options)
     if settings.version not in {1, 2} or not settings.url.startswith(("ws://", "wss://")):
-        raise AdapterError(f"rosbridge is reached at ws:// or wss://host:port, with version 1 or 2, not at {settings.url!r} with {settings.version}")
-    return RosAdapter(robot, settings, RosbridgeBus(settings.url, settings.version), f"ROS {settings.version} (rosbridge)")
+        raise AdapterError(
+            "rosbridge is reached at ws:// or wss://host:port, with version 1 or 2, not at"
+            f" {settings.url!r} with {settings.version}"
+        )
+    return RosAdapter(
+        robot,
+        settings,
+        RosbridgeBus(settings.url, settings.version),
+        f"ROS {settings.version} (rosbridge)",
+    )
 
 
 class RosbridgeBus:
@@ -75,7 +85,8 @@ class RosbridgeBus:
         self._goals: Goals | None = None
         self._graph: Graph | None = None
         self._advertised: dict[str, dict[str, Any]] = {}
-        self._refused: dict[str, tuple[int, str]] = {}  # by topic which refusal, and the type that it has, "" when rosbridge does not say
+        # by topic which refusal, and the type that it has, "" when rosbridge does not say
+        self._refused: dict[str, tuple[int, str]] = {}
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Connect.
@@ -90,16 +101,27 @@ class RosbridgeBus:
         self._advertised.clear()
         self._refused.clear()
         try:
-            self._socket = await connect(self._url, max_size=LARGEST, ping_interval=PING, ping_timeout=PING, close_timeout=CLOSING, compression=None)
+            self._socket = await connect(
+                self._url,
+                max_size=LARGEST,
+                ping_interval=PING,
+                ping_timeout=PING,
+                close_timeout=CLOSING,
+                compression=None,
+            )
         except (OSError, WebSocketException, TimeoutError) as error:
-            raise AdapterError(f"{self.place} does not answer: {error or type(error).__name__}") from error
+            raise AdapterError(
+                f"{self.place} does not answer: {error or type(error).__name__}"
+            ) from error
         make_prompt(self._socket.transport.get_extra_info("socket"))
         self._task = asyncio.ensure_future(self._serve(self._socket, lost))
 
     async def ask(self) -> None:
-        """Wait until rosbridge answers a ping of the WebSocket, and no service call keeps it from what it is told.
+        """Wait until rosbridge answers a ping of the WebSocket, and no service call keeps it from
+        what it is told.
 
-        It works off what a client says one after the other, and a service call as long as it takes (call_service.py).
+        It works off what a client says one after the other, and a service call as long as it takes
+        (call_service.py).
 
         Raises:
             AdapterError: it is gone.
@@ -165,9 +187,13 @@ class RosbridgeBus:
 
     def _take(self, message: dict[str, Any]) -> None:
         match message:
-            case {"op": "publish", "topic": str(topic), "msg": dict(content)} if topic in self._handlers:
+            case {"op": "publish", "topic": str(topic), "msg": dict(content)} if (
+                topic in self._handlers
+            ):
                 self._handlers[topic](content)
-            case {"op": "service_response", "id": str(number)} if number in self._calls and not self._calls[number].done():
+            case {"op": "service_response", "id": str(number)} if (
+                number in self._calls and not self._calls[number].done()
+            ):
                 self._calls[number].set_result(message)
             case {"op": "action_feedback", "id": str(name)} if self._goals is not None:
                 self._goals.accepted(name)
@@ -183,18 +209,40 @@ class RosbridgeBus:
             status = "FAILED"
         values = message.get("values")
         reason = values if isinstance(values, str) else ""
-        self._goals.ended(name, status, "" if status == "FINISHED" else reason or "navigation gave up")
+        self._goals.ended(
+            name, status, "" if status == "FINISHED" else reason or "navigation gave up"
+        )
 
-    def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
+    def subscribe(
+        self,
+        topic: str,
+        kind: str,
+        handler: Handler,
+        *,
+        latched: bool = False,
+        sensor: bool = False,
+        period: float = 0.0,
+    ) -> None:
         """Hear a topic: of each only the newest, for what waits is old."""
         del latched, sensor  # rosbridge takes the publisher's quality of service
         self._handlers[topic] = handler
-        entry = {"op": "subscribe", "id": f"s{next(self._ids)}", "topic": topic, "type": self._type(kind), "queue_length": 1}
+        entry = {
+            "op": "subscribe",
+            "id": f"s{next(self._ids)}",
+            "topic": topic,
+            "type": self._type(kind),
+            "queue_length": 1,
+        }
         self._outgoing.say(entry | {"throttle_rate": round(period * 1000)})
 
     def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
         """Say what will be published; of velocities rosbridge is to keep only the newest."""
-        entry = {"op": "advertise", "id": f"a{next(self._ids)}", "topic": topic, "type": self._type(kind)}
+        entry = {
+            "op": "advertise",
+            "id": f"a{next(self._ids)}",
+            "topic": topic,
+            "type": self._type(kind),
+        }
         self._advertised[topic] = entry | ({"queue_size": 1} if drives else {})
         self._say_advertised(self._advertised[topic])
 
@@ -205,17 +253,23 @@ class RosbridgeBus:
             self._outgoing.say({"op": "unadvertise", "id": entry["id"], "topic": topic})
 
     def _advertise_again(self, entry: dict[str, Any]) -> None:
-        """Try again what was refused: rosbridge keeps a publisher, and its type, for ten seconds after its last client."""
+        """Try again what was refused: rosbridge keeps a publisher, and its type, for ten seconds
+        after its last client.
+        """
         if self._advertised.get(entry["topic"]) == entry and self._socket is not None:
             self._say_advertised(entry)
 
     def _say_advertised(self, entry: dict[str, Any]) -> None:
         self._outgoing.say(entry)
         if entry["topic"] in self._refused:
-            asyncio.get_running_loop().call_later(REFUSED / 4, self._believe, entry["topic"], self._refused[entry["topic"]])
+            asyncio.get_running_loop().call_later(
+                REFUSED / 4, self._believe, entry["topic"], self._refused[entry["topic"]]
+            )
 
     def _believe(self, topic: str, refusal: tuple[int, str]) -> None:
-        """Take it that nothing is refused any more: rosbridge has not complained again, and says nothing else."""
+        """Take it that nothing is refused any more: rosbridge has not complained again, and says
+        nothing else.
+        """
         if self._refused.get(topic) == refusal:
             del self._refused[topic]
 
@@ -228,7 +282,9 @@ class RosbridgeBus:
                 asyncio.get_running_loop().call_later(REFUSED, self._advertise_again, entry)
 
     def listeners(self, topic: str) -> int | None:
-        """Return how many nodes listened when that was looked up last, none when we are refused; None where rosapi does not run."""
+        """Return how many nodes listened when that was looked up last, none when we are refused;
+        None where rosapi does not run.
+        """
         if topic in self._refused:
             return 0
         known = (self._graph or {}).get(topic)
@@ -238,7 +294,10 @@ class RosbridgeBus:
         """Ask rosapi."""
         try:
             values = await self._values("/rosapi/topics", {}, ROSAPI_TIME)
-            kinds = {str(topic): _short(kind) for topic, kind in zip(values["topics"], values["types"], strict=False)}
+            kinds = {
+                str(topic): _short(kind)
+                for topic, kind in zip(values["topics"], values["types"], strict=False)
+            }
             found = {topic: TopicPeers(frozenset({kind})) for topic, kind in kinds.items()}
             listening = await self._values("/rosapi/subscribers", {"topic": driving}, ROSAPI_TIME)
             kind = frozenset({kinds[driving]} if driving in kinds else ())
@@ -276,7 +335,9 @@ class RosbridgeBus:
         values = await self._values(service, {}, ANSWER_TIME, kind)
         return bool(values.get("success")), str(values.get("message", ""))
 
-    async def _values(self, service: str, arguments: dict[str, Any], within: float, kind: str = "") -> dict[str, Any]:
+    async def _values(
+        self, service: str, arguments: dict[str, Any], within: float, kind: str = ""
+    ) -> dict[str, Any]:
         number = f"c{next(self._ids)}"
         answer = self._calls[number] = asyncio.get_running_loop().create_future()
         entry = {"op": "call_service", "id": number, "service": service, "args": arguments}
@@ -301,7 +362,14 @@ class RosbridgeBus:
         """
         if self.version == 1:
             raise AdapterError("rosbridge carries actions of ROS 2 only; set navigation=move_base")
-        entry = {"op": "send_action_goal", "id": name, "action": action, "action_type": self._type(kind, "action"), "args": goal, "feedback": True}
+        entry = {
+            "op": "send_action_goal",
+            "id": name,
+            "action": action,
+            "action_type": self._type(kind, "action"),
+            "args": goal,
+            "feedback": True,
+        }
         self._outgoing.say(entry)
 
     def cancel_goal(self, action: str, name: str) -> None:
@@ -330,4 +398,8 @@ def _nulled(value: Any) -> Any:
         return {key: _nulled(each) for key, each in value.items()}
     if isinstance(value, list):
         return [_nulled(each) for each in value]
-    return None if isinstance(value, float) and (value != value or value in {float("inf"), float("-inf")}) else value  # noqa: PLR0124 -- NaN
+    return (
+        None
+        if isinstance(value, float) and (value != value or value in {float("inf"), float("-inf")})
+        else value
+    )  # noqa: PLR0124 -- NaN

@@ -1,4 +1,6 @@
-"""A camera whose pictures the control architecture publishes as JPEG or PNG: see contract.VideoSource."""
+"""A camera whose pictures the control architecture publishes as JPEG or PNG: see
+contract.VideoSource.
+"""
 
 import time
 from typing import Any
@@ -15,7 +17,9 @@ CODECS = {b"\xff\xd8": "mjpeg", b"\x89P": "png"}
 
 
 class TopicCamera:
-    """The adapter's loop says `take`, the media side's thread reads; of pictures that nobody fetched the newest counts."""
+    """The adapter's loop says `take`, the media side's thread reads; of pictures that nobody
+    fetched the newest counts.
+    """
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
@@ -48,7 +52,9 @@ class TopicCamera:
         newest = self._newest.take(timeout)
         if newest is None:
             if self._awaited_since is not None and time.monotonic() - self._awaited_since > OPENING:
-                raise AdapterError(f"nobody publishes on {self._topic}: nothing came in {OPENING:g} s")
+                raise AdapterError(
+                    f"nobody publishes on {self._topic}: nothing came in {OPENING:g} s"
+                )
             return None
         self._awaited_since = None
         data, stamp = newest

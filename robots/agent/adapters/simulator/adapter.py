@@ -1,9 +1,11 @@
-"""The simulated robot, in a process of its own: started as a child of the agent, or found at an address.
+"""The simulated robot, in a process of its own: started as a child of the agent, or found at an
+address.
 
-Options: `plan` (a shipped site or a folder), `seed`, `start`, `charge`, `people` (how many walk about), `door-changes` (seconds
-between doors that move by themselves), `fps` (pictures a second), `linger`, `camera` ("no": without pictures), `sensors` (for obstacles,
-some of "laser", "sonar", "bumper", with commas), or `address` (host:port of a running `python -m robots.agent.simulator`, whose profile
-must be the same).
+Options: `plan` (a shipped site or a folder), `seed`, `start`, `charge`, `people` (how many walk
+about), `door-changes` (seconds between doors that move by themselves), `fps` (pictures a second),
+`linger`, `camera` ("no": without pictures), `sensors` (for obstacles, some of "laser", "sonar",
+"bumper", with commas), or `address` (host:port of a running `python -m robots.agent.simulator`,
+whose profile must be the same).
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -25,7 +27,17 @@ from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.robot_profile import nearest
 from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.adapters.simulator.media import SimulatorCamera, SimulatorMicrophone
-from robots.agent.robot_interface import NOWHERE, ActionProgress, AdapterError, AudioSource, Profile, RcaState, Sonar, SonarEcho, VideoSource
+from robots.agent.robot_interface import (
+    NOWHERE,
+    ActionProgress,
+    AdapterError,
+    AudioSource,
+    Profile,
+    RcaState,
+    Sonar,
+    SonarEcho,
+    VideoSource,
+)
 from robots.agent.simulator import wire
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.agent.simulator.physics.simulation import StartError, start_pose
@@ -35,7 +47,19 @@ from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
 from robots.world.sites import SiteError, load_plan
 
-OPTIONS = ("plan", "seed", "start", "charge", "people", "door-changes", "fps", "linger", "camera", "sensors", "address")
+OPTIONS = (
+    "plan",
+    "seed",
+    "start",
+    "charge",
+    "people",
+    "door-changes",
+    "fps",
+    "linger",
+    "camera",
+    "sensors",
+    "address",
+)
 SENSORS = ("laser", "sonar", "bumper")
 GREETING_TIME = 4.0
 SILENCE = 1.0  # the simulator speaks fifty times a second
@@ -56,7 +80,9 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
     """
     unknown = sorted(set(options) - set(OPTIONS))
     if unknown:
-        raise AdapterError(f"the simulator has no option {unknown[0]}; {nearest(unknown[0], OPTIONS)}")
+        raise AdapterError(
+            f"the simulator has no option {unknown[0]}; {nearest(unknown[0], OPTIONS)}"
+        )
     try:
         model = model_of(profile_name)
         plan, directory = load_plan(str(options.get("plan", "office")))
@@ -64,34 +90,59 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
         raise AdapterError(str(error)) from error
     has_camera = str(options.get("camera", "yes")) != "no"
     known = {**options, "plan": str(directory)}
-    profile = fitted(profile_of(model, plan.map_id, has_camera=has_camera), model, _sensors(options))
-    return SimulatorAdapter(dataclasses.replace(profile, plan=str(directory), start=_start(plan, model, options)), model, known)
+    profile = fitted(
+        profile_of(model, plan.map_id, has_camera=has_camera), model, _sensors(options)
+    )
+    return SimulatorAdapter(
+        dataclasses.replace(profile, plan=str(directory), start=_start(plan, model, options)),
+        model,
+        known,
+    )
 
 
 def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Pose2D | None:
-    """Return where a robot of ours begins: whoever puts a robot somewhere knows. One at an address may be anywhere by now."""
+    """Return where a robot of ours begins: whoever puts a robot somewhere knows. One at an address
+    may be anywhere by now.
+    """
     try:
-        return None if options.get("address") else start_pose(plan, model, str(options.get("start", "dock")))
+        return (
+            None
+            if options.get("address")
+            else start_pose(plan, model, str(options.get("start", "dock")))
+        )
     except StartError:
         return None  # the simulator itself says so when it is started
 
 
 def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Profile:
-    """Return a simulated robot's share of the factsheet: it has a laser and wheels that count, and does not know where it is."""
+    """Return a simulated robot's share of the factsheet: it has a laser and wheels that count, and
+    does not know where it is.
+    """
     capabilities: list[Capability] = ["velocity", "scan", "audio", "doors"]
     capabilities += ["video"] if has_camera else []
     capabilities += ["tilt"] if model.tilt else []
     return Profile(
-        series=model.series, rca="simulator", capabilities=tuple(capabilities), limits=model.limits, footprint=model.footprint,
-        watchdog=model.watchdog, camera=model.camera if has_camera else None, tilt=model.tilt, laser=_laser(model), map_id=map_id,
-    )  # fmt: skip
+        series=model.series,
+        rca="simulator",
+        capabilities=tuple(capabilities),
+        limits=model.limits,
+        footprint=model.footprint,
+        watchdog=model.watchdog,
+        camera=model.camera if has_camera else None,
+        tilt=model.tilt,
+        laser=_laser(model),
+        map_id=map_id,
+    )
 
 
 def fitted(profile: Profile, model: RobotModel, sensors: Collection[str]) -> Profile:
     """Return the profile of a robot that has only these sensors for obstacles."""
     has_laser = "laser" in sensors
     cones = model.sonar
-    sonars = tuple(Sonar(*mount, cones.width, cones.nearest, cones.farthest) for mount in cones.mounts(model.footprint))
+    sonars = tuple(
+        Sonar(*mount, cones.width, cones.nearest, cones.farthest)
+        for mount in cones.mounts(model.footprint)
+    )
     return dataclasses.replace(
         profile,
         capabilities=tuple(name for name in profile.capabilities if name != "scan" or has_laser),
@@ -102,10 +153,14 @@ def fitted(profile: Profile, model: RobotModel, sensors: Collection[str]) -> Pro
 
 
 def _sensors(options: Mapping[str, Any]) -> tuple[str, ...]:
-    named = tuple(name.strip() for name in str(options.get("sensors", "laser")).split(",") if name.strip())
+    named = tuple(
+        name.strip() for name in str(options.get("sensors", "laser")).split(",") if name.strip()
+    )
     unknown = sorted(set(named) - set(SENSORS))
     if unknown:
-        raise AdapterError(f"the simulator has no sensor {unknown[0]}; {nearest(unknown[0], SENSORS)}")
+        raise AdapterError(
+            f"the simulator has no sensor {unknown[0]}; {nearest(unknown[0], SENSORS)}"
+        )
     return named
 
 
@@ -175,17 +230,24 @@ class SimulatorAdapter:
         self._reading = asyncio.create_task(self._read(reader))
         log.info("simulator_connected address=%s", self.address)
 
-    async def _greet(self, address: tuple[str, int]) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    async def _greet(
+        self, address: tuple[str, int]
+    ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         try:
             async with asyncio.timeout(GREETING_TIME):
                 reader, writer = await asyncio.open_connection(*address)
                 writer.write(framing.pack(wire.Hello("driver")))
                 welcome = await wire.read_answer(reader)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
-            raise AdapterError(f"the simulator at {self.address} does not answer: {error or type(error).__name__}") from error
+            raise AdapterError(
+                f"the simulator at {self.address} does not answer: {error or type(error).__name__}"
+            ) from error
         if not isinstance(welcome, wire.Welcome) or welcome.series != self.profile.series:
             writer.close()
-            raise AdapterError(f"at {self.address} is {getattr(welcome, 'series', welcome)!r}, not {self.profile.series!r}")
+            raise AdapterError(
+                f"at {self.address} is {getattr(welcome, 'series', welcome)!r}, not"
+                f" {self.profile.series!r}"
+            )
         return reader, writer
 
     def apply(self, velocity: Velocity) -> Velocity:
@@ -210,7 +272,9 @@ class SimulatorAdapter:
             raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
         low, high = self.profile.tilt.minimum, self.profile.tilt.maximum
         if not low <= action.angle <= high:
-            raise AdapterError(f"the head tilts from {low:g} to {high:g} rad, not to {action.angle:g}")
+            raise AdapterError(
+                f"the head tilts from {low:g} to {high:g} rad, not to {action.angle:g}"
+            )
         self._say(wire.TiltTo(action.angle))
         self._end_tilt("CANCELLED", "replaced")
         self._tilting = _Tilting(action.action_id, action.angle, time.monotonic() + LONGEST_TILT)
@@ -296,7 +360,11 @@ class SimulatorAdapter:
         async with asyncio.timeout(BRAKING_TIME):
             while not self._failure:
                 self._say(wire.Drive(0.0, 0.0))
-                if self._truth is not None and self._truth.linear == 0.0 and self._truth.angular == 0.0:
+                if (
+                    self._truth is not None
+                    and self._truth.linear == 0.0
+                    and self._truth.angular == 0.0
+                ):
                     return
                 await asyncio.sleep(0.02)
 
@@ -381,8 +449,17 @@ class SimulatorAdapter:
         laser = self._model.laser
         found = np.frombuffer(data, dtype=np.float32).astype(np.float64)
         there = np.isfinite(found)
-        ranges = tuple(value if seen else None for value, seen in zip(found.round(3).tolist(), there.tolist(), strict=True))
-        return Scan(stamp=stamp, angle_min=laser.angle_min, angle_increment=laser.angle_increment, range_max=laser.range_max, ranges=ranges)
+        ranges = tuple(
+            value if seen else None
+            for value, seen in zip(found.round(3).tolist(), there.tolist(), strict=True)
+        )
+        return Scan(
+            stamp=stamp,
+            angle_min=laser.angle_min,
+            angle_increment=laser.angle_increment,
+            range_max=laser.range_max,
+            ranges=ranges,
+        )
 
     def _watch_tilt(self, truth: wire.Truth) -> None:
         if self._tilting is None:

@@ -1,4 +1,6 @@
-"""The simulated robot's process as a child of the agent: started, waited for, and never left behind."""
+"""The simulated robot's process as a child of the agent: started, waited for, and never left
+behind.
+"""
 
 import json
 import logging
@@ -25,18 +27,38 @@ def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[by
     Raises:
         AdapterError: it did not start; its own sentence stands on standard error.
     """
-    command = [sys.executable, "-m", "robots.agent.simulator", "--profile", series, "--tied", "--linger", str(options.get("linger", LINGER))]
-    command += [f"--{name}={options[name]}" for name in ("plan", "seed", "start", "charge", "people", "door-changes", "fps") if name in options]
+    command = [
+        sys.executable,
+        "-m",
+        "robots.agent.simulator",
+        "--profile",
+        series,
+        "--tied",
+        "--linger",
+        str(options.get("linger", LINGER)),
+    ]
+    command += [
+        f"--{name}={options[name]}"
+        for name in ("plan", "seed", "start", "charge", "people", "door-changes", "fps")
+        if name in options
+    ]
     if str(options.get("camera", "yes")) == "no":
         command.append("--no-camera")
     if "sonar" in str(options.get("sensors", "")):
         command.append("--sonar")
     # Out of the terminal's process group: on Ctrl-C the agent brakes and ends it, in this order.
-    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside the agent.
+    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside
+    # the agent.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     child = subprocess.Popen(  # noqa: S603 -- our own module, with our own interpreter
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, creationflags=flags, cwd=_root(), env=environment
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        start_new_session=True,
+        creationflags=flags,
+        cwd=_root(),
+        env=environment,
     )
     stuck = threading.Timer(START_TIME, child.kill)
     stuck.start()

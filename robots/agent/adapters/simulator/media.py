@@ -1,6 +1,8 @@
-"""Camera and microphone of the simulated robot, each on a blocking connection of its own, read by the media side's threads.
+"""Camera and microphone of the simulated robot, each on a blocking connection of its own, read by
+the media side's threads.
 
-Neither touches the control loop: a picture crosses over in shared memory, and only its number comes through the socket.
+Neither touches the control loop: a picture crosses over in shared memory, and only its number comes
+through the socket.
 """
 
 import contextlib
@@ -68,7 +70,9 @@ class MediaLine:
 
 
 class _Source:
-    """What camera and microphone share: connect when read, hang up when stopped, one thread at a time."""
+    """What camera and microphone share: connect when read, hang up when stopped, one thread at a
+    time.
+    """
 
     role: wire.Role
 
@@ -190,4 +194,8 @@ class SimulatorMicrophone(_Source):
             message = self._next(timeout)
             while isinstance(message, wire.Welcome):
                 message = self._next(deadline - time.monotonic())
-            return np.frombuffer(message.samples, dtype=np.int16) if isinstance(message, wire.Sound) else None
+            return (
+                np.frombuffer(message.samples, dtype=np.int16)
+                if isinstance(message, wire.Sound)
+                else None
+            )

@@ -1,4 +1,6 @@
-"""The robot's camera as the media side uses it: encoded pictures for viewers, and single frames for photos."""
+"""The robot's camera as the media side uses it: encoded pictures for viewers, and single frames for
+photos.
+"""
 
 import math
 import threading
@@ -12,7 +14,9 @@ from robots.agent.media.webrtc.rtp import RtpClock
 from robots.agent.robot_interface import Frame, VideoSource
 
 SNAPSHOT_TIMEOUT = 3.0  # s
-SNAPSHOT_STARTING = 12.0  # s, from a camera that must be started first: within what sessions/leases/readiness.py waits for a photo
+# s, from a camera that must be started first: within what sessions/leases/readiness.py waits for a
+# photo
+SNAPSHOT_STARTING = 12.0
 SNAPSHOT_LOOK = 0.25  # s between two looks whether it still starts
 
 
@@ -44,7 +48,8 @@ class _Layer:
 
 
 class CameraFeed:
-    """Reads, encodes and delivers pictures while there are viewers: once for all who watch the same rung of the ladder.
+    """Reads, encodes and delivers pictures while there are viewers: once for all who watch the same
+    rung of the ladder.
 
     Args:
         source: the camera.
@@ -53,7 +58,13 @@ class CameraFeed:
         ladder: the qualities, the best first.
     """
 
-    def __init__(self, source: VideoSource, clock: RtpClock, deliver: Callable[[Picture], None], layers: Sequence[Tier] = LAYERS) -> None:
+    def __init__(
+        self,
+        source: VideoSource,
+        clock: RtpClock,
+        deliver: Callable[[Picture], None],
+        layers: Sequence[Tier] = LAYERS,
+    ) -> None:
         self._source = source
         self._clock = clock
         self._deliver = deliver
@@ -90,14 +101,22 @@ class CameraFeed:
         self._layers[layer].ask(reason)
 
     def snapshot(self) -> Frame | None:
-        """Return the next frame of the camera, started for it if need be; None when none came in 3 s, 12 while it starts. Blocks meanwhile."""
+        """Return the next frame of the camera, started for it if need be; None when none came in 3
+        s, 12 while it starts. Blocks meanwhile.
+        """
         with self._frame_came:
             before = self._frame
             self._capture.want(1)
             began = time.monotonic()
             try:
-                while not (came := self._frame_came.wait_for(lambda: self._frame is not before, timeout=SNAPSHOT_LOOK)):
-                    if time.monotonic() - began > (SNAPSHOT_STARTING if self.state.status == "starting" else SNAPSHOT_TIMEOUT):
+                while not (
+                    came := self._frame_came.wait_for(
+                        lambda: self._frame is not before, timeout=SNAPSHOT_LOOK
+                    )
+                ):
+                    if time.monotonic() - began > (
+                        SNAPSHOT_STARTING if self.state.status == "starting" else SNAPSHOT_TIMEOUT
+                    ):
                         break
             finally:
                 self._capture.want(-1)
@@ -118,7 +137,8 @@ class CameraFeed:
             raise ValueError(f"stamp {frame.stamp} is not a time")
         ticks = self._clock.tick(frame.stamp)
         now = time.monotonic()
-        # Who waits for a key frame to change over is given it before the same picture of the old rung, which has the same time.
+        # Who waits for a key frame to change over is given it before the same picture of the old
+        # rung, which has the same time.
         for layer in sorted(self._layers, key=lambda layer: not layer.needs_key(now)):
             if layer.viewers > 0:
                 self._encode(layer, frame, ticks, now)
@@ -130,7 +150,9 @@ class CameraFeed:
         if not is_due(frame.stamp, layer.last_stamp, layer.encoder.tier.fps):
             return
         layer.last_stamp = frame.stamp
-        picture = layer.encoder.encode(frame, ticks, self._clock.timestamp(ticks), key=layer.needs_key(now))
+        picture = layer.encoder.encode(
+            frame, ticks, self._clock.timestamp(ticks), key=layer.needs_key(now)
+        )
         if picture is None:
             return
         if picture.key:

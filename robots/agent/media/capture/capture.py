@@ -1,7 +1,9 @@
-"""A camera or a microphone in a thread of its own: running while somebody wants it, tried again when it fails.
+"""A camera or a microphone in a thread of its own: running while somebody wants it, tried again
+when it fails.
 
-Reading blocks and encoding takes milliseconds, so neither may happen on an event loop. A source that is gone leaves its viewers
-connected: they see the last picture and a reason, and the picture goes on when the source is back.
+Reading blocks and encoding takes milliseconds, so neither may happen on an event loop. A source
+that is gone leaves its viewers connected: they see the last picture and a reason, and the picture
+goes on when the source is back.
 """
 
 import logging
@@ -22,9 +24,12 @@ log = logging.getLogger(__name__)
 class CaptureLimits:
     """Times in seconds."""
 
-    opening: float = 25.0  # from its start to the first that is read: more than devices/reader.py takes, which knows better what is wrong
+    # from its start to the first that is read: more than devices/reader.py takes, which knows
+    # better what is wrong
+    opening: float = 25.0
     stall: float = 2.0  # between two that are read
-    linger: float = 1.0  # it runs on after the last viewer, so that a page that reconnects does not restart it
+    # it runs on after the last viewer, so that a page that reconnects does not restart it
+    linger: float = 1.0
     read: float = 0.5
     first_retry: float = 0.25
     last_retry: float = 5.0
@@ -32,7 +37,8 @@ class CaptureLimits:
 
 LIMITS = CaptureLimits()
 
-# What a source or an encoder may raise: the adapter's own word, the operating system's, a frame of the wrong shape, FFmpeg's.
+# What a source or an encoder may raise: the adapter's own word, the operating system's, a frame of
+# the wrong shape, FFmpeg's.
 FAILURES = (AdapterError, OSError, ValueError, av.FFmpegError)
 
 
@@ -64,13 +70,21 @@ class Capture:
         name: for the log and the thread.
         source: the camera or microphone.
         begin: called before each start, to open a fresh encoder.
-        step: reads once, at most the given seconds, and uses what it read; False when there was nothing.
+        step: reads once, at most the given seconds, and uses what it read; False when there was
+            nothing.
         limits: how long it may take.
 
     `begin` and `step` run in the capture's own thread and may raise any of FAILURES.
     """
 
-    def __init__(self, name: str, source: Source, begin: Callable[[], None], step: Callable[[float], bool], limits: CaptureLimits = LIMITS) -> None:
+    def __init__(
+        self,
+        name: str,
+        source: Source,
+        begin: Callable[[], None],
+        step: Callable[[float], bool],
+        limits: CaptureLimits = LIMITS,
+    ) -> None:
         self._name = name
         self._limits = limits
         self._source = source
@@ -125,7 +139,11 @@ class Capture:
                 delay = limits.first_retry
                 self._set_state("idle")
             except FAILURES as error:
-                delay = limits.first_retry if self._state.status == "live" else min(delay * 2, limits.last_retry)
+                delay = (
+                    limits.first_retry
+                    if self._state.status == "live"
+                    else min(delay * 2, limits.last_retry)
+                )
                 self._set_state("failed", str(error) or type(error).__name__)
             finally:
                 self._stop_source()
@@ -135,7 +153,9 @@ class Capture:
     def _read_while_wanted(self) -> None:
         limits = self._limits
         heard, patience = time.monotonic(), limits.opening
-        while not self._closing and (self._wanted > 0 or time.monotonic() - self._unwanted_since < limits.linger):
+        while not self._closing and (
+            self._wanted > 0 or time.monotonic() - self._unwanted_since < limits.linger
+        ):
             if self._step(limits.read):
                 heard, patience = time.monotonic(), limits.stall
                 self._set_state("live")
@@ -157,7 +177,9 @@ class Capture:
         with self._changed:
             self._changed.wait_for(lambda: self._closing, timeout=seconds)
 
-    def _set_state(self, status: Literal["idle", "starting", "live", "failed"], reason: str = "") -> None:
+    def _set_state(
+        self, status: Literal["idle", "starting", "live", "failed"], reason: str = ""
+    ) -> None:
         state = CaptureState(status, reason)
         if state != self._state:
             log.info("capture_state source=%s status=%s reason=%s", self._name, status, reason)

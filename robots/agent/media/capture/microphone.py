@@ -12,7 +12,8 @@ class MicrophoneFeed:
 
     Args:
         source: the microphone.
-        deliver: called in the microphone's thread with (payload, RTP ticks) of every 20 ms that are not silent.
+        deliver: called in the microphone's thread with (payload, RTP ticks) of every 20 ms that are
+            not silent.
     """
 
     def __init__(self, source: AudioSource, deliver: Callable[[bytes, int], None]) -> None:

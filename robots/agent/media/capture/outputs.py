@@ -1,8 +1,9 @@
 """The robot's own loudspeaker and display: what the visitor sends, decoded in a thread of its own.
 
-Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. What cannot be played in time is dropped, the
-rest of its pictures with it until the next key frame: late words are worthless, and a picture with holes is rubbish. A device that fails is
-let go of, and tried again while something comes for it, after a pause that grows.
+Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. What
+cannot be played in time is dropped, the rest of its pictures with it until the next key frame: late
+words are worthless, and a picture with holes is rubbish. A device that fails is let go of, and
+tried again while something comes for it, after a pause that grows.
 """
 
 import logging
@@ -29,7 +30,8 @@ FAILURES = (AdapterError, av.FFmpegError, OSError, ValueError)
 
 
 class OutputFeed:
-    """Plays sounds and shows pictures while they come. `hear` and `see` return at once; one thread of the caller's.
+    """Plays sounds and shows pictures while they come. `hear` and `see` return at once; one thread
+    of the caller's.
 
     Args:
         speaker: where sound goes, or None.
@@ -47,7 +49,9 @@ class OutputFeed:
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """Return why loudspeaker and display did not work when they were last used, a sentence for each that did not."""
+        """Return why loudspeaker and display did not work when they were last used, a sentence for
+        each that did not.
+        """
         return tuple(player.failure for player in tuple(self._players.values()) if player.failure)
 
     def start(self) -> None:
@@ -83,7 +87,7 @@ class OutputFeed:
             return False
         return True
 
-    # --- the thread --------------------------------------------------------------------------------------------------
+    # --- the thread -------------------------------------------------------------------------------
 
     def _run(self) -> None:
         while True:
@@ -123,7 +127,9 @@ class OutputFeed:
 
 
 class _Player:
-    """A decoder and the device behind it, started for the first thing that comes. Nothing that they raise leaves it."""
+    """A decoder and the device behind it, started for the first thing that comes. Nothing that they
+    raise leaves it.
+    """
 
     def __init__(self, codec: str, device: Speaker | Display, give: Callable[[Any], None]) -> None:
         self._decoder = _decoder(codec)
@@ -157,7 +163,9 @@ class _Player:
             try:
                 self._device.stop()
             except FAILURES as error:
-                log.warning("visitor_output_stop_failed codec=%s reason=%s", self._decoder.name, error)
+                log.warning(
+                    "visitor_output_stop_failed codec=%s reason=%s", self._decoder.name, error
+                )
 
     def _start(self) -> None:
         if not self._running:
@@ -171,7 +179,12 @@ class _Player:
             self._pause = FIRST_RETRY
 
     def _failed(self, reason: str) -> None:
-        log.warning("visitor_output_failed codec=%s reason=%s retry=%.1f", self._decoder.name, reason, self._pause)
+        log.warning(
+            "visitor_output_failed codec=%s reason=%s retry=%.1f",
+            self._decoder.name,
+            reason,
+            self._pause,
+        )
         self.failure = reason
         self._retry_at = time.monotonic() + self._pause
         self._pause = min(self._pause * 2, LAST_RETRY)
@@ -191,4 +204,10 @@ def _mono(frame: av.AudioFrame) -> Any:
     if frame.format.name.startswith("flt"):
         samples = samples * 32767.0
     channels = len(frame.layout.channels)
-    return np.clip(samples.mean(axis=0) if frame.format.is_planar else samples.reshape(-1, channels).mean(axis=1), -32768, 32767)
+    return np.clip(
+        samples.mean(axis=0)
+        if frame.format.is_planar
+        else samples.reshape(-1, channels).mean(axis=1),
+        -32768,
+        32767,
+    )

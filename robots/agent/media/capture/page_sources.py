@@ -1,7 +1,9 @@
-"""Picture and sound that the page of the robot's own screen gives, in the place of a camera and a microphone of the agent's.
+"""Picture and sound that the page of the robot's own screen gives, in the place of a camera and a
+microphone of the agent's.
 
-The robot's computer then runs a browser anyway, and the browser knows its camera. What arrives is encoded, and leaves as it came: nothing
-is encoded again, and there is one quality. When a picture was taken is not told; its time is that of the fastest picture's arrival.
+The robot's computer then runs a browser anyway, and the browser knows its camera. What arrives is
+encoded, and leaves as it came: nothing is encoded again, and there is one quality. When a picture
+was taken is not told; its time is that of the fastest picture's arrival.
 """
 
 import threading
@@ -19,9 +21,14 @@ from robots.agent.media.peers.visitor import ROUND, STEP, Continuous
 from robots.agent.media.webrtc.rtp import VIDEO_RATE, vp8_payloads
 from robots.agent.robot_interface import Frame
 
-SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6  # s, and how often a whole picture is asked for in that time
-DRIFT = 0.001  # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
-MISSING_VIDEO, MISSING_SOUND = "no page of the robot's screen gives video", "no page of the robot's screen gives sound"
+# s, and how often a whole picture is asked for in that time
+SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6
+# by which two clocks may differ; the fastest picture of long ago is forgotten as fast
+DRIFT = 0.001
+MISSING_VIDEO, MISSING_SOUND = (
+    "no page of the robot's screen gives video",
+    "no page of the robot's screen gives sound",
+)
 OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
 
 
@@ -39,7 +46,8 @@ class PageCamera:
         self._ask, self._deliver = ask, deliver
         self._keys = KeyFrames()
         self._clock = Continuous(STEP["video"])
-        self._ahead: tuple[float, float] | None = None  # when, and the Unix time of the clock's tick 0, by the fastest picture
+        # when, and the Unix time of the clock's tick 0, by the fastest picture
+        self._ahead: tuple[float, float] | None = None
         self._source = ""
         self._viewers = 0
         self._last_received_at = float("-inf")
@@ -50,7 +58,9 @@ class PageCamera:
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        return _state(self._last_received_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO)
+        return _state(
+            self._last_received_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO
+        )
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -91,14 +101,20 @@ class PageCamera:
         with self._whole_came:
             self._whole = None
             for _ in range(SNAPSHOT_ASKS):
-                self._ask()  # again and again: a browser that has just made a whole picture passes over who asks for another
-                if self._whole_came.wait_for(lambda: self._whole is not None, timeout=SNAPSHOT_TIMEOUT / SNAPSHOT_ASKS):
+                # again and again: a browser that has just made a whole picture passes over who asks
+                # for another
+                self._ask()
+                if self._whole_came.wait_for(
+                    lambda: self._whole is not None, timeout=SNAPSHOT_TIMEOUT / SNAPSHOT_ASKS
+                ):
                     break
             else:
                 return None
             data, stamp = self._whole, time.time()
         frames: list[av.VideoFrame] = av.CodecContext.create("libvpx", "r").decode(av.Packet(data))
-        return Frame(picture_of(frames[0], VideoReformatter()), stamp, "yuv420p") if frames else None
+        return (
+            Frame(picture_of(frames[0], VideoReformatter()), stamp, "yuv420p") if frames else None
+        )
 
     def _stamp(self, seconds: float) -> float:
         now = time.time()
@@ -126,7 +142,11 @@ class PageMicrophone:
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        return _state(self._last_received_at, self._wanted_since if self._listeners > 0 else None, MISSING_SOUND)
+        return _state(
+            self._last_received_at,
+            self._wanted_since if self._listeners > 0 else None,
+            MISSING_SOUND,
+        )
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -147,10 +167,16 @@ class PageMicrophone:
 
 
 def _state(last_received_at: float, wanted_since: float | None, missing: str) -> CaptureState:
-    """Return how it is: something was heard at `last_received_at`, somebody wants it since `wanted_since` or nobody does; monotonic seconds."""
+    """Return how it is: something was heard at `last_received_at`, somebody wants it since
+    `wanted_since` or nobody does; monotonic seconds.
+    """
     now = time.monotonic()
     if now - last_received_at < LIMITS.stall:
         return CaptureState("live")
     if wanted_since is None:
         return CaptureState("idle")
-    return CaptureState("starting") if now - wanted_since < OPENING else CaptureState("failed", missing)
+    return (
+        CaptureState("starting")
+        if now - wanted_since < OPENING
+        else CaptureState("failed", missing)
+    )

@@ -1,8 +1,9 @@
-"""One Opus encoder a microphone: 20 ms of mono in, one RTP payload out, the same for every listener; silence costs nothing.
+"""One Opus encoder a microphone: 20 ms of mono in, one RTP payload out, the same for every
+listener; silence costs nothing.
 
-Opus in its low-delay mode (CELT alone): it takes a third of the processor time of the speech mode, and 4 ms less of the
-listener's patience. Silence is not encoded at all: libopus spends more on it than on noise, and a listener's jitter buffer
-fades out by itself.
+Opus in its low-delay mode (CELT alone): it takes a third of the processor time of the speech mode,
+and 4 ms less of the listener's patience. Silence is not encoded at all: libopus spends more on it
+than on noise, and a listener's jitter buffer fades out by itself.
 """
 
 from fractions import Fraction
@@ -42,7 +43,9 @@ class SoundEncoder:
         self._silent_blocks = self._silent_blocks + 1 if silent else 0
         if self._silent_blocks > HANGOVER:
             return None
-        block = av.AudioFrame.from_ndarray(np.ascontiguousarray(samples.reshape(1, BLOCK)), format="s16", layout="mono")
+        block = av.AudioFrame.from_ndarray(
+            np.ascontiguousarray(samples.reshape(1, BLOCK)), format="s16", layout="mono"
+        )
         block.sample_rate, block.time_base, block.pts = AUDIO_RATE, Fraction(1, AUDIO_RATE), ticks
         payload = b"".join(bytes(packet) for packet in self._codec.encode(block))
         return (payload, ticks) if payload else None

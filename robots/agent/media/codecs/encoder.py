@@ -1,7 +1,9 @@
-"""One encoder a rung of quality: pictures in, VP8 cut into RTP payloads out, the same for every viewer.
+"""One encoder a rung of quality: pictures in, VP8 cut into RTP payloads out, the same for every
+viewer.
 
-VP8 because every browser speaks it (Firefox has no H.264 of its own). libvpx in real-time mode, one pass, no lag, constant bit
-rate. Its denoiser is off: it takes half of the encoder's time and a rendered or well-lit picture gains nothing from it.
+VP8 because every browser speaks it (Firefox has no H.264 of its own). libvpx in real-time mode, one
+pass, no lag, constant bit rate. Its denoiser is off: it takes half of the encoder's time and a
+rendered or well-lit picture gains nothing from it.
 """
 
 from dataclasses import dataclass
@@ -19,7 +21,9 @@ from robots.agent.robot_interface import Frame
 
 @dataclass(frozen=True)
 class Tier:
-    """One rung of quality: a size in pixels that pictures are fitted into, pictures a second, bit/s."""
+    """One rung of quality: a size in pixels that pictures are fitted into, pictures a second,
+    bit/s.
+    """
 
     width: int
     height: int
@@ -34,14 +38,17 @@ LAYERS = (
     TIER_480P,
     Tier(width=640, height=480, fps=30, bitrate=700_000),
     Tier(width=640, height=480, fps=15, bitrate=380_000),
-    Tier(width=480, height=360, fps=15, bitrate=140_000),  # larger pictures take twice as much where everything moves, however coarse they are
+    # larger pictures take twice as much where everything moves, however coarse they are
+    Tier(width=480, height=360, fps=15, bitrate=140_000),
     Tier(width=320, height=240, fps=15, bitrate=100_000),
 )
 
 
 @dataclass(frozen=True)
 class Picture:
-    """An encoded picture: RTP payloads, whether it is a key frame, its RTP timestamp, when the camera sampled the world, and its rung."""
+    """An encoded picture: RTP payloads, whether it is a key frame, its RTP timestamp, when the
+    camera sampled the world, and its rung.
+    """
 
     payloads: tuple[bytes, ...]
     key: bool
@@ -56,18 +63,24 @@ class Picture:
 
 
 def fitted(tier: Tier, width: int, height: int) -> tuple[int, int]:
-    """Return the even (width, height) into which a picture is scaled: inside the tier, same shape, never enlarged."""
+    """Return the even (width, height) into which a picture is scaled: inside the tier, same shape,
+    never enlarged.
+    """
     scale = min(1.0, tier.width / width, tier.height / height)
     return max(16, round(width * scale / 2) * 2), max(16, round(height * scale / 2) * 2)
 
 
 def is_due(stamp: float, last: float | None, fps: int) -> bool:
-    """Tell whether a picture belongs into a stream of `fps`: a faster camera's pictures in between are left out."""
+    """Tell whether a picture belongs into a stream of `fps`: a faster camera's pictures in between
+    are left out.
+    """
     return last is None or not 0.0 <= stamp - last < 0.75 / fps
 
 
 class PictureEncoder:
-    """A VP8 encoder of one tier, the ladder's `layer`. Not thread-safe: it belongs to the thread of its camera."""
+    """A VP8 encoder of one tier, the ladder's `layer`. Not thread-safe: it belongs to the thread of
+    its camera.
+    """
 
     def __init__(self, tier: Tier, layer: int = 0) -> None:
         self.tier, self.layer = tier, layer
@@ -75,7 +88,8 @@ class PictureEncoder:
         self._codec: Any = None
 
     def encode(self, frame: Frame, ticks: int, rtp: int, *, key: bool) -> Picture | None:
-        """Encode one frame, given its time by the camera's RTP clock; None when the encoder chose to drop it.
+        """Encode one frame, given its time by the camera's RTP clock; None when the encoder chose
+        to drop it.
 
         Raises:
             ValueError: the image is not what its format says (see pixels.py).
@@ -100,9 +114,12 @@ class PictureEncoder:
         same = fit == (frame.width, frame.height)
         if same and frame.format == YUV:
             return image
-        # Same size needs only the colours, for which POINT is the fastest way; one thread, because a pool costs more than it saves.
+        # Same size needs only the colours, for which POINT is the fastest way; one thread, because
+        # a pool costs more than it saves.
         way = Interpolation.POINT if same else Interpolation.BILINEAR
-        return self._reformatter.reformat(image, *fit, format="yuv420p", interpolation=way, threads=1)
+        return self._reformatter.reformat(
+            image, *fit, format="yuv420p", interpolation=way, threads=1
+        )
 
     def _codec_for(self, width: int, height: int) -> Any:
         if self._codec is None or (self._codec.width, self._codec.height) != (width, height):
@@ -111,7 +128,9 @@ class PictureEncoder:
 
 
 def open_vp8(tier: Tier, width: int, height: int) -> Any:
-    """Return an open libvpx encoder for (width, height) at the tier's rate; it cannot be changed later, only opened anew."""
+    """Return an open libvpx encoder for (width, height) at the tier's rate; it cannot be changed
+    later, only opened anew.
+    """
     codec: Any = av.CodecContext.create("libvpx", "w")
     codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
     codec.time_base, codec.framerate = Fraction(1, VIDEO_RATE), Fraction(tier.fps)
@@ -125,7 +144,8 @@ def open_vp8(tier: Tier, width: int, height: int) -> Any:
         "minrate": rate,  # min = max = rate is constant bit rate
         "maxrate": rate,
         "bufsize": rate,  # one second
-        "max-intra-rate": str(30 * tier.fps),  # % of a picture's share: a key frame may not fill a slow network for long
+        # % of a picture's share: a key frame may not fill a slow network for long
+        "max-intra-rate": str(30 * tier.fps),
         "overshoot-pct": "15",
         "undershoot-pct": "100",
         "noise-sensitivity": "0",

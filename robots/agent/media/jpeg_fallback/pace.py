@@ -1,8 +1,10 @@
-"""When the next picture goes through the server, and how large it may be: decisions only. `now` is monotonic time in seconds.
+"""When the next picture goes through the server, and how large it may be: decisions only. `now` is
+monotonic time in seconds.
 
-A page that no WebRTC path reaches asks for each picture, and asks again when it has it: a request is an acknowledgement too. So one
-picture is on its way at most, whatever the network between does, and none is queued. A picture goes out once for everybody who waits;
-the driver sets the pace while there is one who asks, and nobody's slow network costs the driver anything.
+A page that no WebRTC path reaches asks for each picture, and asks again when it has it: a request
+is an acknowledgement too. So one picture is on its way at most, whatever the network between does,
+and none is queued. A picture goes out once for everybody who waits; the driver sets the pace while
+there is one who asks, and nobody's slow network costs the driver anything.
 """
 
 from collections.abc import Callable
@@ -13,15 +15,19 @@ from robots.agent.media.codecs.encoder import Tier
 FPS = 10
 PRESENT = 3.0  # s after its last request that a page still counts as watching
 MOST_PAGES = 64
-SLOW, FAST = 0.25, 0.08  # s that the size of a picture may cost, and what leaves room for a larger one
-PATIENCE, MOST_PATIENCE = 10, 320  # pictures in a row that must have been fast before a larger one is tried
+# s that the size of a picture may cost, and what leaves room for a larger one
+SLOW, FAST = 0.25, 0.08
+# pictures in a row that must have been fast before a larger one is tried
+PATIENCE, MOST_PATIENCE = 10, 320
 MOST_ROUND_TRIP = 2.0
 RETRY = 1.0  # s after a camera gave nothing
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A step of quality: the size that a picture is fitted into, and JPEG's quantizer (2 is the best, 31 the smallest)."""
+    """A step of quality: the size that a picture is fitted into, and JPEG's quantizer (2 is the
+    best, 31 the smallest).
+    """
 
     tier: Tier
     quantizer: int
@@ -32,7 +38,14 @@ def _layer(width: int, height: int, quantizer: int) -> Layer:
 
 
 # About 16, 10, 6.5, 4.5, 3.2 and 2 kB for a furnished room.
-LAYERS = (_layer(480, 360, 4), _layer(480, 360, 10), _layer(320, 240, 7), _layer(320, 240, 14), _layer(240, 180, 14), _layer(160, 120, 14))
+LAYERS = (
+    _layer(480, 360, 4),
+    _layer(480, 360, 10),
+    _layer(320, 240, 7),
+    _layer(320, 240, 14),
+    _layer(240, 180, 14),
+    _layer(160, 120, 14),
+)
 FIRST = 2
 
 
@@ -89,10 +102,16 @@ class Pace:
             self._acknowledge(seen, round_trip, now)
 
     def wait(self, now: float) -> float | None:
-        """Return the seconds until a picture is due, 0 when it is now; None when only a request can change that."""
+        """Return the seconds until a picture is due, 0 when it is now; None when only a request can
+        change that.
+        """
         driver = self._driver(now)
         if not (self._waiting if driver is None else driver in self._waiting):
-            return None if driver is None or not self._waiting else max(0.0, self._asked[driver] + PRESENT - now)
+            return (
+                None
+                if driver is None or not self._waiting
+                else max(0.0, self._asked[driver] + PRESENT - now)
+            )
         return max(0.0, self._not_before - now)
 
     def layer(self) -> Layer:
@@ -100,7 +119,9 @@ class Pace:
         return LAYERS[self.quality.layer]
 
     def sent(self, stamp: float, now: float) -> frozenset[str]:
-        """Note that the picture of this capture stamp has gone out to everybody who waited, and return them."""
+        """Note that the picture of this capture stamp has gone out to everybody who waited, and
+        return them.
+        """
         waited = frozenset(self._waiting)
         self._waiting.clear()
         self._stamp, self._sent, self._not_before = stamp, now, now + 1.0 / FPS
@@ -130,6 +151,7 @@ class Pace:
             if round_trip is not None:
                 self.quality.took(elapsed - min(round_trip, MOST_ROUND_TRIP))
         elif elapsed > PRESENT / 3:
-            # It asks again without having seen the last one: lost, or too large to have come through by now.
+            # It asks again without having seen the last one: lost, or too large to have come
+            # through by now.
             self._stamp = None
             self.quality.too_large()

@@ -1,7 +1,9 @@
-"""Pictures through the server, as JPEG, for pages that no WebRTC path reaches: a thread that sleeps while nobody asks.
+"""Pictures through the server, as JPEG, for pages that no WebRTC path reaches: a thread that sleeps
+while nobody asks.
 
-See slow_pace.py for when and how large. The camera runs while somebody asks, as it does for viewers, and encoding has a thread of its
-own: it must delay neither commands nor the pictures of those whom WebRTC reaches.
+See slow_pace.py for when and how large. The camera runs while somebody asks, as it does for
+viewers, and encoding has a thread of its own: it must delay neither commands nor the pictures of
+those whom WebRTC reaches.
 """
 
 import logging
@@ -29,11 +31,17 @@ class JpegFallback:
 
     Args:
         snapshot: returns a fresh frame of the camera, or None after a while; blocks.
-        send: called in the pictures' thread with each picture as it goes on the wire, and the peers who wait for it.
+        send: called in the pictures' thread with each picture as it goes on the wire, and the peers
+            who wait for it.
         is_driver: tells whether a peer drives at this moment.
     """
 
-    def __init__(self, snapshot: Callable[[], Frame | None], send: Callable[[bytes, frozenset[str]], None], is_driver: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        snapshot: Callable[[], Frame | None],
+        send: Callable[[bytes, frozenset[str]], None],
+        is_driver: Callable[[str], bool],
+    ) -> None:
         self._snapshot, self._send = snapshot, send
         self._pace = Pace(is_driver)
         self._changed = threading.Condition()
@@ -51,7 +59,9 @@ class JpegFallback:
             self._changed.notify_all()
 
     def expect(self, delay: float) -> None:
-        """Know that a network lab holds the driver's pictures for so many seconds, which says nothing about their size."""
+        """Know that a network lab holds the driver's pictures for so many seconds, which says
+        nothing about their size.
+        """
         with self._changed:
             self._pace.delay = delay
 

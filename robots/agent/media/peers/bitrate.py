@@ -1,29 +1,41 @@
-"""Which rung of the ladder of qualities one viewer stands on: down at once when the network takes less, up by trial. Pure.
+"""Which rung of the ladder of qualities one viewer stands on: down at once when the network takes
+less, up by trial. Pure.
 
-What tells is how old the picture on the screen is, which the page says five times a second, and ten times while it grows: where more is
-sent than arrives, pictures wait before the narrowest place of the way. Browsers' own estimates would tell it too, but Chromium keeps
-silent about them (REMB) on a connection on which it may send a picture as well.
+What tells is how old the picture on the screen is, which the page says five times a second, and ten
+times while it grows: where more is sent than arrives, pictures wait before the narrowest place of
+the way. Browsers' own estimates would tell it too, but Chromium keeps silent about them (REMB) on a
+connection on which it may send a picture as well.
 
-The way up is to send more for a moment, as copies of what was sent already, and to see whether pictures become older. What nobody sees
-costs no picture, where a rung tried in earnest would begin with a large key frame.
+The way up is to send more for a moment, as copies of what was sent already, and to see whether
+pictures become older. What nobody sees costs no picture, where a rung tried in earnest would begin
+with a large key frame.
 """
 
 from collections import deque
 from collections.abc import Sequence
 
-# (s older than at its best, in so many words of the page in a row): a busy computer makes single pictures late, too, and at 15 a second the
-# one on the screen is up to 0.07 s old by itself.
+# (s older than at its best, in so many words of the page in a row): a busy computer makes single
+# pictures late, too, and at 15 a second the one on the screen is up to 0.07 s old by itself.
 LATE, VERY_LATE, LATE_IN_TRIAL = (0.15, 3), (0.3, 2), (0.1, 2)
 REMEMBERED = 60.0  # s for which the best age counts
 ROOM = 0.8  # of what the network was seen to take is for the picture; sound and words need the rest
 LOSSY, VERY_LOSSY = 0.1, 0.3  # of the packets, in two reports in a row, or in one
-SAME, UNSEEN = 0.02, 1.0  # s between pictures, and s of the same one, after which nobody looks: a hidden page shows nothing new
-STEADY, FULL_QUEUE = 0.8, 0.5  # shares of what is sent that arrive: above the first a queue does not grow, and what is then believed of a full one
-SETTLING, DRAINED = 1.0, 3.0  # s after a step down in which nothing new is learned, and while the age falls
-LONGEST_PAUSE = 0.5  # s without a picture, so that what waits before the narrow place can leave; after 1 s the robot would stand
-FIRST_HOLD, LONGEST_HOLD = 1.5, 6.0  # s without a bad sign before the next trial; doubled by each that fails
+# s between pictures, and s of the same one, after which nobody looks: a hidden page shows nothing
+# new
+SAME, UNSEEN = 0.02, 1.0
+# shares of what is sent that arrive: above the first a queue does not grow, and what is then
+# believed of a full one
+STEADY, FULL_QUEUE = 0.8, 0.5
+# s after a step down in which nothing new is learned, and while the age falls
+SETTLING, DRAINED = 1.0, 3.0
+# s without a picture, so that what waits before the narrow place can leave; after 1 s the robot
+# would stand
+LONGEST_PAUSE = 0.5
+# s without a bad sign before the next trial; doubled by each that fails
+FIRST_HOLD, LONGEST_HOLD = 1.5, 6.0
 NEXT_HOLD = 0.3  # s, after one that went well
-PROBE, WATCH = 0.35, 0.65  # s of sending more, and s after it in which pictures may still become older
+# s of sending more, and s after it in which pictures may still become older
+PROBE, WATCH = 0.35, 0.65
 REGRET = 4.0  # s in which a step up still counts as a trial
 
 
@@ -40,9 +52,12 @@ class BitrateAdapter:
         self.probes = 0
         self._rates = tuple(rates)
         self._ages: deque[tuple[float, float]] = deque()  # the least of each second, at most
-        self._late: deque[tuple[float, float]] = deque(maxlen=3)  # when, and how much older than at its best
-        self._shown: deque[tuple[float, float]] = deque(maxlen=3)  # when, and when the picture on the screen was taken
-        self._taken: tuple[float, float] | None = None  # when the picture on the screen was first there, and when it was taken
+        # when, and how much older than at its best
+        self._late: deque[tuple[float, float]] = deque(maxlen=3)
+        # when, and when the picture on the screen was taken
+        self._shown: deque[tuple[float, float]] = deque(maxlen=3)
+        # when the picture on the screen was first there, and when it was taken
+        self._taken: tuple[float, float] | None = None
         self._lossy = 0
         self._calm_since = self._down_at = now
         self._up_at = float("-inf")
@@ -55,13 +70,16 @@ class BitrateAdapter:
         return now < self._silent_until
 
     def aged(self, now: float, age: float, sent: float) -> None:
-        """Take how old the picture on the screen is, in s; `sent` is what the viewer is sent, in bit/s."""
+        """Take how old the picture on the screen is, in s; `sent` is what the viewer is sent, in
+        bit/s.
+        """
         taken = now - age
         if self._taken is None or taken - self._taken[1] > SAME:
             self._taken = now, taken
         elif now - self._taken[0] > UNSEEN:
             self._late.clear()
-            self._calm_since, self._probe_at = now, None  # nothing is tried on a page that shows nothing new
+            # nothing is tried on a page that shows nothing new
+            self._calm_since, self._probe_at = now, None
             return
         self._remember(now, age)
         self._late.append((now, age - min(age for _, age in self._ages)))
@@ -73,9 +91,11 @@ class BitrateAdapter:
             self._step_down(now, self._share() * sent, waits=self._late[-1][1])
 
     def _share(self) -> float:
-        """How much of what is sent arrives: while a queue grows, a second on the screen takes longer than one before the camera.
+        """How much of what is sent arrives: while a queue grows, a second on the screen takes
+        longer than one before the camera.
 
-        That does not tell how much too much filled a queue that is full, nor why a picture is stuck: then it is believed to be half.
+        That does not tell how much too much filled a queue that is full, nor why a picture is
+        stuck: then it is believed to be half.
         """
         (then, first), *_, (now, last) = self._shown
         share = (last - first) / max(0.1, now - then)
@@ -84,7 +104,9 @@ class BitrateAdapter:
         return FULL_QUEUE if self._late[-1][1] > VERY_LATE[0] else 1.0
 
     def _is_late(self, limit: float, often: int) -> bool:
-        return len(self._late) >= often and all(late > limit for _, late in list(self._late)[-often:])
+        return len(self._late) >= often and all(
+            late > limit for _, late in list(self._late)[-often:]
+        )
 
     def lost(self, now: float, share: float) -> None:
         """Take a report of lost packets."""
@@ -93,12 +115,19 @@ class BitrateAdapter:
             self._step_down(now, None)
 
     def look(self, now: float) -> float:
-        """Let time pass, and return the bit/s that should be reached by sending packets again, 0 when nothing is tried."""
+        """Let time pass, and return the bit/s that should be reached by sending packets again, 0
+        when nothing is tried.
+        """
         if self._probe_at is not None and now - self._probe_at > PROBE + WATCH:
             self._probe_at, self._calm_since, self._up_at = None, now, now
             self._patience, self._hold = self._hold, NEXT_HOLD
             self.layer = max(0, self.layer - 1)
-        if self.layer > 0 and self._probe_at is None and now - self._calm_since > self._hold and self._is_quick(now):
+        if (
+            self.layer > 0
+            and self._probe_at is None
+            and now - self._calm_since > self._hold
+            and self._is_quick(now)
+        ):
             self._probe_at = now
             self.probes += 1
         probing = self._probe_at is not None and now - self._probe_at <= PROBE
@@ -113,7 +142,9 @@ class BitrateAdapter:
             self._ages.popleft()
 
     def _is_quick(self, now: float) -> bool:
-        """Tell whether pictures come as fast as they can; a page that has never said how old they are is believed to be well."""
+        """Tell whether pictures come as fast as they can; a page that has never said how old they
+        are is believed to be well.
+        """
         if not self._late:
             return self._taken is None
         return now - self._late[-1][0] < UNSEEN and self._late[-1][1] < LATE[0]
@@ -125,8 +156,14 @@ class BitrateAdapter:
             self._down_at = now  # and pictures are late until what it sent has left
             return
         regretted = now - self._up_at < REGRET
-        self._hold = min(2.0 * max(self._patience, FIRST_HOLD), LONGEST_HOLD) if regretted else FIRST_HOLD
+        self._hold = (
+            min(2.0 * max(self._patience, FIRST_HOLD), LONGEST_HOLD) if regretted else FIRST_HOLD
+        )
         lowest = len(self._rates) - 1
-        fits = 0 if capacity is None else next((n for n, rate in enumerate(self._rates) if rate <= ROOM * capacity), lowest)
+        fits = (
+            0
+            if capacity is None
+            else next((n for n, rate in enumerate(self._rates) if rate <= ROOM * capacity), lowest)
+        )
         self._silent_until = now + min(waits, LONGEST_PAUSE)
         self._down_at, self.layer = self._silent_until, min(lowest, max(self.layer + 1, fits))

@@ -1,4 +1,5 @@
-"""The pages that are connected over WebRTC: which get a place, whose offers are answered, who is who, and why a connection ended.
+"""The pages that are connected over WebRTC: which get a place, whose offers are answered, who is
+who, and why a connection ended.
 
 Belongs to the media loop, but for what says otherwise.
 """
@@ -18,11 +19,22 @@ from robots.agent.media.peers.registry import HeldCandidates, PeerRegistry
 from robots.agent.media.peers.viewer import Viewer
 from robots.agent.media.webrtc.sdp import BadOfferError
 from robots.api.codec import encode_frame
-from robots.api.messages import Answer, Bye, Candidate, Heartbeat, Offer, Role, Signal, SignalReply, Stay
+from robots.api.messages import (
+    Answer,
+    Bye,
+    Candidate,
+    Heartbeat,
+    Offer,
+    Role,
+    Signal,
+    SignalReply,
+    Stay,
+)
 
 log = logging.getLogger(__name__)
 
-FLOOD_PAUSE = 5.0  # s; to connect costs the robot more than what the page may say until it is sent away
+# s; to connect costs the robot more than what the page may say until it is sent away
+FLOOD_PAUSE = 5.0
 MakeViewer = Callable[[str, Role, str, Callable[[str], None]], Viewer]
 
 
@@ -31,12 +43,19 @@ class Connections:
 
     Args:
         places: how many pages may be connected at once; the driver always finds room.
-        make_viewer: makes the connection of (peer, role), with a name for this connection of theirs and what to call when it fails by itself.
+        make_viewer: makes the connection of (peer, role), with a name for this connection of theirs
+            and what to call when it fails by itself.
         reply: called with (peer, message) for the page.
         changed: called when somebody came, who may be the driver.
     """
 
-    def __init__(self, places: int, make_viewer: MakeViewer, reply: Callable[[str, SignalReply], None], changed: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        places: int,
+        make_viewer: MakeViewer,
+        reply: Callable[[str, SignalReply], None],
+        changed: Callable[[], None],
+    ) -> None:
         self._make_viewer, self._reply, self._changed = make_viewer, reply, changed
         self._registry = PeerRegistry(places)
         self._held = HeldCandidates()
@@ -46,12 +65,15 @@ class Connections:
         self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
-        self.newest_screen = ""  # the name of the connection of the robot's own display that came last
+        # the name of the connection of the robot's own display that came last
+        self.newest_screen = ""
 
-    # --- any thread --------------------------------------------------------------------------------------------------
+    # --- any thread -------------------------------------------------------------------------------
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """Say which peer the lease names; every other one is an observer from now on, None means that nobody drives."""
+        """Say which peer the lease names; every other one is an observer from now on, None means
+        that nobody drives.
+        """
         self._registry.lease_changed(driver_peer, time.monotonic())
 
     def role(self, peer: str) -> Role:
@@ -69,18 +91,26 @@ class Connections:
 
     def connected(self) -> frozenset[str]:
         """Return the pages that are connected, displays left out."""
-        return frozenset(peer for peer, viewer in list(self._viewers.items()) if viewer.is_connected and peer not in self._screens)
+        return frozenset(
+            peer
+            for peer, viewer in list(self._viewers.items())
+            if viewer.is_connected and peer not in self._screens
+        )
 
     @property
     def screens(self) -> int:
         """How many of the robot's own displays are connected."""
-        return sum(viewer.is_connected for peer, viewer in list(self._viewers.items()) if peer in self._screens)
+        return sum(
+            viewer.is_connected
+            for peer, viewer in list(self._viewers.items())
+            if peer in self._screens
+        )
 
     def statistics(self) -> dict[str, dict[str, int | None]]:
         """Return counts for each peer: see `Viewer.statistics`."""
         return {peer: viewer.statistics() for peer, viewer in list(self._viewers.items())}
 
-    # --- signalling --------------------------------------------------------------------------------------------------
+    # --- signalling -------------------------------------------------------------------------------
 
     def take_signal(self, peer: str, message: Signal) -> None:
         """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
@@ -98,7 +128,9 @@ class Connections:
             self._end(peer, None)
 
     def _take_offer(self, peer: str, offer: Offer) -> None:
-        if self._closing:  # a page may ask again as soon as it hears goodbye, and would be answered by a robot that is gone
+        # a page may ask again as soon as it hears goodbye, and would be answered by a robot that is
+        # gone
+        if self._closing:
             self._reply(peer, Bye(reason="left"))
             return
         if self._flooded.get(peer, 0.0) > time.monotonic():
@@ -113,7 +145,9 @@ class Connections:
             return
         old = self._viewers.pop(peer, None)
         is_screen, source = offer.role == "screen", f"{peer} {next(self._count)}"
-        viewer = self._make_viewer(peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason))
+        viewer = self._make_viewer(
+            peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason)
+        )
         if old is not None:
             viewer.gate = old.gate
             self._keep(old.close())
@@ -122,7 +156,9 @@ class Connections:
             self.newest_screen = source
         self._changed()
         (self._screens.add if is_screen else self._screens.discard)(peer)
-        self._keep(self._answer(peer, viewer, offer)).add_done_callback(lambda task: self._answered(task, peer, viewer))
+        self._keep(self._answer(peer, viewer, offer)).add_done_callback(
+            lambda task: self._answered(task, peer, viewer)
+        )
 
     async def _answer(self, peer: str, viewer: Viewer, offer: Offer) -> None:
         began = time.monotonic()
@@ -136,7 +172,12 @@ class Connections:
             return  # replaced, or gone, while candidates were gathered
         for candidate in self._held.release(peer):
             viewer.add_candidate(candidate)
-        log.info("offer_answered peer=%s role=%s seconds=%.3f", peer, offer.role, time.monotonic() - began)
+        log.info(
+            "offer_answered peer=%s role=%s seconds=%.3f",
+            peer,
+            offer.role,
+            time.monotonic() - began,
+        )
         self._reply(peer, Answer(sdp=answer))
 
     def _answered(self, task: "asyncio.Task[None]", peer: str, viewer: Viewer) -> None:
@@ -144,10 +185,12 @@ class Connections:
         if not task.cancelled() and task.exception() is not None:
             self._ended(peer, viewer)
 
-    # --- ends --------------------------------------------------------------------------------------------------------
+    # --- ends -------------------------------------------------------------------------------------
 
     def end_lost(self, now: float) -> None:
-        """End the connections over which nothing comes any more, and those of whoever may not stay; `now` is monotonic."""
+        """End the connections over which nothing comes any more, and those of whoever may not stay;
+        `now` is monotonic.
+        """
         for peer, viewer in list(self._viewers.items()):
             if viewer.is_lost(now):
                 self._end(peer, "failed")
@@ -163,12 +206,16 @@ class Connections:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _ended(self, peer: str, viewer: Viewer, reason: str = "failed") -> None:
-        """End a connection that failed by itself, or floods, unless a newer one has taken its place."""
+        """End a connection that failed by itself, or floods, unless a newer one has taken its
+        place.
+        """
         if self._viewers.get(peer) is not viewer:
             return
         if reason == "flooded":
             now = time.monotonic()
-            self._flooded = {other: until for other, until in self._flooded.items() if until > now} | {peer: now + FLOOD_PAUSE}
+            self._flooded = {
+                other: until for other, until in self._flooded.items() if until > now
+            } | {peer: now + FLOOD_PAUSE}
         self._end(peer, reason)
 
     def _end(self, peer: str, reason: str | None) -> None:
@@ -192,7 +239,7 @@ class Connections:
         if not task.cancelled() and (error := task.exception()) is not None:
             log.error("media_task_failed", exc_info=error)
 
-    # --- what they are sent ------------------------------------------------------------------------------------------
+    # --- what they are sent -----------------------------------------------------------------------
 
     def send(self, suffix: str, frame: str) -> None:
         """Send a frame to every page that is connected."""
@@ -200,10 +247,14 @@ class Connections:
             viewer.send(suffix, frame)
 
     def send_heartbeat(self, suffix: str, heartbeat: Heartbeat) -> None:
-        """Send each page its own echoes alone: a peer id is a secret between its page, the server and the robot."""
+        """Send each page its own echoes alone: a peer id is a secret between its page, the server
+        and the robot.
+        """
         for peer, viewer in self._viewers.items():
             own = tuple(echo for echo in heartbeat.echoes if echo.peer == peer)
-            viewer.send(suffix, encode_frame(suffix, msgspec.structs.replace(heartbeat, echoes=own)))
+            viewer.send(
+                suffix, encode_frame(suffix, msgspec.structs.replace(heartbeat, echoes=own))
+            )
 
     def point(self, by: Literal["driver", "screen"], frame: str) -> None:
         """Send a frame of one side to the other: the robot's own displays, or the driver."""
@@ -212,7 +263,9 @@ class Connections:
                 viewer.send("pointer", frame)
 
     def lead(self, line: TimedLine | None) -> None:
-        """Lead what the driver is sent over the line, and what everybody else is sent straight to them."""
+        """Lead what the driver is sent over the line, and what everybody else is sent straight to
+        them.
+        """
         for peer, viewer in self._viewers.items():
             viewer.send_by(line if self.drives(peer) else None)
 

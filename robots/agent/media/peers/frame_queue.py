@@ -13,7 +13,8 @@ from robots.agent.media.webrtc.aiortc_hooks import Detour, Outgoing
 MAX_SOUNDS = 10  # 200 ms
 PAUSE = 0.2  # s without a picture: what is old then is the camera's fault
 LONGEST_GAP = 0.1  # s between two pictures for which packets are sent again
-ONCE = 5.0  # s; who falls behind more seldom than this was held up, and no narrow network makes it happen again
+# s; who falls behind more seldom than this was held up, and no narrow network makes it happen again
+ONCE = 5.0
 
 
 class SentRate:
@@ -44,11 +45,17 @@ class FrameQueue:
 
     Args:
         ask_key_frame: called with why this viewer needs a key frame.
-        before: called with each picture before it is sent, so that its clock reading travels ahead of it.
+        before: called with each picture before it is sent, so that its clock reading travels ahead
+            of it.
         lost: called with the share of packets that the viewer says were lost.
     """
 
-    def __init__(self, ask_key_frame: Callable[[Reason], None], before: Callable[[Picture], None], lost: Callable[[float], None]) -> None:
+    def __init__(
+        self,
+        ask_key_frame: Callable[[Reason], None],
+        before: Callable[[Picture], None],
+        lost: Callable[[float], None],
+    ) -> None:
         self.queue = ViewerQueue()
         self.last_report = 0.0
         self.sent = 0
@@ -73,14 +80,18 @@ class FrameQueue:
             self._filled.set()
 
     def _why(self, now: float) -> Reason:
-        """Return what kind of viewer needs a key frame: nobody is to wait for the first picture, or because this process was busy for a moment."""
+        """Return what kind of viewer needs a key frame: nobody is to wait for the first picture, or
+        because this process was busy for a moment.
+        """
         since, self._behind_at = now - self._behind_at, now
         if not self.sent:
             return "joined"
         return "lost" if since > ONCE else "behind"
 
     async def take(self) -> Outgoing:
-        """Wait for the next picture to send; the first call comes when the connection is up and asks for a key frame."""
+        """Wait for the next picture to send; the first call comes when the connection is up and
+        asks for a key frame.
+        """
         if not self._open:
             self._open = True
             self._ask_key_frame("joined")
@@ -91,7 +102,11 @@ class FrameQueue:
         self._before(picture)
         now = time.monotonic()
         gap = self._rate.add(now, picture.size)
-        more = max(0.0, self.more - self._rate.of(now)) * min(gap, LONGEST_GAP) / 8 if self.more else 0.0
+        more = (
+            max(0.0, self.more - self._rate.of(now)) * min(gap, LONGEST_GAP) / 8
+            if self.more
+            else 0.0
+        )
         return Outgoing(picture.payloads, picture.rtp, picture.key, int(more))
 
     def key_frame_wanted(self) -> None:
@@ -106,7 +121,9 @@ class FrameQueue:
 
     @property
     def rate(self) -> float | None:
-        """Return what the viewer was sent in the last second, in bit/s; None when there was no picture just now."""
+        """Return what the viewer was sent in the last second, in bit/s; None when there was no
+        picture just now.
+        """
         now = time.monotonic()
         return self._rate.of(now) if self._rate.since(now) < PAUSE else None
 

@@ -1,19 +1,23 @@
 """When to make a key frame: at once for a new viewer, rarely for the rest.
 
-A key frame costs ten times a delta frame and every viewer of a shared encoder pays for it, so a request waits until its
-kind's gap since the last key frame is over. It is never forgotten: a viewer without a key frame sees nothing.
+A key frame costs ten times a delta frame and every viewer of a shared encoder pays for it, so a
+request waits until its kind's gap since the last key frame is over. It is never forgotten: a viewer
+without a key frame sees nothing.
 """
 
 from typing import Literal
 
 Reason = Literal["joined", "lost", "behind"]
 
-# Seconds since the last key frame: a new viewer; a PLI or FIR after packet loss; a viewer that could not keep up.
+# Seconds since the last key frame: a new viewer; a PLI or FIR after packet loss; a viewer that
+# could not keep up.
 GAPS: dict[Reason, float] = {"joined": 0.0, "lost": 0.3, "behind": 2.0}
 
 
 class KeyFrames:
-    """Pending requests for a key frame and the time of the last one; `now` is any monotonic clock in seconds."""
+    """Pending requests for a key frame and the time of the last one; `now` is any monotonic clock
+    in seconds.
+    """
 
     def __init__(self) -> None:
         self._pending: set[Reason] = set()
@@ -25,7 +29,9 @@ class KeyFrames:
 
     def is_due(self, now: float) -> bool:
         """Tell whether the next picture should be a key frame."""
-        return bool(self._pending) and now - self._last >= min(GAPS[reason] for reason in self._pending)
+        return bool(self._pending) and now - self._last >= min(
+            GAPS[reason] for reason in self._pending
+        )
 
     def made(self, now: float) -> None:
         """Note that a key frame was made, asked for or not: it serves everyone."""

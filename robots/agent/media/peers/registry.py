@@ -1,10 +1,12 @@
 """Who is connected, and as what: decisions only.
 
-The lease says who drives, so it alone makes a peer the driver: one that was offered as driver and no longer holds the lease is
-an observer from that moment, and an observer who is given the lease drives without a new connection.
+The lease says who drives, so it alone makes a peer the driver: one that was offered as driver and
+no longer holds the lease is an observer from that moment, and an observer who is given the lease
+drives without a new connection.
 
-A connection outlives the page's socket, by which the server says goodbye for it, so nobody stays by that alone: whoever has driven must
-offer anew to watch, and for whoever watches the server speaks again and again.
+A connection outlives the page's socket, by which the server says goodbye for it, so nobody stays by
+that alone: whoever has driven must offer anew to watch, and for whoever watches the server speaks
+again and again.
 """
 
 from dataclasses import dataclass
@@ -27,7 +29,8 @@ class Admission:
 class PeerRegistry:
     """The peers in the order of their offers, their roles, and the driver that the lease names.
 
-    `limit` is how many may be connected at once; at least one, because the driver always finds room.
+    `limit` is how many may be connected at once; at least one, because the driver always finds
+    room.
     """
 
     def __init__(self, limit: int) -> None:
@@ -38,16 +41,24 @@ class PeerRegistry:
         self._drove: dict[str, float] = {}  # until when each peer drove that drives no more
 
     def admit(self, peer: str, role: Role, now: float) -> Admission:
-        """Decide about an offer of `peer` and note it when it is let in; an offer of a connected peer replaces its old one.
+        """Decide about an offer of `peer` and note it when it is let in; an offer of a connected
+        peer replaces its old one.
 
-        When all places are taken the offer of the driver, or of a screen, which is the robot's own, sends away the observer who came
-        last; for a driver a screen goes after the observers, and an earlier driver last of all.
+        When all places are taken the offer of the driver, or of a screen, which is the robot's own,
+        sends away the observer who came last; for a driver a screen goes after the observers, and
+        an earlier driver last of all.
         """
         others = [other for other in self._offered if other != peer]
         leaves = None
         if len(others) >= self._limit:
-            leaves = max(others, key=lambda other: (_EXPENDABLE[self.role(other)], others.index(other)))
-            makes_room = role == "driver" or peer == self._driver or (role == "screen" and self.role(leaves) != "driver")
+            leaves = max(
+                others, key=lambda other: (_EXPENDABLE[self.role(other)], others.index(other))
+            )
+            makes_room = (
+                role == "driver"
+                or peer == self._driver
+                or (role == "screen" and self.role(leaves) != "driver")
+            )
             if not makes_room:
                 return Admission(admitted=False)
             self.leave(leaves)
@@ -67,7 +78,8 @@ class PeerRegistry:
     def lease_changed(self, driver: str | None, now: float) -> None:
         """Note who drives from now on; None is nobody. From any thread."""
         if self._driver is not None and driver != self._driver and self._driver in self._offered:
-            self._drove[self._driver] = self._vouched[self._driver] = now  # the lease spoke for it until now
+            # the lease spoke for it until now
+            self._drove[self._driver] = self._vouched[self._driver] = now
         if driver is not None:
             self._drove.pop(driver, None)
         self._driver = driver
@@ -80,8 +92,14 @@ class PeerRegistry:
     def unwelcome(self, now: float) -> dict[str, str]:
         """Return the peers that may not stay, each with the reason."""
         watching = [peer for peer in self._offered if peer != self._driver]
-        found = {peer: "not_vouched" for peer in watching if now - self._vouched[peer] > STAYS_UNVOUCHED}
-        return found | {peer: "lease_changed" for peer in watching if now - self._drove.get(peer, now) > STAYS_AFTER_DRIVING}
+        found = {
+            peer: "not_vouched" for peer in watching if now - self._vouched[peer] > STAYS_UNVOUCHED
+        }
+        return found | {
+            peer: "lease_changed"
+            for peer in watching
+            if now - self._drove.get(peer, now) > STAYS_AFTER_DRIVING
+        }
 
     def leave(self, peer: str) -> None:
         """Forget a peer."""
@@ -94,7 +112,9 @@ _EXPENDABLE: dict[Role, int] = {"driver": 0, "screen": 1, "observer": 2}
 
 
 class HeldCandidates:
-    """Candidates that came before their offer, a bounded number for a bounded number of peers, oldest peer out first."""
+    """Candidates that came before their offer, a bounded number for a bounded number of peers,
+    oldest peer out first.
+    """
 
     def __init__(self) -> None:
         self._held: dict[str, list[Candidate]] = {}

@@ -1,7 +1,8 @@
 """What one viewer still has to be sent: a short queue that never has a hole.
 
-A viewer whose queue or socket fills up is emptied and begins again with a key frame. Late pictures are worthless to somebody
-who drives, and a decoder that misses a delta frame shows rubbish until the next key frame.
+A viewer whose queue or socket fills up is emptied and begins again with a key frame. Late pictures
+are worthless to somebody who drives, and a decoder that misses a delta frame shows rubbish until
+the next key frame.
 """
 
 from collections import deque
@@ -9,12 +10,15 @@ from collections import deque
 from robots.agent.media.codecs.encoder import Picture
 
 DEPTH = 3  # pictures, 100 ms at 30 Hz
-MAX_BACKLOG = 64 * 1024  # bytes in the socket's own buffer: 0.4 s at 1.2 Mbit/s; only a relay over TCP gets there
+# bytes in the socket's own buffer: 0.4 s at 1.2 Mbit/s; only a relay over TCP gets there
+MAX_BACKLOG = 64 * 1024
 _REMIND = 30  # pictures skipped before asking for a key frame again
 
 
 class ViewerQueue:
-    """The pictures for one viewer, oldest first, always beginning on a key frame; who opens it asks for the first one."""
+    """The pictures for one viewer, oldest first, always beginning on a key frame; who opens it asks
+    for the first one.
+    """
 
     def __init__(self) -> None:
         self._pictures: deque[Picture] = deque()
@@ -26,7 +30,9 @@ class ViewerQueue:
         return len(self._pictures)
 
     def put(self, picture: Picture, backlog: int = 0) -> bool:
-        """Queue a picture, given the bytes that wait in the socket; True means that this viewer now needs a key frame."""
+        """Queue a picture, given the bytes that wait in the socket; True means that this viewer now
+        needs a key frame.
+        """
         if self._started and (len(self._pictures) >= DEPTH or backlog > MAX_BACKLOG):
             self._restart()
         if self._started or (picture.key and backlog <= MAX_BACKLOG):

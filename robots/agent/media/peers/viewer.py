@@ -21,7 +21,8 @@ from robots.api.codec import encode_frame
 from robots.api.messages import Candidate, CommandHeartbeat, Offer
 
 NARROW = 2  # the first rung of a network that has no room to spare
-SPARSE = {"scan": 0.95, "pose": 0.19}  # s between two of them there; five and fifteen a second would be as much as the picture
+# s between two of them there; five and fifteen a second would be as much as the picture
+SPARSE = {"scan": 0.95, "pose": 0.19}
 
 log = logging.getLogger(__name__)
 
@@ -48,14 +49,17 @@ class Sounds(Protocol):
 
 
 class Viewer:
-    """A page's connection together with its share of camera and microphone. Belongs to the media loop.
+    """A page's connection together with its share of camera and microphone. Belongs to the media
+    loop.
 
     Args:
         peer: the peer id that the server made.
-        camera: what it watches from the offer on, so that the first picture is there when the connection is.
+        camera: what it watches from the offer on, so that the first picture is there when the
+            connection is.
         microphone: what it hears.
         on_command: called with what every frame from the page says that passed the gate.
-        on_end: called with the reason when the connection failed, was closed by the page, or the page floods.
+        on_end: called with the reason when the connection failed, was closed by the page, or the
+            page floods.
         on_media, relays: see `PageConnection`.
     """
 
@@ -75,21 +79,40 @@ class Viewer:
         self._microphone = microphone
         self._on_command = on_command
         self._clock = ClockTeller()
-        self._pictures = FrameQueue(self._ask_camera, self._tell_clock, self._lost) if camera is not None else None
-        self._adapter = BitrateAdapter(camera.rates if camera is not None else (0,), time.monotonic())
-        self._layer = self._coming = 0  # the quality that is shown, and the one whose next key frame takes over
+        self._pictures = (
+            FrameQueue(self._ask_camera, self._tell_clock, self._lost)
+            if camera is not None
+            else None
+        )
+        self._adapter = BitrateAdapter(
+            camera.rates if camera is not None else (0,), time.monotonic()
+        )
+        # the quality that is shown, and the one whose next key frame takes over
+        self._layer = self._coming = 0
         origin = random.randrange(1 << 32)  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
         self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
         self._sounds = SoundQueue(origin) if microphone is not None else None
-        self._page = PageConnection(peer, self._pictures, self._sounds, self._take, self._clock.forget, on_end, on_media, relays or Relays())
+        self._page = PageConnection(
+            peer,
+            self._pictures,
+            self._sounds,
+            self._take,
+            self._clock.forget,
+            on_end,
+            on_media,
+            relays or Relays(),
+        )
         self._shown = -1  # the RTP timestamp of the newest picture
-        self._holed = self._begged = False  # pictures were left out, and a key frame was asked for that mends it
+        # pictures were left out, and a key frame was asked for that mends it
+        self._holed = self._begged = False
         self._watching = False
         self.takes_candidates = False
 
     @property
     def gate(self) -> PacketGate:
-        """How much the page may say: a newer connection of the same page goes on with it, or connecting again would be a way to say more."""
+        """How much the page may say: a newer connection of the same page goes on with it, or
+        connecting again would be a way to say more.
+        """
         return self._page.gate
 
     @gate.setter
@@ -102,7 +125,9 @@ class Viewer:
         return self._page.is_connected
 
     def is_lost(self, now: float) -> bool:
-        """Tell whether the connection came to nothing or its page has gone quiet; `now` is monotonic."""
+        """Tell whether the connection came to nothing or its page has gone quiet; `now` is
+        monotonic.
+        """
         return self._page.is_lost(now)
 
     async def answer(self, offer: Offer) -> str:
@@ -149,8 +174,14 @@ class Viewer:
             self._sounds.put(payload, ticks)
 
     def send(self, suffix: str, frame: str) -> None:
-        """Send a frame on the data channel, or drop it; on a narrow network most of what a newer one replaces."""
-        if self._layer >= NARROW and (cadence := self._sparse.get(suffix)) is not None and not cadence.due(time.monotonic()):
+        """Send a frame on the data channel, or drop it; on a narrow network most of what a newer
+        one replaces.
+        """
+        if (
+            self._layer >= NARROW
+            and (cadence := self._sparse.get(suffix)) is not None
+            and not cadence.due(time.monotonic())
+        ):
             return
         self._page.send(frame)
 
@@ -159,7 +190,9 @@ class Viewer:
         await self._page.ask_key_frame()
 
     def statistics(self) -> dict[str, int | None]:
-        """Return pictures sent, restarts on a key frame, the rung of the ladder, and frames refused and dropped."""
+        """Return pictures sent, restarts on a key frame, the rung of the ladder, and frames refused
+        and dropped.
+        """
         pictures = self._pictures
         return {
             "pictures": pictures.sent if pictures else 0,
@@ -192,7 +225,7 @@ class Viewer:
         if self._microphone is not None:
             self._microphone.listen(number)
 
-    # --- the ladder of qualities -------------------------------------------------------------------------------------
+    # --- the ladder of qualities ------------------------------------------------------------------
 
     def _ask_camera(self, reason: Reason) -> None:
         if self._camera is not None:
@@ -211,7 +244,9 @@ class Viewer:
         self._move()
 
     def _move(self) -> None:
-        """Ask for the quality where the climb stands; what is shown goes on until its first key frame is there."""
+        """Ask for the quality where the climb stands; what is shown goes on until its first key
+        frame is there.
+        """
         wanted = self._adapter.layer
         if self._camera is None or not self._watching or wanted == self._coming:
             return
@@ -223,7 +258,9 @@ class Viewer:
             self._camera.watch(1, wanted)
 
     def _is_mended_by(self, picture: Picture) -> bool:
-        """Tell whether pictures can go on after those that were left out, and ask for the one with which they can, once."""
+        """Tell whether pictures can go on after those that were left out, and ask for the one with
+        which they can, once.
+        """
         self._holed = not (picture.key and picture.layer == self._coming)
         if self._holed and not self._begged and self._camera is not None:
             self._begged = True
@@ -232,7 +269,8 @@ class Viewer:
 
     def _take_over(self, picture: Picture) -> None:
         assert self._camera is not None
-        if picture.rtp == self._shown:  # two pictures of one time are one to a page, and that one is broken
+        # two pictures of one time are one to a page, and that one is broken
+        if picture.rtp == self._shown:
             self._camera.ask_key_frame("joined", self._coming)
             return
         if self._watching:

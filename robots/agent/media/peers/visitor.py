@@ -1,9 +1,10 @@
 """The visitor's voice and face on their way to the people at the robot.
 
-They arrive encoded on the driver's connection and leave as they came: a screen that shows the visitor is one more viewer, with the
-visitor's packets instead of the camera's (nothing is encoded again). While no screen is connected they are decoded for the robot's own
-loudspeaker and display, where it has them. Only what the lease's peer sends passes, and only what the call lets through; the rest is
-counted and dropped, and nothing is kept.
+They arrive encoded on the driver's connection and leave as they came: a screen that shows the
+visitor is one more viewer, with the visitor's packets instead of the camera's (nothing is encoded
+again). While no screen is connected they are decoded for the robot's own loudspeaker and display,
+where it has them. Only what the lease's peer sends passes, and only what the call lets through; the
+rest is counted and dropped, and nothing is kept.
 """
 
 import logging
@@ -19,12 +20,15 @@ from robots.agent.media.webrtc.sdp import Kind
 
 log = logging.getLogger(__name__)
 
-STEP: dict[Kind, int] = {"audio": 960, "video": 3000}  # ticks from the last of one source to the first of the next
+# ticks from the last of one source to the first of the next
+STEP: dict[Kind, int] = {"audio": 960, "video": 3000}
 ROUND = 1 << 32
 
 
 class Continuous:
-    """One growing count of RTP ticks out of those of several sources, each of which begins anywhere."""
+    """One growing count of RTP ticks out of those of several sources, each of which begins
+    anywhere.
+    """
 
     def __init__(self, step: int) -> None:
         self._step, self._source, self._offset, self._last = step, "", 0, 0
@@ -57,7 +61,13 @@ class VisitorMedia:
         sound: Callable[[bytes, int], None],
         outputs: OutputFeed | None,
     ) -> None:
-        self._drives, self._ask, self._show, self._sound, self._outputs = drives, ask, show, sound, outputs
+        self._drives, self._ask, self._show, self._sound, self._outputs = (
+            drives,
+            ask,
+            show,
+            sound,
+            outputs,
+        )
         self._keys = KeyFrames()
         self._clocks = {kind: Continuous(step) for kind, step in STEP.items()}
         self._passing = {"audio": False, "video": False}
@@ -72,7 +82,9 @@ class VisitorMedia:
             self._outputs.volume = volume
 
     def take(self, peer: str, source: str, kind: Kind, data: bytes, ticks: int) -> None:
-        """Take one encoded picture or sound of a connection of `peer`; `source` names the connection, `ticks` are its own."""
+        """Take one encoded picture or sound of a connection of `peer`; `source` names the
+        connection, `ticks` are its own.
+        """
         if not self._drives(peer):
             self.counts["not_driver"] += 1
             return
@@ -87,11 +99,14 @@ class VisitorMedia:
         else:
             self._take_picture(data, at)
 
-    # --- for a screen, which asks as a viewer asks a camera or a microphone (viewer.Pictures, viewer.Sounds) ---------------
+    # --- for a screen, which asks as a viewer asks a camera or a microphone (viewer.Pictures,
+    # viewer.Sounds) ---------------
 
     @property
     def rates(self) -> tuple[int, ...]:
-        """Return the one quality there is: what the visitor's page sends, whose rate nobody here knows."""
+        """Return the one quality there is: what the visitor's page sends, whose rate nobody here
+        knows.
+        """
         return (0,)
 
     def watch(self, number: int, layer: int = 0) -> None:  # noqa: ARG002 -- there is one
@@ -108,7 +123,7 @@ class VisitorMedia:
             self._keys.made(time.monotonic())
             self._ask()
 
-    # --- inside ------------------------------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
 
     def _take_sound(self, data: bytes, ticks: int) -> None:
         if self._screens:

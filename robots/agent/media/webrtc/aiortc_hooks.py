@@ -1,10 +1,13 @@
-# ruff: noqa: SLF001 -- this file exists to keep every private name of aiortc and aioice in one place
-"""What aiortc 1.16 does not offer: shared packets, playout-delay, key-frame requests, an RTP clock, and a robot without network.
+# ruff: noqa: SLF001 -- this file exists to keep every private name of aiortc and aioice in one
+# place
+"""What aiortc 1.16 does not offer: shared packets, playout-delay, key-frame requests, an RTP clock,
+and a robot without network.
 
-`PacketSender` takes the place of aiortc's RTCRtpSender. The original asks a track for frames, encodes them for its one viewer
-and draws a random RTP origin that nobody can read; ours is handed payloads that were encoded once for everybody, with their RTP
-timestamps. DTLS, SRTP, ICE, RTCP reports and SDP stay aiortc's. The project pins 1.16.x, `check()` refuses anything that lacks
-a name used here, and a test runs all of it against a real connection.
+`PacketSender` takes the place of aiortc's RTCRtpSender. The original asks a track for frames,
+encodes them for its one viewer and draws a random RTP origin that nobody can read; ours is handed
+payloads that were encoded once for everybody, with their RTP timestamps. DTLS, SRTP, ICE, RTCP
+reports and SDP stay aiortc's. The project pins 1.16.x, `check()` refuses anything that lacks a name
+used here, and a test runs all of it against a real connection.
 """
 
 import functools
@@ -38,7 +41,13 @@ from aiortc.rtcrtpparameters import (
 )
 from aiortc.rtp import AnyRtcpPacket, RtcpRrPacket, RtcpSrPacket
 
-from robots.agent.media.webrtc.rtp import LARGEST_ID, ExtensionIds, RtpStream, extension_block, ntp_time
+from robots.agent.media.webrtc.rtp import (
+    LARGEST_ID,
+    ExtensionIds,
+    RtpStream,
+    extension_block,
+    ntp_time,
+)
 
 PLAYOUT_DELAY = "http://www.webrtc.org/experiments/rtp-hdrext/playout-delay"
 ABS_SEND_TIME = "http://www.webrtc.org/experiments/rtp-hdrext/abs-send-time"
@@ -47,7 +56,8 @@ _FREE_EXTENSION_ID = 4  # aiortc itself takes 1 to 3 in the offers it makes
 LOOPBACK = "127.0.0.1"
 _NOTE_EVERY = 0.25  # s; a sender report goes out about once a second
 
-# Every private name of theirs that the code in this folder touches, and where it is: `check` looks for each, and a test reads the folder for others.
+# Every private name of theirs that the code in this folder touches, and where it is: `check` looks
+# for each, and a test reads the folder for others.
 PRIVATE_NAMES: dict[type, tuple[str, ...]] = {
     RTCRtpSender: (
         "_RTCRtpSender__rtp_started",
@@ -107,7 +117,8 @@ class Detour(Protocol):
 class Outbox(Protocol):
     """Where a sender finds what it sends, and whom it tells what the viewer asks for.
 
-    `backlog` is set by the sender: it returns the bytes that wait in the socket. `detour` is what its packets have to take, or None.
+    `backlog` is set by the sender: it returns the bytes that wait in the socket. `detour` is what
+    its packets have to take, or None.
     """
 
     backlog: Callable[[], int]
@@ -120,7 +131,9 @@ class Outbox(Protocol):
         """Hear that the viewer lost a picture (PLI, FIR)."""
 
     def heard(self, loss: float | None) -> None:
-        """Hear that RTCP came from the viewer, with its share of lost packets, or None when it says nothing of them."""
+        """Hear that RTCP came from the viewer, with its share of lost packets, or None when it says
+        nothing of them.
+        """
 
 
 class PacketSender(RTCRtpSender):
@@ -134,13 +147,17 @@ class PacketSender(RTCRtpSender):
         self._noted = 0.0
 
     async def send(self, parameters: RTCRtpSendParameters) -> None:
-        """Take the negotiated parameters and begin to send; aiortc calls this once the connection is up."""
+        """Take the negotiated parameters and begin to send; aiortc calls this once the connection
+        is up.
+        """
         if self._stream is None:
             self._stream = _stream_for(parameters, self._ssrc, self._rtx_ssrc)
         await super().send(parameters)
 
     def backlog(self) -> int:
-        """Return the bytes that wait in the socket (of a relay, when there is one) because the network takes no more."""
+        """Return the bytes that wait in the socket (of a relay, when there is one) because the
+        network takes no more.
+        """
         pair = self.transport.transport._connection._nominated.get(1)
         if pair is None:
             return 0
@@ -157,7 +174,9 @@ class PacketSender(RTCRtpSender):
             while True:
                 out = await self._outbox.take()
                 now = time.time()
-                self._send_at_once(self._stream.packets(out.payloads, out.timestamp, now, key=out.key))
+                self._send_at_once(
+                    self._stream.packets(out.payloads, out.timestamp, now, key=out.key)
+                )
                 if out.more:
                     self._send_at_once(self._stream.again(out.more, now))
                 if now - self._noted >= _NOTE_EVERY:
@@ -169,7 +188,8 @@ class PacketSender(RTCRtpSender):
             getattr(self, "_RTCRtpSender__rtp_exited").set()  # noqa: B009 -- as above
 
     def _send_at_once(self, packets: list[bytes]) -> None:
-        """Encrypt and send, without the five awaits a packet of aiortc's own way, none of which ever waits.
+        """Encrypt and send, without the five awaits a packet of aiortc's own way, none of which
+        ever waits.
 
         Raises:
             ConnectionError: the connection is not up, or not any more.
@@ -178,12 +198,18 @@ class PacketSender(RTCRtpSender):
         pair = dtls.transport._connection._nominated.get(1)
         if pair is None or dtls.state != "connected":
             raise ConnectionError("not connected")
-        protect, send, address, detour = dtls._tx_srtp.protect, pair.protocol.transport.sendto, pair.remote_addr, self._outbox.detour
+        protect, send, address, detour = (
+            dtls._tx_srtp.protect,
+            pair.protocol.transport.sendto,
+            pair.remote_addr,
+            self._outbox.detour,
+        )
         for packet in packets:
             if detour is None:
                 send(protect(packet), address)
             else:
-                # Encrypted in its order, as SRTP wants it; what a network then does to it is the network's.
+                # Encrypted in its order, as SRTP wants it; what a network then does to it is the
+                # network's.
                 protected = protect(packet)
                 detour.offer(len(protected), functools.partial(self._send_late, protected))
 
@@ -217,8 +243,11 @@ class PacketSender(RTCRtpSender):
         await super()._handle_rtcp_packet(packet)
 
 
-def add_sender(connection: RTCPeerConnection, kind: str, outbox: Outbox, codec: str, *, listens: bool = True) -> PacketSender:
-    """Add a transceiver that sends from `outbox` with `codec` alone, such as `video/VP8`; call before the offer is set.
+def add_sender(
+    connection: RTCPeerConnection, kind: str, outbox: Outbox, codec: str, *, listens: bool = True
+) -> PacketSender:
+    """Add a transceiver that sends from `outbox` with `codec` alone, such as `video/VP8`; call
+    before the offer is set.
 
     `listens`: whether what the page sends on the same line is wanted.
     """
@@ -226,7 +255,8 @@ def add_sender(connection: RTCPeerConnection, kind: str, outbox: Outbox, codec: 
     transceiver.setCodecPreferences(_with_retransmission(kind, codec))
     old = transceiver.sender
     sender = PacketSender(kind, old.transport, outbox)
-    # A stream id of its own: browsers hold a picture back to match the sound of the same stream, ours must never wait.
+    # A stream id of its own: browsers hold a picture back to match the sound of the same stream,
+    # ours must never wait.
     sender._stream_id = f"{old._stream_id}-{kind}"
     transceiver.receiver._set_rtcp_ssrc(sender._ssrc)
     setattr(transceiver, "_RTCRtpTransceiver__sender", sender)  # noqa: B010 -- mypy knows no mangled names
@@ -236,8 +266,8 @@ def add_sender(connection: RTCPeerConnection, kind: str, outbox: Outbox, codec: 
 def discard(receiver: RTCRtpReceiver) -> None:
     """Let a receiver never begin; call it before the connection is up.
 
-    aiortc finds the receiver of a stream that no offer has named by its payload type, and only while one receiver alone has that type: one
-    that is discarded must not be in the way.
+    aiortc finds the receiver of a stream that no offer has named by its payload type, and only
+    while one receiver alone has that type: one that is discarded must not be in the way.
     """
     setattr(receiver, "receive", _receive_nothing)  # noqa: B010 -- mypy wants no method replaced
 
@@ -247,9 +277,11 @@ async def _receive_nothing(_parameters: Any) -> None:
 
 
 def on_encoded_frame(receiver: RTCRtpReceiver, take: Callable[[bytes, int], None]) -> None:
-    """Have `take` called on the loop with (encoded picture or sound, RTP ticks from 0) instead of it being decoded.
+    """Have `take` called on the loop with (encoded picture or sound, RTP ticks from 0) instead of
+    it being decoded.
 
-    Call it before the connection is up. Putting packets together, asking again for lost ones and telling the sender stay aiortc's.
+    Call it before the connection is up. Putting packets together, asking again for lost ones and
+    telling the sender stay aiortc's.
     """
     setattr(receiver, "_RTCRtpReceiver__decoder_queue", _EncodedFrameTap(take))  # noqa: B010 -- as above
 
@@ -263,13 +295,21 @@ async def ask_key_frame(receiver: RTCRtpReceiver) -> None:
 
 
 def restrict_codec(transceiver: RTCRtpTransceiver, codec: str) -> None:
-    """Let the page send with one codec alone, such as `video/VP8`; what is lost it sends again in the same stream."""
-    wanted = [c for c in RTCRtpSender.getCapabilities(transceiver.kind).codecs if c.mimeType.lower() == codec.lower()]
+    """Let the page send with one codec alone, such as `video/VP8`; what is lost it sends again in
+    the same stream.
+    """
+    wanted = [
+        c
+        for c in RTCRtpSender.getCapabilities(transceiver.kind).codecs
+        if c.mimeType.lower() == codec.lower()
+    ]
     transceiver.setCodecPreferences(wanted)
 
 
 def set_turn_tls_context(connection: RTCPeerConnection, context: ssl.SSLContext) -> None:
-    """Have a relay that is reached over TLS believed by `context`, before addresses are gathered; aiortc believes whom the system does."""
+    """Have a relay that is reached over TLS believed by `context`, before addresses are gathered;
+    aiortc believes whom the system does.
+    """
     for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
         ice = transport.iceGatherer._connection
         if ice.turn_ssl:
@@ -292,10 +332,12 @@ class _EncodedFrameTap(queue.Queue[Any]):
 
 
 def install() -> None:
-    """Teach aiortc the playout-delay extension, and aioice to fall back on the loopback address; idempotent.
+    """Teach aiortc the playout-delay extension, and aioice to fall back on the loopback address;
+    idempotent.
 
     Raises:
-        UnsupportedAiortcError: another aiortc than 1.16.x is installed, or one that lacks a name used here.
+        UnsupportedAiortcError: another aiortc than 1.16.x is installed, or one that lacks a name
+            used here.
     """
     check()
     offered = aiortc.codecs.HEADER_EXTENSIONS["video"]
@@ -313,13 +355,20 @@ def check() -> None:
     """
     if not aiortc.__version__.startswith("1.16."):
         raise UnsupportedAiortcError(f"aiortc {aiortc.__version__} is installed, 1.16 is needed")
-    missing = [f"{owner.__name__}.{name}" for owner, names in PRIVATE_NAMES.items() for name in names if not _has(owner, name)]
+    missing = [
+        f"{owner.__name__}.{name}"
+        for owner, names in PRIVATE_NAMES.items()
+        for name in names
+        if not _has(owner, name)
+    ]
     if missing:
         raise UnsupportedAiortcError(f"aiortc {aiortc.__version__} lacks {', '.join(missing)}")
 
 
 class _WithLoopback:
-    """aioice's search for addresses, which leaves out 127.0.0.1: with no other interface up that is the only way to a page."""
+    """aioice's search for addresses, which leaves out 127.0.0.1: with no other interface up that is
+    the only way to a page.
+    """
 
     def __init__(self, found_by: Callable[..., list[str]]) -> None:
         self.found_by = found_by
@@ -334,11 +383,21 @@ def _has(owner: Any, name: str) -> bool:
 
 
 def _stream_for(parameters: RTCRtpSendParameters, ssrc: int, rtx_ssrc: int) -> RtpStream:
-    ids = {extension.uri: extension.id for extension in parameters.headerExtensions if 1 <= extension.id <= LARGEST_ID}
-    agreed = ExtensionIds(mid=ids.get(MID), abs_send_time=ids.get(ABS_SEND_TIME), playout_delay=ids.get(PLAYOUT_DELAY))
+    ids = {
+        extension.uri: extension.id
+        for extension in parameters.headerExtensions
+        if 1 <= extension.id <= LARGEST_ID
+    }
+    agreed = ExtensionIds(
+        mid=ids.get(MID), abs_send_time=ids.get(ABS_SEND_TIME), playout_delay=ids.get(PLAYOUT_DELAY)
+    )
     payload_type = parameters.codecs[0].payloadType
     assert payload_type is not None
-    rtx = [c for c in parameters.codecs if c.mimeType.lower().endswith("/rtx") and c.parameters.get("apt") == payload_type]
+    rtx = [
+        c
+        for c in parameters.codecs
+        if c.mimeType.lower().endswith("/rtx") and c.parameters.get("apt") == payload_type
+    ]
     return RtpStream(
         ssrc=ssrc,
         payload_type=payload_type,
@@ -359,4 +418,6 @@ def _with_retransmission(kind: str, codec: str) -> list[RTCRtpCodecCapability]:
 def _loss(packet: AnyRtcpPacket, ssrc: int) -> float | None:
     if not isinstance(packet, RtcpRrPacket | RtcpSrPacket):
         return None
-    return next((report.fraction_lost / 256 for report in packet.reports if report.ssrc == ssrc), None)
+    return next(
+        (report.fraction_lost / 256 for report in packet.reports if report.ssrc == ssrc), None
+    )

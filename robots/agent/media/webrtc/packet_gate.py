@@ -1,4 +1,6 @@
-"""How much a page may say on its data channel, and what it has said: each frame is decoded here, once, and by nobody after."""
+"""How much a page may say on its data channel, and what it has said: each frame is decoded here,
+once, and by nobody after.
+"""
 
 from collections import Counter
 from typing import Literal
@@ -17,11 +19,13 @@ MAX_BYTES = 64 * 1024
 
 
 class PacketGate:
-    """The token buckets of one peer, and a count of what they let through or not. Times are monotonic, in seconds.
+    """The token buckets of one peer, and a count of what they let through or not. Times are
+    monotonic, in seconds.
 
-    Each kind of message has a bucket of its own, so that nothing else that a page says can use up the one of its stops. A page that drives
-    sends 20 to 50 velocities a second, 20 stops until it hears of one, five heartbeats and at most as many spots as are shown. What is left
-    out fills the measure of a flood: no page of ours ever loses anything here.
+    Each kind of message has a bucket of its own, so that nothing else that a page says can use up
+    the one of its stops. A page that drives sends 20 to 50 velocities a second, 20 stops until it
+    hears of one, five heartbeats and at most as many spots as are shown. What is left out fills the
+    measure of a flood: no page of ours ever loses anything here.
     """
 
     def __init__(self) -> None:
@@ -38,7 +42,9 @@ class PacketGate:
         self.counts: Counter[Verdict] = Counter()
 
     def take(self, frame: str | bytes, now: float) -> ReceivedPacket | None:
-        """Return what a frame says, or why that cannot be read; None when it is too large or one too many."""
+        """Return what a frame says, or why that cannot be read; None when it is too large or one
+        too many.
+        """
         heard = None if len(frame) > MAX_BYTES else decoded(frame)
         verdict: Verdict = "oversized" if heard is None else "accepted"
         if heard is not None and not self._buckets[_kind(heard)].spend(now):

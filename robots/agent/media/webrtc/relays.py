@@ -1,8 +1,10 @@
-"""Which of the offered relays and address servers a robot reaches. aiortc takes one of each, and waits 5 s for one that is silent.
+"""Which of the offered relays and address servers a robot reaches. aiortc takes one of each, and
+waits 5 s for one that is silent.
 
-All are tried at once: relays by asking for a relayed address and giving it back, address servers (STUN) by asking for ours. The first of the
-list that answers counts (UDP before TCP before TLS, as the server names them); a later one has to be quick only when the earlier ones are
-silent. What was found holds for some minutes, so that only the first visitor of a robot waits.
+All are tried at once: relays by asking for a relayed address and giving it back, address servers
+(STUN) by asking for ours. The first of the list that answers counts (UDP before TCP before TLS, as
+the server names them); a later one has to be quick only when the earlier ones are silent. What was
+found holds for some minutes, so that only the first visitor of a robot waits.
 """
 
 import asyncio
@@ -23,7 +25,8 @@ from robots.api.messages import IceServer
 
 log = logging.getLogger(__name__)
 
-ANSWER_TIME = 1.5  # s for a relay to answer; one at the other end of the world needs two round trips of 0.3 s
+# s for a relay to answer; one at the other end of the world needs two round trips of 0.3 s
+ANSWER_TIME = 1.5
 ASK_AGAIN = 0.3  # s, for a question that was lost on the way
 HEAD_START = 0.25  # s for an earlier address when a later one has answered
 HOLDS, FAILURE_HOLDS = 300.0, 20.0  # s
@@ -33,7 +36,8 @@ Probe = Callable[[RTCIceServer], Awaitable[bool]]
 
 
 async def answers(server: RTCIceServer, trust: ssl.SSLContext | None = None) -> bool:
-    """Tell whether the server's only address answers: a relay with a relayed address, an address server with anything.
+    """Tell whether the server's only address answers: a relay with a relayed address, an address
+    server with anything.
 
     Args:
         server: of one address.
@@ -69,8 +73,12 @@ async def _relayed(asked: dict[str, Any], trust: ssl.SSLContext | None) -> None:
 async def _told(server: tuple[str, int]) -> None:
     loop = asyncio.get_running_loop()
     answer: asyncio.Future[None] = loop.create_future()
-    transport, _ = await loop.create_datagram_endpoint(lambda: _Ear(answer), remote_addr=server, family=socket.AF_INET)
-    question = bytes(stun.Message(message_method=stun.Method.BINDING, message_class=stun.Class.REQUEST))
+    transport, _ = await loop.create_datagram_endpoint(
+        lambda: _Ear(answer), remote_addr=server, family=socket.AF_INET
+    )
+    question = bytes(
+        stun.Message(message_method=stun.Method.BINDING, message_class=stun.Class.REQUEST)
+    )
     try:
         while not answer.done():
             transport.sendto(question)
@@ -104,20 +112,31 @@ class Relays:
         trust: as in `answers`.
     """
 
-    def __init__(self, probe: Probe | None = None, clock: Callable[[], float] = time.monotonic, *, trust: ssl.SSLContext | None = None) -> None:
+    def __init__(
+        self,
+        probe: Probe | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        trust: ssl.SSLContext | None = None,
+    ) -> None:
         self.trust = trust
         self._probe, self._clock = probe or partial(answers, trust=trust), clock
         self._known: dict[str, tuple[float, bool]] = {}
         self._tries: dict[str, asyncio.Task[bool]] = {}
 
     async def usable(self, servers: tuple[IceServer, ...]) -> list[RTCIceServer]:
-        """Return the servers for aiortc: of the address servers and of the relays the one to use, if any answers."""
+        """Return the servers for aiortc: of the address servers and of the relays the one to use,
+        if any answers.
+        """
         tellers, relays = _split(servers)
         told = [self._ask(teller) for teller in tellers]
         relay = await self._first(relays)
-        # An address is told in one message to and fro, and a relay takes two or more: who is silent until then stays so.
+        # An address is told in one message to and fro, and a relay takes two or more: who is silent
+        # until then stays so.
         await _wait_for_one(told, HEAD_START if relay else None)
-        teller = next((teller for teller, task in zip(tellers, told, strict=True) if _says_yes(task)), None)
+        teller = next(
+            (teller for teller, task in zip(tellers, told, strict=True) if _says_yes(task)), None
+        )
         return [server for server in (teller, relay) if server is not None]
 
     def doubt(self) -> None:
@@ -129,7 +148,9 @@ class Relays:
         await _wait_for_one(asked, None)
         quickest = next((index for index, task in enumerate(asked) if _says_yes(task)), 0)
         await _wait_for_one(asked[:quickest], HEAD_START)
-        return next((relay for relay, task in zip(relays, asked, strict=True) if _says_yes(task)), None)
+        return next(
+            (relay for relay, task in zip(relays, asked, strict=True) if _says_yes(task)), None
+        )
 
     def _ask(self, server: RTCIceServer) -> "asyncio.Task[bool]":
         url = server.urls[0]
@@ -156,7 +177,9 @@ async def _wait_for_one(tasks: list["asyncio.Task[bool]"], seconds: float | None
     """Wait until one of them says yes, none is left that could, or the time is over."""
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(seconds):
-            while not any(_says_yes(task) for task in tasks) and (silent := [task for task in tasks if not task.done()]):
+            while not any(_says_yes(task) for task in tasks) and (
+                silent := [task for task in tasks if not task.done()]
+            ):
                 await asyncio.wait(silent, return_when=asyncio.FIRST_COMPLETED)
 
 
@@ -166,6 +189,8 @@ def _split(servers: tuple[IceServer, ...]) -> tuple[list[RTCIceServer], list[RTC
     relays: list[RTCIceServer] = []
     for server in servers:
         for url in server.urls:
-            one = RTCIceServer(urls=[url], username=server.username or None, credential=server.credential or None)
+            one = RTCIceServer(
+                urls=[url], username=server.username or None, credential=server.credential or None
+            )
             (relays if url.startswith(("turn:", "turns:")) else tellers).append(one)
     return tellers, relays

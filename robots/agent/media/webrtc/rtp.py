@@ -1,7 +1,8 @@
 """RTP by hand (RFC 3550, 4588, 7741, 8285): clocks, payloads and packets, without sockets.
 
-aiortc packetizes once a viewer; here a picture is cut into payloads once, and each viewer only gets its own headers. The RTP
-timestamp comes from the moment of capture, so that one `MediaClock` message lets a page turn it back into that moment.
+aiortc packetizes once a viewer; here a picture is cut into payloads once, and each viewer only gets
+its own headers. The RTP timestamp comes from the moment of capture, so that one `MediaClock`
+message lets a page turn it back into that moment.
 """
 
 import itertools
@@ -16,8 +17,10 @@ AUDIO_RATE = 48_000
 MAX_PAYLOAD = 1_200  # bytes; what WebRTC itself sends, so that relays and tunnels need not fragment
 LARGEST_ID, LONGEST_ELEMENT = 14, 16  # of the one-byte form of header extensions
 HISTORY = 256  # packets kept for retransmission: about 1.5 s of a 1.2 Mbit/s video
-ASKED_AGAIN = 0.08  # s in which a packet is not sent a second time; what it took to get there is not known here
-AGAIN_SHARE, LEAST_AGAIN = 0.15, 4_000  # of what is sent, and octets, that are sent again in a second
+# s in which a packet is not sent a second time; what it took to get there is not known here
+ASKED_AGAIN = 0.08
+# of what is sent, and octets, that are sent again in a second
+AGAIN_SHARE, LEAST_AGAIN = 0.15, 4_000
 COPIED, MOST_COPIES = 16, 24  # of the newest packets, and how many copies go out at once
 
 _TWO_16, _TWO_32 = 1 << 16, 1 << 32
@@ -30,8 +33,9 @@ _TOLERANCE = 0.001  # s
 class RtpClock:
     """Gives each capture stamp its RTP timestamp, growing even when the robot's wall clock is set.
 
-    A stamp that goes backwards, or jumps ahead by more than 5 s (a camera that was away, an NTP step), starts a new
-    correspondence one `frame` later, and `reading` says so; browsers freeze on a timestamp that goes backwards.
+    A stamp that goes backwards, or jumps ahead by more than 5 s (a camera that was away, an NTP
+    step), starts a new correspondence one `frame` later, and `reading` says so; browsers freeze on
+    a timestamp that goes backwards.
     """
 
     def __init__(self, origin: int, rate: int = VIDEO_RATE, frame: float = 1 / 30) -> None:
@@ -42,10 +46,14 @@ class RtpClock:
         self._stamp: float | None = None
 
     def tick(self, stamp: float) -> int:
-        """Return the ticks (1/rate s, from 0, strictly growing) of a picture captured at `stamp`, Unix time in seconds."""
+        """Return the ticks (1/rate s, from 0, strictly growing) of a picture captured at `stamp`,
+        Unix time in seconds.
+        """
         if self._stamp is not None:
             step = stamp - self._stamp
-            self._ticks += max(1, round((step if 0.0 < step <= _LONGEST_STEP else self._frame) * self._rate))
+            self._ticks += max(
+                1, round((step if 0.0 < step <= _LONGEST_STEP else self._frame) * self._rate)
+            )
         self._stamp = stamp
         return self._ticks
 
@@ -57,7 +65,8 @@ class RtpClock:
 class ClockTeller:
     """Decides when a page must be told again how RTP timestamps and capture stamps correspond.
 
-    Once a second, because the data channel may lose a message, and at once when a picture does not fit what was told last.
+    Once a second, because the data channel may lose a message, and at once when a picture does not
+    fit what was told last.
     """
 
     def __init__(self) -> None:
@@ -66,7 +75,11 @@ class ClockTeller:
 
     def tell(self, rtp: int, stamp: float, now: float) -> MediaClock | None:
         """Return the message to send before the picture (rtp, stamp), or None; `now` is monotonic."""
-        if self._told is not None and now - self._told_at < _TELL_EVERY and abs(capture_stamp(self._told, rtp) - stamp) < _TOLERANCE:
+        if (
+            self._told is not None
+            and now - self._told_at < _TELL_EVERY
+            and abs(capture_stamp(self._told, rtp) - stamp) < _TOLERANCE
+        ):
             return None
         self._told, self._told_at = MediaClock(rtp=rtp, stamp=stamp, rate=VIDEO_RATE), now
         return self._told
@@ -83,14 +96,18 @@ def capture_stamp(clock: MediaClock, rtp: int) -> float:
 
 
 def vp8_payloads(picture: bytes) -> tuple[bytes, ...]:
-    """Cut a VP8 picture into RTP payloads, each with its descriptor (RFC 7741, section 4.2): partition 0, and no picture id.
+    """Cut a VP8 picture into RTP payloads, each with its descriptor (RFC 7741, section 4.2):
+    partition 0, and no picture id.
 
-    A viewer who changes from one encoder to another would see ids jump. Without them pictures follow each other by their packets'
-    numbers, which each viewer has of their own.
+    A viewer who changes from one encoder to another would see ids jump. Without them pictures
+    follow each other by their packets' numbers, which each viewer has of their own.
     """
     first, rest = b"\x10", b"\x00"
     size = MAX_PAYLOAD - len(first)
-    return tuple((rest if start else first) + picture[start : start + size] for start in range(0, len(picture), size))
+    return tuple(
+        (rest if start else first) + picture[start : start + size]
+        for start in range(0, len(picture), size)
+    )
 
 
 def ntp_time(unix: float) -> int:
@@ -100,7 +117,9 @@ def ntp_time(unix: float) -> int:
 
 @dataclass(frozen=True)
 class ExtensionIds:
-    """The header extensions that an offer and its answer agreed on, ids 1 to 14; None is not agreed."""
+    """The header extensions that an offer and its answer agreed on, ids 1 to 14; None is not
+    agreed.
+    """
 
     mid: int | None = None
     abs_send_time: int | None = None
@@ -108,9 +127,11 @@ class ExtensionIds:
 
 
 def extension_block(ids: ExtensionIds, mid: str) -> bytes:
-    """Return a one-byte-header extension block (RFC 8285) whose last three bytes before the padding are abs-send-time.
+    """Return a one-byte-header extension block (RFC 8285) whose last three bytes before the padding
+    are abs-send-time.
 
-    playout-delay is (0, 0): show each picture as it comes. A mid too long for the one-byte form is left out.
+    playout-delay is (0, 0): show each picture as it comes. A mid too long for the one-byte form is
+    left out.
     """
     elements = b""
     if ids.mid is not None and 1 <= len(mid) <= LONGEST_ELEMENT:
@@ -118,7 +139,8 @@ def extension_block(ids: ExtensionIds, mid: str) -> bytes:
     if ids.playout_delay is not None:
         elements += bytes([ids.playout_delay << 4 | 2, 0, 0, 0])
     if ids.abs_send_time is not None:
-        # Padding may stand between elements (RFC 8285, section 4.1.2): with it in front, the time is always last.
+        # Padding may stand between elements (RFC 8285, section 4.1.2): with it in front, the time
+        # is always last.
         elements += bytes(-(len(elements) + 4) % 4) + bytes([ids.abs_send_time << 4 | 2, 0, 0, 0])
     elements += bytes(-len(elements) % 4)
     return b"\xbe\xde" + struct.pack("!H", len(elements) // 4) + elements if elements else b""
@@ -126,7 +148,8 @@ def extension_block(ids: ExtensionIds, mid: str) -> bytes:
 
 @dataclass
 class RtpStream:
-    """The packets of one stream to one viewer: own sequence numbers, shared payloads, and a history for retransmission.
+    """The packets of one stream to one viewer: own sequence numbers, shared payloads, and a history
+    for retransmission.
 
     `rtx_payload_type` None means that a lost packet is sent again as it was.
     """
@@ -141,27 +164,40 @@ class RtpStream:
     rtx_sequence: int = 0
     packets_sent: int = 0
     octets_sent: int = 0
-    _second: tuple[float, int] = (0.0, 0)  # when the present second began, and what had been sent by then
+    # when the present second began, and what had been sent by then
+    _second: tuple[float, int] = (0.0, 0)
     _octets_a_second: float = 0.0
-    _again: deque[tuple[float, int]] = field(default_factory=deque)  # when how many octets were sent again
+    # when how many octets were sent again
+    _again: deque[tuple[float, int]] = field(default_factory=deque)
     _asked: dict[int, float] = field(default_factory=dict)  # when a packet was sent again
     _history: OrderedDict[int, tuple[bytes, bool, int]] = field(default_factory=OrderedDict)
 
-    def packets(self, payloads: tuple[bytes, ...], timestamp: int, now: float, *, key: bool = False) -> list[bytes]:
-        """Return the packets of one picture or sound, the last with the marker; `now` is Unix time in seconds.
+    def packets(
+        self, payloads: tuple[bytes, ...], timestamp: int, now: float, *, key: bool = False
+    ) -> list[bytes]:
+        """Return the packets of one picture or sound, the last with the marker; `now` is Unix time
+        in seconds.
 
-        After a `key` frame nothing from before it is sent again: the page does not need it, and asks for it all the same.
+        After a `key` frame nothing from before it is sent again: the page does not need it, and
+        asks for it all the same.
         """
         if key:
             self._history.clear()
             self._asked.clear()
         if not 0.0 <= now - self._second[0] < 1.0:
-            self._octets_a_second, self._second = float(self.octets_sent - self._second[1]), (now, self.octets_sent)
+            self._octets_a_second, self._second = (
+                float(self.octets_sent - self._second[1]),
+                (now, self.octets_sent),
+            )
         extension = self._timed_extension(now)
         packets = []
         for position, payload in enumerate(payloads, start=1):
             marker = position == len(payloads)
-            packets.append(self._header(self.payload_type, marker, self.sequence, timestamp, self.ssrc) + extension + payload)
+            packets.append(
+                self._header(self.payload_type, marker, self.sequence, timestamp, self.ssrc)
+                + extension
+                + payload
+            )
             self._remember(payload, marker, timestamp)
             self.sequence = (self.sequence + 1) % _TWO_16
             self.octets_sent += len(payload)
@@ -171,14 +207,17 @@ class RtpStream:
     def retransmission(self, sequence: int, now: float) -> bytes | None:
         """Return the packet that answers a NACK for `sequence`.
 
-        None when it is too old, was sent again a moment ago, or when as much was sent again already as does a full network no harm:
-        a page asks for every packet that a queue has dropped, over and over, and the answers would keep the queue full.
+        None when it is too old, was sent again a moment ago, or when as much was sent again already
+        as does a full network no harm: a page asks for every packet that a queue has dropped, over
+        and over, and the answers would keep the queue full.
         """
         if sequence not in self._history or now - self._asked.get(sequence, 0.0) < ASKED_AGAIN:
             return None
         while self._again and now - self._again[0][0] > 1.0:
             self._again.popleft()
-        if sum(octets for _, octets in self._again) > max(LEAST_AGAIN, AGAIN_SHARE * self._octets_a_second):
+        if sum(octets for _, octets in self._again) > max(
+            LEAST_AGAIN, AGAIN_SHARE * self._octets_a_second
+        ):
             return None
         packet = self._copy(sequence, now)
         self._asked[sequence] = now
@@ -190,17 +229,28 @@ class RtpStream:
         payload, marker, timestamp = kept
         extension = self._timed_extension(now)
         if self.rtx_payload_type is None:
-            return self._header(self.payload_type, marker, sequence, timestamp, self.ssrc) + extension + payload
-        header = self._header(self.rtx_payload_type, marker, self.rtx_sequence, timestamp, self.rtx_ssrc)
+            return (
+                self._header(self.payload_type, marker, sequence, timestamp, self.ssrc)
+                + extension
+                + payload
+            )
+        header = self._header(
+            self.rtx_payload_type, marker, self.rtx_sequence, timestamp, self.rtx_ssrc
+        )
         self.rtx_sequence = (self.rtx_sequence + 1) % _TWO_16
         return header + extension + struct.pack("!H", sequence) + payload
 
     def again(self, octets: int, now: float) -> list[bytes]:
-        """Return copies of the newest packets, up to this many octets of payload; none where the page takes no stream of copies."""
+        """Return copies of the newest packets, up to this many octets of payload; none where the
+        page takes no stream of copies.
+        """
         if self.rtx_payload_type is None:
             return []
         copies: list[bytes] = []
-        for sequence in itertools.islice(itertools.cycle(list(reversed(self._history))[:COPIED]), MOST_COPIES if self._history else 0):
+        for sequence in itertools.islice(
+            itertools.cycle(list(reversed(self._history))[:COPIED]),
+            MOST_COPIES if self._history else 0,
+        ):
             copy = self._copy(sequence, now)
             if octets < len(copy):
                 break
@@ -208,12 +258,16 @@ class RtpStream:
             octets -= len(copy)
         return copies
 
-    def _header(self, payload_type: int, marker: bool, sequence: int, timestamp: int, ssrc: int) -> bytes:  # noqa: FBT001 -- RTP's bit
+    def _header(
+        self, payload_type: int, marker: bool, sequence: int, timestamp: int, ssrc: int
+    ) -> bytes:  # noqa: FBT001 -- RTP's bit
         first = 0x90 if self.extension else 0x80
         return struct.pack("!BBHLL", first, marker << 7 | payload_type, sequence, timestamp, ssrc)
 
     def _timed_extension(self, now: float) -> bytes:
-        """Return the extension block with abs-send-time (6.18 fixed point seconds), when that was agreed."""
+        """Return the extension block with abs-send-time (6.18 fixed point seconds), when that was
+        agreed.
+        """
         if not self.timed:
             return self.extension
         return self.extension[:-3] + (ntp_time(now) >> 14 & 0xFFFFFF).to_bytes(3, "big")

@@ -1,9 +1,12 @@
-# ruff: noqa: SLF001 -- private names of aiortc as in aiortc_hooks.py, which checks that they are there
-"""Data channels over a network that loses packets: how often a page is told which messages it need not wait for.
+# ruff: noqa: SLF001 -- private names of aiortc as in aiortc_hooks.py, which checks that they are
+# there
+"""Data channels over a network that loses packets: how often a page is told which messages it need
+not wait for.
 
-A message that is not sent again leaves a gap, and a FORWARD TSN (RFC 3758) tells the receiver to step over it. aiortc says so in answer to
-every SACK that does not know it yet, and the receiver answers every one with a SACK: where a full queue makes the way half a second long,
-some hundred of each are under way at any moment, more with each message, and they are what fills the queue.
+A message that is not sent again leaves a gap, and a FORWARD TSN (RFC 3758) tells the receiver to
+step over it. aiortc says so in answer to every SACK that does not know it yet, and the receiver
+answers every one with a SACK: where a full queue makes the way half a second long, some hundred of
+each are under way at any moment, more with each message, and they are what fills the queue.
 """
 
 import time

@@ -1,8 +1,10 @@
-"""Reading a page's offer before aiortc does: which lines there are, and which of them the robot's picture and sound go to.
+"""Reading a page's offer before aiortc does: which lines there are, and which of them the robot's
+picture and sound go to.
 
-The page offers every line at once (the robot's picture and sound, its own, a screen's), because aiortc cannot renegotiate; a track
-is put into a line later without anybody noticing. The candidates are taken out and given to ICE afterwards: an mDNS name that
-nobody answers for takes a second to fail, and no answer should wait for it.
+The page offers every line at once (the robot's picture and sound, its own, a screen's), because
+aiortc cannot renegotiate; a track is put into a line later without anybody noticing. The candidates
+are taken out and given to ICE afterwards: an mDNS name that nobody answers for takes a second to
+fail, and no answer should wait for it.
 """
 
 from dataclasses import dataclass
@@ -21,7 +23,9 @@ class BadOfferError(ValueError):
 
 @dataclass(frozen=True)
 class MediaLine:
-    """One audio or video line of an offer: whether the page takes something there, and whether it may give something."""
+    """One audio or video line of an offer: whether the page takes something there, and whether it
+    may give something.
+    """
 
     kind: Kind
     takes: bool
@@ -36,13 +40,24 @@ def media_lines(offer: str) -> tuple[MediaLine, ...]:
     """
     try:
         description = SessionDescription.parse(offer)
-    except (ValueError, LookupError, AssertionError, AttributeError, TypeError, StopIteration) as error:
+    except (
+        ValueError,
+        LookupError,
+        AssertionError,
+        AttributeError,
+        TypeError,
+        StopIteration,
+    ) as error:
         raise BadOfferError(f"not SDP: {type(error).__name__}") from error
     if (wrong := _what_is_wrong(description)) is not None:
         raise BadOfferError(wrong)
     kinds: dict[str, Kind] = {"audio": "audio", "video": "video"}
     return tuple(
-        MediaLine(kinds[media.kind], takes=media.direction not in ("sendonly", "inactive"), gives=media.direction not in ("recvonly", "inactive"))
+        MediaLine(
+            kinds[media.kind],
+            takes=media.direction not in ("sendonly", "inactive"),
+            gives=media.direction not in ("recvonly", "inactive"),
+        )
         for media in description.media
         if media.kind in kinds
     )
@@ -60,15 +75,27 @@ def _what_is_wrong(description: SessionDescription) -> str | None:
     bundles = [group.items for group in description.group if group.semantic == "BUNDLE"]
     if len(set(mids)) != len(mids) or len(bundles) != 1 or sorted(bundles[0]) != sorted(mids):
         return "the lines are not one bundle"
-    if any(line.kind not in ("audio", "video", "application") for line in media) or sum(line.kind == "application" for line in media) > 1:
+    if (
+        any(line.kind not in ("audio", "video", "application") for line in media)
+        or sum(line.kind == "application" for line in media) > 1
+    ):
         return "a line is of an unknown kind"
-    if not all(line.dtls and line.dtls.fingerprints and line.ice and line.ice.usernameFragment and line.ice.password for line in media):
+    if not all(
+        line.dtls
+        and line.dtls.fingerprints
+        and line.ice
+        and line.ice.usernameFragment
+        and line.ice.password
+        for line in media
+    ):
         return "a line lacks its fingerprint or its ICE credentials"
     return None
 
 
 def robot_lines(lines: tuple[MediaLine, ...], has: frozenset[Kind]) -> dict[int, Kind]:
-    """Return {index: kind} of the lines that carry what the robot has: the first of each kind on which the page takes something."""
+    """Return {index: kind} of the lines that carry what the robot has: the first of each kind on
+    which the page takes something.
+    """
     chosen: dict[int, Kind] = {}
     for index, line in enumerate(lines):
         if line.takes and line.kind in has and line.kind not in chosen.values():
@@ -79,8 +106,8 @@ def robot_lines(lines: tuple[MediaLine, ...], has: frozenset[Kind]) -> dict[int,
 def visitor_lines(lines: tuple[MediaLine, ...], robot: dict[int, Kind]) -> dict[int, Kind]:
     """Return {index: kind} of the lines on which the visitor's voice and face come.
 
-    The first that gives sound, which may be the robot's own, and the first beside the robot's that gives pictures; what a second one
-    gives is nobody's.
+    The first that gives sound, which may be the robot's own, and the first beside the robot's that
+    gives pictures; what a second one gives is nobody's.
     """
     chosen: dict[int, Kind] = {}
     for index, line in enumerate(lines):
@@ -105,9 +132,11 @@ def without_candidates(offer: str) -> tuple[str, list[tuple[int, str]]]:
 
 
 def parsed_candidate(text: str, mid: str | None, index: int | None) -> RTCIceCandidate | None:
-    """Return a candidate as aiortc wants it; None for an end of candidates and for one that cannot be used.
+    """Return a candidate as aiortc wants it; None for an end of candidates and for one that cannot
+    be used.
 
-    Unused are TCP, what is malformed, and component 2 (RTCP of its own), which Firefox lists although everything is multiplexed.
+    Unused are TCP, what is malformed, and component 2 (RTCP of its own), which Firefox lists
+    although everything is multiplexed.
     """
     if not text:
         return None
@@ -115,7 +144,11 @@ def parsed_candidate(text: str, mid: str | None, index: int | None) -> RTCIceCan
         candidate = candidate_from_sdp(text.removeprefix("candidate:"))
     except (ValueError, LookupError, AssertionError):
         return None
-    if candidate.protocol.lower() != "udp" or candidate.component != 1 or (mid is None and index is None):
+    if (
+        candidate.protocol.lower() != "udp"
+        or candidate.component != 1
+        or (mid is None and index is None)
+    ):
         return None
     candidate.sdpMid, candidate.sdpMLineIndex = mid, index
     return candidate

@@ -1,7 +1,8 @@
-"""One page's WebRTC connection: the offer answered, candidates added, the data channel carried. A shell around aiortc.
+"""One page's WebRTC connection: the offer answered, candidates added, the data channel carried. A
+shell around aiortc.
 
-There is one `PageConnection` an offer and it is never renegotiated: recovery is a new offer and a new connection. All of it runs
-on the media loop.
+There is one `PageConnection` an offer and it is never renegotiated: recovery is a new offer and a
+new connection. All of it runs on the media loop.
 """
 
 import asyncio
@@ -31,17 +32,29 @@ from robots.cancellation import cancel
 
 log = logging.getLogger(__name__)
 
-MAX_BUFFERED = 64 * 1024  # bytes; telemetry that a page cannot take at once is dropped, the next is newer
+# bytes; telemetry that a page cannot take at once is dropped, the next is newer
+MAX_BUFFERED = 64 * 1024
 MAX_CHANNELS = 4
 MAX_CANDIDATES = 64
 CONNECT_TIMEOUT = 15.0  # s from the offer
-LONG_GATHERING = 2.0  # s; aiortc waits 5 s for who does not answer, which is as long as a page waits for an answer
-SILENCE = 10.0  # s without a report or a frame from a page whose reports had come; ICE itself notices after 30 s
+# s; aiortc waits 5 s for who does not answer, which is as long as a page waits for an answer
+LONG_GATHERING = 2.0
+# s without a report or a frame from a page whose reports had come; ICE itself notices after 30 s
+SILENCE = 10.0
 _CODECS = {"video": "video/VP8", "audio": "audio/opus"}
 
 # What aiortc raises about an offer that it cannot use.
 _AIORTC_SAYS = (InternalError, InvalidAccessError, InvalidStateError, OperationError)
-UNUSABLE = (ValueError, LookupError, AssertionError, AttributeError, TypeError, RuntimeError, OSError, *_AIORTC_SAYS)
+UNUSABLE = (
+    ValueError,
+    LookupError,
+    AssertionError,
+    AttributeError,
+    TypeError,
+    RuntimeError,
+    OSError,
+    *_AIORTC_SAYS,
+)
 
 
 @dataclass
@@ -52,10 +65,12 @@ class PageConnection:
         peer: the peer id that the server made.
         on_command: called with what every frame from the page says that passed the gate.
         on_open: called when the page has opened a data channel.
-        on_end: called with the reason when the connection failed, was closed by the page, or the page floods.
-        on_media: called with (kind, what is encoded, RTP ticks from 0) for the visitor's voice and face; None drops them unread.
-        relays: what is known of relays, shared by all connections of a robot. An empty list of servers means none, where aiortc's default
-            is a stranger's.
+        on_end: called with the reason when the connection failed, was closed by the page, or the
+            page floods.
+        on_media: called with (kind, what is encoded, RTP ticks from 0) for the visitor's voice and
+            face; None drops them unread.
+        relays: what is known of relays, shared by all connections of a robot. An empty list of
+            servers means none, where aiortc's default is a stranger's.
     """
 
     peer: str
@@ -84,10 +99,15 @@ class PageConnection:
         return self._connection is not None and self._connection.connectionState == "connected"
 
     def is_lost(self, now: float) -> bool:
-        """Tell whether this connection came to nothing, or whether its page has gone quiet; `now` is monotonic."""
+        """Tell whether this connection came to nothing, or whether its page has gone quiet; `now`
+        is monotonic.
+        """
         if not self.is_connected:
             return now - self._began > CONNECT_TIMEOUT
-        reports = max((box.last_report for box in (self.pictures, self.sounds) if box is not None), default=0.0)
+        reports = max(
+            (box.last_report for box in (self.pictures, self.sounds) if box is not None),
+            default=0.0,
+        )
         return reports > 0.0 and now - max(reports, self._last_frame) > SILENCE
 
     async def answer(self, offer: Offer) -> str:
@@ -99,8 +119,12 @@ class PageConnection:
         plain, candidates = sdp.without_candidates(offer.sdp)
         lines = sdp.media_lines(plain)
         self._connection = connection = RTCPeerConnection(
-            # By its default aiortc puts lines of one kind on a transport of their own before the offer joins them all, and forgets the second ones.
-            RTCConfiguration(iceServers=await self.relays.usable(offer.ice_servers), bundlePolicy=RTCBundlePolicy.MAX_BUNDLE)
+            # By its default aiortc puts lines of one kind on a transport of their own before the
+            # offer joins them all, and forgets the second ones.
+            RTCConfiguration(
+                iceServers=await self.relays.usable(offer.ice_servers),
+                bundlePolicy=RTCBundlePolicy.MAX_BUNDLE,
+            )
         )
         connection.on("connectionstatechange", self._on_state)
         connection.on("datachannel", self._on_channel)
@@ -118,7 +142,9 @@ class PageConnection:
         return str(connection.localDescription.sdp)
 
     async def _gather(self, connection: RTCPeerConnection) -> None:
-        """Find our own addresses, of which the answer is made; a server that answered lately and is silent now holds that up, but once."""
+        """Find our own addresses, of which the answer is made; a server that answered lately and is
+        silent now holds that up, but once.
+        """
         if self.relays.trust is not None:
             aiortc_hooks.set_turn_tls_context(connection, self.relays.trust)
         began = time.monotonic()
@@ -129,13 +155,16 @@ class PageConnection:
     def add_candidate(self, candidate: Candidate) -> None:
         """Add a trickled candidate.
 
-        The end of candidates is not passed on: a page without any (no camera permission, no mDNS) still reaches the robot, and
-        aioice would have given up by then. CONNECT_TIMEOUT ends a hopeless connection.
+        The end of candidates is not passed on: a page without any (no camera permission, no mDNS)
+        still reaches the robot, and aioice would have given up by then. CONNECT_TIMEOUT ends a
+        hopeless connection.
         """
         self._add_candidate(candidate.candidate, candidate.sdp_mid, candidate.sdp_m_line_index)
 
     def send(self, frame: str) -> None:
-        """Send a frame on the page's data channel, or drop it when the channel is not open or behind."""
+        """Send a frame on the page's data channel, or drop it when the channel is not open or
+        behind.
+        """
         channel = next((channel for channel in self.channels if channel.readyState == "open"), None)
         if channel is None:
             return
@@ -153,7 +182,8 @@ class PageConnection:
         if self._connection is not None:
             try:
                 await self._connection.close()
-            except UNUSABLE as error:  # an offer that aiortc gave up half-way leaves parts that cannot be closed
+            except UNUSABLE as error:
+                # an offer that aiortc gave up half-way leaves parts that cannot be closed
                 log.warning("connection_close_failed peer=%s reason=%s", self.peer, error)
 
     async def ask_key_frame(self) -> None:
@@ -161,8 +191,12 @@ class PageConnection:
         if self._face is not None and self.is_connected:
             await aiortc_hooks.ask_key_frame(self._face)
 
-    def _add_lines(self, connection: RTCPeerConnection, lines: tuple[sdp.MediaLine, ...]) -> frozenset[int]:
-        """Make a transceiver for every line of the offer, so that aiortc takes them in our order; return those that the visitor speaks on."""
+    def _add_lines(
+        self, connection: RTCPeerConnection, lines: tuple[sdp.MediaLine, ...]
+    ) -> frozenset[int]:
+        """Make a transceiver for every line of the offer, so that aiortc takes them in our order;
+        return those that the visitor speaks on.
+        """
         has: set[sdp.Kind] = set()
         if self.pictures is not None:
             has.add("video")
@@ -170,12 +204,24 @@ class PageConnection:
             has.add("audio")
         carries = sdp.robot_lines(lines, frozenset(has))
         for index, line in enumerate(lines):
-            outbox = {"video": self.pictures, "audio": self.sounds}[line.kind] if index in carries else None
+            outbox = (
+                {"video": self.pictures, "audio": self.sounds}[line.kind]
+                if index in carries
+                else None
+            )
             if outbox is not None:
-                aiortc_hooks.add_sender(connection, line.kind, outbox, _CODECS[line.kind], listens=self.on_media is not None)
+                aiortc_hooks.add_sender(
+                    connection,
+                    line.kind,
+                    outbox,
+                    _CODECS[line.kind],
+                    listens=self.on_media is not None,
+                )
             else:
                 # A page that may give something learns by the direction whether it is wanted.
-                connection.addTransceiver(line.kind, direction="recvonly" if self.on_media is not None else "inactive")
+                connection.addTransceiver(
+                    line.kind, direction="recvonly" if self.on_media is not None else "inactive"
+                )
         if self.on_media is None:
             return frozenset()
         visitor = sdp.visitor_lines(lines, carries)
@@ -192,7 +238,12 @@ class PageConnection:
 
     def _add_candidate(self, text: str, mid: str | None, index: int | None) -> None:
         candidate = sdp.parsed_candidate(text, mid, index)
-        if candidate is None or self._closed or self._connection is None or self._candidates >= MAX_CANDIDATES:
+        if (
+            candidate is None
+            or self._closed
+            or self._connection is None
+            or self._candidates >= MAX_CANDIDATES
+        ):
             return
         self._candidates += 1
         task = asyncio.ensure_future(self._connection.addIceCandidate(candidate))

@@ -1,4 +1,6 @@
-"""What a page is told of a state or a pose: enough to draw and to explain it, and no more than a narrow network carries."""
+"""What a page is told of a state or a pose: enough to draw and to explain it, and no more than a
+narrow network carries.
+"""
 
 from typing import Any, TypeVar
 
@@ -11,14 +13,19 @@ DIGITS = 4  # tenths of a millimetre, and of a thousandth of a radian
 
 
 def for_page(message: Message) -> Message:
-    """Return the message with rounded pose and velocity, and of the commands that reached the wheels the newest alone.
+    """Return the message with rounded pose and velocity, and of the commands that reached the
+    wheels the newest alone.
 
     The record, which goes to the broker, has them all: five a state are more than the rest of it.
     """
     if isinstance(message, State):
-        message = msgspec.structs.replace(message, applied=tuple(map(_rounded, message.applied[-1:])))
+        message = msgspec.structs.replace(
+            message, applied=tuple(map(_rounded, message.applied[-1:]))
+        )
     if isinstance(message, State | PoseUpdate):
-        return msgspec.structs.replace(message, pose=_pose(message.pose), velocity=_rounded(message.velocity))
+        return msgspec.structs.replace(
+            message, pose=_pose(message.pose), velocity=_rounded(message.velocity)
+        )
     return message
 
 
@@ -28,5 +35,9 @@ def _pose(pose: Pose) -> Pose:
 
 
 def _rounded(struct: S) -> S:
-    floats: dict[str, Any] = {name: round(value, DIGITS) for name, value in msgspec.structs.asdict(struct).items() if isinstance(value, float)}
+    floats: dict[str, Any] = {
+        name: round(value, DIGITS)
+        for name, value in msgspec.structs.asdict(struct).items()
+        if isinstance(value, float)
+    }
     return msgspec.structs.replace(struct, **floats)

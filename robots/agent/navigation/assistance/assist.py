@@ -1,28 +1,37 @@
-"""Assisted driving: what becomes of a driver's velocity near obstacles. It runs after the safety kernel and only on what that lets pass.
+"""Assisted driving: what becomes of a driver's velocity near obstacles. It runs after the safety
+kernel and only on what that lets pass.
 
-Three levels. `off` changes nothing. `slow` slows the robot down and stops it before obstacles. `steer` besides turns it a little, round
-obstacles and into the middle of doorways, before it slows down.
+Three levels. `off` changes nothing. `slow` slows the robot down and stops it before obstacles.
+`steer` besides turns it a little, round obstacles and into the middle of doorways, before it slows
+down.
 
-A velocity is safe when the robot can hold it for its reaction time, then brake, and on all that ground no known point comes closer to
-the footprint than a margin. The margin grows with the speed, and for a robot that turns or goes back with how exactly the point is known:
-what the laser sees counts as it is, what is only remembered as a little nearer. Ahead of a robot that drives it is larger by what the
-robot's corners need to turn in place, so that whoever drives up to a wall can turn away from it. A point that is within the margin
-already must not come closer: that lets a robot out of any contact, and not further in.
+A velocity is safe when the robot can hold it for its reaction time, then brake, and on all that
+ground no known point comes closer to the footprint than a margin. The margin grows with the speed,
+and for a robot that turns or goes back with how exactly the point is known: what the laser sees
+counts as it is, what is only remembered as a little nearer. Ahead of a robot that drives it is
+larger by what the robot's corners need to turn in place, so that whoever drives up to a wall can
+turn away from it. A point that is within the margin already must not come closer: that lets a robot
+out of any contact, and not further in.
 
-**The commanded side.** With `wanted` = (v, w), and S the turn that steering may add (`SteeringSettings.turn` at `full` m/s and above,
-falling with the speed to zero; zero for a robot that stands, goes back or only turns), the result (v', w') keeps:
+**The commanded side.** With `wanted` = (v, w), and S the turn that steering may add
+(`SteeringSettings.turn` at `full` m/s and above, falling with the speed to zero; zero for a robot
+that stands, goes back or only turns), the result (v', w') keeps:
 
 - v' lies between 0 and v: never the other way, never faster; what is told to stand stands;
 - without steering, w' lies between 0 and w;
-- with it, w' never turns faster than the larger of |w| and S. Against the side of w goes at most S, and the less the firmer the
-  driver turns, until at |w| = `firm` x S nothing of it: a firm turn to one side never becomes one to the other. What |w| is beyond that,
-  at least half is kept, and all of it by a robot that stands: a firm turn towards a wall still turns towards the wall.
+- with it, w' never turns faster than the larger of |w| and S. Against the side of w goes at most S,
+  and the less the firmer the driver turns, until at |w| = `firm` x S nothing of it: a firm turn to
+  one side never becomes one to the other. What |w| is beyond that,
+  at least half is kept, and all of it by a robot that stands: a firm turn towards a wall still
+      turns towards the wall.
 
-A laser that has been silent for `silence` seconds stops the robot, at both levels, with `blind`: what the level promises, no collision,
-a crawl cannot keep either, and whoever would rather crawl home by the picture alone can choose `off`.
+A laser that has been silent for `silence` seconds stops the robot, at both levels, with `blind`:
+what the level promises, no collision, a crawl cannot keep either, and whoever would rather crawl
+home by the picture alone can choose `off`.
 
-A charging station is an obstacle that a robot is meant to touch. Where the caller knows the robot's pose in its dock, and the robot is
-close before it and turned towards it, what stands beyond the docked robot's nose may be touched, at a creep, and nothing is steered.
+A charging station is an obstacle that a robot is meant to touch. Where the caller knows the robot's
+pose in its dock, and the robot is close before it and turned towards it, what stands beyond the
+docked robot's nose may be touched, at a creep, and nothing is steered.
 """
 
 import math
@@ -46,12 +55,15 @@ Side = Literal["ahead", "left", "behind", "right"]
 
 TELLING = 0.05  # rad/s: a smaller turn that was added is not worth a word
 STANDS = 0.02  # m/s at the fastest corner: less is as good as standing
-BEYOND = 0.02  # metres by which a station may stand before the place where the docked robot's nose is
+# metres by which a station may stand before the place where the docked robot's nose is
+BEYOND = 0.02
 
 
 @dataclass(frozen=True)
 class DockRegion:
-    """Where, seen from its dock, a robot may touch the station: at most so far before it and aside (m), and turned (rad)."""
+    """Where, seen from its dock, a robot may touch the station: at most so far before it and aside
+    (m), and turned (rad).
+    """
 
     before: float = 0.5
     aside: float = 0.12
@@ -72,9 +84,10 @@ class AssistSettings:
 class Assisted:
     """A velocity, and why it is not the one that was wanted.
 
-    `point` (x, y) in the robot's frame, metres, is the obstacle that decided, or the nearest; it is on `side`, `clearance` metres from
-    the footprint; None where nothing is near. `turn` is what steering added, in rad/s. `own` is what of the velocity is the driver's:
-    from there his own ramp goes on, or else a turn that was added would count as his the next time.
+    `point` (x, y) in the robot's frame, metres, is the obstacle that decided, or the nearest; it is
+    on `side`, `clearance` metres from the footprint; None where nothing is near. `turn` is what
+    steering added, in rad/s. `own` is what of the velocity is the driver's: from there his own ramp
+    goes on, or else a turn that was added would count as his the next time.
     """
 
     velocity: Velocity
@@ -89,7 +102,12 @@ class Assisted:
 class Assist:
     """The assistance of one robot. It remembers nothing: the same question has the same answer."""
 
-    def __init__(self, footprint: tuple[tuple[float, float], ...], limits: Limits, settings: AssistSettings | None = None) -> None:
+    def __init__(
+        self,
+        footprint: tuple[tuple[float, float], ...],
+        limits: Limits,
+        settings: AssistSettings | None = None,
+    ) -> None:
         """Take the footprint (convex, about the robot's centre) and the base's own limits.
 
         Raises:
@@ -100,7 +118,9 @@ class Assist:
         self.slowing = Slowing(self.hull, limits, self.settings.slowing)
         self.steering = Steering(self.hull, limits, self.settings.steering)
         self._nose = float(max(x for x, _ in footprint))
-        self.reach = self.hull.radius + max(self.slowing.reach, self.settings.steering.horizon + self.settings.steering.room)
+        self.reach = self.hull.radius + max(
+            self.slowing.reach, self.settings.steering.horizon + self.settings.steering.room
+        )
 
     def shape(
         self,
@@ -122,8 +142,10 @@ class Assist:
             points: (n, 2) obstacles in the robot's frame, known to `reach` metres from its centre.
             level: how much help the driver gets.
             errors: (n,) metres by which each of points may be nearer than it seems; none without.
-            silence: seconds since the laser last saw (`ObstacleMemory.seen`), `inf` when it never has.
-            dock: the robot's pose in its dock, seen from the robot; None when unknown or when it is nobody's wish to dock.
+            silence: seconds since the laser last saw (`ObstacleMemory.seen`), `inf` when it never
+                has.
+            dock: the robot's pose in its dock, seen from the robot; None when unknown or when it is
+                nobody's wish to dock.
             dt: seconds until the next call.
         """
         if level == "off":
@@ -135,35 +157,57 @@ class Assist:
         if wanted == ZERO:
             return answer(Assisted(ZERO, "free"), near, gaps, None)
         touchable = self._touchable(near, dock)
-        turned = self.steering.steered(wanted, current, near, dt) if level == "steer" and touchable is None else wanted
+        turned = (
+            self.steering.steered(wanted, current, near, dt)
+            if level == "steer" and touchable is None
+            else wanted
+        )
         close = np.flatnonzero(gaps - off <= self.slowing.reach_at(turned, current))
         allowed = np.zeros(len(close), dtype=np.bool_) if touchable is None else touchable[close]
-        told, decided = self.slowing.slowed(turned, current, near[close], allowed, errors=off[close], dt=dt)
+        told, decided = self.slowing.slowed(
+            turned, current, near[close], allowed, errors=off[close], dt=dt
+        )
         if decided is None and touchable is None:
             decided = self.slowing.minds(turned, near[close], off[close])
-        own = Velocity(linear=told.linear, angular=wanted.angular * (told.angular / turned.angular if turned.angular else 1.0))
+        own = Velocity(
+            linear=told.linear,
+            angular=wanted.angular * (told.angular / turned.angular if turned.angular else 1.0),
+        )
         why: Why = "steer" if abs(told.angular - own.angular) >= TELLING else "free"
         if decided is not None:
-            why = "stop" if abs(told.linear) + self.hull.radius * abs(told.angular) < STANDS else "slow"
+            why = (
+                "stop"
+                if abs(told.linear) + self.hull.radius * abs(told.angular) < STANDS
+                else "slow"
+            )
         found = Assisted(told, why, turn=told.angular - own.angular, own=own)
         return answer(found, near, gaps, None if decided is None else int(close[decided]))
 
     def _within_reach(self, points: Floats, errors: Floats | None) -> tuple[Floats, Floats]:
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         x, y = points[:, 0], points[:, 1]
-        close = np.flatnonzero(x * x + y * y <= self.reach**2)  # what is not a number is never close
+        # what is not a number is never close
+        close = np.flatnonzero(x * x + y * y <= self.reach**2)
         return points[close], np.zeros(len(close)) if errors is None else errors[close]
 
     def _touchable(self, points: Floats, dock: Pose2D | None) -> npt.NDArray[np.bool_] | None:
-        """Return (n,) which points may be touched by a robot close before its dock, None for one that is not."""
+        """Return (n,) which points may be touched by a robot close before its dock, None for one
+        that is not.
+        """
         region = self.settings.dock
-        if dock is None or not (0.0 <= dock.x <= region.before and abs(dock.y) <= region.aside and abs(dock.theta) <= region.turned):
+        if dock is None or not (
+            0.0 <= dock.x <= region.before
+            and abs(dock.y) <= region.aside
+            and abs(dock.theta) <= region.turned
+        ):
             return None
         return into(dock, points)[:, 0] >= self._nose - BEYOND
 
 
 def answer(assisted: Assisted, points: Floats, gaps: Floats, decided: int | None) -> Assisted:
-    """Return the same with the one of points (n, 2), at gaps (n,), that decided, or with the nearest."""
+    """Return the same with the one of points (n, 2), at gaps (n,), that decided, or with the
+    nearest.
+    """
     if len(points) == 0:
         return assisted
     index = int(gaps.argmin()) if decided is None else decided

@@ -1,9 +1,11 @@
-"""Will the robot touch anything if it does this and brakes then? Footprint, base and points; no map.
+"""Will the robot touch anything if it does this and brakes then? Footprint, base and points; no
+map.
 
-A wanted velocity is followed for as long as it takes to notice and to react, within the base's accelerations, and then braked to a
-stand. Over that whole way no thing may come nearer to the footprint than a margin, or nearer than it already is; and nothing that may
-be walking may be able to reach it, however it turns, before the robot stands. Distances to the footprint are taken along the normals
-of its sides, which never says too much room.
+A wanted velocity is followed for as long as it takes to notice and to react, within the base's
+accelerations, and then braked to a stand. Over that whole way no thing may come nearer to the
+footprint than a margin, or nearer than it already is; and nothing that may be walking may be able
+to reach it, however it turns, before the robot stands. Distances to the footprint are taken along
+the normals of its sides, which never says too much room.
 """
 
 import math
@@ -31,8 +33,8 @@ BODY = 0.1  # a laser sees the legs of people, and the rest of them is so much n
 class Hazards:
     """What stands about, in the robot's frame, metres.
 
-    `things` (n, 2) are those of the map; `strangers` (m, 2) are not on it and may be people: those who stand; `walkers` (k, 2) those
-    who may be walking.
+    `things` (n, 2) are those of the map; `strangers` (m, 2) are not on it and may be people: those
+    who stand; `walkers` (k, 2) those who may be walking.
     """
 
     things: Floats
@@ -42,7 +44,9 @@ class Hazards:
 
 @dataclass(frozen=True)
 class Checked:
-    """The fastest safe velocity like the one wanted, its share of that, and who is in the way: "", "thing" or "walker"."""
+    """The fastest safe velocity like the one wanted, its share of that, and who is in the way: "",
+    "thing" or "walker".
+    """
 
     velocity: Velocity
     share: float
@@ -55,12 +59,17 @@ class BrakeCheck:
     def __init__(self, footprint: Floats, limits: Limits) -> None:
         self.limits = limits
         sides = np.roll(footprint, -1, axis=0) - footprint
-        self._normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / np.hypot(sides[:, 0], sides[:, 1])[:, None]
+        self._normals = (
+            np.column_stack([sides[:, 1], -sides[:, 0]])
+            / np.hypot(sides[:, 0], sides[:, 1])[:, None]
+        )
         self._offsets = (self._normals * footprint).sum(axis=1)
         self._reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
 
     def gaps(self, points: Floats) -> Floats:
-        """Return how far points (..., 2) in the robot's frame are from the footprint, metres; negative inside."""
+        """Return how far points (..., 2) in the robot's frame are from the footprint, metres;
+        negative inside.
+        """
         gaps: Floats = (points @ self._normals.T - self._offsets).max(axis=-1)
         return gaps
 
@@ -82,14 +91,22 @@ class BrakeCheck:
         speed = max(abs(current.linear), abs(wanted.linear))
         margin = MARGIN + MARGIN_A_SPEED * speed
         room = self._reach + margin + abs(float(poses[-1, 0])) + abs(float(poses[-1, 1])) + 0.1
-        if self._touches_walker(poses, times, margin, _within(hazards.walkers, room + BODY + WALKING * float(times[-1]))):
+        if self._touches_walker(
+            poses, times, margin, _within(hazards.walkers, room + BODY + WALKING * float(times[-1]))
+        ):
             return "walker"
         if self._touches_thing(poses, margin, BODY, _within(hazards.strangers, room + BODY)):
             return "thing"
-        return "thing" if self._touches_thing(poses, margin, 0.0, _within(hazards.things, room)) else ""
+        return (
+            "thing"
+            if self._touches_thing(poses, margin, 0.0, _within(hazards.things, room))
+            else ""
+        )
 
     def room_after(self, motion: Velocity, seconds: float, hazards: Hazards) -> float:
-        """Return the distance in metres to the nearest thing after a motion, `inf` when there is none."""
+        """Return the distance in metres to the nearest thing after a motion, `inf` when there is
+        none.
+        """
         things = np.vstack([hazards.things, hazards.strangers, hazards.walkers])
         half = motion.angular * seconds / 2.0
         way = motion.linear * seconds
@@ -97,12 +114,18 @@ class BrakeCheck:
         return float(self.gaps(_seen_from(pose, things)).min()) if len(things) else math.inf
 
     def _touches_thing(self, poses: Floats, margin: float, unseen: float, points: Floats) -> bool:
-        """Tell whether a course comes too near to points behind which things go on for `unseen` metres."""
+        """Tell whether a course comes too near to points behind which things go on for `unseen`
+        metres.
+        """
         if len(points) == 0:
             return False
         now = self.gaps(points) - unseen
         least = self.gaps(_seen_from(poses, points)).min(axis=0) - unseen
-        allowed = np.where(now >= margin, margin, np.where(now > TOUCH, np.maximum(TOUCH, now - SOUND), now - 0.2 * SOUND))
+        allowed = np.where(
+            now >= margin,
+            margin,
+            np.where(now > TOUCH, np.maximum(TOUCH, now - SOUND), now - 0.2 * SOUND),
+        )
         return bool((least < allowed).any())
 
     def _touches_walker(self, poses: Floats, times: Floats, margin: float, points: Floats) -> bool:
@@ -114,7 +137,10 @@ class BrakeCheck:
 
 def stop_course(current: Velocity, wanted: Velocity, limits: Limits) -> tuple[Floats, Floats]:
     """Return poses (k, 3) and times (k,) from now to the stand, in the frame of the robot now."""
-    fastest = (max(abs(current.linear), abs(wanted.linear)), max(abs(current.angular), abs(wanted.angular)))
+    fastest = (
+        max(abs(current.linear), abs(wanted.linear)),
+        max(abs(current.angular), abs(wanted.angular)),
+    )
     stop = max(fastest[0] / limits.linear_braking, fastest[1] / limits.angular_braking)
     dt = (REACTION + stop) / SLICES
     ways = np.zeros((1, SLICES + 1, 2))
@@ -122,9 +148,23 @@ def stop_course(current: Velocity, wanted: Velocity, limits: Limits) -> tuple[Fl
     for number in range(1, SLICES + 1):
         target = wanted if number * dt <= REACTION + dt / 2.0 else ZERO
         if linear != target.linear:
-            linear = approach(linear, target.linear, limits.linear_acceleration, limits.linear_braking, dt=dt, dt_up=dt)
+            linear = approach(
+                linear,
+                target.linear,
+                limits.linear_acceleration,
+                limits.linear_braking,
+                dt=dt,
+                dt_up=dt,
+            )
         if angular != target.angular:
-            angular = approach(angular, target.angular, limits.angular_acceleration, limits.angular_braking, dt=dt, dt_up=dt)
+            angular = approach(
+                angular,
+                target.angular,
+                limits.angular_acceleration,
+                limits.angular_braking,
+                dt=dt,
+                dt_up=dt,
+            )
         ways[0, number] = linear * dt, angular * dt
     return along(ways.cumsum(axis=1))[0], dt * np.arange(1, SLICES + 1, dtype=np.float64)
 

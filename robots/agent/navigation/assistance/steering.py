@@ -1,8 +1,10 @@
-"""Which turn a helping hand would add: of some arcs near the driver's own, the one that leads on, with room on both sides.
+"""Which turn a helping hand would add: of some arcs near the driver's own, the one that leads on,
+with room on both sides.
 
-The arcs are driven in thought for `horizon` metres, with the turn changing as fast as the base can change it. An arc costs what it
-loses of its way, how little room it leaves (least in the middle of a doorway), how far it is from the driver's, and a little for
-changing its mind. In the open nothing is gained by leaving the driver's own arc, so it stays.
+The arcs are driven in thought for `horizon` metres, with the turn changing as fast as the base can
+change it. An arc costs what it loses of its way, how little room it leaves (least in the middle of
+a doorway), how far it is from the driver's, and a little for changing its mind. In the open nothing
+is gained by leaving the driver's own arc, so it stays.
 """
 
 from dataclasses import dataclass
@@ -24,11 +26,13 @@ STANDS = 1e-3  # m/s: who is told less has not begun to drive
 class SteeringSettings:
     """How much may be steered, and how arcs are weighed.
 
-    `turn` rad/s may be added at `full` m/s and above, less below; none of it against a turn of `firm` times as much, and of what a
-    turn is beyond that, the share `kept` stays, and more of it the slower the robot. Arcs are `horizon` metres long, at most
-    `seconds`. With `room` metres on both sides nothing is gained by more; an arc ends `near` metres before an obstacle. One point in a
-    square of `cell` metres is enough to weigh an arc. The four weights are per whole way lost, per no room at all, and per difference
-    from the driver's turn and from the last one (1: as large as that turn and `turn` together).
+    `turn` rad/s may be added at `full` m/s and above, less below; none of it against a turn of
+    `firm` times as much, and of what a turn is beyond that, the share `kept` stays, and more of it
+    the slower the robot. Arcs are `horizon` metres long, at most `seconds`. With `room` metres on
+    both sides nothing is gained by more; an arc ends `near` metres before an obstacle. One point in
+    a square of `cell` metres is enough to weigh an arc. The four weights are per whole way lost,
+    per no room at all, and per difference from the driver's turn and from the last one (1: as large
+    as that turn and `turn` together).
     """
 
     turn: float = 0.35
@@ -48,11 +52,15 @@ class SteeringSettings:
 
 def helping_turn(wanted: Velocity, settings: SteeringSettings) -> float:
     """Return how many rad/s may be added: none for a robot that stands, goes back or only turns."""
-    return settings.turn * min(1.0, wanted.linear / settings.full) if wanted.linear > STANDS else 0.0
+    return (
+        settings.turn * min(1.0, wanted.linear / settings.full) if wanted.linear > STANDS else 0.0
+    )
 
 
 def bounds(wanted: Velocity, settings: SteeringSettings) -> tuple[float, float]:
-    """Return the least and the largest turn, rad/s, that stays on the commanded side (`assist` says what that is)."""
+    """Return the least and the largest turn, rad/s, that stays on the commanded side (`assist` says
+    what that is).
+    """
     turn, help_ = abs(wanted.angular), helping_turn(wanted, settings)
     if help_ == 0.0:
         return wanted.angular, wanted.angular
@@ -66,12 +74,19 @@ def bounds(wanted: Velocity, settings: SteeringSettings) -> tuple[float, float]:
 def ahead(points: Floats, shape: Hull, settings: SteeringSettings) -> Floats:
     """Return the points (m, 2) that an arc can meet, one a cell."""
     x, y = points[:, 0], points[:, 1]
-    met = points[(x > -shape.radius) & (x * x + y * y < (settings.horizon + shape.radius + settings.room) ** 2)]
+    met = points[
+        (x > -shape.radius)
+        & (x * x + y * y < (settings.horizon + shape.radius + settings.room) ** 2)
+    ]
     cells = np.floor(met / settings.cell).astype(np.intp)
     cells -= cells.min(axis=0, initial=0)
-    places, numbers = cells[:, 0] * (int(cells[:, 1].max(initial=0)) + 1) + cells[:, 1], np.arange(len(cells))
+    places, numbers = (
+        cells[:, 0] * (int(cells[:, 1].max(initial=0)) + 1) + cells[:, 1],
+        np.arange(len(cells)),
+    )
     table = np.empty(int(places.max(initial=0)) + 1, dtype=np.intp)
-    table[places[::-1]] = numbers[::-1]  # of several points in a cell the first one is written last, and stays
+    # of several points in a cell the first one is written last, and stays
+    table[places[::-1]] = numbers[::-1]
     thinned: Floats = met[table[places] == numbers]
     return thinned
 
@@ -84,9 +99,11 @@ class Steering:
         self._flush = np.zeros((ARCS + 1, len(shape.offsets)))
 
     def steered(self, wanted: Velocity, current: Velocity, points: Floats, dt: float) -> Velocity:
-        """Return the wanted velocity with the turn that helps most, as far as the base can reach it in `dt` seconds.
+        """Return the wanted velocity with the turn that helps most, as far as the base can reach it
+        in `dt` seconds.
 
-        `points` (n, 2) are the obstacles in the robot's frame, `current` is what the base was last told.
+        `points` (n, 2) are the obstacles in the robot's frame, `current` is what the base was last
+        told.
         """
         low, high = bounds(wanted, self.settings)
         near = ahead(points, self.shape, self.settings)
@@ -101,19 +118,37 @@ class Steering:
     def costs(self, wanted: Velocity, current: Velocity, turns: Floats, points: Floats) -> Floats:
         """Return what each of turns (c,) in rad/s costs at the wanted speed among points (n, 2)."""
         s = self.settings
-        room = distances(self.shape, self._arcs(wanted, current, turns), points, self._flush).min(axis=2)
+        room = distances(self.shape, self._arcs(wanted, current, turns), points, self._flush).min(
+            axis=2
+        )
         on = np.logical_and.accumulate(room > s.near, axis=1)
         lost = 1.0 - on.sum(axis=1) / POSES
-        tight = (np.where(on, 1.0 - np.minimum(np.maximum(room / s.room, 0.0), 1.0), 1.0) ** 2).sum(axis=1) / POSES
+        tight = (np.where(on, 1.0 - np.minimum(np.maximum(room / s.room, 0.0), 1.0), 1.0) ** 2).sum(
+            axis=1
+        ) / POSES
         scale = s.turn + abs(wanted.angular)
-        away, changed = ((turns - wanted.angular) / scale) ** 2, ((turns - current.angular) / scale) ** 2
-        costs: Floats = s.weight_way * lost + s.weight_room * tight + s.weight_driver * away + s.weight_last * changed
+        away, changed = (
+            ((turns - wanted.angular) / scale) ** 2,
+            ((turns - current.angular) / scale) ** 2,
+        )
+        costs: Floats = (
+            s.weight_way * lost
+            + s.weight_room * tight
+            + s.weight_driver * away
+            + s.weight_last * changed
+        )
         return costs
 
     def _arcs(self, wanted: Velocity, current: Velocity, turns: Floats) -> Floats:
-        """Return poses (c, k, 3); a robot that starts is weighed on the same arcs, as if it drove already."""
+        """Return poses (c, k, 3); a robot that starts is weighed on the same arcs, as if it drove
+        already.
+        """
         linear = max(wanted.linear, self.settings.full)
         faster = linear / wanted.linear
         seconds = min(self.settings.seconds, self.settings.horizon / linear)
-        start = Velocity(linear=linear, angular=min(max(current.angular * faster, -MAXIMUM), MAXIMUM))
-        return arcs(start, turns * faster, self.limits.angular_acceleration * faster, seconds, POSES)
+        start = Velocity(
+            linear=linear, angular=min(max(current.angular * faster, -MAXIMUM), MAXIMUM)
+        )
+        return arcs(
+            start, turns * faster, self.limits.angular_acceleration * faster, seconds, POSES
+        )

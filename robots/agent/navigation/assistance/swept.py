@@ -1,7 +1,9 @@
-"""The ground that a footprint sweeps, sampled as poses, and how far points stay from it. All in the robot's frame as it is now.
+"""The ground that a footprint sweeps, sampled as poses, and how far points stay from it. All in the
+robot's frame as it is now.
 
-A convex footprint is the half planes n . p <= d of its sides; a point is outside when the largest n . p - d is positive, and by at
-least so much. At a corner that is less than the distance, never more, so that whoever keeps it up keeps the distance up.
+A convex footprint is the half planes n . p <= d of its sides; a point is outside when the largest n
+. p - d is positive, and by at least so much. At a corner that is less than the distance, never
+more, so that whoever keeps it up keeps the distance up.
 """
 
 from dataclasses import dataclass
@@ -15,9 +17,11 @@ from robots.world.sensing import Floats
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """A footprint: outward unit `normals` (e, 2) of its sides, their `offsets` (e,) from the centre, and the `radius` about it.
+    """A footprint: outward unit `normals` (e, 2) of its sides, their `offsets` (e,) from the
+    centre, and the `radius` about it.
 
-    `turning` (2 e, 2) times (cosine, sine) of a heading are the normals, turned by it: their x, and then their y.
+    `turning` (2 e, 2) times (cosine, sine) of a heading are the normals, turned by it: their x, and
+    then their y.
     """
 
     normals: Floats
@@ -47,28 +51,41 @@ def hull(footprint: tuple[tuple[float, float], ...]) -> Hull:
     return Hull(normals, offsets, float(np.hypot(corners[:, 0], corners[:, 1]).max()), turning)
 
 
-def stops(velocities: Floats, limits: Limits, hold: float, count: int, *, stand: bool = False) -> Floats:
-    """Return poses (c, count, 3) on the way to a stand of a base that keeps (c, 2) m/s, rad/s for `hold` seconds and then brakes.
+def stops(
+    velocities: Floats, limits: Limits, hold: float, count: int, *, stand: bool = False
+) -> Floats:
+    """Return poses (c, count, 3) on the way to a stand of a base that keeps (c, 2) m/s, rad/s for
+    `hold` seconds and then brakes.
 
-    Each axis brakes by its own limit, as bases do, so that an arc straightens or tightens on the way. The last pose is the stand;
-    with `stand` the one at which the robot is now comes before all, which makes it (c, count + 1, 3).
+    Each axis brakes by its own limit, as bases do, so that an arc straightens or tightens on the
+    way. The last pose is the stand; with `stand` the one at which the robot is now comes before
+    all, which makes it (c, count + 1, 3).
     """
     braking = np.array([limits.linear_braking, limits.angular_braking])
     speeds = np.abs(velocities)
     needed = speeds / braking
     times = (hold + needed.max(axis=1))[:, None] * (np.arange(count + 1) / count)
     rolling = np.minimum(np.maximum(times[:, :, None] - hold, 0.0), needed[:, None, :])
-    ways = np.sign(velocities)[:, None, :] * (speeds[:, None, :] * (np.minimum(times, hold)[:, :, None] + rolling) - braking * rolling**2 / 2.0)
+    ways = np.sign(velocities)[:, None, :] * (
+        speeds[:, None, :] * (np.minimum(times, hold)[:, :, None] + rolling)
+        - braking * rolling**2 / 2.0
+    )
     if stand:
         ways = np.concatenate([np.zeros((len(ways), 1, 2)), ways], axis=1)
     return along(ways)
 
 
-def arcs(start: Velocity, targets: Floats, acceleration: float, seconds: float, count: int) -> Floats:
-    """Return poses (c, count, 3) over `seconds` while the turn goes from that of `start` to each of `targets` (c,) rad/s."""
+def arcs(
+    start: Velocity, targets: Floats, acceleration: float, seconds: float, count: int
+) -> Floats:
+    """Return poses (c, count, 3) over `seconds` while the turn goes from that of `start` to each of
+    `targets` (c,) rad/s.
+    """
     times = seconds * np.arange(count + 1) / count
     changes = acceleration * times
-    rates = start.angular + np.minimum(np.maximum(targets[:, None] - start.angular, -changes), changes)
+    rates = start.angular + np.minimum(
+        np.maximum(targets[:, None] - start.angular, -changes), changes
+    )
     ways = np.zeros((len(targets), count + 1, 2))
     ways[:, :, 0] = start.linear * times
     ways[:, 1:, 1] = (rates[:, 1:] + rates[:, :-1]).cumsum(axis=1) * (seconds / count / 2.0)
@@ -76,7 +93,9 @@ def arcs(start: Velocity, targets: Floats, acceleration: float, seconds: float, 
 
 
 def along(ways: Floats) -> Floats:
-    """Return poses (c, k, 3) after the first of ways (c, k + 1, 2): metres driven and radians turned since the start."""
+    """Return poses (c, k, 3) after the first of ways (c, k + 1, 2): metres driven and radians
+    turned since the start.
+    """
     headings = (ways[:, 1:, 1] + ways[:, :-1, 1]) / 2.0
     steps = ways[:, 1:, 0] - ways[:, :-1, 0]
     poses = np.empty((ways.shape[0], ways.shape[1] - 1, 3))
@@ -86,18 +105,26 @@ def along(ways: Floats) -> Floats:
     return poses
 
 
-def distances(shape: Hull, poses: Floats, points: Floats, margins: Floats) -> npt.NDArray[np.float32]:
-    """Return (c, k, n): how far points (n, 2) are outside the hull at poses (c, k, 3), its sides pushed out by `margins` (c, e)."""
-    # The sides are moved and not the points, which are many: n . p - d of all of them is one product of (3, e, c, k) with (3, n).
+def distances(
+    shape: Hull, poses: Floats, points: Floats, margins: Floats
+) -> npt.NDArray[np.float32]:
+    """Return (c, k, n): how far points (n, 2) are outside the hull at poses (c, k, 3), its sides
+    pushed out by `margins` (c, e).
+    """
+    # The sides are moved and not the points, which are many: n . p - d of all of them is one
+    # product of (3, e, c, k) with (3, n).
     x, y, heading = poses.reshape(-1, 3).T
     turned = shape.turning @ np.stack([np.cos(heading), np.sin(heading)])
     across, up = turned[: len(shape.offsets)], turned[len(shape.offsets) :]
     kept = (shape.offsets + margins).T.repeat(poses.shape[1], axis=1)
-    sides = np.empty((3, *across.shape), dtype=np.float32)  # half the time, and precise to a thousandth of a millimetre
+    # half the time, and precise to a thousandth of a millimetre
+    sides = np.empty((3, *across.shape), dtype=np.float32)
     sides[0], sides[1], sides[2] = across, up, -(across * x + up * y + kept)
     spots = np.ones((3, len(points)), dtype=np.float32)
     spots[:2] = points.T
-    found: npt.NDArray[np.float32] = (sides.reshape(3, -1).T @ spots).reshape(-1, *poses.shape[:2], len(points)).max(axis=0)
+    found: npt.NDArray[np.float32] = (
+        (sides.reshape(3, -1).T @ spots).reshape(-1, *poses.shape[:2], len(points)).max(axis=0)
+    )
     return found
 
 

@@ -1,8 +1,9 @@
 """Into a charging station and out of it.
 
-The map leads to a pose before the station; from there the station's own shape in the laser does, because the contacts ask for more
-than a map can give. Where the station is seen is remembered in the frame of the odometry, so that one bad sweep means nothing. A try
-that ends beside the contacts is taken back and begun anew.
+The map leads to a pose before the station; from there the station's own shape in the laser does,
+because the contacts ask for more than a map can give. Where the station is seen is remembered in
+the frame of the odometry, so that one bad sweep means nothing. A try that ends beside the contacts
+is taken back and begun anew.
 
 Distances in this file are in the frame of the docked robot: x < 0 before the station, y aside.
 """
@@ -63,7 +64,9 @@ class Task(Protocol):
 class Docking:
     """Drive into `dock`; `approach` makes the journey to a pose of the map."""
 
-    def __init__(self, dock: Dock, check: BrakeCheck, limits: Limits, approach: Callable[[Pose2D], Task]) -> None:
+    def __init__(
+        self, dock: Dock, check: BrakeCheck, limits: Limits, approach: Callable[[Pose2D], Task]
+    ) -> None:
         self._contact_since: float | None = None
         self._seated = DockState()
         self._presses = True
@@ -88,7 +91,7 @@ class Docking:
         self._sight(sense)
         return self._look(sense) if self._stage == "look" else self._enter(sense)
 
-    # --- the stages -----------------------------------------------------------------------------------------------------
+    # --- the stages -------------------------------------------------------------------------------
 
     def _begin_try(self, number: int) -> None:
         self._try, self._stage = number, "approach"
@@ -105,7 +108,11 @@ class Docking:
         if step.status == "FAILED":
             return failed(f"the charging station cannot be reached: {step.reason}")
         if step.status == "FINISHED":
-            self._stage, self._since, self._glance = "look", sense.now, Follower(self._check, self._limits)
+            self._stage, self._since, self._glance = (
+                "look",
+                sense.now,
+                Follower(self._check, self._limits),
+            )
             self._straight_on = sense.odometry.theta
             return self._running(ZERO, "looks for the charging station", 0.7)
         return Step(step.velocity, "RUNNING", step.reason, step.path, step.progress * 0.7)
@@ -126,7 +133,14 @@ class Docking:
     def _enter(self, sense: Sense) -> Step:
         here = self._error(sense)
         if sense.now - self._since > ENTERING:
-            return self._again(sense, "something stands before it" if self._waits else "the contacts did not meet in time")
+            return self._again(
+                sense,
+                (
+                    "something stands before it"
+                    if self._waits
+                    else "the contacts did not meet in time"
+                ),
+            )
         if here.x < -CLOSE and sense.now - self._seen_at > LOST_AFTER:
             return self._again(sense, "the charging station went out of sight")
         if self._off_course(here):
@@ -139,27 +153,47 @@ class Docking:
         done = self._check.fastest(sense.velocity, self._servo(here), self._others(sense))
         self._waits = done.velocity == ZERO
         reason = "waits for what stands before the charging station" if self._waits else ""
-        return self._running(done.velocity, reason, min(0.99, 0.75 + 0.25 * (1.0 + here.x / BEFORE)))
+        return self._running(
+            done.velocity, reason, min(0.99, 0.75 + 0.25 * (1.0 + here.x / BEFORE))
+        )
 
     def _seat(self, sense: Sense) -> Step:
-        """The contacts meet: press on a little, so that they go on meeting; then stand until the robot is docked."""
+        """The contacts meet: press on a little, so that they go on meeting; then stand until the
+        robot is docked.
+        """
         self._contact_since = sense.now if self._contact_since is None else self._contact_since
         velocity, released = sense.velocity, not self._presses
-        reading = DockReading(at=sense.now, contact=True, linear=velocity.linear, angular=velocity.angular, released=released)
+        reading = DockReading(
+            at=sense.now,
+            contact=True,
+            linear=velocity.linear,
+            angular=velocity.angular,
+            released=released,
+        )
         self._seated = follow(DOCKED, self._seated, reading)
         if self._seated.docked:
             return finished()
         if sense.now - self._contact_since >= COMING_TO_REST:
             return self._again(sense, "the robot did not come to rest on the contacts")
-        deep = self._docked_in_odometry is None or self._stage != "enter" or self._error(sense).x >= SEATED
+        deep = (
+            self._docked_in_odometry is None
+            or self._stage != "enter"
+            or self._error(sense).x >= SEATED
+        )
         self._presses = not deep and sense.now - self._contact_since < SEATING
-        return self._running(Velocity(linear=SLOW, angular=0.0) if self._presses else ZERO, "", 0.99)
+        return self._running(
+            Velocity(linear=SLOW, angular=0.0) if self._presses else ZERO, "", 0.99
+        )
 
     def _again(self, sense: Sense, reason: str) -> Step:
         """Take a try back: out, and anew; or give up."""
         self._why = reason
         self._stage = "back"
-        self._out = _Reverse(self._check, self._limits, max(0.0, BEFORE - 0.3 + self._error(sense).x) if self._docked_in_odometry else 0.0)
+        self._out = _Reverse(
+            self._check,
+            self._limits,
+            max(0.0, BEFORE - 0.3 + self._error(sense).x) if self._docked_in_odometry else 0.0,
+        )
         return self._running(ZERO, reason, 0.7)
 
     def _back(self, sense: Sense) -> Step:
@@ -174,7 +208,7 @@ class Docking:
         self._begin_try(self._try + 1)
         return self._running(ZERO, "tries again", 0.5)
 
-    # --- the last metre ---------------------------------------------------------------------------------------------------
+    # --- the last metre ---------------------------------------------------------------------------
 
     def _sight(self, sense: Sense) -> None:
         """Look for the station in a new sweep, near where it was last seen or where the map has it."""
@@ -182,7 +216,9 @@ class Docking:
             return
         self._beams_at = sense.beams.stamp
         known = self._docked_in_odometry
-        docked = (sense.pose.inverse() if known is None else sense.odometry.inverse()).compose(known or self._pose)
+        docked = (sense.pose.inverse() if known is None else sense.odometry.inverse()).compose(
+            known or self._pose
+        )
         at_sweep = sense.beams_from.inverse().compose(sense.odometry).compose(docked)
         ahead = Pose2D(self._dock.station.distance, 0.0, 0.0)
         window = shape.WIDE if self._seen < SIGHTINGS else shape.NARROW
@@ -196,7 +232,11 @@ class Docking:
     def _error(self, sense: Sense) -> Pose2D:
         """Return the pose of the robot in the frame of the docked one."""
         known = self._docked_in_odometry
-        return self._pose.inverse().compose(sense.pose) if known is None else known.inverse().compose(sense.odometry)
+        return (
+            self._pose.inverse().compose(sense.pose)
+            if known is None
+            else known.inverse().compose(sense.odometry)
+        )
 
     def _servo(self, here: Pose2D) -> Velocity:
         """Return the velocity that steers onto the line before the station and along it."""
@@ -207,7 +247,9 @@ class Docking:
 
     def _off_course(self, here: Pose2D) -> bool:
         near = -0.2 < here.x < -0.08  # noqa: PLR2004 -- metres: later, the contacts may meet all the same
-        return (near and (abs(here.y) > ASIDE or abs(here.theta) > 2.0 * ASKEW)) or abs(here.y) > TOO_FAR_ASIDE
+        return (near and (abs(here.y) > ASIDE or abs(here.theta) > 2.0 * ASKEW)) or abs(
+            here.y
+        ) > TOO_FAR_ASIDE
 
     def _others(self, sense: Sense) -> Hazards:
         """Return the hazards without the station and what is behind it."""
@@ -217,21 +259,30 @@ class Docking:
 
         def elsewhere(points: Floats) -> Floats:
             local = into(docked, points)
-            chosen: Floats = points[(local[:, 0] < front) | ((np.abs(local[:, 1]) > half) & (local[:, 0] < front + EXEMPT))]
+            chosen: Floats = points[
+                (local[:, 0] < front)
+                | ((np.abs(local[:, 1]) > half) & (local[:, 0] < front + EXEMPT))
+            ]
             return chosen
 
         near = sense.hazards
         return Hazards(elsewhere(near.things), elsewhere(near.strangers), elsewhere(near.walkers))
 
     def _stalled(self, sense: Sense) -> bool:
-        if self._waits or abs(sense.velocity.linear) > SLOW / 3.0 or sense.now - self._since < STALLED:
+        if (
+            self._waits
+            or abs(sense.velocity.linear) > SLOW / 3.0
+            or sense.now - self._since < STALLED
+        ):
             self._still_since = None
             return False
         self._still_since = sense.now if self._still_since is None else self._still_since
         return self._error(sense).x > -CLOSE and sense.now - self._still_since >= STALLED
 
     def _running(self, velocity: Velocity, reason: str, progress: float) -> Step:
-        line = np.array([[self._pose.compose(Pose2D(-BEFORE, 0.0, 0.0))[:2], self._pose[:2]]]).reshape(2, 2)
+        line = np.array(
+            [[self._pose.compose(Pose2D(-BEFORE, 0.0, 0.0))[:2], self._pose[:2]]]
+        ).reshape(2, 2)
         return Step(velocity, "RUNNING", reason, line, progress)
 
 
@@ -248,9 +299,15 @@ class _Reverse:
             self._from, self._moving_at = sense.odometry, sense.now
         gone = -self._from.inverse().compose(sense.odometry).x
         if gone >= self._way:
-            return finished() if abs(sense.velocity.linear) <= SETTLED else Step(ZERO, "RUNNING", progress=1.0)
+            return (
+                finished()
+                if abs(sense.velocity.linear) <= SETTLED
+                else Step(ZERO, "RUNNING", progress=1.0)
+            )
         speed = min(BACK_SPEED, self._limits.reverse, 0.05 + (self._way - gone))
-        done = self._check.fastest(sense.velocity, Velocity(linear=-speed, angular=0.0), sense.hazards)
+        done = self._check.fastest(
+            sense.velocity, Velocity(linear=-speed, angular=0.0), sense.hazards
+        )
         if abs(sense.velocity.linear) > 0.01:  # noqa: PLR2004 -- m/s
             self._moving_at = sense.now
         if sense.now - self._moving_at > PATIENCE:
@@ -264,15 +321,26 @@ class _Reverse:
 
 
 class Undocking:
-    """Back out far enough to turn; with `about`, turn round as well, so that the room is before the robot and no longer its station."""
+    """Back out far enough to turn; with `about`, turn round as well, so that the room is before the
+    robot and no longer its station.
+    """
 
     needs_map = False
 
-    def __init__(self, dock: Dock | None, check: BrakeCheck, limits: Limits, circumscribed: float, *, about: bool) -> None:
+    def __init__(
+        self,
+        dock: Dock | None,
+        check: BrakeCheck,
+        limits: Limits,
+        circumscribed: float,
+        *,
+        about: bool,
+    ) -> None:
         room = circumscribed + STAND_BACK - (dock.station.distance if dock else 0.0)
         self._reverse = _Reverse(check, limits, max(OUT, room))
         self._turn = Follower(check, limits) if about else None
-        self._away: float | None = None  # the heading away from the station, in the odometry's frame
+        # the heading away from the station, in the odometry's frame
+        self._away: float | None = None
         self._is_out = False
         self._held_since: float | None = None
 
@@ -290,10 +358,16 @@ class Undocking:
         if step.status == "FINISHED" and self._turn is not None:
             self._is_out = True
             return Step(ZERO, "RUNNING", progress=BACKED)
-        return replace(step, progress=step.progress * BACKED) if self._turn is not None and step.status == "RUNNING" else step
+        return (
+            replace(step, progress=step.progress * BACKED)
+            if self._turn is not None and step.status == "RUNNING"
+            else step
+        )
 
     def _face_away(self, away: float, sense: Sense) -> Step:
-        """Turn; the robot is out already, so that it is done too where it has no room or somebody stays in the way."""
+        """Turn; the robot is out already, so that it is done too where it has no room or somebody
+        stays in the way.
+        """
         assert self._turn is not None
         error = wrap_angle(away - sense.odometry.theta)
         turned = self._turn.turn(error, sense.velocity, sense.hazards, FACING)
@@ -301,11 +375,21 @@ class Undocking:
             self._held_since = None
         elif self._held_since is None:
             self._held_since = sense.now
-        if turned.state == "arrived" or (self._held_since is not None and sense.now - self._held_since > HELD_UP):
+        if turned.state == "arrived" or (
+            self._held_since is not None and sense.now - self._held_since > HELD_UP
+        ):
             return finished()
-        return Step(turned.velocity, "RUNNING", progress=BACKED + (1.0 - BACKED) * (1.0 - abs(error) / math.pi))
+        return Step(
+            turned.velocity,
+            "RUNNING",
+            progress=BACKED + (1.0 - BACKED) * (1.0 - abs(error) / math.pi),
+        )
 
 
 def _between(old: Pose2D, new: Pose2D, share: float) -> Pose2D:
     """Return the pose `share` of the way from old to new."""
-    return Pose2D(old.x + share * (new.x - old.x), old.y + share * (new.y - old.y), wrap_angle(old.theta + share * wrap_angle(new.theta - old.theta)))
+    return Pose2D(
+        old.x + share * (new.x - old.x),
+        old.y + share * (new.y - old.y),
+        wrap_angle(old.theta + share * wrap_angle(new.theta - old.theta)),
+    )

@@ -1,8 +1,10 @@
-"""Where a charging station stands, from one sweep of the laser: its known shape is fitted to the points about where it should be.
+"""Where a charging station stands, from one sweep of the laser: its known shape is fitted to the
+points about where it should be.
 
-Seen by a robot that comes to dock, a station is a flat front of known width that stands out before whatever is behind it. First many
-poses about the expected one are scored: points on the front speak for a pose, points that stick out before it, that went through it
-or that continue it beyond its edges speak against it. Then a straight line through the points on the front gives distance and
+Seen by a robot that comes to dock, a station is a flat front of known width that stands out before
+whatever is behind it. First many poses about the expected one are scored: points on the front speak
+for a pose, points that stick out before it, that went through it or that continue it beyond its
+edges speak against it. Then a straight line through the points on the front gives distance and
 heading (total least squares), and its two ends, halfway to the next beam, give the middle.
 """
 
@@ -21,13 +23,16 @@ OUT = 0.5  # points are looked at so far beyond either edge: metres
 LEAST_POINTS = 8
 LEAST_SHARE = 0.75  # of the front's width that must have been seen
 AGAINST = 1.0  # weight of a point that speaks against a pose
-GOES_ON, STRAY = 0.25, 2  # metres beyond the ends of a front in which no more points than this may continue it
+# metres beyond the ends of a front in which no more points than this may continue it
+GOES_ON, STRAY = 0.25, 2
 EDGE = 0.03  # metres by which the seen width may differ, beyond the distance of two beams
 
 
 @dataclass(frozen=True)
 class Window:
-    """How far about the expected pose a station is looked for: metres along, metres aside, radians; and the steps between."""
+    """How far about the expected pose a station is looked for: metres along, metres aside, radians;
+    and the steps between.
+    """
 
     along: float
     aside: float
@@ -42,7 +47,9 @@ NARROW = Window(along=0.08, aside=0.08, turned=0.1)
 
 @dataclass(frozen=True)
 class Sighting:
-    """The pose of the middle of a station's front in the robot's frame, looking as the docked robot does; `points` lie on it."""
+    """The pose of the middle of a station's front in the robot's frame, looking as the docked robot
+    does; `points` lie on it.
+    """
 
     front: Pose2D
     points: int
@@ -68,7 +75,9 @@ def find(beams: LaserScan, expected: Pose2D, station: Station, window: Window) -
 def _best(points: Floats, expected: Pose2D, station: Station, window: Window) -> Pose2D:
     """Return the pose with the best score of a grid about the expected one."""
     local = into(expected, points)
-    along, aside = (np.arange(-size, size + 1e-9, window.step) for size in (window.along, window.aside))
+    along, aside = (
+        np.arange(-size, size + 1e-9, window.step) for size in (window.along, window.aside)
+    )
     best, best_score = expected, -math.inf
     for turned in np.arange(-window.turned, window.turned + 1e-9, window.turn_step):
         cosine, sine = math.cos(turned), math.sin(turned)
@@ -79,13 +88,17 @@ def _best(points: Floats, expected: Pose2D, station: Station, window: Window) ->
         score = float(scores[index]) - abs(float(turned))
         if score > best_score:
             x, y = float(along[index[0]]), float(aside[index[1]])
-            best = expected.compose(Pose2D(cosine * x - sine * y, sine * x + cosine * y, float(turned)))
+            best = expected.compose(
+                Pose2D(cosine * x - sine * y, sine * x + cosine * y, float(turned))
+            )
             best_score = score
     return best
 
 
 def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station) -> Floats:
-    """Return the scores (a, s) of fronts at `along` x `aside` for points that lie u ahead and v aside of the expected front."""
+    """Return the scores (a, s) of fronts at `along` x `aside` for points that lie u ahead and v
+    aside of the expected front.
+    """
     depth = u[None, :] - along[:, None]
     off = np.abs(v[None, :] - aside[:, None]) - station.width / 2.0
     on_line = (np.abs(depth) <= ON_FRONT).astype(np.float64)
@@ -93,21 +106,36 @@ def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station
     through = (depth > ON_FRONT).astype(np.float64)
     within = (off <= 0.0).astype(np.float64)
     beyond = ((off > ON_FRONT) & (off <= OUT)).astype(np.float64)
-    speaks: Floats = (on_line - AGAINST * (sticks_out + through)) @ within.T - AGAINST * on_line @ beyond.T
+    speaks: Floats = (
+        on_line - AGAINST * (sticks_out + through)
+    ) @ within.T - AGAINST * on_line @ beyond.T
     return speaks
 
 
-def _goes_on(points: Floats, direction: Floats, normal: Floats, offset: float, ends: tuple[float, float]) -> bool:
-    """Tell whether a line of points goes on beyond its ends: a wall does, the front of a station does not."""
+def _goes_on(
+    points: Floats, direction: Floats, normal: Floats, offset: float, ends: tuple[float, float]
+) -> bool:
+    """Tell whether a line of points goes on beyond its ends: a wall does, the front of a station
+    does not.
+    """
     along, off = points @ direction, np.abs(points @ normal - offset)
-    beyond = (off <= ON_FRONT) & ((along < ends[0] - EDGE) | (along > ends[1] + EDGE)) & (along > ends[0] - GOES_ON) & (along < ends[1] + GOES_ON)
+    beyond = (
+        (off <= ON_FRONT)
+        & ((along < ends[0] - EDGE) | (along > ends[1] + EDGE))
+        & (along > ends[0] - GOES_ON)
+        & (along < ends[1] + GOES_ON)
+    )
     return int(beyond.sum()) > STRAY
 
 
 def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None:
-    """Return the rough pose, fitted to the points on its front; None when too little of the front is there."""
+    """Return the rough pose, fitted to the points on its front; None when too little of the front
+    is there.
+    """
     local = into(rough, points)
-    on_front = (np.abs(local[:, 0]) <= ON_FRONT) & (np.abs(local[:, 1]) <= station.width / 2.0 + ON_FRONT)
+    on_front = (np.abs(local[:, 0]) <= ON_FRONT) & (
+        np.abs(local[:, 1]) <= station.width / 2.0 + ON_FRONT
+    )
     front = local[on_front]
     if len(front) < LEAST_POINTS:
         return None
@@ -117,7 +145,10 @@ def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None
     across = front @ direction
     low, high = float(across.min()), float(across.max())
     spacing = (high - low) / max(len(front) - 1, 1)
-    if high - low < LEAST_SHARE * station.width - spacing or high - low > station.width + EDGE + 2.0 * spacing:
+    if (
+        high - low < LEAST_SHARE * station.width - spacing
+        or high - low > station.width + EDGE + 2.0 * spacing
+    ):
         return None
     normal = np.array([direction[1], -direction[0]])
     if _goes_on(local, direction, normal, float(centre @ normal), (low, high)):

@@ -15,7 +15,12 @@ ONE_THING = 0.8  # metres about a blocked point that count as blocked for the sa
 
 
 def what_blocks(
-    obstacle_map: LocalObstacleMap, planner: Planner, plan: FloorPlan | None, *, way: tuple[tuple[float, float], tuple[float, float]], now: float
+    obstacle_map: LocalObstacleMap,
+    planner: Planner,
+    plan: FloorPlan | None,
+    *,
+    way: tuple[tuple[float, float], tuple[float, float]],
+    now: float,
 ) -> str:
     """Return why no way leads now from the one point of `way` to the other."""
     start, goal = way
@@ -28,13 +33,29 @@ def what_blocks(
         return "no way leads to the goal on the map"
     if float(costmap.sample(clearance, np.array([goal]))[0]) < costmap.least:
         return "something stands on the goal"
-    found = list(dict.fromkeys(_at(obstacle_map, plan, spot, now) for spot in _spots(obstacle_map, planner, way, clearance)))
+    found = list(
+        dict.fromkeys(
+            _at(obstacle_map, plan, spot, now)
+            for spot in _spots(obstacle_map, planner, way, clearance)
+        )
+    )
     return f"blocked: {_and(found)}" if found else "the way is too narrow for the robot"
 
 
-def _spots(obstacle_map: LocalObstacleMap, planner: Planner, way: tuple[tuple[float, float], tuple[float, float]], clearance: Floats) -> list[Floats]:
-    """Return the points (2,) at which the ways of the map are blocked: that of the usual one, that of the next best, and so on."""
-    costmap, spots, known = obstacle_map.costmap, list[Floats](), np.zeros(obstacle_map.costmap.shape, dtype=np.bool_)
+def _spots(
+    obstacle_map: LocalObstacleMap,
+    planner: Planner,
+    way: tuple[tuple[float, float], tuple[float, float]],
+    clearance: Floats,
+) -> list[Floats]:
+    """Return the points (2,) at which the ways of the map are blocked: that of the usual one, that
+    of the next best, and so on.
+    """
+    costmap, spots, known = (
+        obstacle_map.costmap,
+        list[Floats](),
+        np.zeros(obstacle_map.costmap.shape, dtype=np.bool_),
+    )
     for _ in range(WAYS):
         path = planner.plan(*way, costmap.clearance_with(known))
         if path is None:
@@ -54,11 +75,24 @@ def _at(obstacle_map: LocalObstacleMap, plan: FloorPlan | None, spot: Floats, no
     """Return what is in the way at a point (2,)."""
     x, y = float(spot[0]), float(spot[1])
     closed = obstacle_map.doors.closed(now)
-    door = next((door for door in (plan.doors if plan else ()) if _distance(door.start, door.end, x, y) <= AT_DOOR), None)
+    door = next(
+        (
+            door
+            for door in (plan.doors if plan else ())
+            if _distance(door.start, door.end, x, y) <= AT_DOOR
+        ),
+        None,
+    )
     if door:
-        return f"{door.title} is closed" if door in closed else f"something stands in the doorway ({door.title})"
+        return (
+            f"{door.title} is closed"
+            if door in closed
+            else f"something stands in the doorway ({door.title})"
+        )
     room = plan.room_at(x, y) if plan else None
-    return f"something stands in the way at ({x:.1f}, {y:.1f})" + (f" in {room.title}" if room else "")
+    return f"something stands in the way at ({x:.1f}, {y:.1f})" + (
+        f" in {room.title}" if room else ""
+    )
 
 
 def _distance(start: tuple[float, float], end: tuple[float, float], x: float, y: float) -> float:

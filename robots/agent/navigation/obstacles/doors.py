@@ -1,8 +1,8 @@
 """Which doors of a plan are closed, as far as the laser has seen.
 
-A beam that would cross a doorway on its way and ends in it has met the leaf; one that goes on well behind it went through. Beams
-that end before it, or that only graze it, tell nothing. A door that was seen closed stays so until it is seen open, or is worth
-another look after `MEMORY` seconds.
+A beam that would cross a doorway on its way and ends in it has met the leaf; one that goes on well
+behind it went through. Beams that end before it, or that only graze it, tell nothing. A door that
+was seen closed stays so until it is seen open, or is worth another look after `MEMORY` seconds.
 """
 
 import math
@@ -42,7 +42,11 @@ class DoorWatch:
 
     def closed(self, now: float) -> tuple[Door, ...]:
         """Return the doors that count as closed."""
-        return tuple(door for door in self.doors if now - self._seen_closed.get(door.name, -math.inf) <= MEMORY)
+        return tuple(
+            door
+            for door in self.doors
+            if now - self._seen_closed.get(door.name, -math.inf) <= MEMORY
+        )
 
     def leaves(self, now: float) -> Floats:
         """Return points (n, 2) along the leaves of the doors that count as closed."""
@@ -62,22 +66,34 @@ class DoorWatch:
 
 
 def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
-    """Return how many beams of a sweep met the leaf of a door in its frame, and how many went through the doorway."""
+    """Return how many beams of a sweep met the leaf of a door in its frame, and how many went
+    through the doorway.
+    """
     (x0, y0), (x1, y1) = door.start, door.end
     width, height = x1 - x0, y1 - y0
-    leaf = np.array([[x0 + MIDDLE * width, y0 + MIDDLE * height, x1 - MIDDLE * width, y1 - MIDDLE * height]])
+    leaf = np.array(
+        [[x0 + MIDDLE * width, y0 + MIDDLE * height, x1 - MIDDLE * width, y1 - MIDDLE * height]]
+    )
     towards = _towards(leaf[0], laser, beams)
     if len(towards) == 0:
         return 0, 0
     directions = laser.theta + beams.angles[towards]
     reach, met = cast(leaf, laser.x, laser.y, directions)
-    crossing = (met >= 0) & (reach <= NEAR) & (np.abs(np.sin(directions - math.atan2(height, width))) >= GRAZING)
+    crossing = (
+        (met >= 0)
+        & (reach <= NEAR)
+        & (np.abs(np.sin(directions - math.atan2(height, width))) >= GRAZING)
+    )
     ranges = np.minimum(beams.ranges[towards[crossing]], beams.range_max)
-    return int((np.abs(ranges - reach[crossing]) <= IN_LINE).sum()), int((ranges > reach[crossing] + BEHIND).sum())
+    return int((np.abs(ranges - reach[crossing]) <= IN_LINE).sum()), int(
+        (ranges > reach[crossing] + BEHIND).sum()
+    )
 
 
 def _towards(leaf: Floats, laser: Pose2D, beams: LaserScan) -> npt.NDArray[np.intp]:
-    """Return the numbers of the beams that look between the two ends of a leaf (4,), seen from the laser."""
+    """Return the numbers of the beams that look between the two ends of a leaf (4,), seen from the
+    laser.
+    """
     first = math.atan2(leaf[1] - laser.y, leaf[0] - laser.x)
     opening = wrap_angle(math.atan2(leaf[3] - laser.y, leaf[2] - laser.x) - first)
     turned = (beams.angles + (laser.theta - first - opening / 2.0) + math.pi) % math.tau - math.pi

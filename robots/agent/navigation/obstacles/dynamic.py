@@ -1,7 +1,8 @@
-"""Who walked out of the laser's sight near the robot a moment ago, and may be beside or behind it now.
+"""Who walked out of the laser's sight near the robot a moment ago, and may be beside or behind it
+now.
 
-A laser of 180 or 240 degrees sees people come and loses them when they pass. For `HOLD` seconds they count as walking still, where
-they were seen last; so the robot lets them by before it goes on.
+A laser of 180 or 240 degrees sees people come and loses them when they pass. For `HOLD` seconds
+they count as walking still, where they were seen last; so the robot lets them by before it goes on.
 """
 
 from collections import deque
@@ -30,13 +31,17 @@ class LostObstacles:
             self._seen.append((stamp, out_of(odometry, near[:: max(1, len(near) // POINTS)])))
 
     def out_of_sight(self, now: float, odometry: Pose2D, beams: LaserScan) -> Floats:
-        """Return the points (m, 2), in the robot's frame at `odometry`, that no beam of the laser looks at any more."""
+        """Return the points (m, 2), in the robot's frame at `odometry`, that no beam of the laser
+        looks at any more.
+        """
         while self._seen and now - self._seen[0][0] > HOLD:
             self._seen.popleft()
         if not self._seen:
             return np.zeros((0, 2))
         points = into(odometry, np.vstack([points for _, points in self._seen]))
         from_laser = into(beams.mount, points)
-        turned = (np.arctan2(from_laser[:, 1], from_laser[:, 0]) - float(beams.angles[0])) % (2.0 * np.pi)
+        turned = (np.arctan2(from_laser[:, 1], from_laser[:, 0]) - float(beams.angles[0])) % (
+            2.0 * np.pi
+        )
         hidden: Floats = points[turned > abs(float(beams.angles[-1] - beams.angles[0]))]
         return hidden

@@ -1,8 +1,9 @@
-"""What stands about the robot that is not on the map: things, people, closed doors; marked where the laser met them.
+"""What stands about the robot that is not on the map: things, people, closed doors; marked where
+the laser met them.
 
-A cell of the map is marked while something is seen in it, and free again when the laser looks through it. Out of sight, what stood
-there for long is remembered for long, and what was passing by is soon forgotten. What has not stood still for `SETTLED` seconds may
-be somebody who walks.
+A cell of the map is marked while something is seen in it, and free again when the laser looks
+through it. Out of sight, what stood there for long is remembered for long, and what was passing by
+is soon forgotten. What has not stood still for `SETTLED` seconds may be somebody who walks.
 """
 
 import numpy as np
@@ -21,11 +22,13 @@ SEEN_THROUGH = 0.15  # how far before the end of a beam its way counts as free: 
 SPACING = 0.05
 AROUND = np.indices((3, 3)).reshape(2, 9, 1) - 1  # rows and columns of a cell and its neighbours
 NEVER = -1e12  # seconds
-SURE = 2.0  # what was marked from farther off is worth a closer look before a way is given up: metres
+# what was marked from farther off is worth a closer look before a way is given up: metres
+SURE = 2.0
 NOTED = 0.8  # what is so near may be what holds the robot: metres
 SETTLED = 10.0  # seconds after which what stands still is a thing
 FLICKER = 1.0  # a mark that comes back within this time was never away: seconds
-BRIEFLY, AT_LONGEST, BY_AGE = 5.0, 60.0, 10.0  # how long marks are kept out of sight: seconds, and seconds a second of standing there
+# how long marks are kept out of sight: seconds, and seconds a second of standing there
+BRIEFLY, AT_LONGEST, BY_AGE = 5.0, 60.0, 10.0
 
 
 class LocalObstacleMap:
@@ -39,7 +42,9 @@ class LocalObstacleMap:
         self._last = np.full(costmap.shape, NEVER)
         self._asked: tuple[Pose2D, Floats, Floats, tuple[Cells, Cells, Bools]] | None = None
         self._known: tuple[Bools, Floats] | None = None
-        self._leaves = [np.array([door.start, leaf_end(door, "open")]) for door in (plan.doors if plan else ())]
+        self._leaves = [
+            np.array([door.start, leaf_end(door, "open")]) for door in (plan.doors if plan else ())
+        ]
 
     def forget(self) -> None:
         """Forget everything that is not on the map."""
@@ -60,7 +65,9 @@ class LocalObstacleMap:
         self._mark(rows[which], columns[which], now)
 
     def note(self, robot: Pose2D, points: Floats, now: float) -> None:
-        """Mark points (n, 2) in the robot's frame that keep it from moving and may be remembered from longer ago."""
+        """Mark points (n, 2) in the robot's frame that keep it from moving and may be remembered
+        from longer ago.
+        """
         close = points[np.hypot(points[:, 0], points[:, 1]) <= NOTED]
         rows, columns, inside = self.costmap.cells(out_of(robot, close))
         which = inside & (self.costmap.clearance[rows, columns] > ON_MAP / 2.0)
@@ -80,14 +87,18 @@ class LocalObstacleMap:
         kept = np.minimum(np.maximum(BRIEFLY + BY_AGE * (last - first), BRIEFLY), AT_LONGEST)
         rows, columns = np.divmod(there[now - last <= kept], self.costmap.shape[1])
         leaf_rows, leaf_columns, inside = self.costmap.cells(self.doors.leaves(now))
-        return np.concatenate([rows, leaf_rows[inside]]), np.concatenate([columns, leaf_columns[inside]])
+        return np.concatenate([rows, leaf_rows[inside]]), np.concatenate(
+            [columns, leaf_columns[inside]]
+        )
 
     def clearance(self, now: float) -> Floats:
         """Return (h, w) the distance in metres to the nearest thing, on the map or not."""
         return self._clearance_with(self.live(now))
 
     def room_at(self, points: Floats, now: float) -> Floats:
-        """Return `clearance` (n,) at points (n, 2) of the map: much sooner than all of it, for a few points."""
+        """Return `clearance` (n,) at points (n, 2) of the map: much sooner than all of it, for a
+        few points.
+        """
         rows, columns, inside = self.costmap.cells(points)
         room: Floats = np.where(inside, self.costmap.clearance[rows, columns], 0.0)
         down, right = self._live_cells(now)
@@ -99,13 +110,17 @@ class LocalObstacleMap:
         return np.minimum(room, beside)
 
     def _clearance_with(self, live: Bools) -> Floats:
-        """Return the clearance with live cells; the last answer is kept, because often nothing has changed."""
+        """Return the clearance with live cells; the last answer is kept, because often nothing has
+        changed.
+        """
         if self._known is None or not np.array_equal(self._known[0], live):
             self._known = live, self.costmap.clearance_with(live)
         return self._known[1]
 
     def clearance_nearby(self, robot: Pose2D, now: float) -> Floats:
-        """Return the same, but leave out what was marked farther off than `SURE`, and is no closed door."""
+        """Return the same, but leave out what was marked farther off than `SURE`, and is no closed
+        door.
+        """
         live = self.live(now)
         rows, columns = np.nonzero(live)
         spots = self.costmap.centres(rows, columns)
@@ -116,7 +131,9 @@ class LocalObstacleMap:
         return self._clearance_with(live)
 
     def strange(self, robot: Pose2D, points: Floats, now: float) -> Bools:
-        """Tell for points (n, 2) in the robot's frame which are of nothing on the map, nor of a door."""
+        """Tell for points (n, 2) in the robot's frame which are of nothing on the map, nor of a
+        door.
+        """
         seen, (rows, columns, inside) = self._cells(robot, points)
         result: Bools = inside & (self.costmap.clearance[rows, columns] > ON_MAP)
         which = np.flatnonzero(result)
@@ -125,7 +142,9 @@ class LocalObstacleMap:
         return result
 
     def _cells(self, robot: Pose2D, points: Floats) -> tuple[Floats, tuple[Cells, Cells, Bools]]:
-        """Return points (n, 2) in the robot's frame as points of the map, and their cells; the last answer is kept for who asks again."""
+        """Return points (n, 2) in the robot's frame as points of the map, and their cells; the last
+        answer is kept for who asks again.
+        """
         asked = self._asked
         if asked is None or asked[0] != robot or asked[1] is not points:
             seen = out_of(robot, points)
@@ -133,11 +152,18 @@ class LocalObstacleMap:
         return asked[2], asked[3]
 
     def settled(self, robot: Pose2D, points: Floats, now: float) -> Bools:
-        """Tell for points (n, 2) in the robot's frame where something has stood still for long, there or in the next cell."""
+        """Tell for points (n, 2) in the robot's frame where something has stood still for long,
+        there or in the next cell.
+        """
         rows, columns, _ = self.costmap.cells(out_of(robot, points))
         high, wide = self.costmap.shape
-        down, right = np.minimum(np.maximum(rows + AROUND[0], 0), high - 1), np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1)
-        result: Bools = (self._there[down, right] & (now - self._first[down, right] >= SETTLED)).any(axis=0)
+        down, right = (
+            np.minimum(np.maximum(rows + AROUND[0], 0), high - 1),
+            np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1),
+        )
+        result: Bools = (
+            self._there[down, right] & (now - self._first[down, right] >= SETTLED)
+        ).any(axis=0)
         return result
 
     def _leaf(self, points: Floats, now: float) -> Bools:
@@ -146,26 +172,37 @@ class LocalObstacleMap:
             return np.zeros(len(points), dtype=np.bool_)
         closed = {door.name for door in self.doors.closed(now)}
         doors = zip(self.doors.doors, self._leaves, strict=True)
-        lines = np.array([[door.start, door.end] if door.name in closed else leaf for door, leaf in doors])
+        lines = np.array(
+            [[door.start, door.end] if door.name in closed else leaf for door, leaf in doors]
+        )
         result: Bools = np.logical_or.reduce(_beside(points, lines) <= ON_MAP, axis=0)
         return result
 
     def _clear(self, laser: Pose2D, beams: LaserScan) -> None:
-        """Free the cells that a beam passes; the few that are marked are asked, not the many that the beams cross."""
+        """Free the cells that a beam passes; the few that are marked are asked, not the many that
+        the beams cross.
+        """
         rows, columns = np.nonzero(self._there)
         if len(rows) == 0:
             return
         seen = into(laser, self.costmap.centres(rows, columns))
         distances = np.hypot(seen[:, 0], seen[:, 1])
-        bearings = (np.sign(beams.angle_increment) * (np.arctan2(seen[:, 1], seen[:, 0]) - beams.angle_min)) % (2.0 * np.pi)
-        half = self.costmap.transform.resolution / 2.0 / np.maximum(distances, SPACING)  # of the angle under which a cell is seen
+        bearings = (
+            np.sign(beams.angle_increment) * (np.arctan2(seen[:, 1], seen[:, 0]) - beams.angle_min)
+        ) % (2.0 * np.pi)
+        # of the angle under which a cell is seen
+        half = self.costmap.transform.resolution / 2.0 / np.maximum(distances, SPACING)
         step, last = abs(beams.angle_increment), len(beams.ranges) - 1
         index = np.rint(bearings / step).astype(np.intp)
         free = np.minimum(np.minimum(beams.ranges, beams.range_max) - SEEN_THROUGH, MARKED)
         passed = np.zeros(len(rows), dtype=np.bool_)
         for beside in (0, -1, 1):
             beam = index + beside
-            met = (beam >= 0) & (beam <= last) & (np.abs(beam * step - bearings) <= np.maximum(half, step / 2.0))
+            met = (
+                (beam >= 0)
+                & (beam <= last)
+                & (np.abs(beam * step - bearings) <= np.maximum(half, step / 2.0))
+            )
             passed |= met & (free[np.minimum(np.maximum(beam, 0), last)] > distances)
         self._there[rows[passed], columns[passed]] = False
 
@@ -177,7 +214,9 @@ class LocalObstacleMap:
 
 
 def moved(points: Floats, before: Pose2D, after: Pose2D) -> Floats:
-    """Return points (n, 2), seen from `before`, as they are seen from `after`; both poses in one frame."""
+    """Return points (n, 2), seen from `before`, as they are seen from `after`; both poses in one
+    frame.
+    """
     return into(after, out_of(before, points))
 
 

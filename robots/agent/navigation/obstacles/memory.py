@@ -1,17 +1,23 @@
-"""What the laser saw lately, kept where it stood: a laser of 180 or 240 degrees leaves a robot blind behind and beside itself.
+"""What the laser saw lately, kept where it stood: a laser of 180 or 240 degrees leaves a robot
+blind behind and beside itself.
 
-Points live in the frame of the odometry, which is smooth and drifts only with the way driven; so a point is forgotten by the way
-since it was seen, not by time: a robot that has stood before a wall for an hour still knows what stands behind it. By the same way
-it becomes less exact: the odometry has drifted, and the end of what was seen from one side may reach a little further (`about`).
+Points live in the frame of the odometry, which is smooth and drifts only with the way driven; so a
+point is forgotten by the way since it was seen, not by time: a robot that has stood before a wall
+for an hour still knows what stands behind it. By the same way it becomes less exact: the odometry
+has drifted, and the end of what was seen from one side may reach a little further (`about`).
 
-A sweep replaces what it measures again, and takes away what it sees through. One beam between two others that end nearer sees
-through nothing (the edge of a wall), nor does a single sweep (a lost echo, the leg of a chair between two beams). Where nothing came
-back, the laser counts as seeing to its full range, except close to itself, where many lasers are blind, and except in a sweep in
-which almost nothing came back: that is a covered or broken laser, and it does not count as seeing at all (`seen`).
+A sweep replaces what it measures again, and takes away what it sees through. One beam between two
+others that end nearer sees through nothing (the edge of a wall), nor does a single sweep (a lost
+echo, the leg of a chair between two beams). Where nothing came back, the laser counts as seeing to
+its full range, except close to itself, where many lasers are blind, and except in a sweep in which
+almost nothing came back: that is a covered or broken laser, and it does not count as seeing at all
+(`seen`).
 
-Where one beam ends near and the next one far, something has an edge, and nobody has looked behind it: a chair goes on there. So an edge
-that went out of sight is kept with a hand's breadth of what it may have hidden, until the laser looks there again. It lies on the line
-of sight, which touches a convex thing and does not cut it, so that what is taken for solid is not less than the thing's hidden flank.
+Where one beam ends near and the next one far, something has an edge, and nobody has looked behind
+it: a chair goes on there. So an edge that went out of sight is kept with a hand's breadth of what
+it may have hidden, until the laser looks there again. It lies on the line of sight, which touches a
+convex thing and does not cut it, so that what is taken for solid is not less than the thing's
+hidden flank.
 """
 
 import math
@@ -33,13 +39,16 @@ SEES = 0.05  # a sweep with a smaller share of echoes than this is that of a las
 class MemorySettings:
     """How much is remembered: metres, except where it says otherwise.
 
-    `radius` about the robot, one point in a square of `cell`, for `way` driven since, where a radian of turning counts as `turn`; what is
-    as `close` as the robot may run into next, for `close_way`: who goes to and fro in a corner drives far without seeing its back again.
-    `margin` is by how much a beam must pass a point to see through it, `blind` how close to the laser no echo tells nothing, and
-    `doubts` how many sweeps must see through a point. A `jump` of the odometry between two sweeps means that it began anew.
-    A point may be off by so much for each metre of that way as fills `inexact` after `inexact_way`, and by no more.
-    An edge nearer than `edge_near` to the laser, with what is beside it farther by `edge` or more, is taken to go on so far `behind`;
-    sweeps are looked at for edges so much of that way `apart`. `sees` is the share of beams that has to come back.
+    `radius` about the robot, one point in a square of `cell`, for `way` driven since, where a
+    radian of turning counts as `turn`; what is as `close` as the robot may run into next, for
+    `close_way`: who goes to and fro in a corner drives far without seeing its back again. `margin`
+    is by how much a beam must pass a point to see through it, `blind` how close to the laser no
+    echo tells nothing, and `doubts` how many sweeps must see through a point. A `jump` of the
+    odometry between two sweeps means that it began anew. A point may be off by so much for each
+    metre of that way as fills `inexact` after `inexact_way`, and by no more. An edge nearer than
+    `edge_near` to the laser, with what is beside it farther by `edge` or more, is taken to go on so
+    far `behind`; sweeps are looked at for edges so much of that way `apart`. `sees` is the share of
+    beams that has to come back.
     """
 
     radius: float = 4.0
@@ -62,15 +71,20 @@ class MemorySettings:
 
 
 class RollingObstacleMap:
-    """Recent laser points about the robot. `seen` is the stamp of the last sweep of a laser that sees, -inf before the first."""
+    """Recent laser points about the robot. `seen` is the stamp of the last sweep of a laser that
+    sees, -inf before the first.
+    """
 
     def __init__(self, settings: MemorySettings | None = None) -> None:
         self.settings = settings or MemorySettings()
         self.seen = -math.inf
         self._odometry: Pose2D | None = None
         self._way = 0.0
-        # What is kept lies in a square of this many cells about the robot, so that no two of them fall into one place of the table.
-        self._side = 1 << math.ceil(math.log2(2.0 * (self.settings.radius + self.settings.jump) / self.settings.cell + 2.0))
+        # What is kept lies in a square of this many cells about the robot, so that no two of them
+        # fall into one place of the table.
+        self._side = 1 << math.ceil(
+            math.log2(2.0 * (self.settings.radius + self.settings.jump) / self.settings.cell + 2.0)
+        )
         self._table = np.zeros(self._side**2, dtype=np.int32)
         self.forget()
 
@@ -78,14 +92,21 @@ class RollingObstacleMap:
         return len(self._points)
 
     def forget(self) -> None:
-        """Forget every point, because the odometry began anew or somebody has carried the robot away."""
-        self._points: Floats = np.zeros((0, 4))  # x, y, the way driven when it was seen, how many sweeps have seen through it
-        self._behind: Floats = np.zeros((0, 3))  # behind edges, out of sight: x, y, the way driven when the edge was seen
-        self._edges: Floats = np.zeros((0, 3))  # the same of the last sweep that was looked at for edges, which may still be in sight
+        """Forget every point, because the odometry began anew or somebody has carried the robot
+        away.
+        """
+        # x, y, the way driven when it was seen, how many sweeps have seen through it
+        self._points: Floats = np.zeros((0, 4))
+        # behind edges, out of sight: x, y, the way driven when the edge was seen
+        self._behind: Floats = np.zeros((0, 3))
+        # the same of the last sweep that was looked at for edges, which may still be in sight
+        self._edges: Floats = np.zeros((0, 3))
         self._looked = -math.inf  # the way driven at that sweep
 
     def update(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Take a sweep, and the odometry (pose in any frame that is smooth) of the moment at which it was measured."""
+        """Take a sweep, and the odometry (pose in any frame that is smooth) of the moment at which
+        it was measured.
+        """
         self._travel(odometry)
         if not sees(beams, self.settings.sees):
             return
@@ -95,11 +116,15 @@ class RollingObstacleMap:
         self._leave(odometry, beams)
 
     def near(self, odometry: Pose2D, radius: float) -> Floats:
-        """Return (n, 2) points that were seen within `radius` metres of the robot, in its frame at `odometry`."""
+        """Return (n, 2) points that were seen within `radius` metres of the robot, in its frame at
+        `odometry`.
+        """
         return self._about(self._points, odometry, radius)[0]
 
     def about(self, odometry: Pose2D, radius: float) -> tuple[Floats, Floats]:
-        """Return the same with what edges hide, and (n,) by how much each may be off, in metres: nothing while it is seen."""
+        """Return the same with what edges hide, and (n,) by how much each may be off, in metres:
+        nothing while it is seen.
+        """
         seen, off = self._about(self._points, odometry, radius)
         if len(self._behind) == 0:
             return seen, off
@@ -110,7 +135,9 @@ class RollingObstacleMap:
         local = into(odometry, kept)
         close = np.flatnonzero(_square(local) <= radius * radius)
         way = self._way - kept[close, SEEN_AFTER]
-        return local[close], self.settings.inexact * np.minimum(way / self.settings.inexact_way, 1.0)
+        return local[close], self.settings.inexact * np.minimum(
+            way / self.settings.inexact_way, 1.0
+        )
 
     def _travel(self, odometry: Pose2D) -> None:
         before, self._odometry = self._odometry, odometry
@@ -122,24 +149,32 @@ class RollingObstacleMap:
         self._way += moved + self.settings.turn * abs(wrap_angle(odometry.theta - before.theta))
 
     def _look(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Drop what this sweep measures again or sees through, what lies far off, and what was seen too long ago."""
+        """Drop what this sweep measures again or sees through, what lies far off, and what was seen
+        too long ago.
+        """
         local, doubts = into(odometry, self._points), self._points[:, DOUBTS]
         again, through = compare(local, beams, self.settings)
         doubts += 1.0
         doubts *= through
         squares = _square(local)
         far = squares > self.settings.radius**2
-        old = self._points[:, SEEN_AFTER] < self._way - np.where(squares < self.settings.close**2, self.settings.close_way, self.settings.way)
+        old = self._points[:, SEEN_AFTER] < self._way - np.where(
+            squares < self.settings.close**2, self.settings.close_way, self.settings.way
+        )
         self._points = self._points[~(again | far | old | (doubts >= self.settings.doubts))]
 
     def _leave(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Keep what edges hid a moment ago if it is out of sight now, and forget what is in sight: it is seen, or it is not there."""
+        """Keep what edges hid a moment ago if it is out of sight now, and forget what is in sight:
+        it is seen, or it is not there.
+        """
         if self._way - self._looked < self.settings.apart:
             return
         kept, self._looked = np.concatenate([self._edges, self._behind]), self._way
         if len(kept):
             local = into(odometry, kept)
-            near = (_square(local) < self.settings.close**2) & (kept[:, SEEN_AFTER] > self._way - self.settings.close_way)
+            near = (_square(local) < self.settings.close**2) & (
+                kept[:, SEEN_AFTER] > self._way - self.settings.close_way
+            )
             self._behind = kept[near & ~in_view(into(beams.mount, local), beams)]
         hidden = behind_edges(beams, self.settings)
         self._edges = np.empty((len(hidden), 3))
@@ -149,11 +184,18 @@ class RollingObstacleMap:
         """Add points (n, 2) in the robot's frame, the newest first, and keep one a cell."""
         local = local[_square(local) <= self.settings.radius**2]
         points = np.zeros((len(local) + len(self._points), 4))
-        points[: len(local), :2], points[: len(local), SEEN_AFTER] = out_of(odometry, local), self._way
+        points[: len(local), :2], points[: len(local), SEEN_AFTER] = (
+            out_of(odometry, local),
+            self._way,
+        )
         points[len(local) :] = self._points
         cells = np.floor(points[:, :2] / self.settings.cell).astype(np.int32) & (self._side - 1)
-        places, numbers = cells[:, 0] * self._side + cells[:, 1], np.arange(len(cells), dtype=np.int32)
-        self._table[places[::-1]] = numbers[::-1]  # of several points in a cell the first one is written last, and stays
+        places, numbers = (
+            cells[:, 0] * self._side + cells[:, 1],
+            np.arange(len(cells), dtype=np.int32),
+        )
+        # of several points in a cell the first one is written last, and stays
+        self._table[places[::-1]] = numbers[::-1]
         self._points = points[self._table[places] == numbers]
 
 
@@ -164,37 +206,52 @@ def _square(points: Floats) -> Floats:
 
 
 def compare(points: Floats, beams: LaserScan, settings: MemorySettings) -> tuple[Bools, Bools]:
-    """Return for (n, 2) points in the robot's frame whether a sweep measures them again, and whether it sees through them."""
+    """Return for (n, 2) points in the robot's frame whether a sweep measures them again, and
+    whether it sees through them.
+    """
     seen_from_laser = into(beams.mount, points)
     distances = np.hypot(seen_from_laser[:, 0], seen_from_laser[:, 1])
     bearings = np.arctan2(seen_from_laser[:, 1], seen_from_laser[:, 0])
     turned = from_first_beam(bearings, beams)
     inside = turned <= from_first_to_last(beams)
-    index = np.minimum(np.rint(turned / abs(beams.angle_increment)).astype(np.intp), len(beams.ranges) - 1)
+    index = np.minimum(
+        np.rint(turned / abs(beams.angle_increment)).astype(np.intp), len(beams.ranges) - 1
+    )
     nearest = shortest_of_neighbours(np.minimum(beams.ranges, beams.range_max))
     echo = np.isfinite(beams.ranges)
     again = inside & echo[index] & (np.abs(beams.ranges[index] - distances) <= settings.margin)
-    through = inside & (nearest[index] > distances + settings.margin) & (echo[index] | (distances > settings.blind))
+    through = (
+        inside
+        & (nearest[index] > distances + settings.margin)
+        & (echo[index] | (distances > settings.blind))
+    )
     return again, through
 
 
 def in_view(points: Floats, beams: LaserScan) -> Bools:
     """Tell for (n, 2) points in the laser's frame whether they lie between its first and last beam."""
-    looked_at: Bools = from_first_beam(np.arctan2(points[:, 1], points[:, 0]), beams) <= from_first_to_last(beams)
+    looked_at: Bools = from_first_beam(
+        np.arctan2(points[:, 1], points[:, 0]), beams
+    ) <= from_first_to_last(beams)
     return looked_at
 
 
 def from_first_beam(bearings: Floats, beams: LaserScan) -> Floats:
-    """Return by how much (n,) bearings in the laser's frame are turned from the first beam, the way that the beams go: [0, 2 pi)."""
-    turned: Floats = (bearings - beams.angle_min) * math.copysign(1.0, beams.angle_increment) + SAME_BEARING
+    """Return by how much (n,) bearings in the laser's frame are turned from the first beam, the way
+    that the beams go: [0, 2 pi).
+    """
+    turned: Floats = (bearings - beams.angle_min) * math.copysign(
+        1.0, beams.angle_increment
+    ) + SAME_BEARING
     return turned % (2.0 * math.pi)
 
 
 def from_first_to_last(beams: LaserScan) -> float:
     """Return the angle from the first beam to the last.
 
-    Not half a step more: the last beam measures nothing beyond itself. If it were taken to, a robot that turns by less than that between
-    two sweeps would have each point beyond the last beam replaced by one on it, and leave nothing behind itself.
+    Not half a step more: the last beam measures nothing beyond itself. If it were taken to, a robot
+    that turns by less than that between two sweeps would have each point beyond the last beam
+    replaced by one on it, and leave nothing behind itself.
     """
     return abs(beams.angle_increment) * (len(beams.ranges) - 1) + 2.0 * SAME_BEARING
 
@@ -208,12 +265,19 @@ def behind_edges(beams: LaserScan, settings: MemorySettings) -> Floats:
     padded = np.concatenate([ranges[:1], ranges, ranges[-1:]])
     which = np.flatnonzero(near & (np.maximum(padded[:-2], padded[2:]) - ranges >= settings.edge))
     ends, angles = ranges[which, None] + settings.behind, beams.angles[which, None]
-    return out_of(beams.mount, np.stack([ends * np.cos(angles), ends * np.sin(angles)], axis=-1).reshape(-1, 2))
+    return out_of(
+        beams.mount,
+        np.stack([ends * np.cos(angles), ends * np.sin(angles)], axis=-1).reshape(-1, 2),
+    )
 
 
 def sees(beams: LaserScan, share: float = SEES) -> bool:
-    """Tell whether enough came back for a sweep to be that of a laser that sees: a share of its beams."""
-    return len(beams.ranges) > 0 and int(np.count_nonzero(np.isfinite(beams.ranges))) >= share * len(beams.ranges)
+    """Tell whether enough came back for a sweep to be that of a laser that sees: a share of its
+    beams.
+    """
+    return len(beams.ranges) > 0 and int(
+        np.count_nonzero(np.isfinite(beams.ranges))
+    ) >= share * len(beams.ranges)
 
 
 def shortest_of_neighbours(ranges: Floats) -> Floats:
@@ -226,12 +290,16 @@ def shortest_of_neighbours(ranges: Floats) -> Floats:
 def into(frame: Pose2D, points: Floats) -> Floats:
     """Return (n, 2) points of the outer frame in the inner one, whose pose in the outer is `frame`."""
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
-    result: Floats = (points[:, :2] - (frame.x, frame.y)) @ np.array([[cosine, -sine], [sine, cosine]])
+    result: Floats = (points[:, :2] - (frame.x, frame.y)) @ np.array(
+        [[cosine, -sine], [sine, cosine]]
+    )
     return result
 
 
 def out_of(frame: Pose2D, points: Floats) -> Floats:
-    """Return (n, 2) points of the inner frame, whose pose in the outer is `frame`, in the outer one."""
+    """Return (n, 2) points of the inner frame, whose pose in the outer is `frame`, in the outer
+    one.
+    """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     result: Floats = points[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
     result += (frame.x, frame.y)

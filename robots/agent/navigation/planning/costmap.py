@@ -1,7 +1,8 @@
 """Where a robot may be, and what it costs to be there: a map seen with the eyes of one footprint.
 
-The clearance of a cell is the distance from its centre to the nearest thing. A robot's centre can never stand where the clearance
-is smaller than the footprint's inscribed radius; beyond that it becomes cheaper with more room, until there is plenty.
+The clearance of a cell is the distance from its centre to the nearest thing. A robot's centre can
+never stand where the clearance is smaller than the footprint's inscribed radius; beyond that it
+becomes cheaper with more room, until there is plenty.
 """
 
 import math
@@ -24,14 +25,17 @@ NARROW = 3.0  # how many times dearer the narrowest place is than the open floor
 
 
 class NoWayError(ValueError):
-    """There is no way, or no place to go to; the message is one sentence for whoever sent the robot."""
+    """There is no way, or no place to go to; the message is one sentence for whoever sent the
+    robot.
+    """
 
 
 class CostMap:
     """A map for one footprint, (n, 2) in the robot's frame.
 
     Attributes:
-        clearance: (h, w) metres to the nearest thing of the map, 0 inside of things and where the map knows nothing.
+        clearance: (h, w) metres to the nearest thing of the map, 0 inside of things and where the
+            map knows nothing.
         inscribed: the least distance from the robot's centre to the edge of its footprint, metres.
         circumscribed: the largest.
     """
@@ -51,7 +55,9 @@ class CostMap:
         return self.free.shape[0], self.free.shape[1]
 
     def cells(self, points: Floats) -> tuple[Cells, Cells, Bools]:
-        """Return rows, columns (clipped to the map) and whether they lie in the map, of (n, 2) points in metres."""
+        """Return rows, columns (clipped to the map) and whether they lie in the map, of (n, 2)
+        points in metres.
+        """
         origin, resolution = self.transform.origin, self.transform.resolution
         x, y = points[:, 0] - origin.x, points[:, 1] - origin.y
         cosine, sine = math.cos(origin.theta) / resolution, math.sin(origin.theta) / resolution
@@ -61,14 +67,20 @@ class CostMap:
         inside = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
         if inside.all():
             return rows, columns, inside
-        return np.minimum(np.maximum(rows, 0), high - 1), np.minimum(np.maximum(columns, 0), wide - 1), inside
+        return (
+            np.minimum(np.maximum(rows, 0), high - 1),
+            np.minimum(np.maximum(columns, 0), wide - 1),
+            inside,
+        )
 
     def centres(self, rows: Cells, columns: Cells) -> Floats:
         """Return (n, 2) the centres of cells in metres."""
         origin, resolution = self.transform.origin, self.transform.resolution
         right, up = (columns + 0.5) * resolution, (self.transform.height - rows - 0.5) * resolution
         cosine, sine = math.cos(origin.theta), math.sin(origin.theta)
-        return np.column_stack([origin.x + cosine * right - sine * up, origin.y + sine * right + cosine * up])
+        return np.column_stack(
+            [origin.x + cosine * right - sine * up, origin.y + sine * right + cosine * up]
+        )
 
     def sample(self, layer: Floats, points: Floats) -> Floats:
         """Return the values (n,) of a layer (h, w) at points (n, 2); 0 outside of the map."""
@@ -78,30 +90,41 @@ class CostMap:
 
     def clearance_with(self, live: Bools) -> Floats:
         """Return the clearance (h, w) when `live` cells are occupied too."""
-        return np.minimum(self.clearance, room(~live, self.transform.resolution)) if live.any() else self.clearance
+        return (
+            np.minimum(self.clearance, room(~live, self.transform.resolution))
+            if live.any()
+            else self.clearance
+        )
 
     def cost(self, clearance: Floats) -> Floats:
-        """Return (h, w) what a metre costs in each cell, 1 with plenty of room, `inf` where the robot cannot be."""
+        """Return (h, w) what a metre costs in each cell, 1 with plenty of room, `inf` where the
+        robot cannot be.
+        """
         plenty = self.circumscribed + PLENTY
         tightness = np.clip((plenty - clearance) / (plenty - self.least), 0.0, 1.0)
         return np.where(clearance >= self.least, 1.0 + NARROW * tightness**2, math.inf)
 
 
 def room(free: Bools, resolution: float) -> Floats:
-    """Return (h, w) the distance in metres from the centre of each cell to the nearest cell that is not free, less half a cell."""
+    """Return (h, w) the distance in metres from the centre of each cell to the nearest cell that is
+    not free, less half a cell.
+    """
     distance: Floats = np.asarray(distance_transform_edt(np.pad(free, 1)))[1:-1, 1:-1] * resolution
     return np.maximum(distance - resolution / 2.0, 0.0)
 
 
 def _coarsened(grid: OccupancyGrid) -> tuple[Bools, MapTransform]:
-    """Return what is free, and where it lies, in cells of about `RESOLUTION`; a cell is free when all of it is."""
+    """Return what is free, and where it lies, in cells of about `RESOLUTION`; a cell is free when
+    all of it is.
+    """
     free = grid.free()
     factor = max(1, round(RESOLUTION / grid.transform.resolution))
     if factor == 1:
         return free, grid.transform
     high, wide = (math.ceil(side / factor) for side in free.shape)
     padded = np.zeros((high * factor, wide * factor), dtype=np.bool_)
-    padded[high * factor - free.shape[0] :, : free.shape[1]] = free  # the origin is the lower left corner
+    # the origin is the lower left corner
+    padded[high * factor - free.shape[0] :, : free.shape[1]] = free
     blocks: Bools = padded.reshape(high, factor, wide, factor).min(axis=(1, 3))
     return blocks, MapTransform(grid.transform.resolution * factor, grid.transform.origin, high)
 
@@ -111,4 +134,6 @@ def _radii(footprint: Floats) -> tuple[float, float]:
     after = np.roll(footprint, -1, axis=0)
     across = footprint[:, 0] * after[:, 1] - footprint[:, 1] * after[:, 0]
     sides = np.hypot(*(after - footprint).T)
-    return float((np.abs(across) / sides).min()), float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+    return float((np.abs(across) / sides).min()), float(
+        np.hypot(footprint[:, 0], footprint[:, 1]).max()
+    )

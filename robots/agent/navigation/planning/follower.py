@@ -1,7 +1,9 @@
-"""Driving along a path: pursuit of a point some way ahead, turning on the spot where that is better, slower where it is narrow.
+"""Driving along a path: pursuit of a point some way ahead, turning on the spot where that is
+better, slower where it is narrow.
 
-Pure pursuit (Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01): the arc to a point at distance
-L and bearing a has the curvature 2 sin a / L. What the base is asked for passes `BrakeCheck` first.
+Pure pursuit (Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm",
+CMU-RI-TR-92-01): the arc to a point at distance L and bearing a has the curvature 2 sin a / L. What
+the base is asked for passes `BrakeCheck` first.
 """
 
 import math
@@ -18,7 +20,8 @@ from robots.api.messages import Limits, Velocity
 
 AHEAD, AHEAD_A_SPEED = 0.32, 0.5  # the point pursued: metres, and metres more for each m/s
 PREVIEW = 0.7  # bends are slowed down for so far ahead: metres
-TURN_FROM, TURN_TO = 0.9, 0.12  # bearing at which to turn on the spot, and at which that is done: radians
+# bearing at which to turn on the spot, and at which that is done: radians
+TURN_FROM, TURN_TO = 0.9, 0.12
 LATERAL_USE = 0.6  # share of the turning speed that bends may use up
 EASING = 0.25  # deceleration towards the end: m/s²
 TURN_EASING = 0.6  # the same for turns on the spot: rad/s²
@@ -35,7 +38,9 @@ State = Literal["driving", "held", "arrived"]
 
 @dataclass(frozen=True)
 class Followed:
-    """What to ask of the base; `held` when something keeps it from moving: `why` is "thing" or "walker"."""
+    """What to ask of the base; `held` when something keeps it from moving: `why` is "thing" or
+    "walker".
+    """
 
     velocity: Velocity
     state: State
@@ -79,22 +84,33 @@ class Follower:
         self._at_end = False
         return self._pursue(pose, velocity, hazards, left)
 
-    def turn(self, error: float, velocity: Velocity, hazards: Hazards, tolerance: float) -> Followed:
-        """Turn on the spot by `error` radians; arrived within `tolerance`. Where the near side is blocked, the long way round is tried."""
+    def turn(
+        self, error: float, velocity: Velocity, hazards: Hazards, tolerance: float
+    ) -> Followed:
+        """Turn on the spot by `error` radians; arrived within `tolerance`. Where the near side is
+        blocked, the long way round is tried.
+        """
         if abs(error) <= tolerance:
             self._side, self._long_way = 0.0, False
             return Followed(ZERO, "arrived" if abs(velocity.angular) <= SETTLED else "driving")
         keeps = self._side != 0.0 and (self._long_way or abs(error) > BACK_AND_FORTH)
         self._side = self._side if keeps else math.copysign(1.0, error)
         done = self._turned(self._side, error, velocity, hazards)
-        if done.velocity == ZERO and done.why == "thing" and not self._long_way and abs(error) > 2.0 * tolerance:
+        if (
+            done.velocity == ZERO
+            and done.why == "thing"
+            and not self._long_way
+            and abs(error) > 2.0 * tolerance
+        ):
             self._side, self._long_way = -self._side, True
             done = self._turned(self._side, error, velocity, hazards)
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
 
     def _turned(self, side: float, error: float, velocity: Velocity, hazards: Hazards) -> Checked:
         left = error * side if error * side > 0.0 else math.tau - abs(error)
-        speed = min(self.limits.angular, max(SLOWEST_TURN, math.sqrt(2.0 * TURN_EASING * left) - 0.1))
+        speed = min(
+            self.limits.angular, max(SLOWEST_TURN, math.sqrt(2.0 * TURN_EASING * left) - 0.1)
+        )
         return self.check.fastest(velocity, Velocity(linear=0.0, angular=side * speed), hazards)
 
     def _finish(self, pose: Pose2D, velocity: Velocity, hazards: Hazards) -> Followed:
@@ -112,13 +128,17 @@ class Follower:
             turned = self.turn(bearing, velocity, hazards, TURN_TO)
             if turned.state != "arrived":
                 return turned
-        wanted = self._wanted(bearing, 2.0 * math.sin(bearing) / max(distance, 0.15), velocity, hazards)
+        wanted = self._wanted(
+            bearing, 2.0 * math.sin(bearing) / max(distance, 0.15), velocity, hazards
+        )
         done = self.check.fastest(velocity, wanted, hazards)
         if done.velocity == ZERO and done.why == "thing" and abs(bearing) > TURN_TO:
             return self.turn(bearing, velocity, hazards, TURN_TO)
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
 
-    def _wanted(self, bearing: float, curvature: float, velocity: Velocity, hazards: Hazards) -> Velocity:
+    def _wanted(
+        self, bearing: float, curvature: float, velocity: Velocity, hazards: Hazards
+    ) -> Velocity:
         bend = max(abs(curvature), 0.7 * self.path.sharpest_bend(self.way, self.way + PREVIEW))
         gaps = np.concatenate([self.check.gaps(hazards.things), self.check.gaps(hazards.strangers)])
         room = max(0.0, float(gaps.min())) if len(gaps) else 1.0

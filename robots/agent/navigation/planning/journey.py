@@ -1,7 +1,9 @@
-"""Getting to places: plan, follow, plan again when something stands in the way, wait when there is no way, and say why at last.
+"""Getting to places: plan, follow, plan again when something stands in the way, wait when there is
+no way, and say why at last.
 
-Waiting is for people and for doors: while no way is known, or somebody walks before the robot, it stands and looks. What stands too
-close to move is got away from by backing off a little, where that is free.
+Waiting is for people and for doors: while no way is known, or somebody walks before the robot, it
+stands and looks. What stands too close to move is got away from by backing off a little, where that
+is free.
 """
 
 import math
@@ -27,7 +29,8 @@ LOOK_EVERY = 0.5  # is the way still free?: seconds
 SHORTER_EVERY, SHORTER = 5.0, 0.5  # is there a shorter way?: seconds, metres that it must save
 LOOK_AHEAD = 5.0  # metres of the way that must be free
 OFF_PATH = 0.4  # metres
-PATIENCE, PATIENCE_WITH_PEOPLE = 30.0, 90.0  # seconds without a way until the task fails; with somebody close before the robot
+# seconds without a way until the task fails; with somebody close before the robot
+PATIENCE, PATIENCE_WITH_PEOPLE = 30.0, 90.0
 NEAR_ENOUGH = 5.0  # seconds after which a place beside a goal that something stands on will do
 CLOSER_LOOKS = 6  # at what was seen in the way from afar
 RETRY = 1.0  # seconds between two looks for a way
@@ -35,10 +38,12 @@ HELD = 2.0  # seconds before a thing until the robot backs off
 CREPT, CREPT_TURN = 0.05, 0.15  # metres, radians: no way off from where something holds the robot
 BACK_OFF, BACK_SPEED, BACK_TIME = 0.15, 0.1, 6.0  # metres, m/s, seconds at most
 WAYS_OUT, AWAY = (0.0, 0.3, -0.3), 0.01  # rad/s, and metres by which another way out must be better
-GIVE_WAY_AFTER, GIVE_WAY, GIVE_WAY_TO = 5.0, 0.4, 0.6  # seconds face to face with somebody, metres to back off, metres that are close
+# seconds face to face with somebody, metres to back off, metres that are close
+GIVE_WAY_AFTER, GIVE_WAY, GIVE_WAY_TO = 5.0, 0.4, 0.6
 BACK_OFFS = 4  # without getting a metre farther
 NO_PROGRESS, FARTHER = 40.0, 0.1  # seconds without getting so many metres farther
-TAKES, TAKES_A_METRE = 120.0, 25.0  # seconds after which even a task that seems to get on is given up
+# seconds after which even a task that seems to get on is given up
+TAKES, TAKES_A_METRE = 120.0, 25.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +65,27 @@ class _Back:
 
 
 class Journey:
-    """The way over some points (n, 2), in order, to the last of them; all must be places where the map lets the robot stand."""
+    """The way over some points (n, 2), in order, to the last of them; all must be places where the
+    map lets the robot stand.
+    """
 
     def __init__(
-        self, obstacle_map: LocalObstacleMap, planner: Planner, check: BrakeCheck, limits: Limits, plan: FloorPlan | None,
-        *, over: Sequence[tuple[float, float]], heading: float | None,
-    ) -> None:  # fmt: skip
-        self._obstacle_map, self._planner, self._limits, self._plan = obstacle_map, planner, limits, plan
+        self,
+        obstacle_map: LocalObstacleMap,
+        planner: Planner,
+        check: BrakeCheck,
+        limits: Limits,
+        plan: FloorPlan | None,
+        *,
+        over: Sequence[tuple[float, float]],
+        heading: float | None,
+    ) -> None:
+        self._obstacle_map, self._planner, self._limits, self._plan = (
+            obstacle_map,
+            planner,
+            limits,
+            plan,
+        )
         self._check, self._follower = check, Follower(check, limits)
         self._over, self._heading = list(over), heading
         self._ways: list[float] = []  # along the path to each point that is left
@@ -97,13 +116,19 @@ class Journey:
         while len(self._ways) > 1 and self._follower.way >= self._ways[0] - OFF_PATH / 2.0:
             del self._ways[0], self._over[0]
         if followed.state == "arrived":
-            return finished(f"something stands on the goal; {self._beside:.1f} m beside it" if self._beside > 0.0 else "")
+            return finished(
+                f"something stands on the goal; {self._beside:.1f} m beside it"
+                if self._beside > 0.0
+                else ""
+            )
         return self._given_up(sense, followed) or self._on_the_way(sense, followed)
 
-    # --- the way ------------------------------------------------------------------------------------------------------
+    # --- the way ----------------------------------------------------------------------------------
 
     def _choose_way(self, sense: Sense) -> None:
-        """Plan when there is no way yet, when it is blocked or left, and look now and then for a shorter one."""
+        """Plan when there is no way yet, when it is blocked or left, and look now and then for a
+        shorter one.
+        """
         now = sense.now
         if self._path is None:
             if now - self._sought >= RETRY:
@@ -119,14 +144,17 @@ class Journey:
         elif now - self._shorter >= SHORTER_EVERY:
             self._shorter = now
             clearance = self._obstacle_map.clearance(now)
-            if clearance is self._planned_in:  # nothing has changed since: what was the best way still is
+            # nothing has changed since: what was the best way still is
+            if clearance is self._planned_in:
                 return
             found = self._way(sense)
             if found and found.path.length < self._follower.remaining - SHORTER:
                 self._take(found)
 
     def _way(self, sense: Sense) -> _Way | None:
-        """Return a way over the points that are left; where none is known, one to a closer look at what is in the way."""
+        """Return a way over the points that are left; where none is known, one to a closer look at
+        what is in the way.
+        """
         self._planned_in = self._obstacle_map.clearance(sense.now)
         found = self._through(sense, self._planned_in)
         if found is None and self._closer_looks < CLOSER_LOOKS:
@@ -135,9 +163,16 @@ class Journey:
         return found
 
     def _through(self, sense: Sense, clearance: Floats) -> _Way | None:
-        """Return a way through `clearance`, without those points in between that something stands on."""
+        """Return a way through `clearance`, without those points in between that something stands
+        on.
+        """
         here = (sense.pose.x, sense.pose.y)
-        legs, over, ways, driven = [np.array([here])], list[tuple[float, float]](), list[float](), 0.0
+        legs, over, ways, driven = (
+            [np.array([here])],
+            list[tuple[float, float]](),
+            list[float](),
+            0.0,
+        )
         for number, point in enumerate(self._over, start=1):
             leg = self._leg(here, point, clearance)
             if leg is None and number == len(self._over):
@@ -151,7 +186,9 @@ class Journey:
         distinct = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-6])  # noqa: PLR2004 -- the same point twice
         return _Way(Path(points[distinct]), over, ways)
 
-    def _leg(self, start: tuple[float, float], end: tuple[float, float], clearance: Floats) -> Path | None:
+    def _leg(
+        self, start: tuple[float, float], end: tuple[float, float], clearance: Floats
+    ) -> Path | None:
         if len(self._over) > 1 and self._planner.straight(start, end, clearance):
             return self._planner.line(start, end)
         return self._planner.plan(start, end, clearance)
@@ -166,16 +203,19 @@ class Journey:
         self._follower.take(way.path, self._heading)
 
     def _blocked(self, sense: Sense) -> bool:
-        ahead = self._follower.path.between(self._follower.way + 0.1, self._follower.way + LOOK_AHEAD)
+        ahead = self._follower.path.between(
+            self._follower.way + 0.1, self._follower.way + LOOK_AHEAD
+        )
         costmap = self._obstacle_map.costmap
-        least = np.minimum(costmap.least, costmap.sample(costmap.clearance, ahead))  # a start in a tight spot is no block
+        # a start in a tight spot is no block
+        least = np.minimum(costmap.least, costmap.sample(costmap.clearance, ahead))
         if self._closer_looks > 0:
             room = costmap.sample(self._obstacle_map.clearance_nearby(sense.pose, sense.now), ahead)
         else:
             room = self._obstacle_map.room_at(ahead, sense.now)
         return bool((room < least - costmap.transform.resolution).any())
 
-    # --- getting on -----------------------------------------------------------------------------------------------------
+    # --- getting on -------------------------------------------------------------------------------
 
     def _on_the_way(self, sense: Sense, followed: Followed) -> Step:
         held = followed.state == "held"
@@ -185,25 +225,39 @@ class Journey:
             return self._running(followed.velocity, "")
         waited = sense.now - self._held.now
         if followed.why == "thing" and waited >= HELD and self._back_offs < BACK_OFFS:
-            self._obstacle_map.note(sense.pose, np.vstack([sense.hazards.things, sense.hazards.strangers]), sense.now)
+            self._obstacle_map.note(
+                sense.pose, np.vstack([sense.hazards.things, sense.hazards.strangers]), sense.now
+            )
             self._back, self._held = _Back(sense, BACK_OFF, self._way_out(sense)), None
             self._back_offs += 1
         elif followed.why == "walker" and waited >= GIVE_WAY_AFTER:
             self._give_way(sense)
         if not held:
             return self._running(followed.velocity, "")
-        return self._running(ZERO, "waits for somebody in the way" if followed.why == "walker" else "something stands very close")
+        return self._running(
+            ZERO,
+            (
+                "waits for somebody in the way"
+                if followed.why == "walker"
+                else "something stands very close"
+            ),
+        )
 
     @staticmethod
     def _moved_on(sense: Sense, held: Sense) -> bool:
-        """Tell whether the robot has come away from where it was held: it may creep in between, a finger's breadth at a time."""
+        """Tell whether the robot has come away from where it was held: it may creep in between, a
+        finger's breadth at a time.
+        """
         turned = abs(wrap_angle(sense.odometry.theta - held.odometry.theta))
         return sense.odometry.distance(held.odometry) > CREPT or turned > CREPT_TURN
 
     def _give_way(self, sense: Sense) -> None:
         """Back off from somebody who stands before the robot and may want to pass, now and then."""
         if sense.now - self._gave_way >= GIVE_WAY_AFTER and self._face_to_face(sense):
-            self._back, self._gave_way = _Back(sense, GIVE_WAY, Velocity(linear=-BACK_SPEED, angular=0.0)), sense.now
+            self._back, self._gave_way = (
+                _Back(sense, GIVE_WAY, Velocity(linear=-BACK_SPEED, angular=0.0)),
+                sense.now,
+            )
 
     def _face_to_face(self, sense: Sense) -> bool:
         others = np.vstack([sense.hazards.strangers, sense.hazards.walkers])
@@ -218,13 +272,19 @@ class Journey:
             for speed in (-BACK_SPEED, BACK_SPEED):
                 motion = Velocity(linear=speed, angular=bend)
                 room = self._check.room_after(motion, BACK_OFF / BACK_SPEED, sense.hazards)
-                if room > most + AWAY and self._check.fastest(sense.velocity, motion, sense.hazards).velocity != ZERO:
+                if (
+                    room > most + AWAY
+                    and self._check.fastest(sense.velocity, motion, sense.hazards).velocity != ZERO
+                ):
                     best, most = motion, room
         return best
 
     def _back_off(self, sense: Sense, back: _Back) -> Step:
         done = self._check.fastest(sense.velocity, back.velocity, sense.hazards)
-        if back.begun.odometry.distance(sense.odometry) >= back.way or sense.now - back.begun.now >= BACK_TIME:
+        if (
+            back.begun.odometry.distance(sense.odometry) >= back.way
+            or sense.now - back.begun.now >= BACK_TIME
+        ):
             self._back, self._path, self._sought = None, None, -math.inf
         return self._running(done.velocity, "backs off")
 
@@ -237,11 +297,15 @@ class Journey:
         if sense.now - self._no_way_since < patience:
             return self._running(ZERO, "waits, because no way is free")
         way = ((sense.pose.x, sense.pose.y), self._over[-1])
-        return failed(what_blocks(self._obstacle_map, self._planner, self._plan, way=way, now=sense.now))
+        return failed(
+            what_blocks(self._obstacle_map, self._planner, self._plan, way=way, now=sense.now)
+        )
 
     def _aim_beside(self, now: float) -> None:
         """Aim for the nearest free place when something stands on the goal."""
-        beside = self._planner.place_near(*self._over[-1], self._obstacle_map.clearance(now), GOAL_REACH - self._beside)
+        beside = self._planner.place_near(
+            *self._over[-1], self._obstacle_map.clearance(now), GOAL_REACH - self._beside
+        )
         if beside is not None and beside != self._over[-1]:
             self._beside += math.dist(beside, self._over[-1])
             self._over[-1] = beside
@@ -263,7 +327,9 @@ class Journey:
         if late or (sense.now - self._best_at > patience and not turning):
             if in_the_way:
                 return failed("somebody has stood in the way for too long")
-            return failed(f"the robot gets no farther, {self._follower.remaining:.1f} m before the goal")
+            return failed(
+                f"the robot gets no farther, {self._follower.remaining:.1f} m before the goal"
+            )
         return None
 
     def _running(self, velocity: Velocity, reason: str) -> Step:

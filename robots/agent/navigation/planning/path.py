@@ -31,8 +31,12 @@ class Path:
         return float(self.points[-1, 0]), float(self.points[-1, 1])
 
     def at(self, way: float) -> tuple[float, float]:
-        """Return the point `way` metres from the start; before it the first, behind the end the last."""
-        return float(np.interp(way, self.way, self.points[:, 0])), float(np.interp(way, self.way, self.points[:, 1]))
+        """Return the point `way` metres from the start; before it the first, behind the end the
+        last.
+        """
+        return float(np.interp(way, self.way, self.points[:, 0])), float(
+            np.interp(way, self.way, self.points[:, 1])
+        )
 
     def nearest(self, x: float, y: float, start: float, stop: float) -> float:
         """Return the way, between `start` and `stop`, of the point of the line nearest to (x, y)."""
@@ -49,11 +53,18 @@ class Path:
         return chosen if len(chosen) else self.points[-1:]
 
     def sharpest_bend(self, start: float, stop: float) -> float:
-        """Return the largest curvature in 1/m between two ways, from the turn over a quarter of a metre."""
+        """Return the largest curvature in 1/m between two ways, from the turn over a quarter of a
+        metre.
+        """
         ways = np.arange(start, min(stop, self.length - 0.125), SPACING)
         if len(ways) == 0:
             return 0.0
-        spots = [np.column_stack([np.interp(ways + off, self.way, self.points[:, axis]) for axis in (0, 1)]) for off in (-0.125, 0.0, 0.125)]
+        spots = [
+            np.column_stack(
+                [np.interp(ways + off, self.way, self.points[:, axis]) for axis in (0, 1)]
+            )
+            for off in (-0.125, 0.0, 0.125)
+        ]
         before, behind = spots[1] - spots[0], spots[2] - spots[1]
         across = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0]
         along = (before * behind).sum(axis=1)
@@ -61,11 +72,15 @@ class Path:
 
 
 def resampled(points: Floats, spacing: float = SPACING) -> Floats:
-    """Return the same line with a point about every `spacing` metres, first and last kept, doubles left out."""
+    """Return the same line with a point about every `spacing` metres, first and last kept, doubles
+    left out.
+    """
     steps = np.hypot(*np.diff(points, axis=0).T)
     kept: Floats = points[np.concatenate([[True], steps > 1e-9])]  # noqa: PLR2004 -- the same point twice
     if len(kept) == 1:
         return kept
     path = Path(kept)
     ways = np.linspace(0.0, path.length, max(2, round(path.length / spacing) + 1))
-    return np.column_stack([np.interp(ways, path.way, kept[:, 0]), np.interp(ways, path.way, kept[:, 1])])
+    return np.column_stack(
+        [np.interp(ways, path.way, kept[:, 0]), np.interp(ways, path.way, kept[:, 1])]
+    )

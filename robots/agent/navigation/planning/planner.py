@@ -1,8 +1,9 @@
-"""The cheapest way over a cost map: Dijkstra over the cells, then straight lines where they cost no more, then round corners.
+"""The cheapest way over a cost map: Dijkstra over the cells, then straight lines where they cost no
+more, then round corners.
 
-The graph of the cells that the map leaves free is made once; live obstacles only change the weights of its edges, to infinity where
-the robot cannot be. scipy's Dijkstra needs 3 to 5 ms for the 22,000 cells of an office of 12 m x 8 m, a tenth of what a search guided
-by a heuristic takes in Python.
+The graph of the cells that the map leaves free is made once; live obstacles only change the weights
+of its edges, to infinity where the robot cannot be. scipy's Dijkstra needs 3 to 5 ms for the 22,000
+cells of an office of 12 m x 8 m, a tenth of what a search guided by a heuristic takes in Python.
 """
 
 import math
@@ -38,15 +39,23 @@ class Planner:
         self._edges = _Edges(self._node, costmap.transform.resolution)
         self._rim = _rim(costmap.footprint)
 
-    def place_near(self, x: float, y: float, clearance: Floats, reach: float) -> tuple[float, float] | None:
-        """Return the point itself when a robot can stand there, else the nearest cell within `reach` metres, or None."""
+    def place_near(
+        self, x: float, y: float, clearance: Floats, reach: float
+    ) -> tuple[float, float] | None:
+        """Return the point itself when a robot can stand there, else the nearest cell within
+        `reach` metres, or None.
+        """
         if float(self.costmap.sample(clearance, np.array([[x, y]]))[0]) >= self.costmap.least:
             return x, y
         centres = self.costmap.centres(self._rows, self._columns)
         distances = np.hypot(centres[:, 0] - x, centres[:, 1] - y)
         distances[clearance[self._rows, self._columns] < self.costmap.least] = math.inf
         nearest = int(np.argmin(distances))
-        return None if distances[nearest] > reach else (float(centres[nearest, 0]), float(centres[nearest, 1]))
+        return (
+            None
+            if distances[nearest] > reach
+            else (float(centres[nearest, 0]), float(centres[nearest, 1]))
+        )
 
     def goal(self, x: float, y: float) -> tuple[float, float]:
         """Return where the map lets the robot stand for a goal: there, or nearby.
@@ -60,20 +69,29 @@ class Planner:
             raise NoWayError(f"the goal ({x:.1f}, {y:.1f}) lies outside of the map")
         found = self.place_near(x, y, self.costmap.clearance, GOAL_REACH)
         if found is None:
-            raise NoWayError(f"the goal ({x:.1f}, {y:.1f}) lies in a wall or where the robot does not fit")
+            raise NoWayError(
+                f"the goal ({x:.1f}, {y:.1f}) lies in a wall or where the robot does not fit"
+            )
         return found
 
-    def plan(self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats) -> Path | None:
+    def plan(
+        self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
+    ) -> Path | None:
         """Return the way from start to goal through `clearance` (h, w), or None when there is none."""
         begin = self.place_near(*start, clearance, START_REACH)
-        if begin is None or float(self.costmap.sample(clearance, np.array([goal]))[0]) < self.costmap.least:
+        if (
+            begin is None
+            or float(self.costmap.sample(clearance, np.array([goal]))[0]) < self.costmap.least
+        ):
             return None
         cost = self.costmap.cost(clearance)
         for _ in range(ATTEMPTS):
             cells = self._cheapest(begin, goal, cost)
             if cells is None:
                 return None
-            line = self._rounded(self._straightened(np.vstack([[begin], cells[1:-1], [goal]]), cost), cost)
+            line = self._rounded(
+                self._straightened(np.vstack([[begin], cells[1:-1], [goal]]), cost), cost
+            )
             stuck = self._misfits(line, clearance)
             if not stuck.any():
                 return Path(resampled(np.vstack([[start], line])))
@@ -81,7 +99,9 @@ class Planner:
             cost[rows, columns] = math.inf
         return None
 
-    def straight(self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats) -> bool:
+    def straight(
+        self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
+    ) -> bool:
         """Tell whether the robot fits everywhere on the straight line between two points."""
         line = _line(np.array(start), np.array(goal), self.costmap.transform.resolution / 2.0)
         return bool((self.costmap.sample(clearance, line) >= self.costmap.least).all())
@@ -90,13 +110,17 @@ class Planner:
         """Return the straight line between two points, as it is."""
         return Path(resampled(np.array([start, goal])))
 
-    def _cheapest(self, start: tuple[float, float], goal: tuple[float, float], cost: Floats) -> Floats | None:
+    def _cheapest(
+        self, start: tuple[float, float], goal: tuple[float, float], cost: Floats
+    ) -> Floats | None:
         """Return the centres (n, 2) of the cells of the cheapest way."""
         nodes = self._node[self.costmap.cells(np.array([start, goal]))[:2]]
         if (nodes < 0).any():
             return None
         graph = self._edges.graph(cost[self._rows, self._columns])
-        distances, before = dijkstra(graph, directed=True, indices=nodes[1], return_predecessors=True)
+        distances, before = dijkstra(
+            graph, directed=True, indices=nodes[1], return_predecessors=True
+        )
         if not math.isfinite(float(distances[nodes[0]])):
             return None
         way = [int(nodes[0])]
@@ -105,7 +129,9 @@ class Planner:
         return self.costmap.centres(self._rows[way], self._columns[way])
 
     def _straightened(self, line: Floats, cost: Floats) -> Floats:
-        """Return the corners (m, 2) of a line with straight legs instead of many cells, where that costs no more."""
+        """Return the corners (m, 2) of a line with straight legs instead of many cells, where that
+        costs no more.
+        """
         here_cost = self.costmap.sample(cost, line)
         steps = np.hypot(*np.diff(line, axis=0).T) * (here_cost[:-1] + here_cost[1:]) / 2.0
         prices = np.concatenate([[0.0], np.cumsum(steps)])
@@ -114,7 +140,9 @@ class Planner:
             good, stride = here + 1, 2
             while stride >= 1:
                 ahead = min(good + stride, len(line) - 1)
-                if ahead > good and self._price(line[here], line[ahead], cost) <= DEARER * (prices[ahead] - prices[here]):
+                if ahead > good and self._price(line[here], line[ahead], cost) <= DEARER * (
+                    prices[ahead] - prices[here]
+                ):
                     good, stride = ahead, stride * 2
                 else:
                     stride //= 2
@@ -128,21 +156,30 @@ class Planner:
         return float(cost[rows, columns].mean()) * math.dist(start, end)
 
     def _rounded(self, corners: Floats, cost: Floats) -> Floats:
-        """Return the line with points every 10 cm, its corners rounded where the floor beside them is no dearer."""
+        """Return the line with points every 10 cm, its corners rounded where the floor beside them
+        is no dearer.
+        """
         line = resampled(corners, 0.1)
         for _ in range(ROUNDS if len(line) > 2 else 0):  # noqa: PLR2004 -- ends stay
             moved = line.copy()
             moved[1:-1] += 0.25 * (line[:-2] + line[2:] - 2.0 * line[1:-1])
-            dearer = self.costmap.sample(cost, moved) > np.maximum(self.costmap.sample(cost, line) * 1.1, 1.3)
+            dearer = self.costmap.sample(cost, moved) > np.maximum(
+                self.costmap.sample(cost, line) * 1.1, 1.3
+            )
             moved[dearer] = line[dearer]
             line = moved
         return line
 
     def _misfits(self, line: Floats, clearance: Floats) -> Bools:
-        """Tell for points (n, 2) of a line whether the footprint, looking along it, stands in something there."""
+        """Tell for points (n, 2) of a line whether the footprint, looking along it, stands in
+        something there.
+        """
         tight = self.costmap.sample(clearance, line) < self.costmap.circumscribed
-        # A robot may begin and end beside something, where it turns as it must; what it would touch there stops it (navigation/braking.py).
-        tight &= (np.hypot(*(line - line[0]).T) > AT_AN_END) & (np.hypot(*(line - line[-1]).T) > AT_AN_END)
+        # A robot may begin and end beside something, where it turns as it must; what it would touch
+        # there stops it (navigation/braking.py).
+        tight &= (np.hypot(*(line - line[0]).T) > AT_AN_END) & (
+            np.hypot(*(line - line[-1]).T) > AT_AN_END
+        )
         if len(line) < 2 or not tight.any():  # noqa: PLR2004
             return np.zeros(len(line), dtype=np.bool_)
         along = np.gradient(line, axis=0)
@@ -150,14 +187,18 @@ class Planner:
         cosine, sine = np.cos(headings)[:, None], np.sin(headings)[:, None]
         x = line[tight, 0:1] + cosine * self._rim[:, 0] - sine * self._rim[:, 1]
         y = line[tight, 1:2] + sine * self._rim[:, 0] + cosine * self._rim[:, 1]
-        inside = self.costmap.sample(clearance, np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape) <= 0.0
+        inside = (
+            self.costmap.sample(clearance, np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
+            <= 0.0
+        )
         stuck = np.zeros(len(line), dtype=np.bool_)
         stuck[tight] = inside.any(axis=1)
         return stuck
 
 
 class _Edges:
-    """The edges between free cells and their eight neighbours, both ways, in the order in which a sparse matrix keeps them.
+    """The edges between free cells and their eight neighbours, both ways, in the order in which a
+    sparse matrix keeps them.
 
     `node` (h, w) are the numbers of the free cells, -1 elsewhere; `resolution` in metres.
     """
@@ -174,12 +215,18 @@ class _Edges:
             lengths.append(np.full(2 * int(joined.sum()), math.hypot(down, right) * resolution))
         begin, end = np.concatenate(first), np.concatenate(second)
         order = np.lexsort((end, begin))
-        self._begin, self._end, self._halves = begin[order], end[order].astype(np.int32), np.concatenate(lengths)[order] / 2.0
+        self._begin, self._end, self._halves = (
+            begin[order],
+            end[order].astype(np.int32),
+            np.concatenate(lengths)[order] / 2.0,
+        )
         self._count = int(node.max()) + 1
         self._rows = np.searchsorted(self._begin, np.arange(self._count + 1)).astype(np.int32)
 
     def graph(self, price: Floats) -> csr_matrix:
-        """Return what it costs to go from each free cell to its neighbours, at prices (n,) a metre in each."""
+        """Return what it costs to go from each free cell to its neighbours, at prices (n,) a metre
+        in each.
+        """
         weights = self._halves * (price[self._begin] + price[self._end])
         return csr_matrix((weights, self._end, self._rows), shape=(self._count, self._count))
 

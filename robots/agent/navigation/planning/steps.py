@@ -17,7 +17,9 @@ NOWHERE: Floats = np.zeros((0, 2))
 
 @dataclass(frozen=True, eq=False)
 class Sense:
-    """One moment: `pose` in the map, `odometry` in its own frame, both now; `beams` were measured at `beams_from`, an odometry pose."""
+    """One moment: `pose` in the map, `odometry` in its own frame, both now; `beams` were measured
+    at `beams_from`, an odometry pose.
+    """
 
     now: float
     pose: Pose2D
@@ -33,8 +35,9 @@ class Sense:
 class Step:
     """What to do now and how the task stands.
 
-    `velocity` is for the base, None for silence once the robot stands; `reason` one sentence, also for what a running task waits for;
-    `path` (n, 2) is the way ahead in map metres; `progress` runs from 0 to 1.
+    `velocity` is for the base, None for silence once the robot stands; `reason` one sentence, also
+    for what a running task waits for; `path` (n, 2) is the way ahead in map metres; `progress` runs
+    from 0 to 1.
     """
 
     velocity: Velocity | None

@@ -1,7 +1,8 @@
 """Bumping into things: the footprint, a convex polygon, against convex solids.
 
-Two convex shapes are apart exactly when one of their edge normals separates them (separating axis theorem); the axis with the
-least overlap is the cheapest way out. Steps are short against the thickness of everything, so that nothing is jumped over.
+Two convex shapes are apart exactly when one of their edge normals separates them (separating axis
+theorem); the axis with the least overlap is the cheapest way out. Steps are short against the
+thickness of everything, so that nothing is jumped over.
 """
 
 import math
@@ -32,8 +33,11 @@ def normals(outline: Floats) -> Floats:
     return across
 
 
-def gap(mine: Floats, mine_normals: Floats, other: Floats, other_normals: Floats) -> tuple[float, Floats]:
-    """Return the widest separation of two convex outlines along their normals, and the direction that frees `mine`.
+def gap(
+    mine: Floats, mine_normals: Floats, other: Floats, other_normals: Floats
+) -> tuple[float, Floats]:
+    """Return the widest separation of two convex outlines along their normals, and the direction
+    that frees `mine`.
 
     Negative means they overlap by so much. When positive it is a lower bound of their distance.
     """
@@ -81,12 +85,20 @@ class Shape:
         """Return the same shape under another name, shifted."""
         by = np.array([x, y])
         solid = replace(self.solid, name=name, outline=self.solid.outline + by)
-        return Shape(solid, self.normals, self.sides + np.array([x, y, x, y]), self.low + by, self.high + by)
+        return Shape(
+            solid, self.normals, self.sides + np.array([x, y, x, y]), self.low + by, self.high + by
+        )
 
 
 def shape(solid: Solid) -> Shape:
     """Return a solid, ready to be asked."""
-    return Shape(solid, normals(solid.outline), edges((solid,)), solid.outline.min(axis=0), solid.outline.max(axis=0))
+    return Shape(
+        solid,
+        normals(solid.outline),
+        edges((solid,)),
+        solid.outline.min(axis=0),
+        solid.outline.max(axis=0),
+    )
 
 
 class Hit(NamedTuple):
@@ -98,7 +110,9 @@ class Hit(NamedTuple):
 
 
 class Obstacles:
-    """Solids, ready to be asked. Immutable: when a door moves, make new ones; what walks is `others`, said with each question."""
+    """Solids, ready to be asked. Immutable: when a door moves, make new ones; what walks is
+    `others`, said with each question.
+    """
 
     def __init__(self, solids: tuple[Solid, ...]) -> None:
         self.solids = solids
@@ -110,11 +124,15 @@ class Obstacles:
         self._asked: tuple[Floats, float] | None = None
 
     def free_about(self, x: float, y: float) -> float:
-        """Return metres around a point that are surely free: at most the true distance, less by up to the step of a coarse lattice."""
+        """Return metres around a point that are surely free: at most the true distance, less by up
+        to the step of a coarse lattice.
+        """
         key = (math.floor(x / LATTICE), math.floor(y / LATTICE))
         if key not in self._free:
             middle = np.array([[(key[0] + 0.5) * LATTICE, (key[1] + 0.5) * LATTICE]])
-            self._free[key] = math.sqrt(_nearest(middle, self.segments)) if len(self.segments) else math.inf
+            self._free[key] = (
+                math.sqrt(_nearest(middle, self.segments)) if len(self.segments) else math.inf
+            )
         return self._free[key] - LATTICE * math.sqrt(0.5)
 
     def near(self, outline: Floats) -> list[Shape]:
@@ -129,13 +147,20 @@ class Obstacles:
         if not near:
             return []
         found = [(each.solid, *each.gap_to(outline)) for each in near]
-        return sorted((Hit(solid, -free, way) for solid, free, way in found if free < 0.0), key=lambda hit: -hit.depth)
+        return sorted(
+            (Hit(solid, -free, way) for solid, free, way in found if free < 0.0),
+            key=lambda hit: -hit.depth,
+        )
 
     def clearance(self, outline: Floats) -> float:
-        """Return the distance in metres from an outline to the nearest solid, `inf` in an empty world."""
+        """Return the distance in metres from an outline to the nearest solid, `inf` in an empty
+        world.
+        """
         if not self.solids:
             return math.inf
-        apart = np.maximum(np.maximum(self._low - outline.max(axis=0), outline.min(axis=0) - self._high), 0.0)
+        apart = np.maximum(
+            np.maximum(self._low - outline.max(axis=0), outline.min(axis=0) - self._high), 0.0
+        )
         at_least = np.sqrt((apart**2).sum(axis=1))
         order = np.argsort(at_least)
         nearest = self._distance(outline, order[:CANDIDATES])
@@ -147,7 +172,14 @@ class Obstacles:
         own = np.hstack([outline, np.roll(outline, -1, axis=0)])
         return math.sqrt(min(_nearest(outline, theirs), _nearest(theirs[:, :2], own)))
 
-    def move(self, footprint: Floats, pose: Pose2D, motion: Motion, dt: float, others: tuple[Shape, ...] = ()) -> Move:
+    def move(
+        self,
+        footprint: Floats,
+        pose: Pose2D,
+        motion: Motion,
+        dt: float,
+        others: tuple[Shape, ...] = (),
+    ) -> Move:
         """Drive for `dt` seconds; what stands in the way stops the robot or lets it slide along."""
         reach = self._reach_of(footprint)
         travel = (abs(motion.linear) + abs(motion.angular) * reach) * dt
@@ -161,12 +193,19 @@ class Obstacles:
         if not touched or dt <= 0.0:
             return Move(here, motion, frozenset(touched))
         ahead = (here.x - pose.x) * math.cos(pose.theta) + (here.y - pose.y) * math.sin(pose.theta)
-        done = Motion(_less(ahead / dt, motion.linear), _less(wrap_angle(here.theta - pose.theta) / dt, motion.angular))
+        done = Motion(
+            _less(ahead / dt, motion.linear),
+            _less(wrap_angle(here.theta - pose.theta) / dt, motion.angular),
+        )
         return Move(here, done, frozenset(touched))
 
-    def _step(self, footprint: Floats, pose: Pose2D, motion: Motion, dt: float, others: tuple[Shape, ...]) -> tuple[Pose2D, set[str]]:
+    def _step(
+        self, footprint: Floats, pose: Pose2D, motion: Motion, dt: float, others: tuple[Shape, ...]
+    ) -> tuple[Pose2D, set[str]]:
         wanted = advance(pose, motion, dt)
-        longest = 2.0 * (abs(motion.linear) + abs(motion.angular) * self._reach_of(footprint)) * dt + SKIN
+        longest = (
+            2.0 * (abs(motion.linear) + abs(motion.angular) * self._reach_of(footprint)) * dt + SKIN
+        )
         touched = set[str]()
         candidates = (wanted, Pose2D(pose.x, pose.y, wanted.theta)) if motion.angular else (wanted,)
         for candidate in candidates:
@@ -177,13 +216,19 @@ class Obstacles:
         return pose, touched
 
     def _reach_of(self, footprint: Floats) -> float:
-        """Return the radius of the circle about the robot's middle that holds its footprint; it is the same one all the time."""
+        """Return the radius of the circle about the robot's middle that holds its footprint; it is
+        the same one all the time.
+        """
         if self._asked is None or self._asked[0] is not footprint:
             self._asked = footprint, math.sqrt(float((footprint**2).sum(axis=1).max()))
         return self._asked[1]
 
-    def _pushed_free(self, footprint: Floats, pose: Pose2D, longest: float, others: tuple[Shape, ...]) -> tuple[Pose2D | None, set[str]]:
-        """Return the pose moved out of what it overlaps, or None where there is no short way out; and what it met."""
+    def _pushed_free(
+        self, footprint: Floats, pose: Pose2D, longest: float, others: tuple[Shape, ...]
+    ) -> tuple[Pose2D | None, set[str]]:
+        """Return the pose moved out of what it overlaps, or None where there is no short way out;
+        and what it met.
+        """
         touched = set[str]()
         x, y = pose.x, pose.y
         for _ in range(PUSHES):

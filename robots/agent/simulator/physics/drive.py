@@ -1,4 +1,6 @@
-"""A differential drive: speeds follow their targets within the base's accelerations, the pose follows the speeds on arcs."""
+"""A differential drive: speeds follow their targets within the base's accelerations, the pose
+follows the speeds on arcs.
+"""
 
 import math
 from typing import NamedTuple
@@ -27,7 +29,9 @@ def clamp(motion: Motion, limits: Limits) -> Motion:
     return Motion(linear, min(max(motion.angular, -limits.angular), limits.angular))
 
 
-def approach(current: float, target: float, acceleration: float, braking: float, dt: float) -> float:
+def approach(
+    current: float, target: float, acceleration: float, braking: float, dt: float
+) -> float:
     """Return the speed after `dt`: towards zero with `braking`, away from it with `acceleration`.
 
     A change of sign brakes to zero first, and what is left of `dt` accelerates.
@@ -46,33 +50,52 @@ def _towards(current: float, target: float, step: float) -> float:
 
 
 def follow(current: Motion, target: Motion, limits: Limits, dt: float) -> Motion:
-    """Return the speeds after `dt` seconds on the way to `target`, which may lie outside the limits."""
+    """Return the speeds after `dt` seconds on the way to `target`, which may lie outside the
+    limits.
+    """
     wanted = clamp(target, limits)
     return Motion(
-        approach(current.linear, wanted.linear, limits.linear_acceleration, limits.linear_braking, dt),
-        approach(current.angular, wanted.angular, limits.angular_acceleration, limits.angular_braking, dt),
+        approach(
+            current.linear, wanted.linear, limits.linear_acceleration, limits.linear_braking, dt
+        ),
+        approach(
+            current.angular, wanted.angular, limits.angular_acceleration, limits.angular_braking, dt
+        ),
     )
 
 
 def advance(pose: Pose2D, motion: Motion, dt: float) -> Pose2D:
-    """Return the pose after `dt` seconds at constant speeds (Thrun et al., Probabilistic Robotics, equation 5.9)."""
+    """Return the pose after `dt` seconds at constant speeds (Thrun et al., Probabilistic Robotics,
+    equation 5.9).
+    """
     turn = motion.angular * dt
     theta = pose.theta + turn
     if abs(turn) < STRAIGHT:
         step = motion.linear * dt
-        return Pose2D(pose.x + step * math.cos(pose.theta), pose.y + step * math.sin(pose.theta), wrap_angle(theta))
+        return Pose2D(
+            pose.x + step * math.cos(pose.theta),
+            pose.y + step * math.sin(pose.theta),
+            wrap_angle(theta),
+        )
     radius = motion.linear / motion.angular
     x = pose.x + radius * (math.sin(theta) - math.sin(pose.theta))
     y = pose.y - radius * (math.cos(theta) - math.cos(pose.theta))
     return Pose2D(x, y, wrap_angle(theta))
 
 
-def slip(motion: Motion, separation: float, noise: float, dt: float, rng: np.random.Generator) -> Motion:
-    """Return what the wheels really do when each slips a little; always draws two numbers, so that runs stay comparable.
+def slip(
+    motion: Motion, separation: float, noise: float, dt: float, rng: np.random.Generator
+) -> Motion:
+    """Return what the wheels really do when each slips a little; always draws two numbers, so that
+    runs stay comparable.
 
-    `noise` is the standard deviation of a wheel's relative error over one metre, `separation` the distance of the wheels.
+    `noise` is the standard deviation of a wheel's relative error over one metre, `separation` the
+    distance of the wheels.
     """
-    left, right = motion.linear - motion.angular * separation / 2.0, motion.linear + motion.angular * separation / 2.0
+    left, right = (
+        motion.linear - motion.angular * separation / 2.0,
+        motion.linear + motion.angular * separation / 2.0,
+    )
     first, second = rng.standard_normal(2).tolist()
     if noise == 0.0 or dt == 0.0:
         return motion
@@ -82,21 +105,29 @@ def slip(motion: Motion, separation: float, noise: float, dt: float, rng: np.ran
 
 
 class Encoders(NamedTuple):
-    """What one robot's dead reckoning believes, as shares of the true values: radii of the left and right wheel, their separation."""
+    """What one robot's dead reckoning believes, as shares of the true values: radii of the left and
+    right wheel, their separation.
+    """
 
     left: float
     right: float
     separation: float
 
 
-def draw_encoders(radius_error: float, separation_error: float, rng: np.random.Generator) -> Encoders:
+def draw_encoders(
+    radius_error: float, separation_error: float, rng: np.random.Generator
+) -> Encoders:
     """Return the errors of one robot, from the standard deviations among all of its kind."""
     left, right, separation = rng.standard_normal(3).tolist()
-    return Encoders(1.0 + radius_error * left, 1.0 + radius_error * right, 1.0 + separation_error * separation)
+    return Encoders(
+        1.0 + radius_error * left, 1.0 + radius_error * right, 1.0 + separation_error * separation
+    )
 
 
 def reckoned(motion: Motion, separation: float, encoders: Encoders) -> Motion:
-    """Return the speeds that the encoders report for wheels that turn as `motion` says (`separation` is the true one, metres)."""
+    """Return the speeds that the encoders report for wheels that turn as `motion` says
+    (`separation` is the true one, metres).
+    """
     left = (motion.linear - motion.angular * separation / 2.0) * encoders.left
     right = (motion.linear + motion.angular * separation / 2.0) * encoders.right
     return Motion((left + right) / 2.0, (right - left) / (separation * encoders.separation))

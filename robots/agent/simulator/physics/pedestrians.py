@@ -1,7 +1,8 @@
 """People who walk from place to place, stay a while and go on.
 
-They keep clear of walls, furniture, doors and, where there is room, of each other. For a robot they do not stop until they touch it:
-then they wait until it is gone, and after a while turn round and go somewhere else. They never push it.
+They keep clear of walls, furniture, doors and, where there is room, of each other. For a robot they
+do not stop until they touch it: then they wait until it is gone, and after a while turn round and
+go somewhere else. They never push it.
 """
 
 import math
@@ -55,7 +56,8 @@ class _Walker:
 
 
 class Pedestrians:
-    """`count` people in a plan, moved by `step`. `people` are they as they are now, `bumped` how often one walked into the robot.
+    """`count` people in a plan, moved by `step`. `people` are they as they are now, `bumped` how
+    often one walked into the robot.
 
     Args:
         plan: where.
@@ -65,13 +67,24 @@ class Pedestrians:
         rng: decides everything.
     """
 
-    def __init__(self, plan: FloorPlan, count: int, doors: dict[str, DoorState], robot: tuple[float, float], rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        plan: FloorPlan,
+        count: int,
+        doors: dict[str, DoorState],
+        robot: tuple[float, float],
+        rng: np.random.Generator,
+    ) -> None:
         self._rng = rng
         self._ways = Footways(plan)
         self._goals = _goals(plan, self._ways, rng)
         self._leaves: tuple[Floats, ...] = ()
         self.bumped = 0
-        free = [goal for goal in self._goals if math.dist(goal, robot) > FROM_ROBOT and self._ways.is_free(*goal, doors)]
+        free = [
+            goal
+            for goal in self._goals
+            if math.dist(goal, robot) > FROM_ROBOT and self._ways.is_free(*goal, doors)
+        ]
         chosen = rng.permutation(len(free))[:count]
         self._walkers = [self._walker(free[index], look) for look, index in enumerate(chosen)]
         self.people: tuple[Person, ...] = tuple(walker.seen() for walker in self._walkers)
@@ -80,10 +93,18 @@ class Pedestrians:
         """Tell whether somebody walked into the robot within the last seconds."""
         return any(walker.look == look and walker.since_bump < seconds for walker in self._walkers)
 
-    def step(self, dt: float, doors: dict[str, DoorState], footprint: Floats, robot: Pose2D, leaves: tuple[Shape, ...] = ()) -> None:
+    def step(
+        self,
+        dt: float,
+        doors: dict[str, DoorState],
+        footprint: Floats,
+        robot: Pose2D,
+        leaves: tuple[Shape, ...] = (),
+    ) -> None:
         """Let everybody walk for `dt` seconds.
 
-        `footprint` (n, 2) is the robot's outline in its own frame, `robot` its pose; `leaves` are those of doors that are moving.
+        `footprint` (n, 2) is the robot's outline in its own frame, `robot` its pose; `leaves` are
+        those of doors that are moving.
         """
         self._leaves = tuple(leaf.solid.outline for leaf in leaves)
         for walker in self._walkers:
@@ -99,7 +120,9 @@ class Pedestrians:
 
     def _walker(self, place: tuple[float, float], look: int) -> _Walker:
         rng = self._rng
-        walker = _Walker(*place, float(rng.uniform(-math.pi, math.pi)), look, float(rng.uniform(*PACES)))
+        walker = _Walker(
+            *place, float(rng.uniform(-math.pi, math.pi)), look, float(rng.uniform(*PACES))
+        )
         walker.stay = float(rng.uniform(0.0, STAYS[0]))
         return walker
 
@@ -113,11 +136,15 @@ class Pedestrians:
         walker.pace = float(self._rng.uniform(*PACES))
         walker.patience = float(self._rng.uniform(*PATIENCE))
         reachable = self._ways.is_free(*goal, doors)
-        walker.path = (self._ways.path((walker.x, walker.y), goal, doors) or []) if reachable else []
+        walker.path = (
+            (self._ways.path((walker.x, walker.y), goal, doors) or []) if reachable else []
+        )
         if not walker.path:
             walker.stay = STAYS[0]
 
-    def _walk(self, walker: _Walker, dt: float, doors: dict[str, DoorState], robot: Floats | None) -> None:
+    def _walk(
+        self, walker: _Walker, dt: float, doors: dict[str, DoorState], robot: Floats | None
+    ) -> None:
         target = walker.path[0]
         distance = math.hypot(target[0] - walker.x, target[1] - walker.y)
         if distance < ARRIVED:
@@ -125,13 +152,22 @@ class Pedestrians:
             if not walker.path:
                 walker.stay = float(self._rng.uniform(*STAYS))
             return
-        way = self._round_others(walker, math.atan2(target[1] - walker.y, target[0] - walker.x), doors)
+        way = self._round_others(
+            walker, math.atan2(target[1] - walker.y, target[0] - walker.x), doors
+        )
         turn = wrap_angle(way - walker.heading)
         walker.heading = wrap_angle(walker.heading + min(max(turn, -TURNING * dt), TURNING * dt))
         wanted = walker.pace * max(0.0, math.cos(turn))
         walker.speed = min(wanted, walker.speed + SPEEDING_UP * dt)
-        x, y = self._along_walls(walker, walker.speed * dt * math.cos(way), walker.speed * dt * math.sin(way), doors)
-        if self._bumps(walker, x, y, robot) or self._meets_leaf(walker, x, y) or self._meets_another(walker, x, y) or (x, y) == (walker.x, walker.y):
+        x, y = self._along_walls(
+            walker, walker.speed * dt * math.cos(way), walker.speed * dt * math.sin(way), doors
+        )
+        if (
+            self._bumps(walker, x, y, robot)
+            or self._meets_leaf(walker, x, y)
+            or self._meets_another(walker, x, y)
+            or (x, y) == (walker.x, walker.y)
+        ):
             walker.speed = 0.0
             self._lose_patience(walker, dt)
             return
@@ -143,8 +179,12 @@ class Pedestrians:
         else:
             self._lose_patience(walker, AT_WALL * dt)
 
-    def _along_walls(self, walker: _Walker, dx: float, dy: float, doors: dict[str, DoorState]) -> tuple[float, float]:
-        """Return where a step ends: beside what is not free, and where it began when that is everywhere."""
+    def _along_walls(
+        self, walker: _Walker, dx: float, dy: float, doors: dict[str, DoorState]
+    ) -> tuple[float, float]:
+        """Return where a step ends: beside what is not free, and where it began when that is
+        everywhere.
+        """
         x, y = walker.x, walker.y
         ends = ((x + dx, y + dy), (x + dx, y), (x, y + dy))
         if not self._ways.is_free(x, y, doors):  # a door has moved: out of its way
@@ -157,7 +197,9 @@ class Pedestrians:
             walker.path, walker.held = [], 0.0
 
     def _bumps(self, walker: _Walker, x: float, y: float, robot: Floats | None) -> bool:
-        """Tell whether a step ends at the robot, and count the first of them. A step away from it is none."""
+        """Tell whether a step ends at the robot, and count the first of them. A step away from it
+        is none.
+        """
         gap = math.inf if robot is None else distance_to(x, y, robot) - TOUCH
         if robot is None or gap >= 0.0 or gap > distance_to(walker.x, walker.y, robot) - TOUCH:
             walker.touching = walker.touching and gap < APART - 2.0 * TOUCH
@@ -179,25 +221,35 @@ class Pedestrians:
         """Tell whether a step leads nearer to somebody who is too near already."""
         for other in self._walkers:
             apart = math.hypot(other.x - x, other.y - y)
-            if apart < APART and other is not walker and apart < math.hypot(other.x - walker.x, other.y - walker.y):
+            if (
+                apart < APART
+                and other is not walker
+                and apart < math.hypot(other.x - walker.x, other.y - walker.y)
+            ):
                 return True
         return False
 
     def _round_others(self, walker: _Walker, way: float, doors: dict[str, DoorState]) -> float:
-        """Return the direction that passes somebody ahead on their right, where there is floor; otherwise the one that was wanted."""
+        """Return the direction that passes somebody ahead on their right, where there is floor;
+        otherwise the one that was wanted.
+        """
         for other in self._walkers:
             dx, dy = other.x - walker.x, other.y - walker.y
             if abs(dx) > WIDE or abs(dy) > WIDE or other is walker:
                 continue
             if math.hypot(dx, dy) < WIDE and abs(wrap_angle(math.atan2(dy, dx) - way)) < ASIDE:
                 aside = wrap_angle(way - ASIDE)
-                if self._ways.is_free(walker.x + 0.3 * math.cos(aside), walker.y + 0.3 * math.sin(aside), doors):
+                if self._ways.is_free(
+                    walker.x + 0.3 * math.cos(aside), walker.y + 0.3 * math.sin(aside), doors
+                ):
                     return aside
         return way
 
 
 def _goals(plan: FloorPlan, ways: Footways, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Return where people like to be: the plan's places and some random points of each room, never before a charging station."""
+    """Return where people like to be: the plan's places and some random points of each room, never
+    before a charging station.
+    """
     doors: dict[str, DoorState] = {door.name: "open" for door in plan.doors}
     wanted = [(place.x, place.y) for place in (*plan.places, *plan.starts)]
     for room in plan.rooms:
@@ -205,4 +257,8 @@ def _goals(plan: FloorPlan, ways: Footways, rng: np.random.Generator) -> list[tu
         wanted += [(float(x), float(y)) for x, y in rng.uniform(low, high, (SPREAD, 2))]
     found = [ways.nearest(x, y, doors) for x, y in wanted]
     free = [goal for goal in found if goal is not None]
-    return [goal for goal in dict.fromkeys(free) if all(math.dist(goal, (dock.x, dock.y)) > FROM_DOCK for dock in plan.docks)] or free
+    return [
+        goal
+        for goal in dict.fromkeys(free)
+        if all(math.dist(goal, (dock.x, dock.y)) > FROM_DOCK for dock in plan.docks)
+    ] or free

@@ -1,6 +1,7 @@
 """People in a simulated site, as laser, camera and bumpers meet them.
 
-A person is touched like a disc of radius `BODY` and seen by a laser as two legs, which stay within it. Lengths in metres.
+A person is touched like a disc of radius `BODY` and seen by a laser as two legs, which stay within
+it. Lengths in metres.
 """
 
 import math
@@ -18,15 +19,17 @@ FULL_STRIDE = 0.8  # m/s from which on the legs swing so far
 HEIGHT = 1.7
 CORNERS = 12
 LEG_CORNERS = 8
-TOUCH = BODY / math.cos(math.pi / CORNERS) + 1e-3  # how far the corners of that disc reach: nobody comes nearer by walking
+# how far the corners of that disc reach: nobody comes nearer by walking
+TOUCH = BODY / math.cos(math.pi / CORNERS) + 1e-3
 
 
 class Person(NamedTuple):
     """Somebody at one moment.
 
-    `x`, `y` in metres of the map; `heading` where the body looks, radians; `stride` the phase of the walk in radians, growing by 2 pi
-    with two steps: the left foot is ahead by `sin(stride)` of the swing, the right one behind by as much; `look` an integer that stays
-    the same for one person (clothes, hair, height); `speed` in m/s, 0 for who stands.
+    `x`, `y` in metres of the map; `heading` where the body looks, radians; `stride` the phase of
+    the walk in radians, growing by 2 pi with two steps: the left foot is ahead by `sin(stride)` of
+    the swing, the right one behind by as much; `look` an integer that stays the same for one person
+    (clothes, hair, height); `speed` in m/s, 0 for who stands.
     """
 
     x: float
@@ -38,7 +41,9 @@ class Person(NamedTuple):
 
 
 def legs(people: tuple[Person, ...]) -> Floats:
-    """Return the sides (16 n, 4) of the legs of n people, counter-clockwise about each leg, as of any solid."""
+    """Return the sides (16 n, 4) of the legs of n people, counter-clockwise about each leg, as of
+    any solid.
+    """
     middles = []
     for person in people:
         cosine, sine = math.cos(person.heading), math.sin(person.heading)

@@ -1,4 +1,6 @@
-"""Doors that open and close by themselves, as people leave them: never more than one is closed, so that a way remains in most sites."""
+"""Doors that open and close by themselves, as people leave them: never more than one is closed, so
+that a way remains in most sites.
+"""
 
 import math
 

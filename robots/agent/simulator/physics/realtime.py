@@ -1,7 +1,8 @@
 """A simulation that keeps up with the clock on the wall, and remembers what happened.
 
-Steps have one fixed length, so that a run depends on when commands came and on nothing else. After a pause of the whole process
-(a suspended laptop, SIGSTOP) the lost time is dropped: a robot that nobody simulated has not moved.
+Steps have one fixed length, so that a run depends on when commands came and on nothing else. After
+a pause of the whole process (a suspended laptop, SIGSTOP) the lost time is dropped: a robot that
+nobody simulated has not moved.
 """
 
 from collections import deque
@@ -35,7 +36,9 @@ class View:
 
 
 class Playback:
-    """Drives a `Simulation` by two clocks that the caller reads: monotonic, for the steps, and Unix time, for the stamps."""
+    """Drives a `Simulation` by two clocks that the caller reads: monotonic, for the steps, and Unix
+    time, for the stamps.
+    """
 
     def __init__(self, simulation: Simulation, monotonic: float, unix: float) -> None:
         self.simulation = simulation
@@ -60,7 +63,9 @@ class Playback:
         return count
 
     def _set_wall_clock(self, unix_origin: float) -> None:
-        """Follow the wall clock slowly, so that a moment lost between reading two clocks never turns stamps around."""
+        """Follow the wall clock slowly, so that a moment lost between reading two clocks never
+        turns stamps around.
+        """
         error = unix_origin - self._unix_origin
         self._unix_origin += error if abs(error) > CLOCK_STEP else CLOCK_SLEW * error
 
@@ -71,26 +76,59 @@ class Playback:
     def history(self, seconds: float) -> tuple[Row, ...]:
         """Return the rows of the last seconds, oldest first."""
         count = min(len(self._history), max(0, round(seconds / STEP)))
-        return tuple(self._history[index] for index in range(len(self._history) - count, len(self._history)))
+        return tuple(
+            self._history[index] for index in range(len(self._history) - count, len(self._history))
+        )
 
     def truth(self, *, measured: bool = True) -> Truth:
-        """Return everything about the robot at the last step; without `measured` not its clearance, which costs more than the rest."""
+        """Return everything about the robot at the last step; without `measured` not its clearance,
+        which costs more than the rest.
+        """
         sim = self.simulation
         return Truth(
-            stamp=self.stamp(), x=sim.pose.x, y=sim.pose.y, theta=sim.pose.theta,
+            stamp=self.stamp(),
+            x=sim.pose.x,
+            y=sim.pose.y,
+            theta=sim.pose.theta,
             odometry=(sim.odometry.x, sim.odometry.y, sim.odometry.theta),
-            linear=sim.motion.linear, angular=sim.motion.angular, commanded=(sim.commanded.linear, sim.commanded.angular),
+            linear=sim.motion.linear,
+            angular=sim.motion.angular,
+            commanded=(sim.commanded.linear, sim.commanded.angular),
             commanded_at=self._unix_origin + sim.commanded_at if sim.commanded_at >= 0.0 else 0.0,
-            charge=sim.charge, voltage=sim.voltage(), docked=sim.docked, tilt=sim.tilt, clearance=min(sim.clearance(), 1e3) if measured else None,
-            contacts=sim.contacts, distance=sim.distance, doors=dict(sim.doors), errors=sim.errors(),
-            bumped=sim.bumped, people=tuple((person.x, person.y, person.heading) for person in sim.people),
+            charge=sim.charge,
+            voltage=sim.voltage(),
+            docked=sim.docked,
+            tilt=sim.tilt,
+            clearance=min(sim.clearance(), 1e3) if measured else None,
+            contacts=sim.contacts,
+            distance=sim.distance,
+            doors=dict(sim.doors),
+            errors=sim.errors(),
+            bumped=sim.bumped,
+            people=tuple((person.x, person.y, person.heading) for person in sim.people),
             bumper=sim.bumper(),
-        )  # fmt: skip
+        )
 
     def _row(self) -> Row:
         s = self.simulation.sample()
-        return (self.stamp(), s.commanded_linear, s.commanded_angular, s.linear, s.angular, s.x, s.y, s.theta)
+        return (
+            self.stamp(),
+            s.commanded_linear,
+            s.commanded_angular,
+            s.linear,
+            s.angular,
+            s.x,
+            s.y,
+            s.theta,
+        )
 
     def _view(self) -> View:
         sim = self.simulation
-        return View(self.stamp(), sim.pose, (sim.motion.linear, sim.motion.angular), sim.tilt, sim.openings, sim.people)
+        return View(
+            self.stamp(),
+            sim.pose,
+            (sim.motion.linear, sim.motion.angular),
+            sim.tilt,
+            sim.openings,
+            sim.people,
+        )

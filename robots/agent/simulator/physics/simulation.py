@@ -1,10 +1,11 @@
 """A whole robot in a whole site, without a clock of its own: `step(dt)` and ask.
 
-Everything random comes from one seed, in streams of their own, so that asking for a scan does not change the drive. The same
-seed and the same commands at the same times give the same trajectory, bit for bit.
+Everything random comes from one seed, in streams of their own, so that asking for a scan does not
+change the drive. The same seed and the same commands at the same times give the same trajectory,
+bit for bit.
 
-The wheels slip on the floor, which the encoders do not notice, and the encoders believe in slightly wrong wheels: `odometry` drifts
-from the truth as that of a real robot does.
+The wheels slip on the floor, which the encoders do not notice, and the encoders believe in slightly
+wrong wheels: `odometry` drifts from the truth as that of a real robot does.
 
 Longer than most files: it holds together what its parts decide.
 """
@@ -16,9 +17,24 @@ import numpy as np
 
 from robots.agent.simulator import sonar
 from robots.agent.simulator.physics import battery, head, laser
-from robots.agent.simulator.physics.contact import RELEASE, Obstacles, Shape, distance_to, place, shape
+from robots.agent.simulator.physics.contact import (
+    RELEASE,
+    Obstacles,
+    Shape,
+    distance_to,
+    place,
+    shape,
+)
 from robots.agent.simulator.physics.doors import Doors
-from robots.agent.simulator.physics.drive import STILL, Motion, clamp, draw_encoders, follow, reckoned, slip
+from robots.agent.simulator.physics.drive import (
+    STILL,
+    Motion,
+    clamp,
+    draw_encoders,
+    follow,
+    reckoned,
+    slip,
+)
 from robots.agent.simulator.physics.faults import SOUND, Faults
 from robots.agent.simulator.physics.pedestrians import Pedestrians
 from robots.agent.simulator.physics.people import BODY, Person, legs, name_of, solid
@@ -33,7 +49,8 @@ from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
 NEAR = 0.1  # metres beyond touch at which somebody is looked at; more than anybody moves in a step
 ANYBODY = shape(solid(Person(0.0, 0.0, 0.0, 0.0, 0, 0.0)))
 AT_DOCK = 1.0  # metres from a dock beyond which nobody asks how exactly
-BUMP_TIME = 1.0  # seconds in which a robot that somebody walked into is not at fault when it pushes on
+# seconds in which a robot that somebody walked into is not at fault when it pushes on
+BUMP_TIME = 1.0
 
 
 class StartError(ValueError):
@@ -57,11 +74,20 @@ class Simulation:
     """The robot. Attributes are the truth at `time`; nobody but `step` changes them."""
 
     def __init__(
-        self, model: RobotModel, plan: FloorPlan, *, seed: int, start: str = "dock", charge: float = 0.9, people: int = 0, door_changes: float = 0.0
+        self,
+        model: RobotModel,
+        plan: FloorPlan,
+        *,
+        seed: int,
+        start: str = "dock",
+        charge: float = 0.9,
+        people: int = 0,
+        door_changes: float = 0.0,
     ) -> None:
         """Stand at `start`: `dock`, the name of a start or place of the plan, or `x,y,theta`.
 
-        `people` walk about, and every `door_changes` seconds, on average, a door opens or closes (0: never).
+        `people` walk about, and every `door_changes` seconds, on average, a door opens or closes
+        (0: never).
 
         Raises:
             StartError: no such place, or something stands there.
@@ -69,7 +95,9 @@ class Simulation:
         self.model, self.plan = model, plan
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
         self.drive_rng, self.laser_rng, self.sonar_rng = *streams[:2], streams[5]
-        self.encoders = draw_encoders(model.odometry.radius_error, model.odometry.separation_error, streams[2])
+        self.encoders = draw_encoders(
+            model.odometry.radius_error, model.odometry.separation_error, streams[2]
+        )
         self.footprint = np.array(model.footprint)
         self._radius = model.radius
         self._doors = Doors(plan, with_doors(plan, {}))
@@ -92,7 +120,11 @@ class Simulation:
         self._pedestrians: Pedestrians | None = None
         self.docked = False  # whether the charging contacts meet
         self._refuse_blocked(start, self.pose)
-        self._pedestrians = Pedestrians(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4]) if people else None
+        self._pedestrians = (
+            Pedestrians(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4])
+            if people
+            else None
+        )
         self.docked = self._in_dock()
 
     @property
@@ -120,14 +152,21 @@ class Simulation:
         return place(self.footprint, self.pose)
 
     def command(self, linear: float, angular: float) -> Motion:
-        """Take a velocity and return what the base will aim at; silence for `model.watchdog` seconds brakes to a stand."""
-        self.commanded, self.commanded_at = clamp(Motion(linear, angular), self.model.limits), self.time
+        """Take a velocity and return what the base will aim at; silence for `model.watchdog`
+        seconds brakes to a stand.
+        """
+        self.commanded, self.commanded_at = (
+            clamp(Motion(linear, angular), self.model.limits),
+            self.time,
+        )
         return self.commanded
 
     def set_doors(self, doors: dict[str, DoorState]) -> None:
-        """Let doors swing open or closed; a leaf that the robot or somebody stands in the way of waits until they are gone.
+        """Let doors swing open or closed; a leaf that the robot or somebody stands in the way of
+        waits until they are gone.
 
-        Unknown names are ignored. These doors move no more by themselves. Before the first step they stand there at once.
+        Unknown names are ignored. These doors move no more by themselves. Before the first step
+        they stand there at once.
         """
         self._draught.leave(set(doors))
         self._doors.want(doors)
@@ -161,34 +200,54 @@ class Simulation:
         if self._pedestrians:
             self._pedestrians.step(dt, self.doors, self.footprint, self.pose, self._doors.moving)
         self.docked = self._in_dock()
-        effort = max(abs(self.motion.linear) / self.model.limits.linear, abs(self.motion.angular) / self.model.limits.angular)
-        self.charge = battery.step(self.charge, self.model.battery, effort, dt, charging=self.docked)
+        effort = max(
+            abs(self.motion.linear) / self.model.limits.linear,
+            abs(self.motion.angular) / self.model.limits.angular,
+        )
+        self.charge = battery.step(
+            self.charge, self.model.battery, effort, dt, charging=self.docked
+        )
         self.time += dt
 
     def scan(self) -> Floats:
-        """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN when it is broken so."""
+        """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN
+        when it is broken so.
+        """
         ranges = laser.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
         return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
 
     def echoes(self, sounding: tuple[int, ...]) -> tuple[float, ...]:
-        """Return how far off the sonars that sound now hear something, metres from each, `inf` for nothing."""
+        """Return how far off the sonars that sound now hear something, metres from each, `inf` for
+        nothing.
+        """
         mounts, segments = self.model.sonar.mounts(self.model.footprint), self._segments()
-        return tuple(sonar.echo(segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng) for index in sounding)
+        return tuple(
+            sonar.echo(segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng)
+            for index in sounding
+        )
 
     def bumper(self) -> tuple[float, ...]:
-        """Return the directions in which something is touched now, radians in the robot's frame; a station that it noses into is none."""
+        """Return the directions in which something is touched now, radians in the robot's frame; a
+        station that it noses into is none.
+        """
         if not self.touching:
             return ()
         outline = self.outline()
         shapes = (*self.obstacles.shapes, *self._near(self.pose))
-        ways = [each.gap_to(outline)[1] for each in shapes if each.solid.name in self.touching and each.solid.kind != "station"]
+        ways = [
+            each.gap_to(outline)[1]
+            for each in shapes
+            if each.solid.name in self.touching and each.solid.kind != "station"
+        ]
         return tuple(wrap_angle(math.atan2(-way[1], -way[0]) - self.pose.theta) for way in ways)
 
     def _segments(self) -> Floats:
         """Return the sides (n, 4) of everything that stands or walks at the height of the sensors."""
         segments = self.obstacles.segments
         if self.people or self._doors.moving:
-            segments = np.concatenate([segments, *(leaf.sides for leaf in self._doors.moving), legs(self.people)])
+            segments = np.concatenate(
+                [segments, *(leaf.sides for leaf in self._doors.moving), legs(self.people)]
+            )
         return segments
 
     def beams(self) -> LaserScan | None:
@@ -196,7 +255,9 @@ class Simulation:
         if self.faults.laser == "silent":
             return None
         eye = self.model.laser
-        return LaserScan(self.time, eye.angle_min, eye.angle_increment, eye.range_max, self.scan(), eye.mount)
+        return LaserScan(
+            self.time, eye.angle_min, eye.angle_increment, eye.range_max, self.scan(), eye.mount
+        )
 
     def clearance(self) -> float:
         """Return the distance in metres from the footprint to the nearest thing or person."""
@@ -219,7 +280,9 @@ class Simulation:
 
     def _target(self) -> Motion:
         silent = self.time - self.commanded_at > self.model.watchdog
-        return STILL if silent or self.charge <= 0.0 or self.faults.wheels_stopped else self.commanded
+        return (
+            STILL if silent or self.charge <= 0.0 or self.faults.wheels_stopped else self.commanded
+        )
 
     def _drive(self, dt: float) -> None:
         model = self.model
@@ -227,7 +290,9 @@ class Simulation:
         real = slip(self.motion, model.wheel_separation, model.wheel_noise, dt, self.drive_rng)
         others = self._near(self.pose)
         move = self.obstacles.move(self.footprint, self.pose, real, dt, others)
-        self.odometry = self.odometry.compose(_wheels(reckoned(self.motion, model.wheel_separation, self.encoders), dt))
+        self.odometry = self.odometry.compose(
+            _wheels(reckoned(self.motion, model.wheel_separation, self.encoders), dt)
+        )
         self.distance += math.hypot(move.pose.x - self.pose.x, move.pose.y - self.pose.y)
         self.pose = move.pose
         if move.touched:
@@ -236,34 +301,65 @@ class Simulation:
             self._count_contacts(others, move.touched)
 
     def _near(self, pose: Pose2D) -> tuple[Shape, ...]:
-        """Return who stands so near to a robot there that it may bump into them, and the leaves that move."""
+        """Return who stands so near to a robot there that it may bump into them, and the leaves
+        that move.
+        """
         reach = self._radius + BODY + NEAR
-        near = (person for person in self.people if math.hypot(person.x - pose.x, person.y - pose.y) < reach)
-        return (*self._doors.moving, *(ANYBODY.moved(name_of(person), person.x, person.y) for person in near))
+        near = (
+            person
+            for person in self.people
+            if math.hypot(person.x - pose.x, person.y - pose.y) < reach
+        )
+        return (
+            *self._doors.moving,
+            *(ANYBODY.moved(name_of(person), person.x, person.y) for person in near),
+        )
 
     def _count_contacts(self, others: tuple[Shape, ...], touched: frozenset[str]) -> None:
-        """A contact begins with a touch and is over when the gap has opened again; nosing into a dock is none."""
-        excused = {name_of(person) for person in self.people if self._pedestrians and self._pedestrians.just_bumped(person.look, BUMP_TIME)}
+        """A contact begins with a touch and is over when the gap has opened again; nosing into a
+        dock is none.
+        """
+        excused = {
+            name_of(person)
+            for person in self.people
+            if self._pedestrians and self._pedestrians.just_bumped(person.look, BUMP_TIME)
+        }
         shapes = {each.solid.name: each for each in (*self.obstacles.shapes, *others)}
-        began = [name for name in touched - self.touching - excused if shapes[name].solid.kind != "station"]
+        began = [
+            name
+            for name in touched - self.touching - excused
+            if shapes[name].solid.kind != "station"
+        ]
         self.contacts += len(began)
         outline = self.outline()
-        still = {name for name in self.touching - touched if name in shapes and shapes[name].gap_to(outline)[0] < RELEASE}
+        still = {
+            name
+            for name in self.touching - touched
+            if name in shapes and shapes[name].gap_to(outline)[0] < RELEASE
+        }
         self.touching = frozenset((touched - excused) | still)
 
     def _refuse_blocked(self, where: str, pose: Pose2D) -> None:
         blocked = self.obstacles.hits(place(self.footprint, pose), self._near(pose))
         if blocked:
-            raise StartError(f"the robot cannot be put at {where!r}: {blocked[0].solid.name} stands there")
+            raise StartError(
+                f"the robot cannot be put at {where!r}: {blocked[0].solid.name} stands there"
+            )
 
     def _in_dock(self) -> bool:
         tolerance = self.model.dock
         travel, twist = (tolerance.travel, tolerance.twist) if self.docked else (0.0, 0.0)
         for dock in self.plan.docks:
-            if dock.type != self.model.series or abs(dock.x - self.pose.x) + abs(dock.y - self.pose.y) > AT_DOCK:
+            if (
+                dock.type != self.model.series
+                or abs(dock.x - self.pose.x) + abs(dock.y - self.pose.y) > AT_DOCK
+            ):
                 continue
             error = Pose2D(dock.x, dock.y, dock.theta).inverse().compose(self.pose)
-            reaches = abs(error.x) <= tolerance.longitudinal + travel and abs(error.y) <= tolerance.lateral + travel
+            reaches = (
+                abs(error.x) <= tolerance.longitudinal + travel
+                and abs(error.y) <= tolerance.lateral + travel
+            )
             if reaches and abs(error.theta) <= tolerance.heading + twist:
                 return True
         return False
@@ -280,7 +376,11 @@ class Simulation:
 def _wheels(motion: Motion, dt: float) -> Pose2D:
     """Return the relative motion that the wheels' encoders report."""
     half = motion.angular * dt / 2.0
-    return Pose2D(motion.linear * dt * math.cos(half), motion.linear * dt * math.sin(half), motion.angular * dt)
+    return Pose2D(
+        motion.linear * dt * math.cos(half),
+        motion.linear * dt * math.sin(half),
+        motion.angular * dt,
+    )
 
 
 def start_pose(plan: FloorPlan, model: RobotModel, start: str) -> Pose2D:
@@ -298,7 +398,9 @@ def start_pose(plan: FloorPlan, model: RobotModel, start: str) -> Pose2D:
     try:
         x, y, theta = (float(part) for part in start.split(","))
     except ValueError as error:
-        raise StartError(f"no start {start!r} for {model.series}: give a dock, a named place or x,y,theta") from error
+        raise StartError(
+            f"no start {start!r} for {model.series}: give a dock, a named place or x,y,theta"
+        ) from error
     if not all(map(math.isfinite, (x, y, theta))) or plan.room_at(x, y) is None:
         raise StartError(f"the start {start!r} lies in no room")
     return Pose2D(x, y, wrap_angle(theta))

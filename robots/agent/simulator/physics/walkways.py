@@ -1,7 +1,8 @@
 """Where people can walk in a plan, and the way from anywhere to some goals.
 
-The plan becomes a grid of cells; a step costs its length, and more beside a wall, so that people keep to the middle. For each goal
-the least costs from everywhere are found once (Dijkstra) for each state of the doors, and kept.
+The plan becomes a grid of cells; a step costs its length, and more beside a wall, so that people
+keep to the middle. For each goal the least costs from everywhere are found once (Dijkstra) for each
+state of the doors, and kept.
 """
 
 import math
@@ -41,19 +42,28 @@ class Footways:
         self._origin = (grid.transform.origin.x, grid.transform.origin.y)
         self._clearance = ndimage.distance_transform_edt(free) * self.cell - self.cell / 2.0
         self._rows, self._columns = int(free.shape[0]), int(free.shape[1])
-        self._asked: tuple[dict[str, DoorState], bytes] | None = None  # the doors that were asked about last, and the free cells
+        # the doors that were asked about last, and the free cells
+        self._asked: tuple[dict[str, DoorState], bytes] | None = None
         self._plan = plan
         self._masks: dict[tuple[DoorState, ...], Mask] = {}
-        self._ways: OrderedDict[tuple[tuple[DoorState, ...], int], npt.NDArray[np.int32]] = OrderedDict()
+        self._ways: OrderedDict[tuple[tuple[DoorState, ...], int], npt.NDArray[np.int32]] = (
+            OrderedDict()
+        )
 
     def is_free(self, x: float, y: float, doors: dict[str, DoorState]) -> bool:
         """Tell whether a person can stand there."""
         if self._asked is None or self._asked[0] != doors:
             self._asked = dict(doors), self._mask(doors).tobytes()
         row, column = self._cell_of(x, y)
-        return 0 <= row < self._rows and 0 <= column < self._columns and bool(self._asked[1][row * self._columns + column])
+        return (
+            0 <= row < self._rows
+            and 0 <= column < self._columns
+            and bool(self._asked[1][row * self._columns + column])
+        )
 
-    def nearest(self, x: float, y: float, doors: dict[str, DoorState]) -> tuple[float, float] | None:
+    def nearest(
+        self, x: float, y: float, doors: dict[str, DoorState]
+    ) -> tuple[float, float] | None:
         """Return the middle of the free cell nearest to a point, or None in a place without floor."""
         rows, columns = self._mask(doors).nonzero()
         if not len(rows):
@@ -62,8 +72,12 @@ class Footways:
         best = int(np.argmin((rows - row) ** 2 + (columns - column) ** 2))
         return self._middle(int(rows[best]), int(columns[best]))
 
-    def path(self, start: tuple[float, float], goal: tuple[float, float], doors: dict[str, DoorState]) -> Points | None:
-        """Return the corners of a way, the start left out, or None where there is none. The goal must be free with all doors open."""
+    def path(
+        self, start: tuple[float, float], goal: tuple[float, float], doors: dict[str, DoorState]
+    ) -> Points | None:
+        """Return the corners of a way, the start left out, or None where there is none. The goal
+        must be free with all doors open.
+        """
         here = self.nearest(*start, doors)
         if here is None:
             return None
@@ -75,13 +89,21 @@ class Footways:
             if index < 0:
                 return None
             cells.append(index)
-        return self._straight([start, *(self._middle(*divmod(cell, self._clearance.shape[1])) for cell in cells)], doors)
+        return self._straight(
+            [start, *(self._middle(*divmod(cell, self._clearance.shape[1])) for cell in cells)],
+            doors,
+        )
 
     def _towards(self, goal: int, doors: dict[str, DoorState]) -> npt.NDArray[np.int32]:
         """Return for every cell the next one on its way to the goal, negative where there is none."""
         key = (tuple(doors.values()), goal)
         if key not in self._ways:
-            found = csgraph.dijkstra(self._graph(self._mask(doors)), directed=False, indices=goal, return_predecessors=True)[1]
+            found = csgraph.dijkstra(
+                self._graph(self._mask(doors)),
+                directed=False,
+                indices=goal,
+                return_predecessors=True,
+            )[1]
             self._ways[key] = found
             if len(self._ways) > KEPT:
                 self._ways.popitem(last=False)
@@ -90,17 +112,24 @@ class Footways:
 
     def _graph(self, mask: Mask) -> sparse.csr_array:
         number = np.arange(mask.size).reshape(mask.shape)
-        price = 1.0 + DISLIKE * np.clip((COMFORT - self._clearance) / (COMFORT - SHOULDERS), 0.0, 1.0)
+        price = 1.0 + DISLIKE * np.clip(
+            (COMFORT - self._clearance) / (COMFORT - SHOULDERS), 0.0, 1.0
+        )
         starts, ends, costs = [], [], []
         for down, right in STEPS:
-            here = (slice(None, -down or None), slice(max(0, -right), -right if right > 0 else None))
+            here = (
+                slice(None, -down or None),
+                slice(max(0, -right), -right if right > 0 else None),
+            )
             there = (slice(down, None), slice(max(0, right), right if right < 0 else None))
             both = mask[here] & mask[there]
             starts.append(number[here][both])
             ends.append(number[there][both])
             costs.append(math.hypot(down, right) * (price[here][both] + price[there][both]))
         shape = (mask.size, mask.size)
-        return sparse.csr_array((np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))), shape=shape)
+        return sparse.csr_array(
+            (np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))), shape=shape
+        )
 
     def _straight(self, cells: Points, doors: dict[str, DoorState]) -> Points:
         """Leave out the corners between which one can walk straight."""
@@ -113,7 +142,9 @@ class Footways:
             index = ahead
         return corners
 
-    def _sees(self, a: tuple[float, float], b: tuple[float, float], doors: dict[str, DoorState]) -> bool:
+    def _sees(
+        self, a: tuple[float, float], b: tuple[float, float], doors: dict[str, DoorState]
+    ) -> bool:
         count = math.ceil(2.0 * math.dist(a, b) / self.cell) + 1
         columns = ((np.linspace(a[0], b[0], count) - self._origin[0]) / self.cell).astype(np.intp)
         rows = ((np.linspace(a[1], b[1], count) - self._origin[1]) / self.cell).astype(np.intp)
@@ -132,10 +163,20 @@ class Footways:
     def _beside(self, door: Door, state: DoorState) -> Mask:
         """Return the cells too near to the leaf of a door."""
         rows, columns = np.indices(self._clearance.shape)
-        x, y = self._origin[0] + (columns + 0.5) * self.cell, self._origin[1] + (rows + 0.5) * self.cell
+        x, y = (
+            self._origin[0] + (columns + 0.5) * self.cell,
+            self._origin[1] + (rows + 0.5) * self.cell,
+        )
         (ax, ay), (bx, by) = door.start, leaf_end(door, state)
-        share = np.clip(((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2), 0.0, 1.0)
-        near: Mask = np.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay)) < SHOULDERS + door.leaf / 2.0
+        share = np.clip(
+            ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2),
+            0.0,
+            1.0,
+        )
+        near: Mask = (
+            np.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay))
+            < SHOULDERS + door.leaf / 2.0
+        )
         return near
 
     def _cell_of(self, x: float, y: float) -> tuple[int, int]:
@@ -147,4 +188,6 @@ class Footways:
         return row * int(self._clearance.shape[1]) + column
 
     def _middle(self, row: int, column: int) -> tuple[float, float]:
-        return self._origin[0] + (column + 0.5) * self.cell, self._origin[1] + (row + 0.5) * self.cell
+        return self._origin[0] + (column + 0.5) * self.cell, self._origin[1] + (
+            row + 0.5
+        ) * self.cell

@@ -1,8 +1,9 @@
-"""A person's body as rounded limbs: bones between two points that are thick at both ends, in a pose of the walk.
+"""A person's body as rounded limbs: bones between two points that are thick at both ends, in a pose
+of the walk.
 
-In the body's frame: x forward, y left, z up from the floor, metres. A walk is the usual one of stick figures: the thighs swing by a
-sine, the knee of the leg that comes forward is bent, arms swing against the legs, and the body rises and falls so that the lower
-foot is always on the floor.
+In the body's frame: x forward, y left, z up from the floor, metres. A walk is the usual one of
+stick figures: the thighs swing by a sine, the knee of the leg that comes forward is bent, arms
+swing against the legs, and the body rises and falls so that the lower foot is always on the floor.
 """
 
 # ruff: noqa: PLR2004 -- a drawing is made of numbers
@@ -37,7 +38,9 @@ class Limb:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What makes one person another one: `height` in metres, the colours, hair that falls on the shoulders, shorts, stripes."""
+    """What makes one person another one: `height` in metres, the colours, hair that falls on the
+    shoulders, shorts, stripes.
+    """
 
     height: float
     skin: Plane
@@ -53,23 +56,51 @@ class Look:
 def look_of(number: int) -> Look:
     """Return the person of a number, always the same one."""
     rng = np.random.default_rng([abs(number), 41])
-    skin, hair, shirt, trousers, shoes = (rgb(tuple(choices)[int(rng.integers(len(choices)))]) for choices in (SKINS, HAIRS, SHIRTS, TROUSERS, SHOES))
+    skin, hair, shirt, trousers, shoes = (
+        rgb(tuple(choices)[int(rng.integers(len(choices)))])
+        for choices in (SKINS, HAIRS, SHIRTS, TROUSERS, SHOES)
+    )
     long_hair = bool(rng.random() < 0.5)
     return Look(
-        float(rng.uniform(1.60, 1.86)), skin, hair, shirt, trousers, shoes, long_hair=long_hair,
-        shorts=bool(rng.random() < 0.3), stripes=bool(rng.random() < 0.35),
-    )  # fmt: skip
+        float(rng.uniform(1.60, 1.86)),
+        skin,
+        hair,
+        shirt,
+        trousers,
+        shoes,
+        long_hair=long_hair,
+        shorts=bool(rng.random() < 0.3),
+        stripes=bool(rng.random() < 0.35),
+    )
 
 
 def limbs(look: Look, stride: float | None) -> list[Limb]:
-    """Return the body of a person `stride` radians into a walk, or one who stands: see `Person.stride`."""
-    left, right = (_leg(look, 1.0, stride), _leg(look, -1.0, None if stride is None else stride + math.pi))
+    """Return the body of a person `stride` radians into a walk, or one who stands: see
+    `Person.stride`.
+    """
+    left, right = (
+        _leg(look, 1.0, stride),
+        _leg(look, -1.0, None if stride is None else stride + math.pi),
+    )
     parts = [*left, *right, *_torso(look), *_head(look)]
     for side, phase in ((1.0, math.pi), (-1.0, 0.0)):
         parts += _arm(look, side, 0.0 if stride is None else SWING * 0.8 * math.sin(stride + phase))
-    lowest = min(min(part.start[2] - part.start_radius, part.end[2] - part.end_radius) for part in (*left, *right))
+    lowest = min(
+        min(part.start[2] - part.start_radius, part.end[2] - part.end_radius)
+        for part in (*left, *right)
+    )
     scale, drop = look.height / 1.75, np.array([0.0, 0.0, lowest])
-    return [Limb((p.start - drop) * scale, (p.end - drop) * scale, p.start_radius * scale, p.end_radius * scale, p.colour, p.stripes) for p in parts]
+    return [
+        Limb(
+            (p.start - drop) * scale,
+            (p.end - drop) * scale,
+            p.start_radius * scale,
+            p.end_radius * scale,
+            p.colour,
+            p.stripes,
+        )
+        for p in parts
+    ]
 
 
 def _leg(look: Look, side: float, stride: float | None) -> list[Limb]:
@@ -82,15 +113,37 @@ def _leg(look: Look, side: float, stride: float | None) -> list[Limb]:
     toe = ankle + np.array([0.15 * math.cos(pitch), 0.012 * side, 0.15 * math.sin(pitch) - 0.025])
     heel = ankle + np.array([-0.035, 0.0, -0.02])
     shin = Limb(knee, ankle, 0.058, 0.043, look.skin if look.shorts else look.trousers)
-    return [Limb(hip, knee, 0.085, 0.064, look.trousers), shin, Limb(heel, toe, 0.042, 0.036, look.shoes)]
+    return [
+        Limb(hip, knee, 0.085, 0.064, look.trousers),
+        shin,
+        Limb(heel, toe, 0.042, 0.036, look.shoes),
+    ]
 
 
 def _torso(look: Look) -> list[Limb]:
     shirt, stripes = look.shirt, look.stripes
-    parts = [Limb(np.array([0.0, 0.07 * side, 1.02]), np.array([0.0, 0.1 * side, 1.33]), 0.105, 0.105, shirt, stripes) for side in (-1.0, 1.0)]
-    parts.append(Limb(np.array([0.01, 0.0, 1.0]), np.array([0.015, 0.0, 1.32]), 0.118, 0.12, shirt, stripes))
-    parts.append(Limb(np.array([0.0, -0.16, 1.4]), np.array([0.0, 0.16, 1.4]), 0.062, 0.062, shirt, stripes))
-    parts.append(Limb(np.array([0.0, -0.055, 0.95]), np.array([0.0, 0.055, 0.95]), 0.115, 0.115, look.trousers))
+    parts = [
+        Limb(
+            np.array([0.0, 0.07 * side, 1.02]),
+            np.array([0.0, 0.1 * side, 1.33]),
+            0.105,
+            0.105,
+            shirt,
+            stripes,
+        )
+        for side in (-1.0, 1.0)
+    ]
+    parts.append(
+        Limb(np.array([0.01, 0.0, 1.0]), np.array([0.015, 0.0, 1.32]), 0.118, 0.12, shirt, stripes)
+    )
+    parts.append(
+        Limb(np.array([0.0, -0.16, 1.4]), np.array([0.0, 0.16, 1.4]), 0.062, 0.062, shirt, stripes)
+    )
+    parts.append(
+        Limb(
+            np.array([0.0, -0.055, 0.95]), np.array([0.0, 0.055, 0.95]), 0.115, 0.115, look.trousers
+        )
+    )
     return parts
 
 
@@ -101,9 +154,10 @@ def _arm(look: Look, side: float, swing: float) -> list[Limb]:
     wrist = elbow + 0.24 * np.array([math.sin(forward), 0.0, -math.cos(forward)])
     hand = wrist + 0.07 * np.array([math.sin(forward), 0.0, -math.cos(forward)])
     return [
-        Limb(shoulder, elbow, 0.057, 0.046, look.shirt, look.stripes), Limb(elbow, wrist, 0.042, 0.034, look.skin),
+        Limb(shoulder, elbow, 0.057, 0.046, look.shirt, look.stripes),
+        Limb(elbow, wrist, 0.042, 0.034, look.skin),
         Limb(wrist, hand, 0.04, 0.034, look.skin),
-    ]  # fmt: skip
+    ]
 
 
 def _head(look: Look) -> list[Limb]:
@@ -111,11 +165,37 @@ def _head(look: Look) -> list[Limb]:
     parts = [
         Limb(np.array([-0.01, 0.0, 1.4]), np.array([0.0, 0.0, 1.54]), 0.055, 0.05, look.skin),
         Limb(np.array([0.02, 0.0, 1.585]), np.array([0.005, 0.0, 1.655]), 0.078, 0.094, look.skin),
-        Limb(np.array([-0.02, 0.0, 1.655]), np.array([-0.005, 0.0, 1.685]), 0.102, 0.092, look.hair),
-        Limb(np.array([0.1, 0.0, 1.605]), np.array([0.095, 0.0, 1.63]), 0.014, 0.01, look.skin * np.float32(0.93)),
+        Limb(
+            np.array([-0.02, 0.0, 1.655]), np.array([-0.005, 0.0, 1.685]), 0.102, 0.092, look.hair
+        ),
+        Limb(
+            np.array([0.1, 0.0, 1.605]),
+            np.array([0.095, 0.0, 1.63]),
+            0.014,
+            0.01,
+            look.skin * np.float32(0.93),
+        ),
         Limb(np.array([0.082, -0.02, 1.562]), np.array([0.082, 0.02, 1.562]), 0.012, 0.012, lips),
     ]
-    parts += [Limb(np.array([0.085, 0.033 * s, 1.638]), np.array([0.085, 0.036 * s, 1.64]), 0.015, 0.015, dark) for s in (-1.0, 1.0)]
+    parts += [
+        Limb(
+            np.array([0.085, 0.033 * s, 1.638]),
+            np.array([0.085, 0.036 * s, 1.64]),
+            0.015,
+            0.015,
+            dark,
+        )
+        for s in (-1.0, 1.0)
+    ]
     if look.long_hair:
-        parts += [Limb(np.array([-0.045, 0.045 * s, 1.65]), np.array([-0.07, 0.05 * s, 1.44]), 0.075, 0.06, look.hair) for s in (-1.0, 1.0)]
+        parts += [
+            Limb(
+                np.array([-0.045, 0.045 * s, 1.65]),
+                np.array([-0.07, 0.05 * s, 1.44]),
+                0.075,
+                0.06,
+                look.hair,
+            )
+            for s in (-1.0, 1.0)
+        ]
     return parts

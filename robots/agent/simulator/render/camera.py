@@ -1,4 +1,5 @@
-"""Pictures of a scene by casting rays in numpy, some milliseconds each; see lens.py for the geometry and scene.py for the scene.
+"""Pictures of a scene by casting rays in numpy, some milliseconds each; see lens.py for the
+geometry and scene.py for the scene.
 
 A mirror is a window in which everything is drawn once more, from behind the glass.
 """
@@ -38,7 +39,9 @@ class SceneCamera:
         self.scene: Scene = Builder(plan, seed).build(model)
         self._canvas = Canvas(self.scene, model.camera.width, model.camera.height)
         self._body = gather(self.scene.body)
-        self._picture: Image = np.zeros((model.camera.height * 3 // 2, model.camera.width), dtype=np.uint8)
+        self._picture: Image = np.zeros(
+            (model.camera.height * 3 // 2, model.camera.width), dtype=np.uint8
+        )
         self._figures = Figures(self.scene.texture_atlas)
         self._lenses: dict[float, Lens] = {}
         self._doors = {door.name: door for door in plan.doors}
@@ -59,10 +62,20 @@ class SceneCamera:
         """Return where the lens is."""
         mount = pose.compose(Pose2D(self.camera.x, 0.0, 0.0))
         cosine, sine = math.cos(mount.theta), math.sin(mount.theta)
-        return Eye(np.array([mount.x, mount.y]), np.array([[cosine, -sine], [sine, cosine]]), self.camera.z)
+        return Eye(
+            np.array([mount.x, mount.y]), np.array([[cosine, -sine], [sine, cosine]]), self.camera.z
+        )
 
-    def render(self, pose: Pose2D, tilt: float, doors: Mapping[str, Opening], people: tuple[Person, ...], out: Image) -> None:
-        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; what stands as it stood before is not drawn again.
+    def render(
+        self,
+        pose: Pose2D,
+        tilt: float,
+        doors: Mapping[str, Opening],
+        people: tuple[Person, ...],
+        out: Image,
+    ) -> None:
+        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; what stands as it stood
+        before is not drawn again.
 
         Args:
             pose: of the robot.
@@ -75,11 +88,15 @@ class SceneCamera:
             walls = self._draw_all(pose, tilt, doors, people)
             self._canvas.develop(self._picture)
             for person in people:
-                self._canvas.darken(self.lens(tilt), self.eye(pose), walls, (person.x, person.y), self._picture)
+                self._canvas.darken(
+                    self.lens(tilt), self.eye(pose), walls, (person.x, person.y), self._picture
+                )
             self._shown = (pose, tilt, dict(doors), people)
         np.copyto(out, self._picture)
 
-    def _draw_all(self, pose: Pose2D, tilt: float, doors: Mapping[str, Opening], people: tuple[Person, ...]) -> Walls:
+    def _draw_all(
+        self, pose: Pose2D, tilt: float, doors: Mapping[str, Opening], people: tuple[Person, ...]
+    ) -> Walls:
         """Paint everything, and return what walls there are."""
         lens, eye, things = self.lens(tilt), self.eye(pose), self._things_with(doors)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # rays along a wall
@@ -98,11 +115,19 @@ class SceneCamera:
         """Return the leaves that are on their way."""
         if all(isinstance(opening, str) for opening in doors.values()):
             return NOTHING
-        return gather(tuple(self.scene.swinging(self._doors[name], opening) for name, opening in doors.items() if not isinstance(opening, str)))
+        return gather(
+            tuple(
+                self.scene.swinging(self._doors[name], opening)
+                for name, opening in doors.items()
+                if not isinstance(opening, str)
+            )
+        )
 
     def _things_with(self, doors: Mapping[str, Opening]) -> Things:
         """Return everything that rests; the last answers are kept."""
-        key = tuple(sorted((name, opening) for name, opening in doors.items() if isinstance(opening, str)))
+        key = tuple(
+            sorted((name, opening) for name, opening in doors.items() if isinstance(opening, str))
+        )
         if key not in self._things:
             if len(self._things) >= KEPT_DOORS:
                 self._things.clear()
@@ -123,7 +148,9 @@ class SceneCamera:
         pose: Pose2D,
         people: tuple[Person, ...],
     ) -> None:
-        """Draw what a mirror shows into its own window, the robot at `pose` included; `sights` may stand before the glass."""
+        """Draw what a mirror shows into its own window, the robot at `pose` included; `sights` may
+        stand before the glass.
+        """
         start, end = glass.line[:2], glass.line[2:]
         along = (end - start) / math.dist(start, end)
         normal = np.array([-along[1], along[0]])
@@ -138,17 +165,32 @@ class SceneCamera:
         if not met.any():
             return
         flip = np.eye(2) - 2.0 * np.outer(normal, normal)
-        behind = Eye(eye.origin - 2.0 * away * normal, flip @ eye.world_from_level, eye.height, beyond=np.where(met, reach, FAR))
+        behind = Eye(
+            eye.origin - 2.0 * away * normal,
+            flip @ eye.world_from_level,
+            eye.height,
+            beyond=np.where(met, reach, FAR),
+        )
         first, last = behind.rays()
         left, right = lens.columns(np.array([first]), np.array([last]))
         window = window.within(Window(0, lens.height, int(left[0]), int(right[0])))
-        stencil = self._canvas.stencil(lens, eye, np.where(met, reach, FAR), (glass.bottom, glass.top), window)
+        stencil = self._canvas.stencil(
+            lens, eye, np.where(met, reach, FAR), (glass.bottom, glass.top), window
+        )
         seen = self._canvas.cast_walls(lens, behind)
         self._canvas.paint_walls(lens, behind, seen, window, stencil)
         body = joined(self._body.moved(pose), swinging)
-        there = joined(joined(self._before_glass(things, glass, normal), body), self._figures.things(people, behind.origin))
+        there = joined(
+            joined(self._before_glass(things, glass, normal), body),
+            self._figures.things(people, behind.origin),
+        )
         self._canvas.paint(lens, behind, look(there, lens, behind, seen.reach, window), stencil)
-        self._canvas.paint(lens, eye, [sight.within(window) for sight in sights if (sight.entry[met] < reach[met]).any()], stencil)
+        self._canvas.paint(
+            lens,
+            eye,
+            [sight.within(window) for sight in sights if (sight.entry[met] < reach[met]).any()],
+            stencil,
+        )
 
     def _before_glass(self, things: Things, glass: Glass, normal: Floats) -> Things:
         """Return what does not lie wholly behind a mirror; the last answers are kept."""
@@ -161,12 +203,18 @@ class SceneCamera:
 def _pane(lens: Lens, eye: Eye, glass: Glass) -> Window:
     """Return the window that holds a mirror."""
     corners = np.repeat(eye.level(glass.line.reshape(2, 2)), 2, axis=0)
-    u, v, depth = lens.project(corners[:, 0], corners[:, 1], np.tile([glass.bottom - eye.height, glass.top - eye.height], 2))
+    u, v, depth = lens.project(
+        corners[:, 0],
+        corners[:, 1],
+        np.tile([glass.bottom - eye.height, glass.top - eye.height], 2),
+    )
     if depth.max() < NEAR:
         return NOWHERE
     if depth.min() < NEAR:
         return Window(0, lens.height, 0, lens.width)
     return Window(
-        max(0, math.floor(float(v.min()))), min(lens.height, math.ceil(float(v.max())) + 1),
-        max(0, math.floor(float(u.min())) - 1), min(lens.width, math.ceil(float(u.max())) + 2),
-    )  # fmt: skip
+        max(0, math.floor(float(v.min()))),
+        min(lens.height, math.ceil(float(v.max())) + 1),
+        max(0, math.floor(float(u.min())) - 1),
+        min(lens.width, math.ceil(float(u.max())) + 2),
+    )

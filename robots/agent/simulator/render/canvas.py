@@ -1,11 +1,12 @@
 """The picture in the making: for every pixel the texel that it shows, fetched once at the end.
 
-Walls go from floor to ceiling, so one table over the azimuths says for every pixel how far its wall is, and from its slope whether
-it sees floor, wall or ceiling. Things are lower than that; they are painted over it from far to near, each only in its own window of
-the picture, hidden where the wall is nearer.
+Walls go from floor to ceiling, so one table over the azimuths says for every pixel how far its wall
+is, and from its slope whether it sees floor, wall or ceiling. Things are lower than that; they are
+painted over it from far to near, each only in its own window of the picture, hidden where the wall
+is nearer.
 
-Longer than most files, because all steps share the same buffers: pixels are handled in bands that stay in the processor's cache,
-and hardly anything is allocated.
+Longer than most files, because all steps share the same buffers: pixels are handled in bands that
+stay in the processor's cache, and hardly anything is allocated.
 """
 
 # ruff: noqa: PLR0917 -- lens, eye, window and stencil go through every step
@@ -19,15 +20,33 @@ import numpy as np
 import numpy.typing as npt
 
 from robots.agent.simulator.render.lens import RAYS, ROWS, Lens
-from robots.agent.simulator.render.rays import EDGE, FAR, Distances, Eye, Mask, Places, angles, cast, looks_at, spans
-from robots.agent.simulator.render.scene import CEILING_DENSITY, FLOOR_DENSITY, WALL_DENSITY, Lid, Scene
+from robots.agent.simulator.render.rays import (
+    EDGE,
+    FAR,
+    Distances,
+    Eye,
+    Mask,
+    Places,
+    angles,
+    cast,
+    looks_at,
+    spans,
+)
+from robots.agent.simulator.render.scene import (
+    CEILING_DENSITY,
+    FLOOR_DENSITY,
+    WALL_DENSITY,
+    Lid,
+    Scene,
+)
 from robots.agent.simulator.render.texture_atlas import FLOOR_LEVELS, HOLE, LEVELS, Flat
 from robots.agent.simulator.render.visibility import NEAR, Sight, Window
 from robots.world.solids import Floats
 
 BAND = 32768  # pixels at a time
 FLATTEST = 0.05  # a wall seen at a smaller angle than this, in radians, gets no coarser
-SHADOW, STEPS, DARKEST = 0.42, 128, 0.5  # metres, steps that they are measured in, share of the light that is taken at most
+# metres, steps that they are measured in, share of the light that is taken at most
+SHADOW, STEPS, DARKEST = 0.42, 128, 0.5
 BLACK = 16
 SAME = np.eye(2)
 
@@ -46,7 +65,9 @@ class Walls:
 
 
 class Canvas:
-    """A picture of (height, width) texels of a scene, the even rows before the odd ones. Not safe for two threads."""
+    """A picture of (height, width) texels of a scene, the even rows before the odd ones. Not safe
+    for two threads.
+    """
 
     def __init__(self, scene: Scene, width: int, height: int) -> None:
         self._scene = scene
@@ -63,7 +84,7 @@ class Canvas:
         self._octets = np.empty(BAND, dtype=np.uint8)
         self._chroma = np.empty(BAND, dtype="<u2")
 
-    # --- walls, floor, ceiling -----------------------------------------------------------------------------------------------
+    # --- walls, floor, ceiling --------------------------------------------------------------------
 
     def cast_walls(self, lens: Lens, eye: Eye) -> Walls:
         """Return what the rays of an eye meet."""
@@ -81,59 +102,110 @@ class Canvas:
         texel = np.zeros(RAYS, dtype=np.int32)
         chosen = met[first_met]
         which = facing[found.row[chosen]]
-        texel[ray[first_met]] = self._wall_columns(lens, which, reach[first_met], found.share[chosen], np.abs(found.across[chosen]))
+        texel[ray[first_met]] = self._wall_columns(
+            lens, which, reach[first_met], found.share[chosen], np.abs(found.across[chosen])
+        )
         return Walls(nearest.astype(np.float32), texel)
 
-    def _wall_columns(self, lens: Lens, which: npt.NDArray[np.intp], reach: Floats, share: Floats, across: Floats) -> npt.NDArray[np.intp]:
-        """Return where in the atlas each ray's column begins, in the copy that fits the size of a pixel there."""
+    def _wall_columns(
+        self, lens: Lens, which: npt.NDArray[np.intp], reach: Floats, share: Floats, across: Floats
+    ) -> npt.NDArray[np.intp]:
+        """Return where in the atlas each ray's column begins, in the copy that fits the size of a
+        pixel there.
+        """
         scene = self._scene
         sine = np.minimum(across / scene.wall_lengths[which], 1.0)
-        pixel = reach / lens.focal * np.maximum(1.0, 0.5 / np.maximum(sine, FLATTEST)) * WALL_DENSITY
+        pixel = (
+            reach / lens.focal * np.maximum(1.0, 0.5 / np.maximum(sine, FLATTEST)) * WALL_DENSITY
+        )
         level = np.clip(np.log2(np.maximum(pixel, EDGE)) + 0.5, 0, LEVELS - 1).astype(np.intp)
         column = np.clip(share, 0.0, 1.0 - EDGE) * scene.wall_columns[level, which]
-        begins: npt.NDArray[np.intp] = scene.wall_offsets[level, which] + column.astype(np.intp) * scene.wall_rows
+        begins: npt.NDArray[np.intp] = (
+            scene.wall_offsets[level, which] + column.astype(np.intp) * scene.wall_rows
+        )
         return begins
 
-    def paint_walls(self, lens: Lens, eye: Eye, walls: Walls, window: Window, stencil: Mask | None) -> None:
+    def paint_walls(
+        self, lens: Lens, eye: Eye, walls: Walls, window: Window, stencil: Mask | None
+    ) -> None:
         """Paint walls, floor and ceiling of one eye."""
         first, last = eye.rays()
-        nearest, farthest = float(walls.reach[first:last].min()), float(walls.reach[first:last].max())
+        nearest, farthest = (
+            float(walls.reach[first:last].min()),
+            float(walls.reach[first:last].max()),
+        )
         texels = Walls(walls.reach * np.float32(WALL_DENSITY), walls.texel)
         planes = self._planes(eye)
         for part in _bands(window.paired):
-            highest, steepest = float(lens.above[part.top : part.bottom].max()), float(lens.below[part.top : part.bottom].min())
+            highest, steepest = (
+                float(lens.above[part.top : part.bottom].max()),
+                float(lens.below[part.top : part.bottom].min()),
+            )
             if eye.height + highest * (nearest if highest < 0.0 else farthest) < 0.0:
-                np.copyto(self._texels[part.pairs], self._floor(lens, eye, planes[0], part), where=True if stencil is None else stencil[part.pairs])
+                np.copyto(
+                    self._texels[part.pairs],
+                    self._floor(lens, eye, planes[0], part),
+                    where=True if stencil is None else stencil[part.pairs],
+                )
                 continue
             sees_floor = eye.height + min(steepest * farthest, steepest * nearest) < 0.0
-            sees_roof = eye.height + max(highest * farthest, highest * nearest) >= self._scene.ceiling
+            sees_roof = (
+                eye.height + max(highest * farthest, highest * nearest) >= self._scene.ceiling
+            )
             height, index = self._paint_band(lens, eye, texels, part, stencil)
             if sees_floor:
                 below = np.less(height, np.float32(0.0), out=_cut(self._mask, part))
-                rows = slice(_rows(below).start, None)  # down to the end: the middle row of what sees floor decides on the copy
-                np.copyto(index[:, rows], self._floor(lens, eye, planes[0], _part(part, rows)), where=below[:, rows])
+                # down to the end: the middle row of what sees floor decides on the copy
+                rows = slice(_rows(below).start, None)
+                np.copyto(
+                    index[:, rows],
+                    self._floor(lens, eye, planes[0], _part(part, rows)),
+                    where=below[:, rows],
+                )
             if sees_roof:
-                above = np.greater_equal(height, np.float32(self._scene.ceiling * WALL_DENSITY), out=_cut(self._mask, part))
+                above = np.greater_equal(
+                    height,
+                    np.float32(self._scene.ceiling * WALL_DENSITY),
+                    out=_cut(self._mask, part),
+                )
                 rows = _rows(above)
-                np.copyto(index[:, rows], self._flat(lens, _part(part, rows), self._scene.roof, planes[1], 0), where=above[:, rows])
+                np.copyto(
+                    index[:, rows],
+                    self._flat(lens, _part(part, rows), self._scene.roof, planes[1], 0),
+                    where=above[:, rows],
+                )
             if stencil is not None:
                 np.copyto(self._texels[part.pairs], index, where=stencil[part.pairs])
 
-    def _paint_band(self, lens: Lens, eye: Eye, walls: Walls, part: Window, stencil: Mask | None) -> tuple[Heights, Indices]:
-        """Return where a band of walls is met, in texels above the floor, and its texels: painted already where there is no stencil."""
-        height, index, ray = _cut(self._heights, part), _cut(self._index, part), lens.ray[part.pairs]
+    def _paint_band(
+        self, lens: Lens, eye: Eye, walls: Walls, part: Window, stencil: Mask | None
+    ) -> tuple[Heights, Indices]:
+        """Return where a band of walls is met, in texels above the floor, and its texels: painted
+        already where there is no stencil.
+        """
+        height, index, ray = (
+            _cut(self._heights, part),
+            _cut(self._index, part),
+            lens.ray[part.pairs],
+        )
         self._rise(walls.reach, ray, lens.slope[part.pairs], height)
         np.add(height, np.float32(eye.height * WALL_DENSITY), out=height)
         np.copyto(index, height, casting="unsafe")
-        return height, self._shift(index, walls.texel, ray, self._texels[part.pairs] if stencil is None else index)
+        return height, self._shift(
+            index, walls.texel, ray, self._texels[part.pairs] if stencil is None else index
+        )
 
     def _rise(self, reach: Distances, ray: Places, slope: Heights, out: Heights) -> Heights:
-        """Return how high above the eye the pixels (ROWS, n, columns) see what their rays (n, columns) meet at `reach` (RAYS,)."""
+        """Return how high above the eye the pixels (ROWS, n, columns) see what their rays (n,
+        columns) meet at `reach` (RAYS,).
+        """
         far = reach.take(ray, out=self._reaches[: ray.size].reshape(ray.shape), mode="clip")
         return np.multiply(far, slope, out=out)
 
     def _shift(self, index: Indices, texel: Indices, ray: Places, out: Indices) -> Indices:
-        """Return the index (ROWS, n, columns) of pixels in the columns of texels that begin at `texel` (RAYS,) for their rays."""
+        """Return the index (ROWS, n, columns) of pixels in the columns of texels that begin at
+        `texel` (RAYS,) for their rays.
+        """
         begin = texel.take(ray, out=self._columns[: ray.size].reshape(ray.shape), mode="clip")
         return np.add(index, begin, out=out)
 
@@ -146,7 +218,9 @@ class Canvas:
         )
 
     def _floor(self, lens: Lens, eye: Eye, plane: Floats, part: Window) -> Indices:
-        """Return the texels of the floor, in the copy that fits the size of a pixel there: geometric mean of along and across."""
+        """Return the texels of the floor, in the copy that fits the size of a pixel there:
+        geometric mean of along and across.
+        """
         middle = (part.top + part.bottom) // 2
         slope = max(EDGE, -float(lens.slope[middle % ROWS, middle // ROWS, lens.width // 2]))
         pixel = eye.height / slope / lens.focal * math.sqrt(math.hypot(1.0, 1.0 / slope))
@@ -161,25 +235,36 @@ class Canvas:
         np.add(up, np.int32(flat.offsets[level]), out=up)
         return up
 
-    def _on_plane(self, lens: Lens, part: Window, plane: Floats, limits: tuple[int, int] | None = None) -> tuple[Indices, Indices]:
-        """Return both coordinates of the points of a horizontal plane that a window's pixels see, as whole numbers; `plane` is `_plane`.
+    def _on_plane(
+        self, lens: Lens, part: Window, plane: Floats, limits: tuple[int, int] | None = None
+    ) -> tuple[Indices, Indices]:
+        """Return both coordinates of the points of a horizontal plane that a window's pixels see,
+        as whole numbers; `plane` is `_plane`.
 
-        Along a row they are at even steps: one number a row, and one a row times one a column, which is a product of two matrices.
+        Along a row they are at even steps: one number a row, and one a row times one a column,
+        which is a product of two matrices.
         """
         rows, columns = (part.bottom - part.top) // ROWS, part.right - part.left
-        lines = np.matmul(lens.plane[:, part.top // ROWS : part.bottom // ROWS].reshape(-1, 3), plane).astype(np.float32)
+        lines = np.matmul(
+            lens.plane[:, part.top // ROWS : part.bottom // ROWS].reshape(-1, 3), plane
+        ).astype(np.float32)
         count = 2 * ROWS * rows * columns
-        points, found = self._points[:count].reshape(-1, columns), self._cells[:count].reshape(-1, columns)
+        points, found = (
+            self._points[:count].reshape(-1, columns),
+            self._cells[:count].reshape(-1, columns),
+        )
         np.matmul(lines.reshape(-1, 2), lens.line[:, part.left : part.right], out=points)
         if limits is not None:
             for axis, limit in enumerate(limits):
                 half = points[axis * ROWS * rows : (axis + 1) * ROWS * rows]
-                np.minimum(np.maximum(half, np.float32(0.0), out=half), np.float32(limit - 1), out=half)
+                np.minimum(
+                    np.maximum(half, np.float32(0.0), out=half), np.float32(limit - 1), out=half
+                )
         np.copyto(found, points, casting="unsafe")
         across, up = found.reshape(2, ROWS, rows, columns)
         return across, up
 
-    # --- things ------------------------------------------------------------------------------------------------------------
+    # --- things -----------------------------------------------------------------------------------
 
     def paint(self, lens: Lens, eye: Eye, sights: list[Sight], stencil: Mask | None) -> None:
         """Paint things, the far ones first."""
@@ -194,91 +279,159 @@ class Canvas:
                 rows, plane = sight.lower, item.bottom
             else:
                 continue
-            for part in _bands(Window(max(rows[0], window.top), min(rows[1], window.bottom), window.left, window.right).paired):
+            for part in _bands(
+                Window(
+                    max(rows[0], window.top), min(rows[1], window.bottom), window.left, window.right
+                ).paired
+            ):
                 self._paint_face(lens, eye, sight, plane, part, stencil)
 
-    def _paint_side(self, lens: Lens, eye: Eye, sight: Sight, reach: Distances, part: Window, stencil: Mask | None) -> None:
-        """Paint what of a thing is upright: where the ray comes in, `reach` in texels, between its lower and its upper edge."""
+    def _paint_side(
+        self,
+        lens: Lens,
+        eye: Eye,
+        sight: Sight,
+        reach: Distances,
+        part: Window,
+        stencil: Mask | None,
+    ) -> None:
+        """Paint what of a thing is upright: where the ray comes in, `reach` in texels, between its
+        lower and its upper edge.
+        """
         item, where = sight.item, part.pairs
-        height, index, mask = _cut(self._heights, part), _cut(self._index, part), _cut(self._mask, part)
+        height, index, mask = (
+            _cut(self._heights, part),
+            _cut(self._index, part),
+            _cut(self._mask, part),
+        )
         ray = lens.ray[where]
         self._rise(reach, ray, lens.slope[where], height)
-        np.add(height, np.float32((eye.height - item.bottom) * item.density + 1.0), out=height)  # over its foot, 1 more: rounding to 0 rounds down
+        # over its foot, 1 more: rounding to 0 rounds down
+        np.add(height, np.float32((eye.height - item.bottom) * item.density + 1.0), out=height)
         np.copyto(index, height, casting="unsafe")
         np.subtract(index, np.int32(1), out=index)
-        np.less(index.view(np.uint32), np.uint32(item.rows), out=mask)  # what is negative is very large
+        # what is negative is very large
+        np.less(index.view(np.uint32), np.uint32(item.rows), out=mask)
         if stencil is not None:
             np.logical_and(mask, stencil[where], out=mask)
         self._shift(index, sight.texel, ray, index)
         if item.holes:
             places = _cut(self._places, part)
             np.copyto(places, index)
-            np.logical_and(mask, self._scene.texture_atlas.luma.take(places, mode="clip") != HOLE, out=mask)
+            np.logical_and(
+                mask, self._scene.texture_atlas.luma.take(places, mode="clip") != HOLE, out=mask
+            )
         np.copyto(self._texels[where], index, where=mask)
 
-    def _paint_face(self, lens: Lens, eye: Eye, sight: Sight, plane: float, part: Window, stencil: Mask | None) -> None:
-        """Paint an upper or a lower face: where the ray reaches its plane after coming in and before going out."""
+    def _paint_face(
+        self, lens: Lens, eye: Eye, sight: Sight, plane: float, part: Window, stencil: Mask | None
+    ) -> None:
+        """Paint an upper or a lower face: where the ray reaches its plane after coming in and
+        before going out.
+        """
         item, where = sight.item, part.pairs
-        height, mask, second = _cut(self._heights, part), _cut(self._mask, part), _cut(self._second, part)
+        height, mask, second = (
+            _cut(self._heights, part),
+            _cut(self._mask, part),
+            _cut(self._second, part),
+        )
         ray, slope, drop = lens.ray[where], lens.slope[where], np.float32(plane - eye.height)
-        beyond, short = (np.greater_equal, np.less) if plane < eye.height else (np.less, np.greater_equal)
+        beyond, short = (
+            (np.greater_equal, np.less) if plane < eye.height else (np.less, np.greater_equal)
+        )
         beyond(self._rise(sight.entry, ray, slope, height), drop, out=mask)
-        np.logical_and(mask, short(self._rise(sight.leave, ray, slope, height), drop, out=second), out=mask)
+        np.logical_and(
+            mask, short(self._rise(sight.leave, ray, slope, height), drop, out=second), out=mask
+        )
         if stencil is not None:
             np.logical_and(mask, stencil[where], out=mask)
         lid = item.lid if plane < eye.height else None
         if lid is None or lid.width * lid.height == 1:
-            np.copyto(self._texels[where], np.int32(item.under if lid is None else lid.offset), where=mask)
+            np.copyto(
+                self._texels[where], np.int32(item.under if lid is None else lid.offset), where=mask
+            )
         else:
             rows = _rows(mask)
             part = _part(part, rows)
-            np.copyto(self._texels[part.pairs], self._picture_on(lid, lens, eye, eye.height - plane, part), where=mask[:, rows])
+            np.copyto(
+                self._texels[part.pairs],
+                self._picture_on(lid, lens, eye, eye.height - plane, part),
+                where=mask[:, rows],
+            )
 
     def _picture_on(self, lid: Lid, lens: Lens, eye: Eye, rise: float, part: Window) -> Indices:
-        across, up = self._on_plane(lens, part, _plane(eye, rise, lid.matrix, lid.shift), (lid.width, lid.height))
+        across, up = self._on_plane(
+            lens, part, _plane(eye, rise, lid.matrix, lid.shift), (lid.width, lid.height)
+        )
         np.multiply(up, np.int32(lid.width), out=up)
         np.add(up, across, out=up)
         np.add(up, np.int32(lid.offset), out=up)
         return up
 
-    def stencil(self, lens: Lens, eye: Eye, reach: Floats, heights: tuple[float, float], window: Window) -> Mask:
-        """Return (ROWS, height / ROWS, width) where rays meet an upright pane between two heights; `reach` (RAYS,) is FAR beside it."""
+    def stencil(
+        self, lens: Lens, eye: Eye, reach: Floats, heights: tuple[float, float], window: Window
+    ) -> Mask:
+        """Return (ROWS, height / ROWS, width) where rays meet an upright pane between two heights;
+        `reach` (RAYS,) is FAR beside it.
+        """
         stencil = np.zeros(self._texels.shape, dtype=np.bool_)
         distances = reach.astype(np.float32)
         for part in _bands(window.paired):
             height, above = _cut(self._heights, part), _cut(self._mask, part)
             self._rise(distances, lens.ray[part.pairs], lens.slope[part.pairs], height)
             np.greater_equal(height, np.float32(heights[0] - eye.height), out=above)
-            np.logical_and(above, np.less(height, np.float32(heights[1] - eye.height), out=_cut(self._second, part)), out=stencil[part.pairs])
+            np.logical_and(
+                above,
+                np.less(height, np.float32(heights[1] - eye.height), out=_cut(self._second, part)),
+                out=stencil[part.pairs],
+            )
         return stencil
 
-    # --- the picture ---------------------------------------------------------------------------------------------------------
+    # --- the picture ------------------------------------------------------------------------------
 
     def develop(self, out: Image) -> None:
-        """Fetch the texels into `out`, (height * 3 / 2, width), contiguous: the rows of Y, then U and V at half the size."""
+        """Fetch the texels into `out`, (height * 3 / 2, width), contiguous: the rows of Y, then U
+        and V at half the size.
+        """
         _, pairs, width = self._texels.shape
         texture_atlas = self._scene.texture_atlas
-        luma, (blue, red) = in_pairs(out[: ROWS * pairs]), out[ROWS * pairs :].reshape(2, pairs, width // 2)
+        luma, (blue, red) = (
+            in_pairs(out[: ROWS * pairs]),
+            out[ROWS * pairs :].reshape(2, pairs, width // 2),
+        )
         for part in _bands(Window(0, ROWS * pairs, 0, width)):
             rows, places = slice(part.top // ROWS, part.bottom // ROWS), _cut(self._places, part)
             np.copyto(places, self._texels[:, rows])
-            np.copyto(luma[:, rows], texture_atlas.luma.take(places, out=_cut(self._octets, part), mode="clip"))
+            np.copyto(
+                luma[:, rows],
+                texture_atlas.luma.take(places, out=_cut(self._octets, part), mode="clip"),
+            )
             coarse = places[0, :, ::2]
-            chroma = texture_atlas.chroma.take(coarse, out=self._chroma[: coarse.size].reshape(coarse.shape), mode="clip").view(np.uint8)
+            chroma = texture_atlas.chroma.take(
+                coarse, out=self._chroma[: coarse.size].reshape(coarse.shape), mode="clip"
+            ).view(np.uint8)
             blue[rows], red[rows] = chroma[:, 0::2], chroma[:, 1::2]
 
-    def darken(self, lens: Lens, eye: Eye, walls: Walls, place: tuple[float, float], out: Image) -> None:
-        """Put the soft shadow of somebody who stands at a place onto the floor of a developed picture, unless a wall hides it."""
+    def darken(
+        self, lens: Lens, eye: Eye, walls: Walls, place: tuple[float, float], out: Image
+    ) -> None:
+        """Put the soft shadow of somebody who stands at a place onto the floor of a developed
+        picture, unless a wall hides it.
+        """
         forward, left = eye.level(np.array([place]))[0].tolist()
         ray = round((math.atan2(left, forward) - float(lens.azimuths[0])) / lens.step)
         if math.hypot(forward, left) > walls.reach[min(max(ray, 0), RAYS - 1)]:
             return
-        square = np.array(place) + SHADOW * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        square = np.array(place) + SHADOW * np.array(
+            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+        )
         level = eye.level(square)
         u, v, depth = lens.project(level[:, 0], level[:, 1], np.full(4, -eye.height))
         if depth.min() < NEAR:
             return
-        top, bottom, left, right = (round(float(limit)) for limit in (v.min(), v.max() + 1, u.min(), u.max() + 1))
+        top, bottom, left, right = (
+            round(float(limit)) for limit in (v.min(), v.max() + 1, u.min(), u.max() + 1)
+        )
         window = Window(max(top, 0), min(bottom, lens.height), max(left, 0), min(right, lens.width))
         scale, floor, picture = STEPS / SHADOW, self._scene.floor, in_pairs(out[: lens.height])
         plane = _plane(eye, eye.height, SAME * scale, -np.array(place) * scale)
@@ -304,9 +457,15 @@ def _bands(window: Window) -> Iterator[Window]:
 
 
 def _rows(mask: Mask) -> slice:
-    """Return which pairs of rows of a mask (ROWS, n, columns) hold any pixel, and those between them."""
+    """Return which pairs of rows of a mask (ROWS, n, columns) hold any pixel, and those between
+    them.
+    """
     there: Mask = np.logical_or.reduce(mask, axis=(0, 2))
-    return slice(int(there.argmax()), len(there) - int(there[::-1].argmax())) if there.any() else slice(0, 0)
+    return (
+        slice(int(there.argmax()), len(there) - int(there[::-1].argmax()))
+        if there.any()
+        else slice(0, 0)
+    )
 
 
 def _part(window: Window, rows: slice) -> Window:
@@ -316,19 +475,29 @@ def _part(window: Window, rows: slice) -> Window:
 
 
 def _plane(eye: Eye, rise: float, matrix: Floats, shift: Floats) -> Floats:
-    """Return (2, 3, 2): what makes of `Lens.plane` the lines on which matrix @ (x, y) + shift lie, of a plane `rise` metres from the eye."""
+    """Return (2, 3, 2): what makes of `Lens.plane` the lines on which matrix @ (x, y) + shift lie,
+    of a plane `rise` metres from the eye.
+    """
     plane = np.zeros((2, 3, 2))
     turn = matrix @ eye.world_from_level * rise
-    plane[:, 0, 0], plane[:, 1, 0], plane[:, 2, 1] = matrix @ eye.origin + shift, turn[:, 0], turn[:, 1]
+    plane[:, 0, 0], plane[:, 1, 0], plane[:, 2, 1] = (
+        matrix @ eye.origin + shift,
+        turn[:, 0],
+        turn[:, 1],
+    )
     return plane
 
 
 def in_pairs(rows: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
-    """Return a picture (height, width) as (ROWS, height / ROWS, width), the even rows before the odd ones; the same memory."""
+    """Return a picture (height, width) as (ROWS, height / ROWS, width), the even rows before the
+    odd ones; the same memory.
+    """
     return rows.reshape(-1, ROWS, rows.shape[1]).swapaxes(0, 1)
 
 
 def _cut(buffer: npt.NDArray[Scalar], window: Window) -> npt.NDArray[Scalar]:
-    """Return the beginning of a buffer as an array of a window's pixels: (ROWS, height / ROWS, width)."""
+    """Return the beginning of a buffer as an array of a window's pixels: (ROWS, height / ROWS,
+    width).
+    """
     pairs, columns = (window.bottom - window.top) // ROWS, window.right - window.left
     return buffer[: ROWS * pairs * columns].reshape(ROWS, pairs, columns)

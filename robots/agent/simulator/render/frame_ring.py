@@ -1,11 +1,13 @@
-"""Pictures in shared memory: a ring of slots, each with a guard, so that a reader knows when it was overtaken.
+"""Pictures in shared memory: a ring of slots, each with a guard, so that a reader knows when it was
+overtaken.
 
-The writer makes a slot's guard odd, draws, and makes it 2 x number + 2; a reader copies and looks whether the guard is still
-that. Nobody waits for anybody, and pixels never pass through a socket. A picture is (height * 3 / 2, width): the rows of Y, then U
-and V at half the size.
+The writer makes a slot's guard odd, draws, and makes it 2 x number + 2; a reader copies and looks
+whether the guard is still that. Nobody waits for anybody, and pixels never pass through a socket. A
+picture is (height * 3 / 2, width): the rows of Y, then U and V at half the size.
 
-The writer owns the memory and unlinks it. When the writer is killed, Python's resource tracker, a process of its own, does.
-Readers must not register with theirs: before Python 3.13 it would unlink what is not theirs (python/cpython issue 82300).
+The writer owns the memory and unlinks it. When the writer is killed, Python's resource tracker, a
+process of its own, does. Readers must not register with theirs: before Python 3.13 it would unlink
+what is not theirs (python/cpython issue 82300).
 """
 
 import contextlib
@@ -34,14 +36,18 @@ class _Ring:
         whole: npt.NDArray[np.uint8] = np.ndarray((slots, size), dtype=np.uint8, buffer=memory.buf)
         self._memory = memory
         self.guards: npt.NDArray[np.uint64] = whole[:, :8].view(np.uint64)[:, 0]
-        self.images = [whole[slot, GUARD : GUARD + _bytes(width, height)].reshape(height * 3 // 2, width) for slot in range(slots)]
+        self.images = [
+            whole[slot, GUARD : GUARD + _bytes(width, height)].reshape(height * 3 // 2, width)
+            for slot in range(slots)
+        ]
         self.slots = slots
         self.name = memory.name
 
     def _release(self) -> None:
         self.images = []
         self.guards = np.zeros(0, dtype=np.uint64)
-        with contextlib.suppress(BufferError):  # a picture is still in someone's hands; the memory goes with the process
+        # a picture is still in someone's hands; the memory goes with the process
+        with contextlib.suppress(BufferError):
             self._memory.close()
 
 
@@ -54,12 +60,16 @@ class FrameWriter(_Ring):
         Raises:
             OSError: there is no shared memory left.
         """
-        super().__init__(SharedMemory(create=True, size=slots * _slot_bytes(width, height)), width, height, slots)
+        super().__init__(
+            SharedMemory(create=True, size=slots * _slot_bytes(width, height)), width, height, slots
+        )
         self.guards[:] = 0
         self.number = 0
 
     def begin(self) -> npt.NDArray[np.uint8]:
-        """Return the (height * 3 / 2, width) picture to draw next; its readers, if any, will notice."""
+        """Return the (height * 3 / 2, width) picture to draw next; its readers, if any, will
+        notice.
+        """
         slot = self.number % self.slots
         self.guards[slot] = 2 * self.number + 1
         return self.images[slot]

@@ -14,7 +14,9 @@ from robots.world.solids import Floats
 
 @dataclass(frozen=True, eq=False)
 class Things:
-    """k items with n sides: `starts` (k,) is the first side of each, `owner` (n,) the item of each side, the rest as in `Item`."""
+    """k items with n sides: `starts` (k,) is the first side of each, `owner` (n,) the item of each
+    side, the rest as in `Item`.
+    """
 
     items: tuple[Item, ...]
     sides: Floats
@@ -40,7 +42,9 @@ class Things:
         return sides
 
     def moved(self, pose: Pose2D) -> "Things":
-        """Return items that were made about the origin at a pose; a picture on a lid is not turned with it."""
+        """Return items that were made about the origin at a pose; a picture on a lid is not turned
+        with it.
+        """
         cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
         matrix = np.array([[cosine, sine], [-sine, cosine]])
         points = self.sides.reshape(-1, 2) @ matrix + (pose.x, pose.y)
@@ -51,20 +55,33 @@ def gather(items: tuple[Item, ...]) -> Things:
     """Return items in arrays."""
     counts = [len(item.sides) for item in items]
     starts = np.cumsum([0, *counts])[:-1].astype(np.intp)
-    names = {name: number for number, name in enumerate(dict.fromkeys(item.group for item in items))}
+    names = {
+        name: number for number, name in enumerate(dict.fromkeys(item.group for item in items))
+    }
     levels = items[0].offsets.shape[0] if items else 1
     return Things(
-        items=items, sides=np.vstack([np.zeros((0, 4)), *(item.sides for item in items)]),
-        owner=np.repeat(np.arange(len(items)), counts), starts=starts,
-        bottom=np.array([item.bottom for item in items]), top=np.array([item.top for item in items]),
-        density=np.array([item.density for item in items]), rows=np.array([item.rows for item in items], dtype=np.intp),
-        offsets=np.hstack([np.zeros((levels, 0), dtype=np.intp), *(item.offsets for item in items)]),
-        columns=np.hstack([np.zeros((levels, 0), dtype=np.intp), *(item.columns for item in items)]),
+        items=items,
+        sides=np.vstack([np.zeros((0, 4)), *(item.sides for item in items)]),
+        owner=np.repeat(np.arange(len(items)), counts),
+        starts=starts,
+        bottom=np.array([item.bottom for item in items]),
+        top=np.array([item.top for item in items]),
+        density=np.array([item.density for item in items]),
+        rows=np.array([item.rows for item in items], dtype=np.intp),
+        offsets=np.hstack(
+            [np.zeros((levels, 0), dtype=np.intp), *(item.offsets for item in items)]
+        ),
+        columns=np.hstack(
+            [np.zeros((levels, 0), dtype=np.intp), *(item.columns for item in items)]
+        ),
         deep=np.array([item.lid is not None or item.under >= 0 for item in items], dtype=np.bool_),
         group=np.array([names[item.group] for item in items], dtype=np.intp),
-        billboards=np.array([start for start, item in zip(starts, items, strict=True) if item.billboard], dtype=np.intp),
+        billboards=np.array(
+            [start for start, item in zip(starts, items, strict=True) if item.billboard],
+            dtype=np.intp,
+        ),
         mirrored=np.array([item.mirrored for item in items], dtype=np.bool_),
-    )  # fmt: skip
+    )
 
 
 def joined(first: Things, second: Things) -> Things:
@@ -73,21 +90,35 @@ def joined(first: Things, second: Things) -> Things:
         return first if first.items else second
     items, sides, groups = len(first.items), len(first.sides), int(first.group.max()) + 1
     return Things(
-        items=first.items + second.items, sides=np.concatenate([first.sides, second.sides]),
-        owner=np.concatenate([first.owner, second.owner + items]), starts=np.concatenate([first.starts, second.starts + sides]),
-        bottom=np.concatenate([first.bottom, second.bottom]), top=np.concatenate([first.top, second.top]),
-        density=np.concatenate([first.density, second.density]), rows=np.concatenate([first.rows, second.rows]),
-        offsets=np.concatenate([first.offsets, second.offsets], axis=1), columns=np.concatenate([first.columns, second.columns], axis=1),
-        deep=np.concatenate([first.deep, second.deep]), group=np.concatenate([first.group, second.group + groups]),
+        items=first.items + second.items,
+        sides=np.concatenate([first.sides, second.sides]),
+        owner=np.concatenate([first.owner, second.owner + items]),
+        starts=np.concatenate([first.starts, second.starts + sides]),
+        bottom=np.concatenate([first.bottom, second.bottom]),
+        top=np.concatenate([first.top, second.top]),
+        density=np.concatenate([first.density, second.density]),
+        rows=np.concatenate([first.rows, second.rows]),
+        offsets=np.concatenate([first.offsets, second.offsets], axis=1),
+        columns=np.concatenate([first.columns, second.columns], axis=1),
+        deep=np.concatenate([first.deep, second.deep]),
+        group=np.concatenate([first.group, second.group + groups]),
         billboards=np.concatenate([first.billboards, second.billboards + sides]),
         mirrored=np.concatenate([first.mirrored, second.mirrored]),
-    )  # fmt: skip
+    )
 
 
 def before(things: Things, point: Floats, normal: Floats) -> Things:
     """Return the things that do not lie wholly behind a line through `point`."""
-    ahead = np.maximum.reduceat(((things.sides.reshape(-1, 2) - point) @ normal).reshape(-1, 2).max(axis=1), things.starts) > 0.0
-    return gather(tuple(item for item, is_ahead in zip(things.items, ahead, strict=True) if is_ahead))
+    ahead = (
+        np.maximum.reduceat(
+            ((things.sides.reshape(-1, 2) - point) @ normal).reshape(-1, 2).max(axis=1),
+            things.starts,
+        )
+        > 0.0
+    )
+    return gather(
+        tuple(item for item, is_ahead in zip(things.items, ahead, strict=True) if is_ahead)
+    )
 
 
 def turned(sides: Floats, origin: Floats) -> Floats:
@@ -95,5 +126,8 @@ def turned(sides: Floats, origin: Floats) -> Floats:
     middle = (sides[:, :2] + sides[:, 2:]) / 2.0
     half = np.hypot(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1]) / 2.0
     away = middle - origin
-    right = np.column_stack([away[:, 1], -away[:, 0]]) * (half / np.maximum(np.hypot(away[:, 0], away[:, 1]), EDGE))[:, None]
+    right = (
+        np.column_stack([away[:, 1], -away[:, 0]])
+        * (half / np.maximum(np.hypot(away[:, 0], away[:, 1]), EDGE))[:, None]
+    )
     return np.hstack([middle - right, middle + right])

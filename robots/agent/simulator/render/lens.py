@@ -1,14 +1,18 @@
-"""The camera's geometry: for every pixel its direction, in the two numbers that a world of upright faces needs.
+"""The camera's geometry: for every pixel its direction, in the two numbers that a world of upright
+faces needs.
 
-A ray of a pinhole camera, pitched down by p, goes through pixel (u, v) as (1, u', v') with u' = (u + 0.5 - w / 2) / f to the
-right and v' = (v + 0.5 - h / 2) / f down. In the robot's level frame that is forward cos p - v' sin p, left -u', up
--sin p - v' cos p: exact, nothing bends. What it meets depends on its azimuth alone, and how high it is there on its slope alone:
+A ray of a pinhole camera, pitched down by p, goes through pixel (u, v) as (1, u', v') with u' = (u
++ 0.5 - w / 2) / f to the right and v' = (v + 0.5 - h / 2) / f down. In the robot's level frame that
+is forward cos p - v' sin p, left -u', up
+-sin p - v' cos p: exact, nothing bends. What it meets depends on its azimuth alone, and how high it
+is there on its slope alone:
 
     azimuth = atan2(left, forward)        slope = up / hypot(forward, left)
 
-So azimuths are cast once a frame as a table, and a pixel at horizontal distance d is at height z + d * slope. A horizontal plane is
-simpler still: forward and up are the same along a row, and left is the same down a column, so that what a row of pixels sees of the
-plane lies at even steps on a straight line.
+So azimuths are cast once a frame as a table, and a pixel at horizontal distance d is at height z +
+d * slope. A horizontal plane is simpler still: forward and up are the same along a row, and left is
+the same down a column, so that what a row of pixels sees of the plane lies at even steps on a
+straight line.
 """
 
 import math
@@ -33,14 +37,16 @@ LEVEL = 1e-4  # slopes are at least so far from 0, a twentieth of a pixel
 class Lens:
     """Tables of one pitch.
 
-    `ray` (height / 2, width) is the index of the pixel's azimuth in `azimuths` (RAYS,), whose unit vectors are `directions` (RAYS, 2),
-    one for two rows, between which it changes by less than half a pixel;
-    `slope` (ROWS, height / ROWS, width) is up over horizontal, the even rows before the odd ones, as all tables of pixels are kept; `above`,
-    `below` (height,) are its greatest and least of each row. `ahead`, `up` (height,) and `right` (width,) are the parts of a pixel's
-    direction, `line` (2, width) is a row of ones over `right`. `plane` (ROWS, height / ROWS, 3) says of a horizontal plane one metre
-    above or below the eye, for each row: 1, how far ahead it is met, and how far to the left a column to the right of 1 meets it.
-    `begins`, `ends` say for rows and for columns which numbers they and all before them, or they and all behind them, have passed:
-    negative, so that they rise.
+    `ray` (height / 2, width) is the index of the pixel's azimuth in `azimuths` (RAYS,), whose unit
+    vectors are `directions` (RAYS, 2), one for two rows, between which it changes by less than half
+    a pixel; `slope` (ROWS, height / ROWS, width) is up over horizontal, the even rows before the
+    odd ones, as all tables of pixels are kept; `above`, `below` (height,) are its greatest and
+    least of each row. `ahead`, `up` (height,) and `right` (width,) are the parts of a pixel's
+    direction, `line` (2, width) is a row of ones over `right`. `plane` (ROWS, height / ROWS, 3)
+    says of a horizontal plane one metre above or below the eye, for each row: 1, how far ahead it
+    is met, and how far to the left a column to the right of 1 meets it. `begins`, `ends` say for
+    rows and for columns which numbers they and all before them, or they and all behind them, have
+    passed: negative, so that they rise.
     """
 
     width: int
@@ -63,15 +69,23 @@ class Lens:
     ends: tuple[Floats, Places]
 
     def columns(self, first: Places, last: Places) -> tuple[Places, Places]:
-        """Return the first and one past the last column (n,) that any of the rays first … last - 1 goes through."""
-        return np.searchsorted(self.begins[1], -last, side="right"), np.searchsorted(self.ends[1], -first, side="right")
+        """Return the first and one past the last column (n,) that any of the rays first … last - 1
+        goes through.
+        """
+        return np.searchsorted(self.begins[1], -last, side="right"), np.searchsorted(
+            self.ends[1], -first, side="right"
+        )
 
     def rows(self, highest: Floats, lowest: Floats) -> tuple[Places, Places]:
         """Return the first and one past the last row (n,) that has slopes between two."""
-        return np.searchsorted(self.begins[0], -highest, side="left"), np.searchsorted(self.ends[0], -lowest, side="right")
+        return np.searchsorted(self.begins[0], -highest, side="left"), np.searchsorted(
+            self.ends[0], -lowest, side="right"
+        )
 
     def project(self, forward: Floats, left: Floats, up: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return (u, v) in pixels and the depth of points in the level frame of the camera; depth <= 0 is behind it."""
+        """Return (u, v) in pixels and the depth of points in the level frame of the camera; depth
+        <= 0 is behind it.
+        """
         cosine, sine = math.cos(self.pitch), math.sin(self.pitch)
         depth = cosine * forward - sine * up
         safe = np.where(depth > LEVEL, depth, LEVEL)
@@ -81,36 +95,56 @@ class Lens:
 
 
 def grind(camera: Camera, pitch: float) -> Lens:
-    """Return the tables for a pitch in radians, positive looks down; some milliseconds' work, so keep them."""
+    """Return the tables for a pitch in radians, positive looks down; some milliseconds' work, so
+    keep them.
+    """
     focal = camera.width / 2.0 / math.tan(camera.hfov / 2.0)
     right = ((np.arange(camera.width) + 0.5 - camera.width / 2.0) / focal).astype(np.float64)
     down = ((np.arange(camera.height) + 0.5 - camera.height / 2.0) / focal).astype(np.float64)
     ahead = math.cos(pitch) - down * math.sin(pitch)
     up = -math.sin(pitch) - down * math.cos(pitch)
-    # The picture is the same to both sides, so half of every table is reckoned and the other half is its reflection.
+    # The picture is the same to both sides, so half of every table is reckoned and the other half
+    # is its reflection.
     half = -(-camera.width // 2)
     wide, deep = right.astype(np.float32)[None, :half], ahead.astype(np.float32)[:, None]
     azimuth = np.arctan2(-wide, deep[::ROWS])
     steep = up.astype(np.float32)[:, None] / np.sqrt(deep * deep + wide * wide)
-    slope = _reflected(np.where(np.abs(steep) < LEVEL, np.float32(-LEVEL), steep).astype(np.float32), camera.width)
+    slope = _reflected(
+        np.where(np.abs(steep) < LEVEL, np.float32(-LEVEL), steep).astype(np.float32), camera.width
+    )
     highest = float(azimuth.max())
     step = 2.0 * highest / (RAYS - 1)
     azimuths = np.linspace(-highest, highest, RAYS)
-    ahead_of = np.rint((np.float32(highest) - azimuth) * np.float32(1.0 / step)).astype(np.intp)  # how many rays lie to the left of it
+    # how many rays lie to the left of it
+    ahead_of = np.rint((np.float32(highest) - azimuth) * np.float32(1.0 / step)).astype(np.intp)
     ray = RAYS - 1 - ahead_of
     ray = np.concatenate([ray, ahead_of[:, : camera.width // 2][:, ::-1]], axis=1)
     above, below = slope.max(axis=1).astype(np.float64), slope.min(axis=1).astype(np.float64)
     up = np.where(np.abs(up) < LEVEL, -LEVEL, up)
     away = 1.0 / np.abs(up)
     return Lens(
-        width=camera.width, height=camera.height, focal=focal, pitch=pitch, step=step,
-        azimuths=azimuths, directions=np.column_stack([np.cos(azimuths), np.sin(azimuths)]),
-        ray=ray, slope=in_turn(slope), above=above, below=below,
-        ahead=ahead, up=up, right=right, plane=in_turn(np.stack([np.ones_like(away), away * ahead, -away], axis=1)),
+        width=camera.width,
+        height=camera.height,
+        focal=focal,
+        pitch=pitch,
+        step=step,
+        azimuths=azimuths,
+        directions=np.column_stack([np.cos(azimuths), np.sin(azimuths)]),
+        ray=ray,
+        slope=in_turn(slope),
+        above=above,
+        below=below,
+        ahead=ahead,
+        up=up,
+        right=right,
+        plane=in_turn(np.stack([np.ones_like(away), away * ahead, -away], axis=1)),
         begins=(-np.minimum.accumulate(below), -np.minimum.accumulate(ray.min(axis=0))),
-        ends=(-np.maximum.accumulate(above[::-1])[::-1], -np.maximum.accumulate(ray.max(axis=0)[::-1])[::-1]),
+        ends=(
+            -np.maximum.accumulate(above[::-1])[::-1],
+            -np.maximum.accumulate(ray.max(axis=0)[::-1])[::-1],
+        ),
         line=np.stack([np.ones_like(right), right]).astype(np.float32),
-    )  # fmt: skip
+    )
 
 
 def in_turn(rows: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
@@ -119,5 +153,7 @@ def in_turn(rows: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
 
 
 def _reflected(left: Plane, width: int) -> Plane:
-    """Return the whole of a table (height, width) of which this is the left half, the middle column included."""
+    """Return the whole of a table (height, width) of which this is the left half, the middle column
+    included.
+    """
     return np.concatenate([left, left[:, : width // 2][:, ::-1]], axis=1)

@@ -1,7 +1,9 @@
-"""Light that is painted into the pictures once: warm lamps at the ceiling, a cool remainder from everywhere, dark corners.
+"""Light that is painted into the pictures once: warm lamps at the ceiling, a cool remainder from
+everywhere, dark corners.
 
-A lamp gives cos(incidence) / (distance² + c) of its strength to what looks at it and stands in its room; shadows of furniture are
-soft stains on the floor. Pictures are multiplied in display values, so a light L counts as L to the power of 1 / 2.2.
+A lamp gives cos(incidence) / (distance² + c) of its strength to what looks at it and stands in its
+room; shadows of furniture are soft stains on the floor. Pictures are multiplied in display values,
+so a light L counts as L to the power of 1 / 2.2.
 """
 
 import math
@@ -62,31 +64,68 @@ def _lamps(room: Room, ceiling: float) -> Floats:
     polygon = np.array(room.polygon)
     low, high = polygon.min(axis=0), polygon.max(axis=0)
     counts = [max(1, round((b - a) / SPACING)) for a, b in zip(low, high, strict=True)]
-    places = [low[axis] + (np.arange(counts[axis]) + 0.5) * (high[axis] - low[axis]) / counts[axis] for axis in (0, 1)]
-    found = [(x, y, ceiling - DROP) for x in places[0] for y in places[1] if contains(room.polygon, float(x), float(y))]
+    places = [
+        low[axis] + (np.arange(counts[axis]) + 0.5) * (high[axis] - low[axis]) / counts[axis]
+        for axis in (0, 1)
+    ]
+    found = [
+        (x, y, ceiling - DROP)
+        for x in places[0]
+        for y in places[1]
+        if contains(room.polygon, float(x), float(y))
+    ]
     return np.array(found).reshape(-1, 3)
 
 
-def light_wall(picture: Picture, lights: Lights, start: Floats, end: Floats, *, bottom: float, top: float, corners: bool) -> None:
-    """Light an upright picture (columns, rows, 3) in place; it goes from `start` to `end`, left to right for who looks at it."""
+def light_wall(
+    picture: Picture,
+    lights: Lights,
+    start: Floats,
+    end: Floats,
+    *,
+    bottom: float,
+    top: float,
+    corners: bool,
+) -> None:
+    """Light an upright picture (columns, rows, 3) in place; it goes from `start` to `end`, left to
+    right for who looks at it.
+    """
     length = math.dist(start, end)
-    columns, rows = max(2, math.ceil(length / COARSE) + 1), max(2, math.ceil((top - bottom) / COARSE) + 1)
+    columns, rows = (
+        max(2, math.ceil(length / COARSE) + 1),
+        max(2, math.ceil((top - bottom) / COARSE) + 1),
+    )
     share, height = np.linspace(0.0, 1.0, columns), np.linspace(bottom, top, rows)
     points = np.empty((columns, rows, 3))
     points[..., :2] = (start + share[:, None] * (end - start))[:, None, :]
     points[..., 2] = height
     normal = np.array([end[1] - start[1], start[0] - end[0], 0.0]) / length
     middle = (start + end) / 2.0 + 0.1 * normal[:2]
-    factor = lights.at(points, np.broadcast_to(normal, points.shape), lights.room_of(float(middle[0]), float(middle[1])))
+    factor = lights.at(
+        points,
+        np.broadcast_to(normal, points.shape),
+        lights.room_of(float(middle[0]), float(middle[1])),
+    )
     factor *= (1.0 - 0.22 * np.exp(-height / 0.12))[None, :, None]
     if corners:
         along = share * length
-        factor *= ((1.0 - 0.2 * np.exp(-along / 0.15)) * (1.0 - 0.2 * np.exp(-(length - along) / 0.15)))[:, None, None]
+        factor *= (
+            (1.0 - 0.2 * np.exp(-along / 0.15)) * (1.0 - 0.2 * np.exp(-(length - along) / 0.15))
+        )[:, None, None]
         factor *= (1.0 - 0.12 * np.exp(-(lights.plan.ceiling - height) / 0.15))[None, :, None]
     picture *= enlarge(factor, (picture.shape[0], picture.shape[1]))
 
 
-def light_floor(picture: Picture, lights: Lights, x: Plane, y: Plane, *, solid: npt.NDArray[np.bool_], height: float, upwards: bool) -> None:
+def light_floor(
+    picture: Picture,
+    lights: Lights,
+    x: Plane,
+    y: Plane,
+    *,
+    solid: npt.NDArray[np.bool_],
+    height: float,
+    upwards: bool,
+) -> None:
     """Light a floor or a ceiling (rows, columns, 3) in place.
 
     Args:
@@ -111,14 +150,19 @@ def light_floor(picture: Picture, lights: Lights, x: Plane, y: Plane, *, solid: 
         block = np.ix_(rows, columns)
         factor[block] = lights.at(points[block], normals[block], room.name)
     distance = ndimage.distance_transform_edt(~solid[::HALF, ::HALF]) * float(x[1] - x[0]) * HALF
-    shade = enlarge((1.0 - 0.42 * np.exp(-distance / 0.10))[..., None], (picture.shape[0], picture.shape[1]))
+    shade = enlarge(
+        (1.0 - 0.42 * np.exp(-distance / 0.10))[..., None], (picture.shape[0], picture.shape[1])
+    )
     picture *= enlarge(factor, (picture.shape[0], picture.shape[1]))
     picture *= shade
 
 
 def enlarge(factor: Floats, shape: tuple[int, int]) -> Picture:
     """Return (n, m, k) spread over `shape` texels, straight between the points."""
-    a, b = np.linspace(0.0, factor.shape[0] - 1.001, shape[0]), np.linspace(0.0, factor.shape[1] - 1.001, shape[1])
+    a, b = (
+        np.linspace(0.0, factor.shape[0] - 1.001, shape[0]),
+        np.linspace(0.0, factor.shape[1] - 1.001, shape[1]),
+    )
     i, j = a.astype(np.intp), b.astype(np.intp)
     s, t = (a - i)[:, None, None].astype(np.float32), (b - j)[None, :, None].astype(np.float32)
     small = factor.astype(np.float32)

@@ -1,8 +1,9 @@
 """What walls and floors are made of: pictures computed from metres, not drawn by hand.
 
-A wall's picture is (columns, rows, 3) float32 from 0 to 1: first axis along the wall, left to right for who looks at it, second
-axis upwards, so that one column of the camera reads neighbouring texels. A floor's is (rows, columns, 3) along y and x. Coordinates
-are in metres and may begin anywhere, so that patterns go on round corners and from room to room.
+A wall's picture is (columns, rows, 3) float32 from 0 to 1: first axis along the wall, left to right
+for who looks at it, second axis upwards, so that one column of the camera reads neighbouring
+texels. A floor's is (rows, columns, 3) along y and x. Coordinates are in metres and may begin
+anywhere, so that patterns go on round corners and from room to room.
 """
 
 # ruff: noqa: PLR2004 -- a drawing is made of numbers
@@ -30,7 +31,9 @@ def noise(shape: tuple[int, int], cell: tuple[float, float], rng: np.random.Gene
     """Return smooth noise of about ±1; `cell` is how many texels one bump is long on each axis."""
     if cell == (1, 1):
         return rng.standard_normal(shape, dtype=np.float32)
-    coarse = rng.standard_normal((int(shape[0] / cell[0]) + 3, int(shape[1] / cell[1]) + 3), dtype=np.float32)
+    coarse = rng.standard_normal(
+        (int(shape[0] / cell[0]) + 3, int(shape[1] / cell[1]) + 3), dtype=np.float32
+    )
     return _stretch(_stretch(coarse, shape[0], cell[0]).T, shape[1], cell[1]).T
 
 
@@ -50,18 +53,23 @@ def tint(plane: Plane, colour: Plane) -> Picture:
 
 
 def per_piece(number: npt.NDArray[np.int_], rng: np.random.Generator) -> Plane:
-    """Return for each integer its own random value in [-1, 1]; the same number always gets the same."""
+    """Return for each integer its own random value in [-1, 1]; the same number always gets the
+    same.
+    """
     table = rng.uniform(-1.0, 1.0, 4096).astype(np.float32)
     return table[(number * 2654435761) % 4096]
 
 
-# --- walls: (u, z, colour, rng) -> picture; u (columns, 1) and z (1, rows) in metres -----------------------------------
+# --- walls: (u, z, colour, rng) -> picture; u (columns, 1) and z (1, rows) in metres
+# -----------------------------------
 
 
 def plaster(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
     """Paint on plaster: a little grain, a little cloud."""
     shape = (u.size, z.size)
-    return tint(1.0 + 0.009 * noise(shape, (1, 1), rng) + 0.02 * noise(shape, (60, 60), rng), colour)
+    return tint(
+        1.0 + 0.009 * noise(shape, (1, 1), rng) + 0.02 * noise(shape, (60, 60), rng), colour
+    )
 
 
 def two_tone(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
@@ -92,7 +100,11 @@ def brick(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Pictur
     column = np.floor(along / 0.24).astype(np.int_)
     across, up = np.mod(along, 0.24), np.mod(z, 0.075) + 0.0 * along
     mortar = (across < 0.010) | (up < 0.010)
-    tone = 1.0 + 0.16 * per_piece(column + 997 * row, rng) + 0.05 * noise((u.size, z.size), (2, 2), rng)
+    tone = (
+        1.0
+        + 0.16 * per_piece(column + 997 * row, rng)
+        + 0.05 * noise((u.size, z.size), (2, 2), rng)
+    )
     tone *= np.where(up > 0.062, 1.08, np.where(up < 0.02, 0.88, 1.0))
     picture = tint(tone.astype(np.float32), colour)
     picture[mortar] = rgb("#b9ada0") * 0.92
@@ -110,9 +122,14 @@ def panelling(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Pi
     return picture
 
 
-def _boards(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator, width: float = 0.12) -> Picture:
+def _boards(
+    u: Plane, z: Plane, colour: Plane, rng: np.random.Generator, width: float = 0.12
+) -> Picture:
     board = np.floor(u / width).astype(np.int_)
-    grain = noise((u.size, z.size), (1.2, 40), rng) * 0.05 + noise((u.size, z.size), (3, 120), rng) * 0.05
+    grain = (
+        noise((u.size, z.size), (1.2, 40), rng) * 0.05
+        + noise((u.size, z.size), (3, 120), rng) * 0.05
+    )
     tone = 1.0 + 0.09 * per_piece(board, rng) + grain
     tone = tone * np.where(np.mod(u, width) < 0.009, 0.62, 1.0)
     return tint(tone.astype(np.float32), colour)
@@ -128,7 +145,9 @@ def wood(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture
 def fabric(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
     """Upholstery."""
     shape = (u.size, z.size)
-    return tint(1.0 + 0.035 * noise(shape, (1, 1), rng) + 0.05 * noise(shape, (14, 14), rng), colour)
+    return tint(
+        1.0 + 0.035 * noise(shape, (1, 1), rng) + 0.05 * noise(shape, (14, 14), rng), colour
+    )
 
 
 def concrete(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
@@ -145,9 +164,17 @@ def plain(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Pictur
 
 
 WALLS: dict[str, Callable[[Plane, Plane, Plane, np.random.Generator], Picture]] = {
-    "plaster": plaster, "two_tone": two_tone, "wallpaper": wallpaper, "brick": brick, "panelling": panelling, "concrete": concrete,
-    "trim": plain, "wood": wood, "fabric": fabric, "plain": plain,
-}  # fmt: skip
+    "plaster": plaster,
+    "two_tone": two_tone,
+    "wallpaper": wallpaper,
+    "brick": brick,
+    "panelling": panelling,
+    "concrete": concrete,
+    "trim": plain,
+    "wood": wood,
+    "fabric": fabric,
+    "plain": plain,
+}
 
 
 def skirt(picture: Picture, z: Plane, ceiling: float) -> None:
@@ -162,7 +189,8 @@ def skirt(picture: Picture, z: Plane, ceiling: float) -> None:
     picture[:, (height > ceiling - 0.062) & ~cornice] *= 0.84
 
 
-# --- floors: (x, y, colour, rng) -> picture; x (1, columns) and y (rows, 1) in metres -----------------------------------
+# --- floors: (x, y, colour, rng) -> picture; x (1, columns) and y (rows, 1) in metres
+# -----------------------------------
 
 
 def oak(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
@@ -170,7 +198,10 @@ def oak(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
     row = np.floor(y / 0.14).astype(np.int_)
     along = x + 0.53 * (row % 5) + 0.21 * (row % 3)
     plank = np.floor(along / 1.3).astype(np.int_)
-    grain = noise((y.size, x.size), (1.3, 45), rng) * 0.045 + noise((y.size, x.size), (4, 110), rng) * 0.045
+    grain = (
+        noise((y.size, x.size), (1.3, 45), rng) * 0.045
+        + noise((y.size, x.size), (4, 110), rng) * 0.045
+    )
     tone = 1.0 + 0.11 * per_piece(plank + 613 * row, rng) + grain
     gap = (np.mod(y, 0.14) < 0.010) | (np.mod(along, 1.3) < 0.012)
     return tint((tone * np.where(gap, 0.66, 1.0)).astype(np.float32), colour)
@@ -179,7 +210,9 @@ def oak(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
 def tiles(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
     """Square tiles, 40 cm, with grout; every other one a shade darker."""
     column, row = np.floor(x / 0.4).astype(np.int_), np.floor(y / 0.4).astype(np.int_)
-    cloud = noise((y.size, x.size), (9, 14), rng) * 0.02 + noise((y.size, x.size), (1, 1), rng) * 0.012
+    cloud = (
+        noise((y.size, x.size), (9, 14), rng) * 0.02 + noise((y.size, x.size), (1, 1), rng) * 0.012
+    )
     tone = 1.0 + 0.035 * per_piece(column + 331 * row, rng) - 0.09 * ((column + row) % 2) + cloud
     picture = tint(tone.astype(np.float32), colour)
     picture[(np.mod(x, 0.4) < 0.012) | (np.mod(y, 0.4) < 0.012)] = colour * 0.7
@@ -203,12 +236,19 @@ def screed(x: Plane, y: Plane, colour: Plane, rng: np.random.Generator) -> Pictu
 
 
 FLOORS: dict[str, Callable[[Plane, Plane, Plane, np.random.Generator], Picture]] = {
-    "oak": oak, "tiles": tiles, "carpet": carpet, "concrete": screed,
-}  # fmt: skip
+    "oak": oak,
+    "tiles": tiles,
+    "carpet": carpet,
+    "concrete": screed,
+}
 
 
-def rug(width: float, depth: float, colour: Plane, density: float, rng: np.random.Generator) -> Picture:
-    """Return a woven rug (rows along depth, columns along width) with borders and a field of lozenges."""
+def rug(
+    width: float, depth: float, colour: Plane, density: float, rng: np.random.Generator
+) -> Picture:
+    """Return a woven rug (rows along depth, columns along width) with borders and a field of
+    lozenges.
+    """
     rows, columns = max(2, round(depth * density)), max(2, round(width * density))
     y, x = np.mgrid[0:rows, 0:columns].astype(np.float32) / np.float32(density)
     edge = np.minimum(np.minimum(x, width - x), np.minimum(y, depth - y))
@@ -219,5 +259,8 @@ def rug(width: float, depth: float, colour: Plane, density: float, rng: np.rando
     picture[(edge > 0.10) & (edge < 0.17)] = cream
     picture[(edge > 0.12) & (edge < 0.15)] = colour * 0.6
     picture[edge < 0.03] = cream * 0.85
-    picture *= (1.0 + 0.06 * ndimage.uniform_filter(rng.standard_normal((rows, columns), dtype=np.float32), 2))[..., None]
+    picture *= (
+        1.0
+        + 0.06 * ndimage.uniform_filter(rng.standard_normal((rows, columns), dtype=np.float32), 2)
+    )[..., None]
     return picture

@@ -1,7 +1,8 @@
-"""People for the camera: each one an upright picture of the body from the side that one looks at, in the phase of the walk.
+"""People for the camera: each one an upright picture of the body from the side that one looks at,
+in the phase of the walk.
 
-A body from the right is the same body, half a walk on, from the left and the wrong way round; so only one half is drawn, each picture
-when it is needed for the first time.
+A body from the right is the same body, half a walk on, from the left and the wrong way round; so
+only one half is drawn, each picture when it is needed for the first time.
 """
 
 import math
@@ -38,7 +39,9 @@ class Figures:
         """Return people as things, as seen from a point (2,)."""
         if not people:
             return NOBODY
-        return gather(tuple(self._item(number, person, origin) for number, person in enumerate(people)))
+        return gather(
+            tuple(self._item(number, person, origin) for number, person in enumerate(people))
+        )
 
     def _item(self, number: int, person: Person, origin: Floats) -> Item:
         away = np.array([person.x, person.y]) - origin
@@ -50,11 +53,19 @@ class Figures:
         across = np.array([away[1], -away[0]]) / max(math.hypot(*away.tolist()), EDGE)
         middle = np.array([person.x, person.y])
         return Item(
-            group=f"person {number}", sides=np.hstack([middle + left * across, middle + right * across])[None], bottom=0.0, top=top,
-            density=DENSITY, offsets=np.array(upright.offsets, dtype=np.intp)[:, None],
-            columns=np.array(upright.columns, dtype=np.intp)[:, None], rows=upright.rows,
-            lid=None, billboard=False, holes=True, mirrored=mirrored,
-        )  # fmt: skip
+            group=f"person {number}",
+            sides=np.hstack([middle + left * across, middle + right * across])[None],
+            bottom=0.0,
+            top=top,
+            density=DENSITY,
+            offsets=np.array(upright.offsets, dtype=np.intp)[:, None],
+            columns=np.array(upright.columns, dtype=np.intp)[:, None],
+            rows=upright.rows,
+            lid=None,
+            billboard=False,
+            holes=True,
+            mirrored=mirrored,
+        )
 
     def _drawn(self, key: Key) -> tuple[Upright, float, float, float]:
         if key not in self._kept:
@@ -68,7 +79,9 @@ class Figures:
 
 
 def chosen(person: Person, bearing: float) -> tuple[Key, bool]:
-    """Return which picture shows a person to who stands at a bearing, radians from the way the body looks, and whether mirrored."""
+    """Return which picture shows a person to who stands at a bearing, radians from the way the body
+    looks, and whether mirrored.
+    """
     turned = math.remainder(bearing, 2.0 * math.pi)
     view, mirrored = round(abs(turned) * (VIEWS - 1) / math.pi), turned < 0.0
     if abs(person.speed) < SLOWEST:

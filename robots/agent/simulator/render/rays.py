@@ -1,6 +1,8 @@
-"""The rays of one eye against upright faces: which ray meets which face, how far away, and where along it.
+"""The rays of one eye against upright faces: which ray meets which face, how far away, and where
+along it.
 
-Every face is cast only with the rays between its two ends, and all of these pairs stand in one long row.
+Every face is cast only with the rays between its two ends, and all of these pairs stand in one long
+row.
 """
 
 import math
@@ -22,9 +24,11 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """Where one looks from: `origin` (2,), and `world_from_level` (2, 2), whose columns are forward and left.
+    """Where one looks from: `origin` (2,), and `world_from_level` (2, 2), whose columns are forward
+    and left.
 
-    Behind a mirror it is a reflection, and `beyond` (RAYS,) is how far each ray goes before it comes out of the glass.
+    Behind a mirror it is a reflection, and `beyond` (RAYS,) is how far each ray goes before it
+    comes out of the glass.
     """
 
     origin: Floats
@@ -43,7 +47,9 @@ class Eye:
         return seen
 
     def rays(self) -> tuple[int, int]:
-        """Return the first and one past the last ray that matter: those that meet the mirror, when there is one."""
+        """Return the first and one past the last ray that matter: those that meet the mirror, when
+        there is one.
+        """
         if self.beyond is None:
             return 0, RAYS
         met = (self.beyond < FAR).nonzero()[0]
@@ -52,9 +58,11 @@ class Eye:
 
 @dataclass(frozen=True, eq=False)
 class Meetings:
-    """Pairs of a face and a ray (m,): `row` of the face, `ray`, how far away `reach`, which `share` of the face's length from its start.
+    """Pairs of a face and a ray (m,): `row` of the face, `ray`, how far away `reach`, which `share`
+    of the face's length from its start.
 
-    `across` is the sine of the angle between them times the length of the face; `met` tells whether they meet at all.
+    `across` is the sine of the angle between them times the length of the face; `met` tells whether
+    they meet at all.
     """
 
     row: Places
@@ -65,10 +73,26 @@ class Meetings:
     met: Mask
 
     def split(self, faces: int) -> tuple["Meetings", "Meetings"]:
-        """Return the meetings with so many first faces, and those with the others, whose rows begin at 0 again."""
+        """Return the meetings with so many first faces, and those with the others, whose rows begin
+        at 0 again.
+        """
         at = int(np.searchsorted(self.row, faces))
-        first = Meetings(self.row[:at], self.ray[:at], self.reach[:at], self.share[:at], self.across[:at], self.met[:at])
-        others = Meetings(self.row[at:] - faces, self.ray[at:], self.reach[at:], self.share[at:], self.across[at:], self.met[at:])
+        first = Meetings(
+            self.row[:at],
+            self.ray[:at],
+            self.reach[:at],
+            self.share[:at],
+            self.across[:at],
+            self.met[:at],
+        )
+        others = Meetings(
+            self.row[at:] - faces,
+            self.ray[at:],
+            self.reach[at:],
+            self.share[at:],
+            self.across[at:],
+            self.met[at:],
+        )
         return first, others
 
 
@@ -79,7 +103,9 @@ def angles(points: Floats) -> Floats:
 
 
 def spans(lens: Lens, one: Floats, other: Floats, rays: tuple[int, int]) -> tuple[Places, Places]:
-    """Return the first and one past the last ray (n,) between azimuths; all `rays` where the way between them is over the back."""
+    """Return the first and one past the last ray (n,) between azimuths; all `rays` where the way
+    between them is over the back.
+    """
     low, high = np.minimum(one, other), np.maximum(one, other)
     first = np.floor((low - lens.azimuths[0]) / lens.step)
     last = np.ceil((high - lens.azimuths[0]) / lens.step) + 1.0
@@ -90,7 +116,9 @@ def spans(lens: Lens, one: Floats, other: Floats, rays: tuple[int, int]) -> tupl
 
 
 def cast(faces: Floats, first: Places, last: Places, eye: Eye, directions: Floats) -> Meetings:
-    """Cast rays first … last - 1 (n,) of each face (n, 4) against it. Rays along a face divide by zero and miss it."""
+    """Cast rays first … last - 1 (n,) of each face (n, 4) against it. Rays along a face divide by
+    zero and miss it.
+    """
     count = last - first
     ends = np.cumsum(count)
     total = int(ends[-1]) if len(ends) else 0

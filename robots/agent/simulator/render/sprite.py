@@ -1,4 +1,6 @@
-"""A body as a picture from one side, each limb a rounded cone, seen from so far away that nothing is foreshortened."""
+"""A body as a picture from one side, each limb a rounded cone, seen from so far away that nothing
+is foreshortened.
+"""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +20,9 @@ STRIPE = 0.07  # metres
 
 @dataclass(frozen=True, eq=False)
 class Sprite:
-    """A picture (columns, rows, 3) like a wall's, NaN beside the body; its left edge is `left` metres to the right of the middle."""
+    """A picture (columns, rows, 3) like a wall's, NaN beside the body; its left edge is `left`
+    metres to the right of the middle.
+    """
 
     picture: Picture
     left: float
@@ -52,11 +56,16 @@ def draw(limbs: list[Limb], bearing: float, height: float) -> Sprite:
     return Sprite(picture[first:last].copy(), first / DENSITY - REACH)
 
 
-def _draw_limb(picture: Picture, depth: Plane, across: Plane, up: Plane, limb: Limb, view: Floats) -> None:  # noqa: PLR0917 -- picture, depth, axes
+def _draw_limb(
+    picture: Picture, depth: Plane, across: Plane, up: Plane, limb: Limb, view: Floats
+) -> None:  # noqa: PLR0917 -- picture, depth, axes
     start, end = (view @ limb.start).astype(np.float32), (view @ limb.end).astype(np.float32)
     thick = max(limb.start_radius, limb.end_radius)
     low, high = np.minimum(start, end) - thick, np.maximum(start, end) + thick
-    where = (slice(*np.searchsorted(across, [low[0], high[0]]).tolist()), slice(*np.searchsorted(up, [low[1], high[1]]).tolist()))
+    where = (
+        slice(*np.searchsorted(across, [low[0], high[0]]).tolist()),
+        slice(*np.searchsorted(up, [low[1], high[1]]).tolist()),
+    )
     u, z = across[where[0], None], up[None, where[1]]
     along = end - start
     length = max(float(along[0] ** 2 + along[1] ** 2), 1e-9)
@@ -67,7 +76,12 @@ def _draw_limb(picture: Picture, depth: Plane, across: Plane, up: Plane, limb: L
     bulge = np.sqrt(np.maximum(squared, 0.0))
     near = start[2] + share * along[2] + bulge
     seen = (squared > 0.0) & (near > depth[where])
-    light = SHADE + (1.0 - SHADE) * np.maximum((LIGHT[0] * aside + LIGHT[1] * above + LIGHT[2] * bulge) / radius, 0.0) * 1.2
+    light = (
+        SHADE
+        + (1.0 - SHADE)
+        * np.maximum((LIGHT[0] * aside + LIGHT[1] * above + LIGHT[2] * bulge) / radius, 0.0)
+        * 1.2
+    )
     if limb.stripes:
         light = np.where(np.mod(z + 0.0 * u, 2.0 * STRIPE) < STRIPE, light, light * 0.72)
     picture[where][seen] = np.minimum(light[seen][:, None] * limb.colour, 1.0)

@@ -1,9 +1,10 @@
 """All pictures of a scene one after the other, so that a whole frame is one gather.
 
-A texel is kept as the video wants it: a byte of luma, and two of chroma, U and V, which are fetched for every fourth pixel only
-(BT.601, 16 to 235). Luma 0 is `HOLE`: there one looks through. Smaller and smaller copies (mipmaps) keep distant patterns from
-flickering. An upright picture is stored column by column, and its copies are smaller along the wall only: the row of a height is
-then the same in all of them, and upwards they are blurred instead.
+A texel is kept as the video wants it: a byte of luma, and two of chroma, U and V, which are fetched
+for every fourth pixel only (BT.601, 16 to 235). Luma 0 is `HOLE`: there one looks through. Smaller
+and smaller copies (mipmaps) keep distant patterns from flickering. An upright picture is stored
+column by column, and its copies are smaller along the wall only: the row of a height is then the
+same in all of them, and upwards they are blurred instead.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,10 @@ FLOOR_LEVELS = 4
 SPACE = 1 << 22  # texels at first
 
 # Rows Y, U, V of red, green, blue from 0 to 1 (ITU-R BT.601).
-_WEIGHTS = np.array([[65.481, 128.553, 24.966], [-37.797, -74.203, 112.0], [112.0, -93.786, -18.214]], dtype=np.float32)
+_WEIGHTS = np.array(
+    [[65.481, 128.553, 24.966], [-37.797, -74.203, 112.0], [112.0, -93.786, -18.214]],
+    dtype=np.float32,
+)
 _BLACK = np.array([16.0, 128.0, 128.0], dtype=np.float32)
 
 
@@ -36,7 +40,9 @@ class Texels:
 
 @dataclass(frozen=True)
 class Upright:
-    """A wall's picture: for each level where it begins, and how many columns it has; `rows` is the same in all."""
+    """A wall's picture: for each level where it begins, and how many columns it has; `rows` is the
+    same in all.
+    """
 
     offsets: tuple[int, ...]
     columns: tuple[int, ...]
@@ -53,7 +59,9 @@ class Flat:
 
 
 def pack(picture: Picture) -> Texels:
-    """Return the texels (n * m,) of a picture (n, m, 3) from 0 to 1, row by row; NaN becomes a hole."""
+    """Return the texels (n * m,) of a picture (n, m, 3) from 0 to 1, row by row; NaN becomes a
+    hole.
+    """
     colours = picture.reshape(-1, 3)
     holes = np.isnan(colours[:, 0])
     if holes.any():
@@ -67,7 +75,9 @@ def pack(picture: Picture) -> Texels:
 
 
 class TextureAtlas:
-    """Collects pictures; `luma` and `chroma` are what the camera gathers from. They are other arrays when it has grown."""
+    """Collects pictures; `luma` and `chroma` are what the camera gathers from. They are other
+    arrays when it has grown.
+    """
 
     def __init__(self) -> None:
         self.luma: Luma = np.empty(SPACE, dtype=np.uint8)
@@ -124,4 +134,6 @@ def _narrower(picture: Picture) -> Picture:
 def _smaller(picture: Picture) -> Picture:
     pads = [(0, picture.shape[0] % 2), (0, picture.shape[1] % 2), (0, 0)]
     even = np.pad(picture, pads, mode="edge") if any(pad[1] for pad in pads) else picture
-    return (even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]) * np.float32(0.25)
+    return (even[0::2, 0::2] + even[1::2, 0::2] + even[0::2, 1::2] + even[1::2, 1::2]) * np.float32(
+        0.25
+    )

@@ -1,7 +1,8 @@
-"""What hangs on the walls, and the fronts of things: windows, paintings, clocks, book spines, a charging station's marker.
+"""What hangs on the walls, and the fronts of things: windows, paintings, clocks, book spines, a
+charging station's marker.
 
-Every function returns a picture (columns, rows, 3) float32 like a wall's (see materials.py) for a width and a height in texels:
-column 0 is at the left of who looks at it, row 0 at the bottom.
+Every function returns a picture (columns, rows, 3) float32 like a wall's (see materials.py) for a
+width and a height in texels: column 0 is at the left of who looks at it, row 0 at the bottom.
 
 Longer than most files: a catalogue, to be read one picture at a time.
 """
@@ -16,9 +17,13 @@ from robots.agent.simulator.render.bitmap_font import letters
 from robots.agent.simulator.render.materials import Picture, Plane, noise, plain, rgb, wood
 
 PALETTES = (
-    ("#1f3a5f", "#e3b04b", "#f4efe6", "#c8553d"), ("#2d4739", "#d9a05b", "#f1e3c6", "#7c9a6b"), ("#4a2c40", "#e9806e", "#f3d8c7", "#7d5ba6"),
-    ("#0f4c5c", "#e36414", "#fb8b24", "#f6e7cb"), ("#283618", "#dda15e", "#fefae0", "#bc6c25"), ("#22223b", "#c9ada7", "#f2e9e4", "#9a8c98"),
-)  # fmt: skip
+    ("#1f3a5f", "#e3b04b", "#f4efe6", "#c8553d"),
+    ("#2d4739", "#d9a05b", "#f1e3c6", "#7c9a6b"),
+    ("#4a2c40", "#e9806e", "#f3d8c7", "#7d5ba6"),
+    ("#0f4c5c", "#e36414", "#fb8b24", "#f6e7cb"),
+    ("#283618", "#dda15e", "#fefae0", "#bc6c25"),
+    ("#22223b", "#c9ada7", "#f2e9e4", "#9a8c98"),
+)
 
 
 def grid(columns: int, rows: int) -> tuple[Plane, Plane]:
@@ -36,7 +41,12 @@ def canvas(columns: int, rows: int, colour: Plane) -> Picture:
 def frame(picture: Picture, thickness: int, colour: Plane) -> None:
     """Put a frame around a picture, lighter above and left of its edge."""
     t = max(1, thickness)
-    for part, light in ((picture[:, :t], 0.8), (picture[:, -t:], 1.12), (picture[:t], 1.0), (picture[-t:], 0.9)):
+    for part, light in (
+        (picture[:, :t], 0.8),
+        (picture[:, -t:], 1.12),
+        (picture[:t], 1.0),
+        (picture[-t:], 0.9),
+    ):
         part[...] = colour * light
 
 
@@ -49,7 +59,11 @@ def painting(columns: int, rows: int, variant: int, rng: np.random.Generator) ->
     mat = max(3, round(min(columns, rows) * 0.12))
     picture = canvas(columns, rows, rgb("#f3efe4"))
     picture[mat:-mat, mat:-mat] = art[mat:-mat, mat:-mat]
-    frame(picture, max(2, round(min(columns, rows) * 0.05)), rgb(("#3b2b20", "#1d1d1f", "#a9844f")[variant % 3]))
+    frame(
+        picture,
+        max(2, round(min(columns, rows) * 0.05)),
+        rgb(("#3b2b20", "#1d1d1f", "#a9844f")[variant % 3]),
+    )
     return picture
 
 
@@ -59,7 +73,13 @@ def _landscape(x: Plane, y: Plane, palette: list[Plane], rng: np.random.Generato
     art[sun] = (1.0, 0.93, 0.75)
     for layer in range(4):
         phase = rng.uniform(0.0, 6.28, 3)
-        ridge = 0.55 - 0.13 * layer + 0.06 * np.sin(5.0 * x + phase[0]) + 0.03 * np.sin(13.0 * x + phase[1]) + 0.012 * np.sin(31.0 * x + phase[2])
+        ridge = (
+            0.55
+            - 0.13 * layer
+            + 0.06 * np.sin(5.0 * x + phase[0])
+            + 0.03 * np.sin(13.0 * x + phase[1])
+            + 0.012 * np.sin(31.0 * x + phase[2])
+        )
         shade = layer / 3.0
         art[y < ridge] = palette[3] * (1.0 - shade) * 0.95 + palette[0] * shade
     return art.astype(np.float32)
@@ -82,8 +102,12 @@ def _abstract(x: Plane, y: Plane, palette: list[Plane], rng: np.random.Generator
 def window(columns: int, rows: int, variant: int, rng: np.random.Generator) -> Picture:
     """Daylight: sky, clouds, hills and trees behind four panes."""
     x, y = grid(columns, rows)
-    picture = rgb("#8fc1ea") * y[..., None] + rgb("#eaf4fb") * (1.0 - y[..., None]) + 0.0 * x[..., None]
-    cloud = np.clip(noise((columns, rows), (columns / 4, rows / 7), rng) * 0.7 + 0.15, 0.0, 1.0) * np.clip((y - 0.3) * 3.0, 0.0, 1.0)
+    picture = (
+        rgb("#8fc1ea") * y[..., None] + rgb("#eaf4fb") * (1.0 - y[..., None]) + 0.0 * x[..., None]
+    )
+    cloud = np.clip(
+        noise((columns, rows), (columns / 4, rows / 7), rng) * 0.7 + 0.15, 0.0, 1.0
+    ) * np.clip((y - 0.3) * 3.0, 0.0, 1.0)
     picture += (1.0 - picture) * cloud[..., None]
     phase = variant * 1.7
     hills = 0.36 + 0.05 * np.sin(5.0 * x + phase) + 0.02 * np.sin(17.0 * x + 2.0 * phase)
@@ -91,7 +115,9 @@ def window(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
     trees = 0.24 + 0.03 * np.abs(np.sin(21.0 * x + phase)) + 0.02 * np.abs(np.sin(47.0 * x))
     picture[y < trees + 0.0 * x] = rgb("#6f9a63")
     picture[y < 0.12 + 0.0 * x] = rgb("#8bb374")
-    picture[(y < trees) & (y > 0.12)] *= (1.0 + 0.12 * noise((columns, rows), (3, 3), rng))[(y < trees) & (y > 0.12)][:, None]
+    picture[(y < trees) & (y > 0.12)] *= (1.0 + 0.12 * noise((columns, rows), (3, 3), rng))[
+        (y < trees) & (y > 0.12)
+    ][:, None]
     bar = max(2, columns // 36)
     white = rgb("#f7f5ef")
     middle, half = columns // 2, rows // 2
@@ -110,7 +136,9 @@ def whiteboard(columns: int, rows: int, variant: int, rng: np.random.Generator) 
     for line in range(5):
         level, end = 0.82 - 0.075 * line, rng.uniform(0.22, 0.4)
         wave = 0.008 * np.sin(190.0 * x + 31.0 * line) * np.sin(43.0 * x)
-        picture[(np.abs(y - level - wave) < 0.008) & (x > 0.07) & (x < end)] = pens[(line + variant) % 3]
+        picture[(np.abs(y - level - wave) < 0.008) & (x > 0.07) & (x < end)] = pens[
+            (line + variant) % 3
+        ]
     for number in range(3):
         cx, cy = 0.56 + 0.15 * number, 0.7 - 0.16 * (number % 2)
         box = np.maximum(np.abs(x - cx) / 0.05, np.abs(y - cy) / 0.09)
@@ -118,7 +146,10 @@ def whiteboard(columns: int, rows: int, variant: int, rng: np.random.Generator) 
     picture[(np.abs(y - 0.6) < 0.007) & (x > 0.6) & (x < 0.66)] = pens[0]
     curve = 0.12 + 0.25 * (1.0 - np.exp(-4.0 * (x - 0.1))) + 0.01 * np.sin(60.0 * x)
     picture[(np.abs(y - curve) < 0.01) & (x > 0.1) & (x < 0.45)] = pens[1]
-    picture[((np.abs(x - 0.1) < 0.003) & (y > 0.1) & (y < 0.45)) | ((np.abs(y - 0.1) < 0.006) & (x > 0.1) & (x < 0.47))] = rgb("#333333")
+    picture[
+        ((np.abs(x - 0.1) < 0.003) & (y > 0.1) & (y < 0.45))
+        | ((np.abs(y - 0.1) < 0.006) & (x > 0.1) & (x < 0.47))
+    ] = rgb("#333333")
     frame(picture, max(2, columns // 70), rgb("#aeb4b8"))
     return picture
 
@@ -135,13 +166,19 @@ def poster(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
     picture[(np.abs(y - 0.66 - 0.25 * (x - 0.5)) < 0.025) & (centre < 0.1)] = palette[2]
     for line in range(4):
         level = 0.24 - 0.05 * line
-        picture[(np.abs(y - level) < (0.018 if line == 0 else 0.008)) & (x > 0.1) & (x < rng.uniform(0.6, 0.9))] = palette[0]
+        picture[
+            (np.abs(y - level) < (0.018 if line == 0 else 0.008))
+            & (x > 0.1)
+            & (x < rng.uniform(0.6, 0.9))
+        ] = palette[0]
     frame(picture, 1, rgb("#ddd8cc"))
     return picture
 
 
 def clock(columns: int, rows: int, variant: int, rng: np.random.Generator) -> Picture:
-    """Ten past ten, as in the shop; the corners outside of the dial are NaN, which the wall shows through."""
+    """Ten past ten, as in the shop; the corners outside of the dial are NaN, which the wall shows
+    through.
+    """
     del variant, rng
     x, y = grid(columns, rows)
     dx, dy = 2.0 * x - 1.0, 2.0 * y - 1.0
@@ -174,11 +211,17 @@ def screen(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
     """A television that shows a sea at dusk."""
     del variant
     x, y = grid(columns, rows)
-    picture: Picture = rgb("#f2a65a") * (1.0 - y[..., None]) + rgb("#35507d") * y[..., None] + 0.0 * x[..., None]
+    picture: Picture = (
+        rgb("#f2a65a") * (1.0 - y[..., None]) + rgb("#35507d") * y[..., None] + 0.0 * x[..., None]
+    )
     picture[(x - 0.5) ** 2 * 3.2 + (y - 0.42) ** 2 < 0.012] = rgb("#ffe9b0")
     sea = y + 0.0 * x < 0.4
     picture[sea] = (rgb("#274b6d") * (0.75 + 0.7 * y[..., None]) + 0.0 * x[..., None])[sea]
-    glitter = sea & (np.abs(x - 0.5) < 0.08 + 0.25 * (0.4 - y)) & (noise((columns, rows), (4, 1.2), rng) > 0.4)
+    glitter = (
+        sea
+        & (np.abs(x - 0.5) < 0.08 + 0.25 * (0.4 - y))
+        & (noise((columns, rows), (4, 1.2), rng) > 0.4)
+    )
     picture[glitter] = rgb("#f6cf8d")
     frame(picture, max(2, columns // 60), rgb("#141416"))
     return picture
@@ -187,12 +230,20 @@ def screen(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
 def desktop(columns: int, rows: int) -> Picture:
     """A computer's screen with windows on it."""
     x, y = grid(columns, rows)
-    picture: Picture = rgb("#2c5d8a") * y[..., None] + rgb("#173552") * (1.0 - y[..., None]) + 0.0 * x[..., None]
+    picture: Picture = (
+        rgb("#2c5d8a") * y[..., None] + rgb("#173552") * (1.0 - y[..., None]) + 0.0 * x[..., None]
+    )
     for left, right, low, high in ((0.08, 0.55, 0.2, 0.88), (0.5, 0.92, 0.12, 0.62)):
         inside = (x > left) & (x < right) & (y > low) & (y < high)
         picture[inside] = rgb("#f4f6f8")
         picture[inside & (y > high - 0.07)] = rgb("#c3ccd6")
-        text = inside & (np.mod(y, 0.07) < 0.025) & (y < high - 0.1) & (x > left + 0.03) & (x < right - 0.08)
+        text = (
+            inside
+            & (np.mod(y, 0.07) < 0.025)
+            & (y < high - 0.1)
+            & (x > left + 0.03)
+            & (x < right - 0.08)
+        )
         picture[text] = rgb("#7d8a99")
     frame(picture, 1, rgb("#101214"))
     return picture
@@ -213,11 +264,24 @@ def robot_face(columns: int, rows: int) -> Picture:
     return picture
 
 
-def books(columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator) -> Picture:
+def books(
+    columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator
+) -> Picture:
     """A bookcase's front: shelves, and spines of many colours."""
     picture: Picture = wood(*_metres(columns, rows, density), colour, rng) * np.float32(0.45)
     shelf, board = round(0.34 * density), max(2, round(0.025 * density))
-    spines = ("#7b2d26", "#2f4858", "#c79a3b", "#4a6741", "#8e6c88", "#d8cdb4", "#35524a", "#a4522d", "#1f2f46", "#b8b0a0")
+    spines = (
+        "#7b2d26",
+        "#2f4858",
+        "#c79a3b",
+        "#4a6741",
+        "#8e6c88",
+        "#d8cdb4",
+        "#35524a",
+        "#a4522d",
+        "#1f2f46",
+        "#b8b0a0",
+    )
     for bottom in range(round(0.06 * density), rows - board, shelf):
         at = board + 1
         while at < columns - board - 4:
@@ -238,7 +302,9 @@ def books(columns: int, rows: int, colour: Plane, density: float, rng: np.random
     return clipped
 
 
-def cupboard(columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator) -> Picture:
+def cupboard(
+    columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator
+) -> Picture:
     """Doors with handles."""
     picture = plain(*_metres(columns, rows, density), colour, rng)
     doors = max(1, round(columns / density / 0.5))
@@ -246,23 +312,37 @@ def cupboard(columns: int, rows: int, colour: Plane, density: float, rng: np.ran
         at = min(columns - 1, number * columns // doors)
         picture[max(0, at - 1) : at + 1] *= 0.55
     for number in range(doors):
-        handle = (number * columns // doors) + (columns // doors) * (4 if number % 2 == 0 else 1) // 5
+        handle = (number * columns // doors) + (columns // doors) * (
+            4 if number % 2 == 0 else 1
+        ) // 5
         picture[handle : handle + 2, rows // 2 : rows // 2 + max(4, rows // 7)] = rgb("#4b4f54")
     picture[:, : max(2, round(0.05 * density))] *= 0.5
     return picture
 
 
-def door_leaf(columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator, *, handle_left: bool) -> Picture:
+def door_leaf(
+    columns: int,
+    rows: int,
+    colour: Plane,
+    density: float,
+    rng: np.random.Generator,
+    *,
+    handle_left: bool,
+) -> Picture:
     """A panelled door with a handle."""
     picture = wood(*_metres(columns, rows, density), colour, rng)
     x, y = grid(columns, rows)
     for low, high in ((0.08, 0.44), (0.52, 0.94)):
-        edge = np.maximum(np.abs(x - 0.5) / 0.34, np.abs(y - (low + high) / 2.0) / ((high - low) / 2.0))
+        edge = np.maximum(
+            np.abs(x - 0.5) / 0.34, np.abs(y - (low + high) / 2.0) / ((high - low) / 2.0)
+        )
         picture[(edge < 1.0) & (edge > 0.93)] *= 0.7
         picture[edge <= 0.93] *= 1.06
     at = 0.1 if handle_left else 0.9
     picture[(np.abs(x - at) < 0.045) & (np.abs(y - 0.48) < 0.008)] = rgb("#d7d9db")
-    picture[(np.abs(x - at + (0.03 if handle_left else -0.03)) < 0.012) & (np.abs(y - 0.48) < 0.04)] = rgb("#b9bcc0")
+    picture[
+        (np.abs(x - at + (0.03 if handle_left else -0.03)) < 0.012) & (np.abs(y - 0.48) < 0.04)
+    ] = rgb("#b9bcc0")
     return np.clip(picture, 0.0, 1.0)
 
 
@@ -275,7 +355,9 @@ def marker(columns: int, rows: int, seed: int) -> Picture:
     side = round(min(columns, rows) * 0.8)
     left, low = (columns - side) // 2, (rows - side) // 2
     index = (np.arange(side) * 6) // side
-    picture[left : left + side, low : low + side] = (0.06 + 0.9 * pattern[index][:, index])[..., None]
+    picture[left : left + side, low : low + side] = (0.06 + 0.9 * pattern[index][:, index])[
+        ..., None
+    ]
     return picture
 
 
@@ -298,12 +380,19 @@ def foliage(columns: int, rows: int, colour: Plane, rng: np.random.Generator) ->
         share = number / 45.0
         angle = rng.uniform(-1.25, 1.25) * (1.0 - 0.35 * share)
         length = rng.uniform(0.35, 0.62)
-        tip_x, tip_y = 0.5 + 0.62 * length * np.sin(angle), 0.08 + share * 0.42 + length * np.cos(angle) * 0.72
+        tip_x, tip_y = (
+            0.5 + 0.62 * length * np.sin(angle),
+            0.08 + share * 0.42 + length * np.cos(angle) * 0.72,
+        )
         base_x, base_y = 0.5, 0.02 + 0.3 * share
         ax, ay = tip_x - base_x, tip_y - base_y
         along = ((x - base_x) * ax + (y - base_y) * ay) / (ax * ax + ay * ay)
         aside = np.abs((x - base_x) * ay - (y - base_y) * ax) / np.hypot(ax, ay)
-        leaf = (along > 0.0) & (along < 1.0) & (aside < 0.055 * np.sin(np.pi * np.clip(along, 0.02, 1.0) ** 0.7) + 0.004)
+        leaf = (
+            (along > 0.0)
+            & (along < 1.0)
+            & (aside < 0.055 * np.sin(np.pi * np.clip(along, 0.02, 1.0) ** 0.7) + 0.004)
+        )
         shade = rng.uniform(0.6, 1.15) * (0.7 + 0.4 * share)
         picture[leaf] = np.clip(colour * shade + (0.02, 0.03, 0.0), 0.0, 1.0)
         picture[leaf & (aside < 0.008)] = np.clip(colour * shade * 1.3, 0.0, 1.0)
@@ -317,5 +406,10 @@ def _metres(columns: int, rows: int, density: float) -> tuple[Plane, Plane]:
 
 
 HANGING: dict[str, Callable[[int, int, int, np.random.Generator], Picture]] = {
-    "picture": painting, "window": window, "whiteboard": whiteboard, "poster": poster, "clock": clock, "screen": screen,
-}  # fmt: skip
+    "picture": painting,
+    "window": window,
+    "whiteboard": whiteboard,
+    "poster": poster,
+    "clock": clock,
+    "screen": screen,
+}

@@ -1,4 +1,6 @@
-"""Draws pictures into shared memory while somebody looks, in a thread of its own: numpy lets go of the interpreter as it draws."""
+"""Draws pictures into shared memory while somebody looks, in a thread of its own: numpy lets go of
+the interpreter as it draws.
+"""
 
 import logging
 import threading
@@ -25,12 +27,21 @@ log = logging.getLogger(__name__)
 class Renderer(Protocol):
     """What draws: see camera.py."""
 
-    def render(self, pose: Pose2D, tilt: float, doors: Mapping[str, Opening], people: tuple[Person, ...], out: npt.NDArray[np.uint8]) -> None:
+    def render(
+        self,
+        pose: Pose2D,
+        tilt: float,
+        doors: Mapping[str, Opening],
+        people: tuple[Person, ...],
+        out: npt.NDArray[np.uint8],
+    ) -> None:
         """Draw what the camera sees into `out`, (height * 3 / 2, width): Y, U, V."""
 
 
 def pose_at(view: View, stamp: float) -> Pose2D:
-    """Return the pose a moment after a view: pictures come between the steps, and should not judder with them."""
+    """Return the pose a moment after a view: pictures come between the steps, and should not judder
+    with them.
+    """
     ahead = min(max(stamp - view.stamp, 0.0), LONGEST_GUESS)
     return advance(view.pose, Motion(*view.motion), ahead)
 
@@ -47,9 +58,20 @@ class CameraThread:
     """
 
     def __init__(
-        self, make: Callable[[], Renderer], ring: FrameWriter, fps: float, view: Callable[[], View], ready: Callable[[int, float], None]
+        self,
+        make: Callable[[], Renderer],
+        ring: FrameWriter,
+        fps: float,
+        view: Callable[[], View],
+        ready: Callable[[int, float], None],
     ) -> None:
-        self._make, self._ring, self._period, self._view, self._ready = make, ring, 1.0 / fps, view, ready
+        self._make, self._ring, self._period, self._view, self._ready = (
+            make,
+            ring,
+            1.0 / fps,
+            view,
+            ready,
+        )
         self._watched = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)

@@ -1,7 +1,8 @@
-"""Which things an eye meets, where in the picture, and how far away: everything about things that does not touch a pixel.
+"""Which things an eye meets, where in the picture, and how far away: everything about things that
+does not touch a pixel.
 
-All things are placed in the picture by their corners, what is left over is cast, and what no ray meets before it meets a wall is
-left out.
+All things are placed in the picture by their corners, what is left over is cast, and what no ray
+meets before it meets a wall is left out.
 
 Longer than most files: the steps from corners to sights share their arrays.
 """
@@ -14,7 +15,18 @@ import numpy.typing as npt
 
 from robots.agent.simulator.render.items import Things
 from robots.agent.simulator.render.lens import RAYS, ROWS, Lens
-from robots.agent.simulator.render.rays import EDGE, FAR, Distances, Eye, Meetings, Places, angles, cast, looks_at, spans
+from robots.agent.simulator.render.rays import (
+    EDGE,
+    FAR,
+    Distances,
+    Eye,
+    Meetings,
+    Places,
+    angles,
+    cast,
+    looks_at,
+    spans,
+)
 from robots.agent.simulator.render.scene import Item
 from robots.agent.simulator.render.texture_atlas import LEVELS
 from robots.world.solids import Floats
@@ -39,25 +51,34 @@ class Window(NamedTuple):
 
     def within(self, other: "Window") -> "Window":
         """Return what is in both."""
-        return Window(max(self.top, other.top), min(self.bottom, other.bottom), max(self.left, other.left), min(self.right, other.right))
+        return Window(
+            max(self.top, other.top),
+            min(self.bottom, other.bottom),
+            max(self.left, other.left),
+            min(self.right, other.right),
+        )
 
     @property
     def paired(self) -> "Window":
         """Return the same, grown to rows that come in pairs: these share their azimuths."""
-        return self._replace(top=self.top - self.top % ROWS, bottom=self.bottom + -self.bottom % ROWS)
+        return self._replace(
+            top=self.top - self.top % ROWS, bottom=self.bottom + -self.bottom % ROWS
+        )
 
     @property
     def pairs(self) -> tuple[EllipsisType, slice, slice]:
-        """Return its pairs of rows, of a window that holds only such, and its columns: of tables (…, height / ROWS, width)."""
+        """Return its pairs of rows, of a window that holds only such, and its columns: of tables
+        (…, height / ROWS, width).
+        """
         return ..., slice(self.top // ROWS, self.bottom // ROWS), slice(self.left, self.right)
 
 
 class Sight(NamedTuple):
     """An item as the rays of one eye meet it.
 
-    `upper`, `lower` are the rows of the picture that its upper and its lower face lie in. `entry`, `leave` (RAYS,) metres where a ray
-    comes to the item and where it goes out of it, FAR where it does not or walls hide it; `texel` (RAYS,) where the column of its
-    picture begins.
+    `upper`, `lower` are the rows of the picture that its upper and its lower face lie in. `entry`,
+    `leave` (RAYS,) metres where a ray comes to the item and where it goes out of it, FAR where it
+    does not or walls hide it; `texel` (RAYS,) where the column of its picture begins.
     """
 
     item: Item
@@ -95,7 +116,8 @@ def look(things: Things, lens: Lens, eye: Eye, walls: Distances, within: Window)
     begin, end = np.minimum.reduceat(first, things.starts), np.maximum.reduceat(last, things.starts)
     near = (end > begin) & (nearest < _farthest(walls, begin, end))
     faces = np.flatnonzero(near[things.owner])
-    faces = faces[np.argsort(-distance[faces])]  # where two faces of a thing meet the same ray, the nearer one is put in last
+    # where two faces of a thing meet the same ray, the nearer one is put in last
+    faces = faces[np.argsort(-distance[faces])]
     looks = looks_at(sides[faces], eye.origin)
     fronts, backs = faces[looks], faces[~looks & things.deep[things.owner[faces]]]
     if not len(fronts):
@@ -104,7 +126,9 @@ def look(things: Things, lens: Lens, eye: Eye, walls: Distances, within: Window)
     pool = _Pool(things, np.flatnonzero(near), nearest, lens.focal)
     edges = _edges(things, np.flatnonzero(near[things.owner]), level, lens, eye.height)
     both = np.concatenate([fronts, backs])
-    entering, leaving = cast(sides[both], first[both], last[both], eye, directions).split(len(fronts))
+    entering, leaving = cast(sides[both], first[both], last[both], eye, directions).split(
+        len(fronts)
+    )
     pool.enter(fronts, entering, walls)
     if len(backs):
         pool.leave(backs, leaving)
@@ -112,7 +136,8 @@ def look(things: Things, lens: Lens, eye: Eye, walls: Distances, within: Window)
 
 
 def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: float) -> Floats:
-    """Return for the things with the sides `faces` (f,) from where up to where (6, k): rows of the lower, of the upper edge, columns.
+    """Return for the things with the sides `faces` (f,) from where up to where (6, k): rows of the
+    lower, of the upper edge, columns.
 
     What reaches behind the lens goes from everywhere to everywhere.
     """
@@ -123,13 +148,26 @@ def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: flo
     u0, low, low_depth = lens.project(forward, left, (things.bottom[owner] - height)[None])
     u1, high, high_depth = lens.project(forward, left, (things.top[owner] - height)[None])
     depth = np.minimum.reduceat(np.minimum(low_depth, high_depth).min(axis=0), starts)
-    from_low, to_low = np.minimum.reduceat(low.min(axis=0), starts), np.maximum.reduceat(low.max(axis=0), starts)
-    from_high, to_high = np.minimum.reduceat(high.min(axis=0), starts), np.maximum.reduceat(high.max(axis=0), starts)
+    from_low, to_low = (
+        np.minimum.reduceat(low.min(axis=0), starts),
+        np.maximum.reduceat(low.max(axis=0), starts),
+    )
+    from_high, to_high = (
+        np.minimum.reduceat(high.min(axis=0), starts),
+        np.maximum.reduceat(high.max(axis=0), starts),
+    )
     left = np.minimum.reduceat(np.minimum(u0, u1).min(axis=0), starts)
     right = np.maximum.reduceat(np.maximum(u0, u1).max(axis=0), starts)
-    edges = np.stack([
-        np.floor(from_low), np.ceil(to_low) + 1, np.floor(from_high), np.ceil(to_high) + 1, np.floor(left) - 1, np.ceil(right) + 2,
-    ])  # fmt: skip
+    edges = np.stack(
+        [
+            np.floor(from_low),
+            np.ceil(to_low) + 1,
+            np.floor(from_high),
+            np.ceil(to_high) + 1,
+            np.floor(left) - 1,
+            np.ceil(right) + 2,
+        ]
+    )
     edges[:, depth < NEAR] = np.array([[0], [lens.height], [0], [lens.height], [0], [lens.width]])
     return edges
 
@@ -137,7 +175,10 @@ def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: flo
 def _distances(start: Floats, end: Floats) -> Floats:
     """Return how far the origin is from segments (n, 2), (n, 2)."""
     along = end - start
-    share = np.minimum(np.maximum(-(start * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), EDGE**2), 0.0), 1.0)
+    share = np.minimum(
+        np.maximum(-(start * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), EDGE**2), 0.0),
+        1.0,
+    )
     foot = start + share[:, None] * along
     distances: Floats = np.hypot(foot[:, 0], foot[:, 1])
     return distances
@@ -151,13 +192,17 @@ def _farthest(walls: Distances, first: Places, last: Places) -> Distances:
 
 
 class _Pool:
-    """A row of RAYS for every item of `things` in `kept`: where rays come in, where they go out, and what they meet."""
+    """A row of RAYS for every item of `things` in `kept`: where rays come in, where they go out,
+    and what they meet.
+    """
 
     def __init__(self, things: Things, kept: Places, nearest: Floats, focal: float) -> None:
         self._things, self._kept = things, kept
         self._row = np.full(len(things.items), -1, dtype=np.intp)
         self._row[kept] = np.arange(len(kept))
-        self._level = np.clip(np.rint(np.log2(np.maximum(nearest / focal * things.density, EDGE))), 0, LEVELS - 1).astype(np.intp)
+        self._level = np.clip(
+            np.rint(np.log2(np.maximum(nearest / focal * things.density, EDGE))), 0, LEVELS - 1
+        ).astype(np.intp)
         self._entry = np.full((len(kept), RAYS), FAR, dtype=np.float32)
         self._texel = np.zeros((len(kept), RAYS), dtype=np.int32)
         self._leave = self._entry
@@ -180,7 +225,9 @@ class _Pool:
         """Take the backs (b,) of what has an upper or a lower face."""
         seen = np.flatnonzero(meetings.met)
         self._leave = self._entry.copy()
-        self._leave[self._row[self._things.owner[faces]][meetings.row[seen]], meetings.ray[seen]] = meetings.reach[seen]
+        self._leave[
+            self._row[self._things.owner[faces]][meetings.row[seen]], meetings.ray[seen]
+        ] = meetings.reach[seen]
 
     def sights(self, edges: Floats, lens: Lens, height: float, within: Window) -> list[Sight]:
         """Return what is met at all in a part of the picture, far to near."""
@@ -191,18 +238,40 @@ class _Pool:
         nearest, farthest = sampled.min(axis=1), np.where(met, self._leave[seen], 0.0).max(axis=1)
         low, high = self._things.bottom[number] - height, self._things.top[number] - height
         left, right = lens.columns(met.argmax(axis=1), RAYS - met[:, ::-1].argmax(axis=1))
-        low_from, low_to, high_from, high_to, begin, end = np.clip(edges[:, seen], 0, lens.width + lens.height).astype(np.intp)
-        first, last = lens.rows(np.maximum(high / nearest, high / farthest), np.minimum(low / nearest, low / farthest))
-        top, bottom = np.maximum(np.minimum(low_from, high_from), first), np.minimum(np.maximum(low_to, high_to), last)
+        low_from, low_to, high_from, high_to, begin, end = np.clip(
+            edges[:, seen], 0, lens.width + lens.height
+        ).astype(np.intp)
+        first, last = lens.rows(
+            np.maximum(high / nearest, high / farthest), np.minimum(low / nearest, low / farthest)
+        )
+        top, bottom = (
+            np.maximum(np.minimum(low_from, high_from), first),
+            np.minimum(np.maximum(low_to, high_to), last),
+        )
         left, right = np.maximum(left, begin), np.minimum(right, end)
-        places = np.stack([top, bottom, left, right, high_from, high_to, low_from, low_to], axis=1).tolist()
+        places = np.stack(
+            [top, bottom, left, right, high_from, high_to, low_from, low_to], axis=1
+        ).tolist()
         found = [
-            Sight(self._things.items[n], Window(*place[:4]).within(within), (place[4], place[5]), (place[6], place[7]), *arrays)
-            for n, place, *arrays in zip(number.tolist(), places, entry, self._leave[seen], self._texel[seen], strict=True)
+            Sight(
+                self._things.items[n],
+                Window(*place[:4]).within(within),
+                (place[4], place[5]),
+                (place[6], place[7]),
+                *arrays,
+            )
+            for n, place, *arrays in zip(
+                number.tolist(), places, entry, self._leave[seen], self._texel[seen], strict=True
+            )
         ]
         vertical = np.maximum(np.maximum(low, -high), 0.0).tolist()
         order = far_to_near(sampled, self._things.group[number], vertical)
-        return [found[n] for n in order if found[n].window.bottom - found[n].window.top >= SMALLEST and not found[n].window.is_empty]
+        return [
+            found[n]
+            for n in order
+            if found[n].window.bottom - found[n].window.top >= SMALLEST
+            and not found[n].window.is_empty
+        ]
 
 
 def _thinned(entry: Distances) -> Distances:
@@ -215,9 +284,9 @@ def _thinned(entry: Distances) -> Distances:
 def far_to_near(nearest: Distances, group: Places, vertical: list[float]) -> list[int]:
     """Return the order in which to draw, so that what hides comes after what is hidden.
 
-    Groups stand on disjoint convex outlines, more or less: where the same ray meets two of them, the nearer one hides the other,
-    and within half a turn that has no cycles. Inside a group the parts lie one above the other: those further from the eye's
-    height first, then the far ones.
+    Groups stand on disjoint convex outlines, more or less: where the same ray meets two of them,
+    the nearer one hides the other, and within half a turn that has no cycles. Inside a group the
+    parts lie one above the other: those further from the eye's height first, then the far ones.
 
     Args:
         nearest: (n, rays) how far away each part is, FAR where it is not.

@@ -1,4 +1,6 @@
-"""The drive page in a real Chromium, against a robot that can be cut off, muted and made deaf at will."""
+"""The drive page in a real Chromium, against a robot that can be cut off, muted and made deaf at
+will.
+"""
 
 import time
 
@@ -9,24 +11,36 @@ from sessions import protocol
 from tests.support.drive_page import LOW, UPRIGHT, WIDE, driving, hold, opened, stands, stops, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
-HELD_UP = {"stale", "frame_stale", "old_seq"}  # why a robot refuses what was under way for a while, and what was overtaken on the other way meanwhile
+# why a robot refuses what was under way for a while, and what was overtaken on the other way
+# meanwhile
+HELD_UP = {"stale", "frame_stale", "old_seq"}
 
 
-async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the_data_channel(browser, site):
+async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the_data_channel(
+    browser, site
+):
     async with opened(browser, site) as page:
         await page.click("text=Drive Giraff")
         await driving(page)
         before = site.simulation.pose
-        await hold(page, "ArrowUp", lambda: [way for way, _ in site.applied].count("datachannel") >= 12)
+        await hold(
+            page, "ArrowUp", lambda: [way for way, _ in site.applied].count("datachannel") >= 12
+        )
         await page.keyboard.up("ArrowUp")
         await until(lambda: stands(site))
         assert site.simulation.pose.distance(before) > 0.01
-        assert [command.seq for _, command in site.applied] == sorted({command.seq for _, command in site.applied})
+        assert [command.seq for _, command in site.applied] == sorted(
+            {command.seq for _, command in site.applied}
+        )
         assert set(site.refused) <= {"clock_unknown", *HELD_UP}
-        assert sum(site.refused[reason] for reason in HELD_UP) < len(site.applied), "it is held up for a while, and not for most of the drive"
+        assert sum(site.refused[reason] for reason in HELD_UP) < len(site.applied), (
+            "it is held up for a while, and not for most of the drive"
+        )
 
 
-@pytest.mark.parametrize("missing", ["**/js/connection/peer.*.js", "**/js/console.*.js", "**/css/drive.*.css"])
+@pytest.mark.parametrize(
+    "missing", ["**/js/connection/peer.*.js", "**/js/console.*.js", "**/css/drive.*.css"]
+)
 async def test_a_page_of_which_a_part_did_not_arrive_loads_itself_again(browser, site, missing):
     page = await (await browser.new_context()).new_page()
     await page.route(missing, lambda route: route.abort("connectionreset"), times=2)
@@ -54,7 +68,13 @@ async def test_a_command_says_which_picture_the_visitor_saw(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         # Pictures may be held up for a while; of a moment that is still to come there is none.
-        commands = await hold(page, "KeyW", lambda: [command for command in with_picture() if command.stamp - command.frame < 1.0][3:])
+        commands = await hold(
+            page,
+            "KeyW",
+            lambda: [command for command in with_picture() if command.stamp - command.frame < 1.0][
+                3:
+            ],
+        )
         now = time.time()
         await page.keyboard.up("KeyW")
         assert all(now - command.frame > -0.05 for command in commands)
@@ -65,8 +85,7 @@ async def test_the_marker_on_the_map_stands_where_the_robot_is(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         await page.wait_for_selector("#map[data-marker-x]")
-        seen = await page.evaluate(
-            """() => {
+        seen = await page.evaluate("""() => {
                 const canvas = document.getElementById("map");
                 const { markerX, markerY, viewX, viewY, viewScale } = canvas.dataset;
                 const density = canvas.width / canvas.clientWidth;
@@ -74,15 +93,16 @@ async def test_the_marker_on_the_map_stands_where_the_robot_is(browser, site):
                 const x = +viewX + (markerX - canvas.clientWidth / 2) / viewScale;
                 const y = +viewY - (markerY - canvas.clientHeight / 2) / viewScale;
                 return { x, y, pixel: Array.from(pixel) };
-            }"""
-        )
+            }""")
         truth = site.simulation.pose
         assert abs(seen["x"] - truth.x) < 0.15
         assert abs(seen["y"] - truth.y) < 0.15
         assert seen["pixel"] == [0xFF, 0x8A, 0x3C, 255]
 
 
-async def test_the_stop_button_stops_on_both_ways_and_a_held_key_does_not_start_again(browser, site):
+async def test_the_stop_button_stops_on_both_ways_and_a_held_key_does_not_start_again(
+    browser, site
+):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
@@ -100,8 +120,13 @@ async def test_the_stop_button_stops_on_both_ways_and_a_held_key_does_not_start_
         await page.keyboard.up("ArrowUp")
 
 
-@pytest.mark.parametrize("happening", ["window.dispatchEvent(new Event('blur'))", "window.dispatchEvent(new Event('pagehide'))"])
-async def test_a_page_that_loses_its_visitor_stops_the_robot_although_the_key_is_held(browser, site, happening):
+@pytest.mark.parametrize(
+    "happening",
+    ["window.dispatchEvent(new Event('blur'))", "window.dispatchEvent(new Event('pagehide'))"],
+)
+async def test_a_page_that_loses_its_visitor_stops_the_robot_although_the_key_is_held(
+    browser, site, happening
+):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
@@ -111,7 +136,9 @@ async def test_a_page_that_loses_its_visitor_stops_the_robot_although_the_key_is
         assert site.applied[-1][1].seq < stops(site)[0].seq
 
 
-async def test_the_drive_goes_on_while_the_server_is_away_and_is_resumed_without_a_new_link(browser, site):
+async def test_the_drive_goes_on_while_the_server_is_away_and_is_resumed_without_a_new_link(
+    browser, site
+):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         site.closed_to_sockets = True
@@ -155,10 +182,14 @@ async def test_a_silent_link_is_replaced_and_the_old_picture_is_marked_meanwhile
         await page.keyboard.up("ArrowLeft")
 
 
-async def test_commands_change_their_way_when_the_data_channel_is_not_heard_and_their_numbers_go_on(browser, site):
+async def test_commands_change_their_way_when_the_data_channel_is_not_heard_and_their_numbers_go_on(
+    browser, site
+):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        await hold(page, "ArrowLeft", lambda: [way for way, _ in site.applied].count("datachannel") > 5)
+        await hold(
+            page, "ArrowLeft", lambda: [way for way, _ in site.applied].count("datachannel") > 5
+        )
         site.deaf_to_channel = True
         await until(lambda: site.applied[-1][0] == "mqtt")
         site.deaf_to_channel = False
@@ -179,7 +210,9 @@ async def test_a_reloaded_page_returns_to_its_session(browser, site):
         assert "go=1" not in page.url
 
 
-async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_meanwhile(browser, site):
+async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_meanwhile(
+    browser, site
+):
     async with opened(browser, site, query="?go=1") as first, opened(browser, site) as second:
         await driving(first)
         await second.wait_for_selector("text=Ana is driving Giraff")
@@ -192,7 +225,12 @@ async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_mean
 
 
 @pytest.mark.parametrize(
-    ("outcome", "title"), [("timed_out", "Your time is up"), ("robot_fault", "The robot has a problem"), ("moved", "You went on in another tab")]
+    ("outcome", "title"),
+    [
+        ("timed_out", "Your time is up"),
+        ("robot_fault", "The robot has a problem"),
+        ("moved", "You went on in another tab"),
+    ],
 )
 async def test_every_end_says_what_happened_and_lets_go_of_the_robot(browser, site, outcome, title):
     async with opened(browser, site, query="?go=1") as page:
@@ -236,7 +274,9 @@ async def test_a_finger_on_the_stick_drives_and_a_lost_touch_stops(browser, site
         assert box is not None
         x, y = box["x"] + box["width"] / 2, box["y"] + 8
         touches = await page.context.new_cdp_session(page)
-        await touches.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+        await touches.send(
+            "Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
+        )
         await until(lambda: [c for _, c in site.applied if c.linear > 0.2 and c.method == "stick"])
         await touches.send("Input.dispatchTouchEvent", {"type": "touchCancel", "touchPoints": []})
         await until(lambda: stops(site))
@@ -261,7 +301,9 @@ SEEN = """() => {
 
 
 @pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW], ids=["wide", "upright", "low"])
-async def test_on_every_screen_everything_is_in_reach_and_nothing_covers_the_stop_button(browser, site, size):
+async def test_on_every_screen_everything_is_in_reach_and_nothing_covers_the_stop_button(
+    browser, site, size
+):
     async with opened(browser, site, size) as page:
         for step in ("lobby", "driving", "leaving", "ended"):
             if step == "lobby":
@@ -276,7 +318,12 @@ async def test_on_every_screen_everything_is_in_reach_and_nothing_covers_the_sto
                 site.end("timed_out")
                 await page.click("#card-other")
                 await page.wait_for_selector("#cockpit[data-phase=ended]")
-            assert await page.evaluate(SEEN) == {"over": [0, 0], "free": True, "small": [], "outside": []}, step
+            assert await page.evaluate(SEEN) == {
+                "over": [0, 0],
+                "free": True,
+                "small": [],
+                "outside": [],
+            }, step
 
 
 PLACES = """() => ["viewport", "video", "map-panel", "speed", "stop", "status", "leave"].map((id) => {
@@ -289,11 +336,15 @@ async def test_nothing_moves_on_the_page_when_the_picture_comes(browser, site):
     site.answers.clear()
     async with opened(browser, site) as page:
         await page.click("#card-main")
-        await page.wait_for_selector("#cockpit[data-phase=driving]:not([data-playing]) #card[data-card=link]")
+        await page.wait_for_selector(
+            "#cockpit[data-phase=driving]:not([data-playing]) #card[data-card=link]"
+        )
         before = await page.evaluate(PLACES)
         site.answers.set()
         await driving(page)
         after = await page.evaluate(PLACES)
         # The pill's words change, its place does not.
         assert [place[:3] for place in after] == [place[:3] for place in before]
-        assert [place for place in after if place[0] != "status"] == [place for place in before if place[0] != "status"]
+        assert [place for place in after if place[0] != "status"] == [
+            place for place in before if place[0] != "status"
+        ]

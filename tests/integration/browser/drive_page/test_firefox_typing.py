@@ -18,11 +18,24 @@ def site():
 
 
 def test_firefox_writes_what_is_typed_at_once_after_write_and_does_not_drive_by_it(site):
-    middle = "(() => { const box = document.querySelector('#presence-talk').getBoundingClientRect(); return [box.x + box.width / 2, box.y + box.height / 2]; })()"
+    middle = (
+        "(() => { const box = document.querySelector('#presence-talk').getBoundingClientRect();"
+        " return [box.x + box.width / 2, box.y + box.height / 2]; })()"
+    )
     with firefox() as browser:
         browser.goto(f"{site.url}?go=1")
-        wait_for(lambda: browser.evaluate("document.querySelector('#cockpit').matches('[data-playing][data-link=live]')"), 40, "a picture in Firefox")
-        wait_for(lambda: browser.evaluate("document.querySelector('#presence-talk').checkVisibility()"), 10, "a button to write")
+        wait_for(
+            lambda: browser.evaluate(
+                "document.querySelector('#cockpit').matches('[data-playing][data-link=live]')"
+            ),
+            40,
+            "a picture in Firefox",
+        )
+        wait_for(
+            lambda: browser.evaluate("document.querySelector('#presence-talk').checkVisibility()"),
+            10,
+            "a button to write",
+        )
         for _ in range(2):
             moved, tilt = moves(site), site.tilt
             browser.click(*browser.evaluate(middle))
@@ -33,5 +46,9 @@ def test_firefox_writes_what_is_typed_at_once_after_write_and_does_not_drive_by_
             assert (moves(site), site.tilt) == (moved, tilt)
             browser.key("keyDown", "\ue007")
             browser.key("keyUp", "\ue007")
-            wait_for(lambda: browser.evaluate("document.querySelector('#talk-writing').hidden"), 5, "a field that is closed")
+            wait_for(
+                lambda: browser.evaluate("document.querySelector('#talk-writing').hidden"),
+                5,
+                "a field that is closed",
+            )
         browser.hold("a", lambda moved=moved: moves(site) > moved, 10, "keys that drive")

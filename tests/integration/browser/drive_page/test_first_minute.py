@@ -1,4 +1,6 @@
-"""The first minute, and the last: waiting, being called, being asked for a sign, and browsers without live video."""
+"""The first minute, and the last: waiting, being called, being asked for a sign, and browsers
+without live video.
+"""
 
 import asyncio
 import time
@@ -14,11 +16,16 @@ from tests.support.patience import PRESSED, patient
 from tests.support.picture_server import jpeg_of
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
-INSTAGRAM = "Mozilla/5.0 (iPhone; CPU iPhone OS 15_0 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like Gecko) Mobile/15E148 Instagram 334.0"
+INSTAGRAM = (
+    "Mozilla/5.0 (iPhone; CPU iPhone OS 15_0 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like"
+    " Gecko) Mobile/15E148 Instagram 334.0"
+)
 
 
 async def said_until_shown(page: Page, card: str, say: Callable[[], None]) -> None:
-    """Say something until the page shows it: what is said while a page under load dials its WebSocket again is lost here, and not in earnest."""
+    """Say something until the page shows it: what is said while a page under load dials its
+    WebSocket again is lost here, and not in earnest.
+    """
     deadline = time.monotonic() + patient(20)
     while await page.locator(f"#card[data-card='{card}']:visible").count() == 0:
         assert time.monotonic() < deadline, f"the card {card} never came"
@@ -30,16 +37,21 @@ def signs(site: FakeRobotPage) -> list[protocol.PageEvent]:
     return [event for event in site.said("page/event") if event.type == protocol.HERE]
 
 
-async def test_who_is_asked_for_a_sign_gives_one_with_the_button_or_by_any_touch_and_is_asked_no_more(browser, site):
+async def test_who_is_asked_for_a_sign_gives_one_with_the_button_or_by_any_touch_and_is_asked_no_more(
+    browser, site
+):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         for give in (lambda: page.click("#card-main"), lambda: page.mouse.wheel(0, 1)):
             known = len(signs(site))
-            await said_until_shown(page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0)))
+            await said_until_shown(
+                page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0))
+            )
             assert await page.title() == "Are you still there? · Giraff · Telepresence"
             await give()
             await page.wait_for_selector("#card", state="hidden")
-            await until(lambda known=known: len(signs(site)) >= known + 2)  # given again, for the server has not said that it has it
+            # given again, for the server has not said that it has it
+            await until(lambda known=known: len(signs(site)) >= known + 2)
             site.tell("session/idle", protocol.Idle())
         assert "still there" not in await page.title()
 
@@ -47,13 +59,18 @@ async def test_who_is_asked_for_a_sign_gives_one_with_the_button_or_by_any_touch
 async def test_who_gave_no_sign_reads_why_the_visit_is_over(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        await said_until_shown(page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0)))
+        await said_until_shown(
+            page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0))
+        )
         over = protocol.Ended(session=site.session, outcome="timed_out", reason="idle")
         await said_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))
 
 
 async def test_a_turn_calls_by_the_title_counts_down_and_passes_when_it_is_not_taken(browser, site):
-    async with opened(browser, site, query="?go=1") as first, opened(browser, site, query="?go=1") as second:
+    async with (
+        opened(browser, site, query="?go=1") as first,
+        opened(browser, site, query="?go=1") as second,
+    ):
         first.set_default_timeout(patient(20) * 1000)
         second.set_default_timeout(patient(20) * 1000)
         await driving(first)
@@ -65,9 +82,14 @@ async def test_a_turn_calls_by_the_title_counts_down_and_passes_when_it_is_not_t
         await second.wait_for_selector("#card[data-card='ended.turn_missed']")
 
 
-async def test_who_waits_practises_until_the_turn_comes_and_then_has_the_real_robot_before_them(browser, site):
+async def test_who_waits_practises_until_the_turn_comes_and_then_has_the_real_robot_before_them(
+    browser, site
+):
     site.practice = {"url": None}  # being made ready
-    async with opened(browser, site, query="?go=1") as first, opened(browser, site, query="?go=1") as second:
+    async with (
+        opened(browser, site, query="?go=1") as first,
+        opened(browser, site, query="?go=1") as second,
+    ):
         for page in (first, second):
             page.set_default_timeout(patient(20) * 1000)
         await driving(first)
@@ -82,7 +104,11 @@ async def test_who_waits_practises_until_the_turn_comes_and_then_has_the_real_ro
         site.offer_turn(30.0)
         await second.wait_for_selector("#card[data-card=turn]")
         await second.wait_for_selector("#practice", state="hidden")
-        await second.frame_locator("#practice-frame").locator("text=Another robot").wait_for(state="detached")
+        await (
+            second.frame_locator("#practice-frame")
+            .locator("text=Another robot")
+            .wait_for(state="detached")
+        )
 
 
 async def without_live_video(browser: Browser, site: FakeRobotPage, **device: str) -> Page:
@@ -101,7 +127,11 @@ async def test_a_browser_without_live_video_drives_with_a_slow_picture(browser, 
     await page.wait_for_selector("#card[data-card=lobby]")
     await page.click("#card-main")
     await page.wait_for_selector("#cockpit[data-playing][data-slow]")
-    await hold(page, "ArrowLeft", lambda: [way for way, command in site.applied if command.angular > 0.0] != [])
+    await hold(
+        page,
+        "ArrowLeft",
+        lambda: [way for way, command in site.applied if command.angular > 0.0] != [],
+    )
     await page.keyboard.up("ArrowLeft")
     assert {way for way, _ in site.applied} == {"mqtt"}
 
@@ -118,6 +148,8 @@ async def test_a_connection_that_does_not_come_about_is_explained_after_some_sec
     site.answers.clear()  # the robot's answer never comes
     page = await (await browser.new_context()).new_page()
     await page.goto(f"{site.url}?go=1")
-    checked = await until(lambda: [event for event in site.said("page/event") if event.type == "check"], 20)
+    checked = await until(
+        lambda: [event for event in site.said("page/event") if event.type == "check"], 20
+    )
     assert checked[0].data["server"] == "quick"
     site.answers.set()

@@ -1,4 +1,6 @@
-"""Driving by pressing on the picture, and the other ways of the hand, in a real Chromium: the robot's scene is drawn as its camera sees it."""
+"""Driving by pressing on the picture, and the other ways of the hand, in a real Chromium: the
+robot's scene is drawn as its camera sees it.
+"""
 
 import math
 import time
@@ -35,7 +37,9 @@ async def driving(page: Page) -> None:
 
 
 async def place(page: Page, across: float, down: float) -> tuple[float, float]:
-    """Return a place in the picture, in CSS pixels of the page, from shares of its width and height."""
+    """Return a place in the picture, in CSS pixels of the page, from shares of its width and
+    height.
+    """
     box = await page.locator("#video").bounding_box()
     assert box is not None
     return box["x"] + across * box["width"], box["y"] + down * box["height"]
@@ -47,7 +51,9 @@ async def goal(page: Page) -> tuple[float, float]:
     return float(x), float(y)
 
 
-async def test_a_press_on_the_floor_shows_the_way_release_drives_there_one_at_a_side_turns_and_the_page_answers_what_cannot_be_done(browser):
+async def test_a_press_on_the_floor_shows_the_way_release_drives_there_one_at_a_side_turns_and_the_page_answers_what_cannot_be_done(
+    browser,
+):
     with site_at("corridor-centre") as site:
         async with opened(browser, site, WIDE, query="?go=1") as page:
             await driving(page)
@@ -58,7 +64,9 @@ async def test_a_press_on_the_floor_shows_the_way_release_drives_there_one_at_a_
             await page.mouse.down()
             x, y = await goal(page)
             await page.mouse.up()
-            await until(lambda: [c for _, c in site.applied if c.method == "mouse" and c.linear > 0.05])
+            await until(
+                lambda: [c for _, c in site.applied if c.method == "mouse" and c.linear > 0.05]
+            )
             await until(lambda: stands(site))
             assert math.hypot(site.simulation.pose.x - x, site.simulation.pose.y - y) < 0.35
             before = site.simulation.pose.theta
@@ -69,22 +77,51 @@ async def test_a_press_on_the_floor_shows_the_way_release_drives_there_one_at_a_
             assert not stops(site)
 
 
-async def test_a_key_takes_over_from_the_mouse_and_a_gamepad_from_the_key_and_pulling_it_out_stops(browser):
+async def test_a_key_takes_over_from_the_mouse_and_a_gamepad_from_the_key_and_pulling_it_out_stops(
+    browser,
+):
     with site_at("corridor-centre") as site:
         async with opened(browser, site, WIDE, query="?go=1") as page:
             await driving(page)
             await page.mouse.click(*await place(page, 0.5, 0.75))
-            await until(lambda: [c for _, c in site.applied if c.method == "mouse" and c.linear > 0.0])
-            await hold(page, "ArrowLeft", lambda: [c for _, c in site.applied if c.method == "keyboard" and c.angular > 0.1], PATIENCE)
+            await until(
+                lambda: [c for _, c in site.applied if c.method == "mouse" and c.linear > 0.0]
+            )
+            await hold(
+                page,
+                "ArrowLeft",
+                lambda: [c for _, c in site.applied if c.method == "keyboard" and c.angular > 0.1],
+                PATIENCE,
+            )
             await page.evaluate(PAD)
             await page.wait_for_selector("#alert[data-word='pad.left']")
             await page.evaluate("() => { stub.axes = [1, 0, 0, 0]; }")
-            await until(lambda: site.applied[-1][1].method == "gamepad" and site.applied[-1][1].angular < -0.1)
-            await page.evaluate("() => window.dispatchEvent(Object.assign(new Event('gamepaddisconnected'), { gamepad: stub }))")
-            await until(lambda: [action for action in site.said("command/action") if isinstance(action, Stop)])
+            await until(
+                lambda: (
+                    site.applied[-1][1].method == "gamepad" and site.applied[-1][1].angular < -0.1
+                )
+            )
+            await page.evaluate(
+                "() => window.dispatchEvent(Object.assign(new Event('gamepaddisconnected'), {"
+                " gamepad: stub }))"
+            )
+            await until(
+                lambda: [
+                    action for action in site.said("command/action") if isinstance(action, Stop)
+                ]
+            )
             await page.wait_for_selector("#alert[data-word='pad.gone']")
             await page.keyboard.up("ArrowLeft")
-            await until(lambda: [event.data["there"] for event in site.said("page/event") if event.type == "gamepad"] == [True, False])
+            await until(
+                lambda: (
+                    [
+                        event.data["there"]
+                        for event in site.said("page/event")
+                        if event.type == "gamepad"
+                    ]
+                    == [True, False]
+                )
+            )
 
 
 async def test_a_finger_that_is_held_on_the_picture_drives_and_lifting_it_stops(browser):
@@ -93,26 +130,40 @@ async def test_a_finger_that_is_held_on_the_picture_drives_and_lifting_it_stops(
             await driving(page)
             x, y = await place(page, 0.5, 0.7)
             touches = await page.context.new_cdp_session(page)
-            await touches.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
-            await until(lambda: [c for _, c in site.applied if c.method == "touch" and c.linear > 0.05])
+            await touches.send(
+                "Input.dispatchTouchEvent",
+                {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]},
+            )
+            await until(
+                lambda: [c for _, c in site.applied if c.method == "touch" and c.linear > 0.05]
+            )
             await touches.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
             await until(lambda: stands(site))
 
 
-async def test_at_the_dock_the_large_button_drives_out_and_a_robot_that_does_not_move_says_why(browser):
+async def test_at_the_dock_the_large_button_drives_out_and_a_robot_that_does_not_move_says_why(
+    browser,
+):
     with site_at("dock") as site:
         async with opened(browser, site, WIDE, query="?go=1") as page:
             await driving(page)
             await page.keyboard.down("ArrowUp")
-            await page.wait_for_selector("#alert[data-word='alert.docked_forward']", timeout=1000 * PATIENCE)
+            await page.wait_for_selector(
+                "#alert[data-word='alert.docked_forward']", timeout=1000 * PATIENCE
+            )
             await page.keyboard.up("ArrowUp")
             await page.click("#offer-main:has-text('Leave the dock')")
             await page.wait_for_selector("#offer[data-word='task.undock']")
-            await until(lambda: [c for _, c in site.applied if c.linear < 0.0 and c.method == "mouse"])
+            await until(
+                lambda: [c for _, c in site.applied if c.linear < 0.0 and c.method == "mouse"]
+            )
             await until(lambda: not site.simulation.docked)
-            await page.wait_for_selector("#offer[hidden]", state="attached", timeout=1000 * PATIENCE)
+            await page.wait_for_selector(
+                "#offer[hidden]", state="attached", timeout=1000 * PATIENCE
+            )
             halt = Stop(action_id="staff", stamp=time.time(), role="staff")
-            # A stop that comes a second before the key is felt at the robot finds nobody who holds one.
+            # A stop that comes a second before the key is felt at the robot finds nobody who holds
+            # one.
             await hold(page, "ArrowRight", lambda: [c for _, c in site.applied if c.angular < 0.0])
             site.do(lambda: site.kernel.stop(halt, Sender("mqtt", "staff"), time.monotonic()))
             await page.wait_for_selector("#alert[data-word='stuck.held']", timeout=1000 * PATIENCE)
@@ -134,13 +185,19 @@ async def test_the_map_is_looked_around_on_swapped_and_made_large_and_the_keys_s
             await page.click("[data-action=map_follow]")
             await page.click("[data-action=map_turn]")
             await page.wait_for_selector("#map[data-view-turn^='0.0']")
-            marker = [float(await page.get_attribute("#map", f"data-marker-{axis}")) for axis in "xy"]
+            marker = [
+                float(await page.get_attribute("#map", f"data-marker-{axis}")) for axis in "xy"
+            ]
             box = await page.locator("#map").bounding_box()
             assert math.dist(marker, (box["width"] / 2, box["height"] / 2)) < 2.0
             await page.click("[data-action=map_swap]")
-            assert (await page.locator("#map").bounding_box())["width"] > (await page.locator("#video").bounding_box())["width"]
+            assert (await page.locator("#map").bounding_box())["width"] > (
+                await page.locator("#video").bounding_box()
+            )["width"]
             await page.click("[data-action=map_large]")
             await page.wait_for_selector("#cockpit[data-map=large]")
             assert await page.is_visible("#video")
-            await hold(page, "ArrowLeft", lambda: [c for _, c in site.applied if c.angular > 0.1], PATIENCE)
+            await hold(
+                page, "ArrowLeft", lambda: [c for _, c in site.applied if c.angular > 0.1], PATIENCE
+            )
             await page.keyboard.up("ArrowLeft")

@@ -1,4 +1,6 @@
-"""Voice, face and words between a visitor's browser and a robot's own display, both real Chromiums, measured at the far ends."""
+"""Voice, face and words between a visitor's browser and a robot's own display, both real Chromiums,
+measured at the far ends.
+"""
 
 import asyncio
 import math
@@ -19,7 +21,11 @@ from tests.support.present_robot_page import PresentRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 HERTZ = 880.0
-FAKE = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", "--auto-select-tab-capture-source-by-title=Giraff"]
+FAKE = [
+    "--use-fake-device-for-media-stream",
+    "--use-fake-ui-for-media-stream",
+    "--auto-select-tab-capture-source-by-title=Giraff",
+]
 # Chromium's fake camera is green all over, but for a pie and a counter.
 COLOUR = """() => {
   const video = document.querySelector("#video");
@@ -61,24 +67,36 @@ def tone(path: Path) -> Path:
         file.setnchannels(1)
         file.setsampwidth(2)
         file.setframerate(48_000)
-        file.writeframes(b"".join(struct.pack("<h", int(12_000 * math.sin(2 * math.pi * HERTZ * n / 48_000))) for n in range(480_000)))
+        file.writeframes(
+            b"".join(
+                struct.pack("<h", int(12_000 * math.sin(2 * math.pi * HERTZ * n / 48_000)))
+                for n in range(480_000)
+            )
+        )
     return path
 
 
 @pytest.fixture(scope="module")
 def flags(tmp_path_factory) -> list[str]:
-    return [*FAKE, f"--use-file-for-fake-audio-capture={tone(tmp_path_factory.mktemp('sound') / 'tone.wav')}"]
+    return [
+        *FAKE,
+        f"--use-file-for-fake-audio-capture={tone(tmp_path_factory.mktemp('sound') / 'tone.wav')}",
+    ]
 
 
 async def opened(browser: Browser, address: str, complaints: list[str], **context) -> Page:
-    page = await (await browser.new_context(viewport={"width": 1280, "height": 800}, **context)).new_page()
+    page = await (
+        await browser.new_context(viewport={"width": 1280, "height": 800}, **context)
+    ).new_page()
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
     await page.goto(address)
     return page
 
 
-async def drives(browser: Browser, site: PresentRobotPage, complaints: list[str], **context) -> Page:
+async def drives(
+    browser: Browser, site: PresentRobotPage, complaints: list[str], **context
+) -> Page:
     page = await opened(browser, site.url, complaints, **context)
     await page.click("text=Drive Giraff")
     await driving(page)
@@ -100,7 +118,9 @@ def is_green(colour) -> bool:
     return green > 60 and green > red + 30 and green > blue + 30
 
 
-async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_words_go_both_ways(browser, site) -> None:
+async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_words_go_both_ways(
+    browser, site
+) -> None:
     complaints: list[str] = []
     page = await drives(browser, site, complaints, permissions=["microphone", "camera"])
     assert site.speaker.played == 0, "nothing is sent before a click"
@@ -116,7 +136,9 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     screen = await opened(browser, site.screen_url, complaints)
     await screen.wait_for_selector("#face[data-scene=seen][data-live]")
     assert is_green(await evaluated(screen, COLOUR, is_green))
-    heard = await evaluated(screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60)
+    heard = await evaluated(
+        screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60
+    )
     assert abs(heard["hertz"] - HERTZ) < 15
     assert await screen.text_content("#name-text") == "Ana is visiting"
 
@@ -128,12 +150,17 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.click("#presence-mic")
     await evaluated(screen, TONE, lambda found: found["level"] < -90)
     await page.keyboard.down("t")
-    await evaluated(screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60)
+    await evaluated(
+        screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60
+    )
     await page.keyboard.up("t")
     await page.wait_for_selector("text=They see you and do not hear you. Hold T to talk.")
 
     # Words, which never drive; afterwards the keys do.
-    await screen.evaluate("() => { globalThis.spoken = []; speechSynthesis.speak = (one) => spoken.push([one.text, one.lang]); }")
+    await screen.evaluate(
+        "() => { globalThis.spoken = []; speechSynthesis.speak = (one) => spoken.push([one.text,"
+        " one.lang]); }"
+    )
     before = len(site.applied)
     await page.click("#presence-talk")
     await page.check("#talk-aloud")
@@ -154,7 +181,10 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.focus("#viewport")
     await page.keyboard.press("f")
     await until(lambda: abs(site.tilt - 0.1) < 1e-6)
-    await page.evaluate("() => { const s = document.querySelector('#tilt-slider'); s.value = '-0.3'; s.dispatchEvent(new Event('input')); }")
+    await page.evaluate(
+        "() => { const s = document.querySelector('#tilt-slider'); s.value = '-0.3';"
+        " s.dispatchEvent(new Event('input')); }"
+    )
     await until(lambda: abs(site.tilt + 0.3) < 1e-6)
 
     # A screen that is shown takes the camera's place, whole.
@@ -171,7 +201,9 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     assert complaints == []
 
 
-async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_robot(browser, site) -> None:
+async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_robot(
+    browser, site
+) -> None:
     complaints: list[str] = []
     site.calls.rule = "ask"
     site.is_study = True
@@ -200,11 +232,15 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     await screen.wait_for_selector("text=Nobody is visiting now.")
     await kept(screen, "screen-left")
     await page.wait_for_selector("#presence", state="hidden")
-    assert await page.evaluate("() => document.querySelector('#self').srcObject") is None, "the camera is given back"
+    assert await page.evaluate("() => document.querySelector('#self').srcObject") is None, (
+        "the camera is given back"
+    )
     assert complaints == []
 
 
-async def test_the_robots_own_page_gives_picture_and_sound_where_the_robot_has_none(browser) -> None:
+async def test_the_robots_own_page_gives_picture_and_sound_where_the_robot_has_none(
+    browser,
+) -> None:
     complaints: list[str] = []
     with PresentRobotPage(from_page=True) as site:
         await opened(browser, site.screen_url, complaints)
@@ -235,7 +271,8 @@ PLACE = f"""([video, [x, y]]) => {{
   const picture = pictureOf(document.querySelector(video));
   return [picture.left + x * picture.width, picture.top + y * picture.height];
 }}"""
-# How far the layer of the dots is from the size of the picture beneath, after the page has changed its own.
+# How far the layer of the dots is from the size of the picture beneath, after the page has changed
+# its own.
 LAID = f"""() => {{
   {PICTURE}
   const picture = pictureOf(document.querySelector("#shared-video"));
@@ -252,29 +289,46 @@ async def place(page: Page, video: str, at: tuple[float, float]) -> tuple[float,
     return tuple(await page.evaluate(PLACE, [video, at]))
 
 
-async def point(page: Page, video: str, side: str, at: tuple[float, float], *others: tuple[Page, str]) -> None:
-    """Move the mouse about a spot of a picture until the dot of a side is there, here and at the others: a hand never rests quite still."""
+async def point(
+    page: Page, video: str, side: str, at: tuple[float, float], *others: tuple[Page, str]
+) -> None:
+    """Move the mouse about a spot of a picture until the dot of a side is there, here and at the
+    others: a hand never rests quite still.
+    """
     for step in range(int(patient(15) / 0.1)):
-        x, y = await place(page, video, at)  # anew, as a page that has just changed its size may still move things
+        # anew, as a page that has just changed its size may still move things
+        x, y = await place(page, video, at)
         await page.mouse.move(x + step % 2, y)
         await asyncio.sleep(0.1)
-        found = [await one.evaluate(SPOT, [over, f"{LAYERS[over]} .dot--{side}"]) for one, over in ((page, video), *others)]
+        found = [
+            await one.evaluate(SPOT, [over, f"{LAYERS[over]} .dot--{side}"])
+            for one, over in ((page, video), *others)
+        ]
         if all(spot and max(abs(spot[0] - at[0]), abs(spot[1] - at[1])) < NEAR for spot in found):
             return
     raise AssertionError(f"no dot at {at}; the last were {found}")
 
 
 async def no_dot(page: Page, side: str) -> None:
-    await page.wait_for_selector(f".dot--{side}:not([data-on])", state="attached", timeout=patient(15) * 1000)
+    await page.wait_for_selector(
+        f".dot--{side}:not([data-on])", state="attached", timeout=patient(15) * 1000
+    )
 
 
 async def faults(page: Page) -> list[str]:
     """Return what axe-core finds."""
-    return [f"{found['id']}: {found['nodes'][0]['html'][:120]}" for found in (await Axe().run(page)).response["violations"]]
+    return [
+        f"{found['id']}: {found['nodes'][0]['html'][:120]}"
+        for found in (await Axe().run(page)).response["violations"]
+    ]
 
 
-async def shown(browser: Browser, site: PresentRobotPage, complaints: list[str], **context) -> tuple[Page, Page]:
-    """Return the drive page and the robot's display, after a screen is shown and both can point at it."""
+async def shown(
+    browser: Browser, site: PresentRobotPage, complaints: list[str], **context
+) -> tuple[Page, Page]:
+    """Return the drive page and the robot's display, after a screen is shown and both can point at
+    it.
+    """
     screen = await opened(browser, site.screen_url, complaints)
     await screen.wait_for_selector("#face[data-live]")
     page = await drives(browser, site, complaints, **context)
@@ -285,25 +339,37 @@ async def shown(browser: Browser, site: PresentRobotPage, complaints: list[str],
     await page.wait_for_selector("#shared-dots[data-open]", timeout=patient(15) * 1000)
     await screen.wait_for_selector("#dots[data-open]", timeout=patient(15) * 1000)
     for one, video in ((page, SMALL), (screen, LARGE)):
-        await evaluated(one, f"() => document.querySelector('{video}').videoWidth", lambda width: width > 0)
+        await evaluated(
+            one, f"() => document.querySelector('{video}').videoWidth", lambda width: width > 0
+        )
     return page, screen
 
 
-async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_picture_at_both_ends_and_goes_away(browser, site) -> None:
+async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_picture_at_both_ends_and_goes_away(
+    browser, site
+) -> None:
     complaints: list[str] = []
     page, screen = await shown(browser, site, complaints)
     assert await page.get_attribute("#shared", "hidden") is None
-    assert await screen.evaluate("() => getComputedStyle(document.querySelector('#video')).objectFit") == "contain"
+    assert (
+        await screen.evaluate("() => getComputedStyle(document.querySelector('#video')).objectFit")
+        == "contain"
+    )
     before = len(site.applied)
 
     # The mouse over the small picture, which never drives; a hand that rests is forgotten.
     for at in [(0.25, 0.7), (0.9, 0.1)]:
         await point(page, SMALL, "driver", at, (screen, LARGE))
-    assert await screen.text_content("#dots .dot--driver") == await page.text_content("#shared-dots .dot--driver") == "A"
+    assert (
+        await screen.text_content("#dots .dot--driver")
+        == await page.text_content("#shared-dots .dot--driver")
+        == "A"
+    )
     await no_dot(screen, "driver")
     await no_dot(page, "driver")
 
-    # A press, which stays for as long as it is held, and goes when it is lifted and the mouse is gone.
+    # A press, which stays for as long as it is held, and goes when it is lifted and the mouse is
+    # gone.
     at = (0.4, 0.5)
     await page.mouse.move(*await place(page, SMALL, at))
     await page.mouse.down()
@@ -333,7 +399,9 @@ async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_pictu
     assert complaints == []
 
 
-async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until_nothing_is_shown(browser, site) -> None:
+async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until_nothing_is_shown(
+    browser, site
+) -> None:
     complaints: list[str] = []
     page, screen = await shown(browser, site, complaints)
     before, counted = len(site.applied), len(site.pointed)
@@ -359,7 +427,9 @@ async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (1024, 560), (390, 844), (844, 390)])
-async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_to_press(browser, site, size) -> None:
+async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_to_press(
+    browser, site, size
+) -> None:
     complaints: list[str] = []
     page, _ = await shown(browser, site, complaints, reduced_motion="reduce")
     await page.set_viewport_size({"width": size[0], "height": size[1]})
@@ -367,29 +437,62 @@ async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_t
     at = (0.75, 0.25)
     await point(page, SMALL, "driver", at)
     await kept(page, f"pointing-{size[0]}")
-    preview, stage = await page.locator("#shared").bounding_box(), await page.locator("#viewport").bounding_box()
+    preview, stage = (
+        await page.locator("#shared").bounding_box(),
+        await page.locator("#viewport").bounding_box(),
+    )
     assert preview["width"] >= 90, "enough to point at"
-    assert preview["y"] + preview["height"] <= stage["y"] + stage["height"] / 2, "it lies over the way ahead"
+    assert preview["y"] + preview["height"] <= stage["y"] + stage["height"] / 2, (
+        "it lies over the way ahead"
+    )
     assert preview["x"] >= stage["x"] + stage["width"] / 2
     for selector in ("#stop", ".presence__bar", "#presence-note", "#tilt", "#map-panel", "#alert"):
         other = await page.locator(selector).bounding_box()
-        apart = other is None or other["x"] >= preview["x"] + preview["width"] or other["x"] + other["width"] <= preview["x"]
-        apart = apart or other["y"] >= preview["y"] + preview["height"] or other["y"] + other["height"] <= preview["y"]
+        apart = (
+            other is None
+            or other["x"] >= preview["x"] + preview["width"]
+            or other["x"] + other["width"] <= preview["x"]
+        )
+        apart = (
+            apart
+            or other["y"] >= preview["y"] + preview["height"]
+            or other["y"] + other["height"] <= preview["y"]
+        )
         assert apart, f"it lies over {selector}"
     assert await faults(page) == []
     assert complaints == []
 
 
-async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goes_on(browser, site) -> None:
+async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goes_on(
+    browser, site
+) -> None:
     complaints: list[str] = []
     page = await drives(browser, site, complaints)
     # A computer without a microphone; then one whose owner has said no.
     for kind, name, sentence in [
-        ("mic", "NotFoundError", "No microphone was found. Plug one in and ask again, or write to them."),
-        ("camera", "NotAllowedError", "Your browser keeps the camera. Allow it beside the page's address. You can go on driving."),
-        ("camera", "NotReadableError", "Another program uses the camera. Close it and ask again, or go on without."),
+        (
+            "mic",
+            "NotFoundError",
+            "No microphone was found. Plug one in and ask again, or write to them.",
+        ),
+        (
+            "camera",
+            "NotAllowedError",
+            (
+                "Your browser keeps the camera. Allow it beside the page's address. You can go on"
+                " driving."
+            ),
+        ),
+        (
+            "camera",
+            "NotReadableError",
+            "Another program uses the camera. Close it and ask again, or go on without.",
+        ),
     ]:
-        await page.evaluate(f"() => {{ navigator.mediaDevices.getUserMedia = () => Promise.reject(new DOMException('no', '{name}')); }}")
+        await page.evaluate(
+            "() => { navigator.mediaDevices.getUserMedia = () => Promise.reject(new"
+            f" DOMException('no', '{name}')); }}"
+        )
         await page.click(f"#presence-{kind}")
         await page.wait_for_selector(f"#presence-note[data-trouble] >> text={sentence}")
         assert await page.is_visible("#presence-again")
@@ -402,7 +505,9 @@ async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goe
 
 
 async def drives_on(page: Page, site: PresentRobotPage) -> bool:
-    """Press a key, and again: a page that was held up for a moment lets go of a key, as it should, and people press again."""
+    """Press a key, and again: a page that was held up for a moment lets go of a key, as it should,
+    and people press again.
+    """
     before = len(site.applied)
     for _ in range(20):
         await page.keyboard.down("ArrowUp")

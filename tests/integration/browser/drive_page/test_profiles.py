@@ -13,7 +13,20 @@ from tests.support.drive_page import driving, hold, stops, until
 from tests.support.fake_robot_page import FakeRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
-KNOWN = ("fps", "glass", "trip_direct", "trip_server", "age", "refused", "loss", "jitter", "rate", "freezes", "size", "path")
+KNOWN = (
+    "fps",
+    "glass",
+    "trip_direct",
+    "trip_server",
+    "age",
+    "refused",
+    "loss",
+    "jitter",
+    "rate",
+    "freezes",
+    "size",
+    "path",
+)
 FIGURES = """() => Object.fromEntries([...document.querySelectorAll(".figure")].map((cell) => [cell.dataset.figure, cell.querySelector("span").textContent]))"""
 WAY = """() => {
   const panel = document.querySelector("#technical").getBoundingClientRect(), picture = document.querySelector("#viewport").getBoundingClientRect();
@@ -24,7 +37,9 @@ WAY = """() => {
 
 @pytest_asyncio.fixture(loop_scope="module")
 async def page(browser) -> Page:
-    context = await browser.new_context(viewport={"width": 1280, "height": 800}, permissions=["clipboard-read", "clipboard-write"])
+    context = await browser.new_context(
+        viewport={"width": 1280, "height": 800}, permissions=["clipboard-read", "clipboard-write"]
+    )
     return await context.new_page()
 
 
@@ -47,7 +62,9 @@ async def choose(page: Page, name: str) -> None:
     await page.click("#presence-volumes")
 
 
-async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_stands_above_it(page, site):
+async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_stands_above_it(
+    page, site
+):
     async with visit(page, site):
         await until(lambda: shown(site) == ["standard"])
         assert await page.is_visible("#hints")
@@ -69,7 +86,9 @@ async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_
     assert "Age of commands: " in copied
     await page.set_viewport_size({"width": 1280, "height": 800})
     await page.goto(site.url)
-    await until_page(page, "() => document.getElementById('cockpit').dataset.profile === 'technical'")
+    await until_page(
+        page, "() => document.getElementById('cockpit').dataset.profile === 'technical'"
+    )
     await _in_a_study(page, site)
 
 
@@ -88,9 +107,15 @@ async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
     known = len(site.applied)
     await hold(page, "ArrowUp", lambda: len(site.applied) > known + 3)
     halts = len(stops(site))
-    await page.evaluate("document.exitFullscreen()")  # what the browser does on Escape, which a page never sees; whoever drives has stopped
+    # what the browser does on Escape, which a page never sees; whoever drives has stopped
+    await page.evaluate("document.exitFullscreen()")
     await until(lambda: len(stops(site)) > halts)
-    await until(lambda: [event.data["on"] for event in site.said("page/event") if event.type == "full_screen"] == [True, False])
+    await until(
+        lambda: (
+            [event.data["on"] for event in site.said("page/event") if event.type == "full_screen"]
+            == [True, False]
+        )
+    )
 
 
 async def until_page(page: Page, condition: str) -> None:
@@ -103,10 +128,15 @@ async def until_page(page: Page, condition: str) -> None:
 
 async def _figures(page: Page, *needed: str) -> dict[str, str]:
     """Return the figures once those that are needed are known."""
-    await until_page(page, f"() => {list(needed)}.every((name) => !['–', undefined].includes(({FIGURES})()[name]))")
+    await until_page(
+        page,
+        f"() => {list(needed)}.every((name) => !['–', undefined].includes(({FIGURES})()[name]))",
+    )
     return await page.evaluate(FIGURES)
 
 
 async def _copied(page: Page) -> str:
-    await until_page(page, "() => document.querySelector('#figures-copy-text').textContent !== 'Copy'")
+    await until_page(
+        page, "() => document.querySelector('#figures-copy-text').textContent !== 'Copy'"
+    )
     return await page.evaluate("navigator.clipboard.readText()")

@@ -13,18 +13,31 @@ async def alert(page, word):
     return await page.inner_text("#alert")
 
 
-@pytest.mark.parametrize(("part", "name"), [("broker", "message service"), ("session_manager", "control service"), ("database", "database")])
-async def test_a_part_that_fails_is_named_with_what_follows_until_it_is_back(browser, site, part, name):
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [
+        ("broker", "message service"),
+        ("session_manager", "control service"),
+        ("database", "database"),
+    ],
+)
+async def test_a_part_that_fails_is_named_with_what_follows_until_it_is_back(
+    browser, site, part, name
+):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         for _ in range(2):
             site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
             text = await alert(page, f"fault.{part}.stops")
-            assert text.startswith(f"The server's {name} does not answer. Unless it comes back, the robot stops in ")
+            assert text.startswith(
+                f"The server's {name} does not answer. Unless it comes back, the robot stops in "
+            )
             site.faults = (protocol.Fault(part=part, then="stopped"),)
             assert "The robot has stopped" in await alert(page, f"fault.{part}.stopped")
             site.faults = ()
-            await page.wait_for_selector(f"#alert:not([data-word='fault.{part}.stopped'])", state="attached")
+            await page.wait_for_selector(
+                f"#alert:not([data-word='fault.{part}.stopped'])", state="attached"
+            )
         count = len(site.applied)
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
 
@@ -38,16 +51,23 @@ async def test_a_full_disk_is_said_and_stops_nobody(browser, site):
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
 
 
-async def test_a_server_that_keeps_its_socket_and_says_nothing_is_out_of_reach_and_asked_anew(browser, site):
+async def test_a_server_that_keeps_its_socket_and_says_nothing_is_out_of_reach_and_asked_anew(
+    browser, site
+):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         session = site.session
         for _ in range(2):
             site.stopped = True
-            assert await alert(page, "alert.server_only") == "The server is out of reach. You can go on driving."
+            assert (
+                await alert(page, "alert.server_only")
+                == "The server is out of reach. You can go on driving."
+            )
             count = len(site.applied)
             await hold(page, "ArrowLeft", lambda count=count: len(site.applied) > count + 3)
             await page.keyboard.up("ArrowLeft")
             site.stopped = False
-            await page.wait_for_selector("#alert:not([data-word='alert.server_only'])", state="attached")
+            await page.wait_for_selector(
+                "#alert:not([data-word='alert.server_only'])", state="attached"
+            )
         assert site.session == session

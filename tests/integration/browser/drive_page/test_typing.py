@@ -1,4 +1,6 @@
-"""Typing never drives: whatever is open on the drive page has the keys, from the very next one, and the robot's side sees nothing of them."""
+"""Typing never drives: whatever is open on the drive page has the keys, from the very next one, and
+the robot's side sees nothing of them.
+"""
 
 import time
 from collections.abc import AsyncIterator
@@ -16,24 +18,71 @@ from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 TEXT = "Hello, is anybody there?"
 # Every key that drives, tilts, talks or changes the speed.
-WORKING = ["w", "a", "s", "d", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "r", "f", "t", "=", "-", "/", "]"]
+WORKING = [
+    "w",
+    "a",
+    "s",
+    "d",
+    "ArrowUp",
+    "ArrowDown",
+    "ArrowLeft",
+    "ArrowRight",
+    "r",
+    "f",
+    "t",
+    "=",
+    "-",
+    "/",
+    "]",
+]
 FAKE = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream"]
 COUNTED = """globalThis.asked = 0;
 const devices = navigator.mediaDevices, get = devices.getUserMedia.bind(devices);
 devices.getUserMedia = (...wanted) => { asked += 1; return get(...wanted); };"""
-# How each of what takes the keys is opened. Whatever else the page has, that has to be looked at and put into one of these two.
-OPENED = {"talk": "#presence-talk", "volumes": "#presence-volumes", "places": "#places-toggle", "card": "#leave"}
-# Beside driving: driving on is one of the answers to what is offered, and the focus is never there by itself.
+# How each of what takes the keys is opened. Whatever else the page has, that has to be looked at
+# and put into one of these two.
+OPENED = {
+    "talk": "#presence-talk",
+    "volumes": "#presence-volumes",
+    "places": "#places-toggle",
+    "card": "#leave",
+}
+# Beside driving: driving on is one of the answers to what is offered, and the focus is never there
+# by itself.
 BESIDE = {
-    "viewport", "offer", "photo", "kept", "aim", "task", "task-more", "map", "map-panel", "map-tools", "technical", "practice", "boot", "speed", "assist",
-    "profiles", "stick", "presence", "presence-note", "tilt", "shared", "announcer",
-}  # fmt: skip
-# Everything that can be shown and hidden and has something to press or to fill in, or says what it is.
+    "viewport",
+    "offer",
+    "photo",
+    "kept",
+    "aim",
+    "task",
+    "task-more",
+    "map",
+    "map-panel",
+    "map-tools",
+    "technical",
+    "practice",
+    "boot",
+    "speed",
+    "assist",
+    "profiles",
+    "stick",
+    "presence",
+    "presence-note",
+    "tilt",
+    "shared",
+    "announcer",
+}
+# Everything that can be shown and hidden and has something to press or to fill in, or says what it
+# is.
 PARTS = """() => [...document.querySelectorAll("body [id]")].filter((one) =>
   one.matches("dialog, details, form, [popover], [role=dialog], [role=alertdialog], [role=menu], [role=listbox], [aria-modal], [data-holds-keys]")
   || (one.matches("section, main, aside, nav, [role=group], [hidden], [aria-label]") && one.querySelector("button, input, select, textarea, a"))
   || document.querySelector(`[aria-controls~="${one.id}"]`)).map(({ id }) => id)"""
-FIELDS = "() => [...document.querySelectorAll('input, textarea, select, [contenteditable]')].map((one) => [one.id, one.closest('section, .tilt')?.id ?? ''])"
+FIELDS = (
+    "() => [...document.querySelectorAll('input, textarea, select, [contenteditable]')].map((one)"
+    " => [one.id, one.closest('section, .tilt')?.id ?? ''])"
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +108,9 @@ def flags() -> list[str]:
 
 @pytest_asyncio.fixture(loop_scope="module")
 async def page(browser, site) -> AsyncIterator[Page]:
-    context = await browser.new_context(viewport={"width": 1280, "height": 800}, permissions=["microphone"])
+    context = await browser.new_context(
+        viewport={"width": 1280, "height": 800}, permissions=["microphone"]
+    )
     page = await context.new_page()
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -81,7 +132,9 @@ async def seen(page: Page, site: PresentRobotPage) -> Seen:
     """Return what there is once the page has said whatever it had to say: five heartbeats later."""
     heard = len(site.said("command/heartbeat"))
     await until(lambda: len(site.said("command/heartbeat")) >= heard + 5)
-    actions = sum(1 for one in site.said("command/action") if type(one).__name__ not in {"Stop", "Say"})
+    actions = sum(
+        1 for one in site.said("command/action") if type(one).__name__ not in {"Stop", "Say"}
+    )
     pressed = await page.locator("#speed [aria-pressed=true]").get_attribute("data-action")
     return Seen(site.tilt, actions, await page.evaluate("asked"), pressed or "")
 
@@ -99,10 +152,14 @@ async def test_every_part_and_every_field_of_the_page_is_known_to_these_tests(pa
     assert parts - BESIDE - {"talk-form", "talk-writing"} == set(OPENED)
     for field, within in await page.evaluate(FIELDS):
         assert within in {*OPENED, "tilt"}, f"{field} in {within}"
-    assert await page.evaluate("document.querySelectorAll('iframe').length") == 1, "the practice robot's, where this robot is not driven"
+    assert await page.evaluate("document.querySelectorAll('iframe').length") == 1, (
+        "the practice robot's, where this robot is not driven"
+    )
 
 
-async def test_what_is_typed_at_once_after_write_stands_whole_in_the_field_and_the_robot_knows_nothing_of_it(page, site):
+async def test_what_is_typed_at_once_after_write_stands_whole_in_the_field_and_the_robot_knows_nothing_of_it(
+    page, site
+):
     for said, key in enumerate(("", "Enter", "Space", ""), 1):
         await drives(page, site)
         before, stopped, moved = await seen(page, site), ids(stops(site)), moves(site)
@@ -111,15 +168,30 @@ async def test_what_is_typed_at_once_after_write_stands_whole_in_the_field_and_t
         assert await page.input_value("#talk-field") == TEXT
         assert await seen(page, site) == before
         assert moves(site) == moved
-        assert len(ids(stops(site)) - stopped) <= 1, "the space bar that presses a button stops, once"
+        assert len(ids(stops(site)) - stopped) <= 1, (
+            "the space bar that presses a button stops, once"
+        )
         await page.keyboard.press("Enter")
-        await until(lambda said=said: len(ids(one for one in site.said("command/action") if getattr(one, "text", "") == TEXT)) == said)
+        await until(
+            lambda said=said: (
+                len(
+                    ids(
+                        one
+                        for one in site.said("command/action")
+                        if getattr(one, "text", "") == TEXT
+                    )
+                )
+                == said
+            )
+        )
         await expect(page.locator("#talk-writing")).to_be_hidden()
     await expect(page.locator("#talk-list .line")).to_have_count(4)
 
 
 @pytest.mark.parametrize("name", sorted(OPENED))
-async def test_what_is_open_has_the_keys_until_escape_closes_it_and_then_they_drive_twice_in_a_row(page, site, name):
+async def test_what_is_open_has_the_keys_until_escape_closes_it_and_then_they_drive_twice_in_a_row(
+    page, site, name
+):
     for _ in range(2):
         await drives(page, site)
         before, moved = await seen(page, site), moves(site)
@@ -137,7 +209,9 @@ async def test_what_is_open_has_the_keys_until_escape_closes_it_and_then_they_dr
 
 
 @pytest.mark.parametrize("name", sorted(OPENED))
-async def test_a_key_that_is_held_when_something_opens_lets_go_and_drives_again_only_when_it_is_pressed_anew(page, site, name):
+async def test_a_key_that_is_held_when_something_opens_lets_go_and_drives_again_only_when_it_is_pressed_anew(
+    page, site, name
+):
     await hold(page, "a", lambda: moves(site) > 3)
     await page.click(OPENED[name])
     await until(lambda: stands(site))
@@ -162,7 +236,9 @@ async def test_a_press_beside_a_menu_closes_it_and_gives_the_keys_back(page, sit
     await drives(page, site)
 
 
-async def test_the_space_bar_and_the_stop_button_stop_while_a_menu_or_a_question_is_open(page, site):
+async def test_the_space_bar_and_the_stop_button_stop_while_a_menu_or_a_question_is_open(
+    page, site
+):
     for name in ("volumes", "places", "card"):
         await page.click(OPENED[name])
         stopped = len(stops(site))
@@ -179,7 +255,9 @@ async def test_who_writes_when_the_link_to_the_robot_breaks_goes_on_writing(page
     await page.click("#presence-talk")
     await page.keyboard.type(TEXT[:8])
     site.muted = True
-    await page.wait_for_selector("#cockpit[data-frozen]:not([data-playing])", timeout=patient(20) * 1000)
+    await page.wait_for_selector(
+        "#cockpit[data-frozen]:not([data-playing])", timeout=patient(20) * 1000
+    )
     await page.keyboard.type(TEXT[8:])
     assert await page.input_value("#talk-field") == TEXT
     site.muted = False
@@ -192,7 +270,12 @@ async def test_who_writes_when_the_link_to_the_robot_breaks_goes_on_writing(page
 
 async def test_a_message_that_comes_takes_neither_the_keys_nor_a_menu_away(page, site):
     def comes(text: str) -> None:
-        site.tell("words", Words(stamp=time.time(), action_id="say-1", session=site.session, by="screen", text=text))
+        site.tell(
+            "words",
+            Words(
+                stamp=time.time(), action_id="say-1", session=site.session, by="screen", text=text
+            ),
+        )
 
     await page.click("#presence-volumes")
     comes("Good morning")

@@ -1,4 +1,6 @@
-"""The drive page of a robot that does not know its battery: in words, for eyes and ears, and an icon without a level."""
+"""The drive page of a robot that does not know its battery: in words, for eyes and ears, and an
+icon without a level.
+"""
 
 import pytest
 from playwright.async_api import expect
@@ -9,7 +11,9 @@ from tests.support.drive_page import driving, opened
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 
 
-async def test_it_says_unknown_until_the_robot_knows_and_again_when_it_no_longer_does(browser, site):
+async def test_it_says_unknown_until_the_robot_knows_and_again_when_it_no_longer_does(
+    browser, site
+):
     site.battery = Battery(charging=None)
     async with opened(browser, site) as page:
         await page.click("text=Drive Giraff")

@@ -1,4 +1,6 @@
-"""Everything at once: the same bytes from the same dataset, wherever it comes from, and sessions behind every number."""
+"""Everything at once: the same bytes from the same dataset, wherever it comes from, and sessions
+behind every number.
+"""
 
 import hashlib
 import json
@@ -45,7 +47,11 @@ def written(tmp_path_factory):
 
 
 def contents(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(written, tmp_path):
@@ -53,8 +59,18 @@ def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(writt
     settings = tmp_path / "settings"
     settings.mkdir()
     (settings / "matplotlibrc").write_text("font.size: 20\naxes.facecolor: red\n")
-    environment = os.environ | {"PYTHONHASHSEED": "7", "MPLCONFIGDIR": str(settings), "TZ": "Asia/Tokyo", "PYTHONPATH": str(ROOT)}
-    subprocess.run([sys.executable, "-c", ELSEWHERE, str(folder / "dataset"), str(tmp_path / "again")], check=True, cwd=ROOT, env=environment)
+    environment = os.environ | {
+        "PYTHONHASHSEED": "7",
+        "MPLCONFIGDIR": str(settings),
+        "TZ": "Asia/Tokyo",
+        "PYTHONPATH": str(ROOT),
+    }
+    subprocess.run(
+        [sys.executable, "-c", ELSEWHERE, str(folder / "dataset"), str(tmp_path / "again")],
+        check=True,
+        cwd=ROOT,
+        env=environment,
+    )
     first, second = contents(folder / "report"), contents(tmp_path / "again")
     assert sorted(first) == sorted(second)
     assert [name for name in first if first[name] != second[name]] == []
@@ -76,7 +92,9 @@ def test_tables_are_made_with_and_without_excluded_sessions(written):
     assert dataset.sessions[0].id not in {one.session.id for one in without.measured}
 
 
-def test_every_set_of_sessions_behind_a_number_is_known_and_every_part_of_a_figure_is_in_its_file(written):
+def test_every_set_of_sessions_behind_a_number_is_known_and_every_part_of_a_figure_is_in_its_file(
+    written,
+):
     dataset, folder = written
     found = json.loads((folder / "report" / "all" / "sources.json").read_text())
     known = {one.id for one in dataset.sessions}
@@ -85,7 +103,9 @@ def test_every_set_of_sessions_behind_a_number_is_known_and_every_part_of_a_figu
     for name, parts in found["figures"].items():
         svg = (folder / "report" / "all" / "figures" / f"{name}.svg").read_text()
         assert all(f'id="{gid}"' in svg for gid in parts), name
-    assert len(found["figures"]["figure-7"]) == sum(bool(len(one.way)) for one in measure_all(dataset))
+    assert len(found["figures"]["figure-7"]) == sum(
+        bool(len(one.way)) for one in measure_all(dataset)
+    )
 
 
 def test_nothing_in_a_figure_says_when_or_where_it_was_made(written):
@@ -122,7 +142,11 @@ def test_bars_of_figure_8_are_as_long_as_the_means_and_balances_fill_100_percent
     dataset = made_up(np.random.default_rng(55), 12)
     a, b = figure_8a(dataset), figure_8b(dataset)
     for at, row in enumerate(a.numbers.rows):
-        bars = [patch for patch in a.figure.axes[0].patches if round(patch.get_y() + patch.get_height() / 2.0) == at]
+        bars = [
+            patch
+            for patch in a.figure.axes[0].patches
+            if round(patch.get_y() + patch.get_height() / 2.0) == at
+        ]
         assert sum(bar.get_width() for bar in bars) == pytest.approx(row[2].value)
     for row in b.numbers.rows:
         assert row[2].value + row[3].value == pytest.approx(100.0)
@@ -130,7 +154,12 @@ def test_bars_of_figure_8_are_as_long_as_the_means_and_balances_fill_100_percent
 
 def test_a_negative_mean_is_drawn_to_the_left():
     dataset = made_up(np.random.default_rng(56), 6)
-    responses = tuple(replace(one, values=dict.fromkeys(one.values, -2)) if one.questionnaire == "experience" else one for one in dataset.responses)
+    responses = tuple(
+        replace(one, values=dict.fromkeys(one.values, -2))
+        if one.questionnaire == "experience"
+        else one
+        for one in dataset.responses
+    )
     found = figure_8a(replace(dataset, responses=responses))
     assert found.figure.axes[0].get_xlim() == (-2.0, 2.0)
 

@@ -15,7 +15,11 @@ from tests.support.questionnaires import NOW, defined, item, rows
 
 pytestmark = pytest.mark.django_db
 EVERY_KIND = defined(
-    [item("likert", "ease", required=True), item("grid", "parts", rows=rows("one", "two"), required=True), item("single", "which", required=True)],
+    [
+        item("likert", "ease", required=True),
+        item("grid", "parts", rows=rows("one", "two"), required=True),
+        item("single", "which", required=True),
+    ],
     [
         item("multiple", "some", required=True, at_least=1),
         item("number", "birth_year", required=True, minimum=1900, maximum="this_year", whole=True),
@@ -24,7 +28,10 @@ EVERY_KIND = defined(
         item("date", "day", required=True, latest="today"),
         item("slider", "effort", required=True, step=5),
     ],
-    [item("text", "more", required=True, show_if={"item": "which", "is": ["b"]}), item("likert", "last")],
+    [
+        item("text", "more", required=True, show_if={"item": "which", "is": ["b"]}),
+        item("likert", "last"),
+    ],
 )
 
 
@@ -47,7 +54,11 @@ def go_through(client: Client, response: Response, persona: Persona) -> int:
         address = after.url
 
 
-@pytest.mark.parametrize("definition", [EVERY_KIND, *(one for one in questionnaires.shipped().values() if not one.template)], ids=lambda d: d.slug)
+@pytest.mark.parametrize(
+    "definition",
+    [EVERY_KIND, *(one for one in questionnaires.shipped().values() if not one.template)],
+    ids=lambda d: d.slug,
+)
 @pytest.mark.parametrize("number", range(4))
 def test_a_bot_answers_every_kind_of_question_to_the_end(definition, number):
     user = person(f"bot{number}")
@@ -63,9 +74,13 @@ def test_a_bot_answers_every_kind_of_question_to_the_end(definition, number):
 
 def test_a_bot_gives_its_age_and_ticks_what_has_to_be_agreed_to():
     form = read(
-        '<main><form method="post"><label for="a">Your age in years</label><input type="number" id="a" name="age" min="1" max="120">'
-        '<label for="g">Guardian</label><input type="text" id="g" name="guardian"><input type="checkbox" name="agree" id="c"></form></main>'
+        '<main><form method="post"><label for="a">Your age in years</label><input type="number"'
+        ' id="a" name="age" min="1" max="120"><label for="g">Guardian</label><input type="text"'
+        ' id="g" name="guardian"><input type="checkbox" name="agree" id="c"></form></main>'
     ).main_forms()[0]
     persona = Persona(1, 1)
     now = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
-    assert fill(form, persona, {}, now) == [("age", str(2026 - persona.birth_year)), ("agree", "on")]
+    assert fill(form, persona, {}, now) == [
+        ("age", str(2026 - persona.birth_year)),
+        ("agree", "on"),
+    ]

@@ -29,12 +29,19 @@ async def at_the_wheel(server):
 async def test_a_bot_that_drives_beats_asks_for_pictures_and_tells_of_the_first_one():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
-        await server.until(lambda: len(server.all("command/heartbeat")) >= 3 and len(server.all("command/picture")) >= 3)
+        await server.until(
+            lambda: (
+                len(server.all("command/heartbeat")) >= 3
+                and len(server.all("command/picture")) >= 3
+            )
+        )
         assert all(beat["n"] % 2 == 1 for beat in server.all("command/heartbeat"))
         assert server.all("command/picture")[-1]["seen"] > 1000.0
         layout, first_frame = server.all("page/event")
         assert (layout["type"], first_frame["type"]) == ("layout", "first_frame")
-        assert layout["data"]["interface"] == "standard", "the profile that the terms of the visit fix"
+        assert layout["data"]["interface"] == "standard", (
+            "the profile that the terms of the visit fix"
+        )
         await cockpit.close()
 
 
@@ -45,13 +52,19 @@ async def test_it_sends_velocities_while_it_holds_the_controller_zeros_when_it_l
         cockpit.steer(Speed(0.4, 0.1))
         await server.until(lambda: len(server.all("command/velocity")) >= 3)
         cockpit.steer(STAND)
-        await server.until(lambda: [one["linear"] for one in server.all("command/velocity")][-3:] == [0.0, 0.0, 0.0])
+        await server.until(
+            lambda: (
+                [one["linear"] for one in server.all("command/velocity")][-3:] == [0.0, 0.0, 0.0]
+            )
+        )
         beats = len(server.all("command/heartbeat"))
         await server.until(lambda: len(server.all("command/heartbeat")) >= beats + 3)
         sent = server.all("command/velocity")
         assert [one["linear"] for one in sent].count(0.0) == 3
         assert [one["seq"] for one in sent] == list(range(1, len(sent) + 1))
-        assert all((one["session"], one["epoch"], one["method"]) == ("s1", 3, "keyboard") for one in sent)
+        assert all(
+            (one["session"], one["epoch"], one["method"]) == ("s1", 3, "keyboard") for one in sent
+        )
         assert sent[0]["frame"] > 1000.0
         await cockpit.close()
 
@@ -61,7 +74,14 @@ async def test_it_echoes_the_robots_heartbeat_and_learns_the_round_trip():
         cockpit = await at_the_wheel(server)
         await server.until(lambda: server.all("command/heartbeat"))
         mine = server.all("command/heartbeat")[-1]
-        await server.say("heartbeat", Heartbeat(n=7, stamp=50.0, echoes=({"peer": "p1", "n": mine["n"], "stamp": mine["stamp"], "received": 49.99},)))
+        await server.say(
+            "heartbeat",
+            Heartbeat(
+                n=7,
+                stamp=50.0,
+                echoes=({"peer": "p1", "n": mine["n"], "stamp": mine["stamp"], "received": 49.99},),
+            ),
+        )
         await server.until(lambda: server.all("command/heartbeat")[-1].get("echo"))
         assert server.all("command/heartbeat")[-1]["echo"]["n"] == 7
         assert 0.0 <= cockpit.view.round_trip < 5.0
@@ -93,14 +113,21 @@ async def test_nonsense_from_the_server_is_left_alone():
         cockpit = await at_the_wheel(server)
         for frame in ("state\n{}", "nothing", "what\n{}", b"picture\nshort", "session/task\n[]"):
             await server.socket.send(frame)
-        await server.say("session/task", protocol.Task(session="s1", stamp=1.0, cue="leave_station", number=1))
+        await server.say(
+            "session/task", protocol.Task(session="s1", stamp=1.0, cue="leave_station", number=1)
+        )
         assert await cockpit.until(lambda: cockpit.view.task.cue == "leave_station", patient(5.0))
         await cockpit.close()
 
 
 async def test_who_leaves_the_queue_says_so_and_has_not_driven(monkeypatch):
     async with RobotSocket(queued=True) as server:
-        drive = Drive(Browser(server.url), {"socket": "/ws/", "robot": "giraff", "floorplan": "/"}, Persona(0, 1), Ending.LEAVES_QUEUE)
+        drive = Drive(
+            Browser(server.url),
+            {"socket": "/ws/", "robot": "giraff", "floorplan": "/"},
+            Persona(0, 1),
+            Ending.LEAVES_QUEUE,
+        )
         await drive.cockpit.connect()
         monkeypatch.setattr("experiments.bots.drive.ASK_AGAIN", 0.3)
         assert not await drive._wait_for_turn()
@@ -110,7 +137,12 @@ async def test_who_leaves_the_queue_says_so_and_has_not_driven(monkeypatch):
 
 
 def about_to(server, ending):
-    return Drive(Browser(server.url), {"socket": "/ws/", "robot": "giraff", "floorplan": "/"}, Persona(0, 1), ending)
+    return Drive(
+        Browser(server.url),
+        {"socket": "/ws/", "robot": "giraff", "floorplan": "/"},
+        Persona(0, 1),
+        ending,
+    )
 
 
 MIDWAY = protocol.Task(session="s1", stamp=1.0, passed=(1, 2))
@@ -160,7 +192,11 @@ async def test_who_presses_stop_lets_go_and_the_stop_kills_all_velocities_before
         assert not await drive._ends_its_own_way()
         (stop,) = server.all("command/action")
         assert stop["type"] == "stop"
-        assert all(one["linear"] == 0.0 for one in server.all("command/velocity") if one["seq"] > stop["seq"])
+        assert all(
+            one["linear"] == 0.0
+            for one in server.all("command/velocity")
+            if one["seq"] > stop["seq"]
+        )
         await drive.cockpit.close()
 
 
@@ -169,10 +205,20 @@ async def test_who_wants_another_photo_keeps_the_second_one():
         drive = await under_way(about_to(server, Ending.TAKES_PHOTO_AGAIN))
         driver = Driver(load_site("office").plan, Guide(AT_CENTRE, {}), STAND)
         for photo in ("one", "one", "two"):
-            drive.view.task = protocol.Task(session="s1", stamp=1.0, cue="photo_review", window="review", photo=photo)
+            drive.view.task = protocol.Task(
+                session="s1", stamp=1.0, cue="photo_review", window="review", photo=photo
+            )
             drive._answer("keep", driver)
-        await server.until(lambda: len([one for one in server.all("page/event") if one["type"] == "photo_answer"]) >= 2)
-        told = [(one["data"]["id"], one["data"]["choice"]) for one in server.all("page/event") if one["type"] == "photo_answer"]
+        await server.until(
+            lambda: (
+                len([one for one in server.all("page/event") if one["type"] == "photo_answer"]) >= 2
+            )
+        )
+        told = [
+            (one["data"]["id"], one["data"]["choice"])
+            for one in server.all("page/event")
+            if one["type"] == "photo_answer"
+        ]
         assert told == [("one", "again"), ("two", "keep")]
         await drive.cockpit.close()
 

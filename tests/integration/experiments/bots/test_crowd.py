@@ -30,9 +30,17 @@ async def test_whoever_lost_the_network_or_closed_the_page_holds_nobody_up():
         await server.until(lambda: server.all("command/heartbeat"))
         assert crowd._round_trips() == []  # the robot has not answered yet
         mine = server.all("command/heartbeat")[-1]
-        await server.say("heartbeat", Heartbeat(n=7, stamp=50.0, echoes=({"peer": "p1", "n": mine["n"], "stamp": mine["stamp"], "received": 49.99},)))
+        await server.say(
+            "heartbeat",
+            Heartbeat(
+                n=7,
+                stamp=50.0,
+                echoes=({"peer": "p1", "n": mine["n"], "stamp": mine["stamp"], "received": 49.99},),
+            ),
+        )
         assert await cockpit.until(lambda: cockpit.view.round_trip is not None, patient(5.0))
-        assert crowd._round_trips()[0] > 0.9 * LATER  # a robot that has long said nothing to somebody who listens
+        # a robot that has long said nothing to somebody who listens
+        assert crowd._round_trips()[0] > 0.9 * LATER
         await cockpit.lose_network()
         assert crowd._round_trips() == []
         await cockpit.come_back()

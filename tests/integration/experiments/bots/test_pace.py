@@ -10,8 +10,9 @@ import pytest
 from experiments.bots.pace import LATE, PROMPT, SLOWEST, Governor, Pace
 
 RATE = 20.0
-# Waits of every kind, and what each took by the process's own clock; `real` is the computer's, which is asked before and after, for a process may
-# be held up between any two questions: the truth lies between the least and the most.
+# Waits of every kind, and what each took by the process's own clock; `real` is the computer's,
+# which is asked before and after, for a process may be held up between any two questions: the truth
+# lies between the least and the most.
 WAITS = """
 import asyncio, json, queue, selectors, socket, sys, threading, time
 from django.utils import timezone
@@ -40,7 +41,12 @@ print(json.dumps({"waits": found, "clocks": [time.time(), timezone.now().timesta
 
 
 def started(pace, code):
-    return subprocess.Popen([sys.executable, "-c", code], env=pace.environment(dict(os.environ)), stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        env=pace.environment(dict(os.environ)),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
 
 def test_every_wait_takes_its_time_by_the_quick_clock_and_a_fraction_of_it_in_truth(tmp_path):
@@ -55,11 +61,25 @@ def test_every_wait_takes_its_time_by_the_quick_clock_and_a_fraction_of_it_in_tr
 def test_all_processes_agree_what_time_it_is_and_django_with_them(tmp_path):
     pace = Pace(tmp_path / "pace")
     pace.set(RATE)
-    asked = "[r(), time.time(), time.monotonic(), time.time(), r()]"  # from outside inwards, for the reason above
-    clock = f"import json, sys, time; r = sys.modules['sitecustomize'].clocks.real; print(json.dumps({asked}))"
+    # from outside inwards, for the reason above
+    asked = "[r(), time.time(), time.monotonic(), time.time(), r()]"
+    clock = (
+        "import json, sys, time; r = sys.modules['sitecustomize'].clocks.real;"
+        f" print(json.dumps({asked}))"
+    )
     a, b = (json.loads(started(pace, clock).communicate(timeout=60)[0]) for _ in range(2))
-    (real_a, unix_a, first, unix_after_a, real_after_a), (real_b, unix_b, second, unix_after_b, real_after_b) = a, b
-    assert 0.99 * RATE * (real_b - real_after_a) <= second - first <= 1.01 * RATE * (real_after_b - real_a)
+    (
+        (real_a, unix_a, first, unix_after_a, real_after_a),
+        (real_b, unix_b, second, unix_after_b, real_after_b),
+    ) = (
+        a,
+        b,
+    )
+    assert (
+        0.99 * RATE * (real_b - real_after_a)
+        <= second - first
+        <= 1.01 * RATE * (real_after_b - real_a)
+    )
     assert unix_b - unix_after_a - 0.01 <= second - first <= unix_after_b - unix_a + 0.01
     before, django, after = json.loads(started(pace, WAITS).communicate(timeout=60)[0])["clocks"]
     assert before - 0.5 <= django <= after + 0.5
@@ -89,7 +109,10 @@ def started_clocks(pace, real):
 
 def test_this_process_and_others_without_a_pace_go_on_as_ever():
     assert time.monotonic.__name__ == "monotonic"
-    assert "sitecustomize" not in sys.modules or getattr(sys.modules["sitecustomize"], "clocks", None) is None
+    assert (
+        "sitecustomize" not in sys.modules
+        or getattr(sys.modules["sitecustomize"], "clocks", None) is None
+    )
 
 
 def test_time_goes_slower_while_answers_are_late_and_never_faster_than_asked_for():

@@ -69,7 +69,12 @@ async def test_a_server_that_does_not_want_it_is_told_from_one_that_is_not_there
     async def nobody(_socket):
         raise AssertionError
 
-    server = await serve(nobody, "127.0.0.1", 0, process_request=lambda connection, _request: connection.respond(403, "no"))
+    server = await serve(
+        nobody,
+        "127.0.0.1",
+        0,
+        process_request=lambda connection, _request: connection.respond(403, "no"),
+    )
     port = server.sockets[0].getsockname()[1]
     async with server:
         with pytest.raises(SocketClosed, match="403"):

@@ -54,7 +54,7 @@ def stored():
     return Study.objects.get().as_definition()
 
 
-# --- building --------------------------------------------------------------------------------------------------------
+# --- building -------------------------------------------------------------------------------------
 
 
 def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(client, boss):
@@ -66,16 +66,25 @@ def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(cli
     send(client, section(row, "steps", 2), "add:leaves")
     send(client, section(row, "steps", 2), leaves__0__text__en="Drive with the arrow keys.")
     for n, closed in enumerate(([], ["door"])):
-        answer = client.post(section(row, "conditions"), {"do": "add:", "sha256": Study.objects.get().sha256})
+        answer = client.post(
+            section(row, "conditions"), {"do": "add:", "sha256": Study.objects.get().sha256}
+        )
         assert answer.headers["Location"] == section(row, "conditions", n)
         send(client, section(row, "conditions", n), title__en=f"Number {n}", doors_closed=closed)
     client.post(section(row, "courses"), {"do": "add:", "sha256": Study.objects.get().sha256})
-    assert [(one.number, one.x, one.y) for one in stored().courses[0].checkpoints] == [(0, 0.5, 2.0)]
+    assert [(one.number, one.x, one.y) for one in stored().courses[0].checkpoints] == [
+        (0, 0.5, 2.0)
+    ]
     send(client, section(row, "courses", 0), "add:checkpoints", at="3 1")
     send(client, section(row, "courses", 0), "add:checkpoints", at="7 2")
     assert publishing.problems_of(Study.objects.get()) == []
     condition = stored().conditions[1]
-    assert (condition.key, condition.robot, condition.site, condition.doors_closed) == ("condition_2", "giraff", "cabin", ("door",))
+    assert (condition.key, condition.robot, condition.site, condition.doors_closed) == (
+        "condition_2",
+        "giraff",
+        "cabin",
+        ("door",),
+    )
 
 
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])
@@ -83,7 +92,11 @@ def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     row = publishing.store(shipped()[slug], NOW)
     definition = row.as_definition()
     addresses = [section(row, "about"), section(row, "rules")]
-    addresses += [section(row, name, n) for name in ("steps", "conditions", "courses") for n in range(len(getattr(definition, name)))]
+    addresses += [
+        section(row, name, n)
+        for name in ("steps", "conditions", "courses")
+        for n in range(len(getattr(definition, name)))
+    ]
     for address in addresses:
         assert send(client, address).status_code == 302, address
         assert (address, Study.objects.get().sha256) == (address, row.sha256)
@@ -101,15 +114,23 @@ def test_what_cannot_be_kept_is_told_beside_its_field_and_nothing_is_lost(client
 
 
 def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(client, study):
-    assert send(client, section(study, "conditions", 0), title__en="", controllers=[]).status_code == 302
+    assert (
+        send(client, section(study, "conditions", 0), title__en="", controllers=[]).status_code
+        == 302
+    )
     told = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
-    assert "Condition all_open: there is no controller and no way to send the robot: nobody could drive." in told
+    assert (
+        "Condition all_open: there is no controller and no way to send the robot: nobody could"
+        " drive." in told
+    )
     assert "all_open.title has no text in en." in told
 
 
 def test_parts_are_added_copied_moved_and_removed(client, study):
     def press(do: str):
-        return client.post(section(study, "conditions"), {"do": do, "sha256": Study.objects.get().sha256})
+        return client.post(
+            section(study, "conditions"), {"do": do, "sha256": Study.objects.get().sha256}
+        )
 
     press("copy:0")
     assert [one.key for one in stored().conditions] == ["all_open", "all_open_2", "shut"]
@@ -118,14 +139,26 @@ def test_parts_are_added_copied_moved_and_removed(client, study):
     press("remove:0")
     press("up:1")
     assert [one.key for one in stored().conditions] == ["shut", "all_open"]
-    for nonsense in ("remove:7", "remove:x", "burn:0", "", "up:0", "remove:-1", "remove:99999999999999999999"):
+    for nonsense in (
+        "remove:7",
+        "remove:x",
+        "burn:0",
+        "",
+        "up:0",
+        "remove:-1",
+        "remove:99999999999999999999",
+    ):
         press(nonsense)
     assert [one.key for one in stored().conditions] == ["shut", "all_open"]
 
 
-@pytest.mark.parametrize("kind", ["consent", "form", "instructions", "practice", "task", "questionnaire", "debrief"])
+@pytest.mark.parametrize(
+    "kind", ["consent", "form", "instructions", "practice", "task", "questionnaire", "debrief"]
+)
 def test_a_step_of_every_kind_is_added_and_shown(client, study, kind):
-    answer = client.post(section(study, "steps"), {"do": f"add:{kind}", "sha256": study.sha256}, follow=True)
+    answer = client.post(
+        section(study, "steps"), {"do": f"add:{kind}", "sha256": study.sha256}, follow=True
+    )
     assert answer.status_code == 200
     added = stored().steps[-1]
     assert added.__struct_config__.tag == kind
@@ -148,7 +181,9 @@ def test_leaving_a_language_takes_its_texts_and_adding_one_asks_for_them(client,
     send(client, section(row, "about"), languages="en")
     assert list(publishing.problems(stored())) == []
     send(client, section(row, "about"), languages="en, fr")
-    assert "fr" in [e.attributes.get("lang") for e in read(client.get(section(row, "steps", 0))).all("textarea")]
+    assert "fr" in [
+        e.attributes.get("lang") for e in read(client.get(section(row, "steps", 0))).all("textarea")
+    ]
     assert any("has no text in fr" in text for text in publishing.problems(stored()))
 
 
@@ -166,31 +201,50 @@ def test_of_two_who_change_a_study_at_once_the_second_sees_both(client, study):
 
 
 def test_a_list_that_was_changed_meanwhile_is_not_changed_blindly(client, study):
-    answer = client.post(section(study, "steps"), {"do": "remove:0", "sha256": "of before"}, follow=True)
+    answer = client.post(
+        section(study, "steps"), {"do": "remove:0", "sha256": "of before"}, follow=True
+    )
     assert "Somebody changed this study meanwhile" in read(answer).text
     assert stored() == small_study()
 
 
 def test_pages_of_nothing_are_not_there(client, study):
-    for address in (section(study, "nonsense"), section(study, "steps", 9), section(study, "about", 0), section(study, "nonsense", 0)):
-        assert (client.get(address).status_code, client.post(address, {"do": "save"}).status_code) == (404, 404)
-    assert client.post(section(study, "steps"), {"do": "add:nonsense", "sha256": study.sha256}).status_code == 404
+    for address in (
+        section(study, "nonsense"),
+        section(study, "steps", 9),
+        section(study, "about", 0),
+        section(study, "nonsense", 0),
+    ):
+        assert (
+            client.get(address).status_code,
+            client.post(address, {"do": "save"}).status_code,
+        ) == (404, 404)
+    assert (
+        client.post(
+            section(study, "steps"), {"do": "add:nonsense", "sha256": study.sha256}
+        ).status_code
+        == 404
+    )
 
 
-@pytest.mark.parametrize("forged", [{"slug": "other"}, {"version": "7"}, {"format": "2"}, {"steps": "[]"}])
+@pytest.mark.parametrize(
+    "forged", [{"slug": "other"}, {"version": "7"}, {"format": "2"}, {"steps": "[]"}]
+)
 def test_name_version_and_other_parts_cannot_be_slipped_in(client, study, forged):
     send(client, section(study, "about"), **forged)
     assert (stored(), Study.objects.get().slug) == (small_study(), "cabin-study")
 
 
-# --- courses ---------------------------------------------------------------------------------------------------------
+# --- courses --------------------------------------------------------------------------------------
 
 
 def check(client, row: Study, **changes):
     data = form_of(client.get(section(row, "courses", 0)))
     for name, value in changes.items():
         data[name.replace("__", ".")] = value
-    return client.post(reverse("admin:experiments_study_check", args=[row.pk, "courses", 0]), dict(data.lists()))
+    return client.post(
+        reverse("admin:experiments_study_check", args=[row.pk, "courses", 0]), dict(data.lists())
+    )
 
 
 def test_the_course_page_has_the_ground_and_the_way_to_the_check(client, study):
@@ -206,18 +260,28 @@ def test_what_a_course_cannot_reach_is_told_before_it_is_saved(client, study):
     assert wrong["checkpoints"] == [1]
     assert "checkpoint 1 lies in no room." in wrong["problems"]
     assert check(client, study, checkpoints__0__y="3.5").json()["checkpoints"] == [0]
-    assert check(client, study, checkpoints__1__x="here").json() == {"problems": ["This is not a number."], "checkpoints": []}
+    assert check(client, study, checkpoints__1__x="here").json() == {
+        "problems": ["This is not a number."],
+        "checkpoints": [],
+    }
     assert stored() == small_study()
 
 
 def test_a_door_that_is_closed_in_some_condition_is_thought_of(client, study):
     plan = {"passages": []}
     row = publishing.FloorPlan.objects.get()
-    row.plan = {**row.plan, **plan, "walls": [*row.plan["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}]}
+    row.plan = {
+        **row.plan,
+        **plan,
+        "walls": [*row.plan["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}],
+    }
     row.save()
     told = check(client, study).json()
     assert told["checkpoints"] == [2]
-    assert "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed." in told["problems"]
+    assert (
+        "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."
+        in told["problems"]
+    )
 
 
 def test_checkpoints_are_numbered_as_they_stand_and_the_photo_goes_along(client, study):
@@ -235,7 +299,9 @@ def test_a_zone_is_added_where_the_map_was_clicked(client, study):
 
 def test_a_course_without_a_floor_plan_says_so_and_can_still_be_written(client, boss):
     row = publishing.store(small_study(), NOW)
-    assert "There is no floor plan of this site" in read(client.get(section(row, "courses", 0))).text
+    assert (
+        "There is no floor plan of this site" in read(client.get(section(row, "courses", 0))).text
+    )
     assert send(client, section(row, "courses", 0), checkpoints__1__x="2.5").status_code == 302
     assert stored().courses[0].checkpoints[1].x == 2.5
 
@@ -247,7 +313,7 @@ def test_nobody_else_may_ask_for_a_check(client, study):
     assert client.post(address, {}).status_code == 404
 
 
-# --- where a problem belongs -----------------------------------------------------------------------------------------
+# --- where a problem belongs ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -260,7 +326,10 @@ def test_nobody_else_may_ask_for_a_check(client, study):
         ("Step task: there is nothing to read.", Place("steps", 0)),
         ("Condition shut: there is no site cabin.", Place("conditions", 1)),
         ("Course of giraff at cabin: there is no checkpoint.", Place("courses", 0)),
-        ("There are 2 task steps; a study has one, which is repeated for each condition.", Place("steps")),
+        (
+            "There are 2 task steps; a study has one, which is repeated for each condition.",
+            Place("steps"),
+        ),
         ("The refill rule needs both outcomes and a number.", Place("rules")),
         ("Something that nobody foresaw.", None),
     ],

@@ -1,4 +1,6 @@
-"""A study in the database becomes the dataset that was put in, by other names, and nothing that tells who somebody is."""
+"""A study in the database becomes the dataset that was put in, by other names, and nothing that
+tells who somebody is.
+"""
 
 from dataclasses import replace
 
@@ -18,7 +20,10 @@ def both():
     """A dataset that was put into the database, and what comes out."""
     made = made_up(np.random.default_rng(71), 12)
     closed = {one.key: tuple(sorted(one.doors_closed)) for one in made.study.conditions}
-    made = replace(made, sessions=tuple(replace(one, doors_closed=closed[one.condition]) for one in made.sessions))
+    made = replace(
+        made,
+        sessions=tuple(replace(one, doors_closed=closed[one.condition]) for one in made.sessions),
+    )
     stored = put(made)
     return made, stored, dataset_of(stored.study)
 
@@ -28,7 +33,19 @@ def test_sessions_come_out_as_they_were_put_in_by_other_names(both):
     assert len(found.sessions) == len(made.sessions)
     for before, after in zip(made.sessions, found.sessions, strict=True):
         assert after.id not in {one.id for one in made.sessions}
-        for name in ("participant", "robot", "number", "condition", "site", "outcome", "os", "browser", "operator", "practice", "doors_closed"):
+        for name in (
+            "participant",
+            "robot",
+            "number",
+            "condition",
+            "site",
+            "outcome",
+            "os",
+            "browser",
+            "operator",
+            "practice",
+            "doors_closed",
+        ):
             assert getattr(after, name) == getattr(before, name), name
         for name in ("first_frame", "first_motion", "ended"):
             np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=2e-6)
@@ -37,22 +54,40 @@ def test_sessions_come_out_as_they_were_put_in_by_other_names(both):
 def test_states_and_network_come_out_as_they_were_put_in_whatever_the_clocks_said(both):
     made, _, found = both
     for before, after in zip(made.sessions, found.sessions, strict=True):
-        states, expected, network = found.states(after.id), made.states(before.id), found.network(after.id)
+        states, expected, network = (
+            found.states(after.id),
+            made.states(before.id),
+            found.network(after.id),
+        )
         for column in expected.layout:
             if column.name == "received":  # known for a chunk, not for each of its states
                 continue
             counts = slice(None) if column.name != "age_max" else expected["commands"] > 0
-            np.testing.assert_allclose(states[column.name][counts], expected[column.name][counts], atol=2e-6)
+            np.testing.assert_allclose(
+                states[column.name][counts], expected[column.name][counts], atol=2e-6
+            )
         np.testing.assert_allclose(network.values, made.network(before.id).values, atol=2e-6)
 
 
 def test_people_pages_answers_and_events_come_out_as_they_were_put_in(both):
     made, _, found = both
-    assert [replace(one, left="", age=0.0) for one in found.participants] == [replace(one, left="", age=0.0) for one in made.participants]
-    assert {(one.participant, one.step, one.finished) for one in found.pages} == {(one.participant, one.step, one.finished) for one in made.pages}
-    codes = {before.id: after.id for before, after in zip(made.sessions, found.sessions, strict=True)} | {"": ""}
-    given = {(one.questionnaire, one.participant, one.session): dict(one.values) for one in found.responses}
-    assert given == {(one.questionnaire, one.participant, codes[one.session]): dict(one.values) for one in made.responses}
+    assert [replace(one, left="", age=0.0) for one in found.participants] == [
+        replace(one, left="", age=0.0) for one in made.participants
+    ]
+    assert {(one.participant, one.step, one.finished) for one in found.pages} == {
+        (one.participant, one.step, one.finished) for one in made.pages
+    }
+    codes = {
+        before.id: after.id for before, after in zip(made.sessions, found.sessions, strict=True)
+    } | {"": ""}
+    given = {
+        (one.questionnaire, one.participant, one.session): dict(one.values)
+        for one in found.responses
+    }
+    assert given == {
+        (one.questionnaire, one.participant, codes[one.session]): dict(one.values)
+        for one in made.responses
+    }
     assert len(found.events) == len(made.events)
     assert found.plans == made.plans
 
@@ -63,4 +98,6 @@ def test_the_tables_are_those_of_the_dataset_that_was_put_in(both):
     for first, second in zip(before.tables, after.tables, strict=True):
         if first.name in {"table-1", "sessions", "segments", "flow"}:
             continue
-        assert [[cell.text for cell in row] for row in first.rows] == [[cell.text for cell in row] for row in second.rows], first.name
+        assert [[cell.text for cell in row] for row in first.rows] == [
+            [cell.text for cell in row] for row in second.rows
+        ], first.name

@@ -30,19 +30,28 @@ def rehearsed(row: Study, **changes) -> Rehearsal:
     return Rehearsal.objects.create(study=row, **{**fields, **changes})
 
 
-# --- drafts ----------------------------------------------------------------------------------------------------------
+# --- drafts ---------------------------------------------------------------------------------------
 
 
 def test_storing_the_same_study_twice_gives_one_row():
     assert store(small_study(), NOW).pk == store(small_study(), NOW).pk
     row = Study.objects.get()
-    assert (row.slug, row.version, row.title, row.status) == ("cabin-study", 1, "Cabin", Study.Status.DRAFT)
+    assert (row.slug, row.version, row.title, row.status) == (
+        "cabin-study",
+        1,
+        "Cabin",
+        Study.Status.DRAFT,
+    )
 
 
 def test_a_draft_is_replaced_by_a_changed_definition_of_its_version():
     store(small_study(), NOW)
     row = store(small_study(title={"en": "Hut"}), NOW)
-    assert (Study.objects.count(), row.title, row.as_definition().title) == (1, "Hut", {"en": "Hut"})
+    assert (Study.objects.count(), row.title, row.as_definition().title) == (
+        1,
+        "Hut",
+        {"en": "Hut"},
+    )
 
 
 def test_a_study_with_problems_is_not_stored():
@@ -53,14 +62,22 @@ def test_a_study_with_problems_is_not_stored():
 
 
 def test_a_half_done_draft_is_kept_with_its_problems():
-    row = publishing.save_draft(store(small_study(), NOW), small_study(conditions=[], slug="other", version=7))
+    row = publishing.save_draft(
+        store(small_study(), NOW), small_study(conditions=[], slug="other", version=7)
+    )
     assert (row.slug, row.version) == ("cabin-study", 1)
     assert "There is no condition." in publishing.problems_of(row)
 
 
 def test_saving_what_says_the_same_keeps_the_digest_that_was_rehearsed():
     row = store(small_study(), NOW)
-    courses = [{**STUDY["courses"][0], "zones": [], "photo": {"checkpoint": 2, "mirror": "mirror", "radius": 1.5}}]
+    courses = [
+        {
+            **STUDY["courses"][0],
+            "zones": [],
+            "photo": {"checkpoint": 2, "mirror": "mirror", "radius": 1.5},
+        }
+    ]
     assert publishing.save_draft(row, small_study(courses=courses)).sha256 == row.sha256
 
 
@@ -74,20 +91,29 @@ def test_of_two_who_change_a_draft_at_once_the_second_is_told():
 
 def test_an_empty_study_has_the_usual_steps_and_says_what_is_missing():
     row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
-    assert [step.key for step in row.as_definition().steps] == ["consent", "about_you", "instructions", "task", "experience", "thanks"]
+    assert [step.key for step in row.as_definition().steps] == [
+        "consent",
+        "about_you",
+        "instructions",
+        "task",
+        "experience",
+        "thanks",
+    ]
     assert "There is no condition." in publishing.problems_of(row)
     with pytest.raises(BadDefinitionError, match="There is a study mine already"):
         publishing.begin_empty("mine", "My study", ["en"], NOW)
 
 
-@pytest.mark.parametrize(("slug", "languages"), [("Not A Slug", ["en"]), ("mine", ["English!"]), ("link", ["en"])])
+@pytest.mark.parametrize(
+    ("slug", "languages"), [("Not A Slug", ["en"]), ("mine", ["English!"]), ("link", ["en"])]
+)
 def test_an_empty_study_needs_a_right_name_and_languages(slug, languages):
     with pytest.raises(BadDefinitionError):
         publishing.begin_empty(slug, "My study", languages, NOW)
     assert not Study.objects.exists()
 
 
-# --- what stands in the way ------------------------------------------------------------------------------------------
+# --- what stands in the way -----------------------------------------------------------------------
 
 
 def test_without_sites_and_robots_a_study_cannot_be_run():
@@ -104,24 +130,31 @@ def test_with_its_site_and_robot_nothing_stands_in_the_way():
 def test_a_robot_that_is_elsewhere_stands_in_the_way():
     cabin_with_giraff().robots.update(floor_plan=None)
     robot_at(store_floor_plan(OFFICE), "far", "giraff")
-    assert "Condition shut: no giraff is at the site cabin." in publishing.obstacles_here(small_study())
+    assert "Condition shut: no giraff is at the site cabin." in publishing.obstacles_here(
+        small_study()
+    )
 
 
 def test_a_series_can_do_what_each_of_its_robots_can():
     plan = cabin_with_giraff()
     robot_at(plan, "lame", "giraff", capabilities=("velocity",))
     tilting = [{**condition, "actions": ["tilt"]} for condition in STUDY["conditions"]]
-    assert "Condition all_open: giraff cannot do the action tilt." in publishing.obstacles_here(small_study(conditions=tilting))
+    assert "Condition all_open: giraff cannot do the action tilt." in publishing.obstacles_here(
+        small_study(conditions=tilting)
+    )
 
 
 def test_the_shipped_studies_can_be_run_in_the_office():
     office = store_floor_plan(OFFICE)
     for name in ("giraff", "rhodon"):
         robot_at(office, name, name)
-    assert {slug: publishing.obstacles_here(study) for slug, study in shipped().items()} == {"exploration": [], "assistance": []}
+    assert {slug: publishing.obstacles_here(study) for slug, study in shipped().items()} == {
+        "exploration": [],
+        "assistance": [],
+    }
 
 
-# --- publishing ------------------------------------------------------------------------------------------------------
+# --- publishing -----------------------------------------------------------------------------------
 
 
 def test_publishing_asks_for_a_rehearsal_that_passed_or_a_reason():
@@ -135,7 +168,11 @@ def test_publishing_asks_for_a_rehearsal_that_passed_or_a_reason():
             publish(row, None, reason, NOW)
     ada = person()
     published = publish(row, ada, WHY, NOW)
-    assert (published.status, published.published_at, published.unrehearsed_reason) == (Study.Status.PUBLISHED, NOW, WHY)
+    assert (published.status, published.published_at, published.unrehearsed_reason) == (
+        Study.Status.PUBLISHED,
+        NOW,
+        WHY,
+    )
     assert WHY in LogEntry.objects.get(user=ada).change_message
 
 
@@ -203,14 +240,23 @@ def test_how_people_come_in_may_change_after_publishing(published):
 def test_a_new_version_is_a_draft_with_the_same_settings(published):
     Study.objects.update(time_zone="Europe/Madrid", exclusive=True)
     copy = publishing.new_version(Study.objects.get(), NOW)
-    assert (copy.version, copy.status, copy.time_zone, copy.exclusive) == (2, Study.Status.DRAFT, "Europe/Madrid", True)
+    assert (copy.version, copy.status, copy.time_zone, copy.exclusive) == (
+        2,
+        Study.Status.DRAFT,
+        "Europe/Madrid",
+        True,
+    )
     assert publishing.new_version(published, NOW).version == 3
 
 
 def test_publishing_a_new_version_closes_the_one_before(published):
     newer = publish(publishing.new_version(published, NOW), None, WHY, NOW)
     older = Study.objects.get(pk=published.pk)
-    assert (older.status, older.closed_at, newer.status) == (Study.Status.CLOSED, NOW, Study.Status.PUBLISHED)
+    assert (older.status, older.closed_at, newer.status) == (
+        Study.Status.CLOSED,
+        NOW,
+        Study.Status.PUBLISHED,
+    )
     with pytest.raises(NotPublishableError, match="newer version"):
         publishing.reopen(older)
 
@@ -239,7 +285,9 @@ def test_who_brings_a_study_owns_it_and_no_second_owner_is_made():
     ada = person()
     publishing.own(row, ada)
     publishing.own(row, person("bob"))
-    assert [(member.user, member.role) for member in StudyMember.objects.all()] == [(ada, StudyMember.Role.OWNER)]
+    assert [(member.user, member.role) for member in StudyMember.objects.all()] == [
+        (ada, StudyMember.Role.OWNER)
+    ]
 
 
 def test_a_site_without_a_plan_is_none_to_make_a_course_on():

@@ -28,7 +28,9 @@ pytestmark = pytest.mark.django_db
 
 def heard_of() -> None:
     """The robots are online, for longer than any test takes."""
-    Robot.objects.update(connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1))
+    Robot.objects.update(
+        connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1)
+    )
 
 
 @pytest.fixture
@@ -45,7 +47,17 @@ def study(robot):
 
 def take(robot: Robot, user, **more) -> store.Taken:
     robot.refresh_from_db()
-    return queries.take(robot, user, f"peer-{user}", session=None, old_peer=None, takeover=False, device={}, now=timezone.now(), **more)
+    return queries.take(
+        robot,
+        user,
+        f"peer-{user}",
+        session=None,
+        old_peer=None,
+        takeover=False,
+        device={},
+        now=timezone.now(),
+        **more,
+    )
 
 
 def drives(robot: Robot, participant: Participant, outcome: str = "cancelled") -> Drive:
@@ -59,7 +71,10 @@ def drives(robot: Robot, participant: Participant, outcome: str = "cancelled") -
 
 
 def comers(study: Study, count: int, **more) -> list[Participant]:
-    return [p.comer(study, person(f"visitor-{study.slug}-{n}-{more.get('kind', '')}"), **more) for n in range(count)]
+    return [
+        p.comer(study, person(f"visitor-{study.slug}-{n}-{more.get('kind', '')}"), **more)
+        for n in range(count)
+    ]
 
 
 def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, study):
@@ -67,11 +82,30 @@ def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, s
     granted = take(robot, participant.user)
     participant.refresh_from_db()
     drive = Drive.objects.get(session=granted.session)
-    assert (participant.stage, participant.cell, participant.conditions) == ("under_way", drive.condition, [drive.condition])
+    assert (participant.stage, participant.cell, participant.conditions) == (
+        "under_way",
+        drive.condition,
+        [drive.condition],
+    )
     assert set(participant.candidates) == {"all_open", "shut"}
-    assert (drive.step, drive.visit, drive.round, drive.number, drive.exposed, drive.settled_at) == ("task", 1, 0, 1, False, None)
-    assert granted.terms == terms.of(Session.objects.get()) == msgspec.convert(drive.assigned["terms"], terms.Terms)
-    assert (granted.terms.assist, granted.terms.controllers, granted.terms.grace_seconds) == ("off", ("keyboard",), 120.0)
+    assert (
+        drive.step,
+        drive.visit,
+        drive.round,
+        drive.number,
+        drive.exposed,
+        drive.settled_at,
+    ) == ("task", 1, 0, 1, False, None)
+    assert (
+        granted.terms
+        == terms.of(Session.objects.get())
+        == msgspec.convert(drive.assigned["terms"], terms.Terms)
+    )
+    assert (granted.terms.assist, granted.terms.controllers, granted.terms.grace_seconds) == (
+        "off",
+        ("keyboard",),
+        120.0,
+    )
     assert granted.terms.turn_seconds > 5 * 60.0
     assert granted.terms.doors == {"door": "closed" if drive.condition == "shut" else "open"}
     assert {"photo", "stop", "cancel"} <= set(granted.terms.actions)
@@ -84,7 +118,9 @@ def test_nobody_is_asked_whether_they_are_there_unless_the_condition_says_so(rob
     standing = grants.standing_of(p.comer(study, person("ada")).user, robot)
     condition = standing.definition.conditions[0]
     asked = msgspec.structs.replace(condition, idle_seconds=45.0)
-    assert [grants.terms_of(standing, one, robot, 1).idle_seconds for one in (condition, asked)] == [0.0, 45.0]
+    assert [
+        grants.terms_of(standing, one, robot, 1).idle_seconds for one in (condition, asked)
+    ] == [0.0, 45.0]
 
 
 def test_a_reload_changes_nothing(robot, study):
@@ -96,7 +132,11 @@ def test_a_reload_changes_nothing(robot, study):
     assert StudyTerms().granted(Session.objects.get(), timezone.now()) == first.terms
     assert Drive.objects.count() == 1
     seen = Participant.objects.get()
-    assert (seen.cell, seen.draw_seed, seen.drawn_as) == (participant.cell, participant.draw_seed, participant.drawn_as)
+    assert (seen.cell, seen.draw_seed, seen.drawn_as) == (
+        participant.cell,
+        participant.draw_seed,
+        participant.drawn_as,
+    )
 
 
 def test_cells_fill_evenly_and_every_draw_can_be_repeated(robot, study):
@@ -114,7 +154,10 @@ def test_pilots_and_bots_are_assigned_among_themselves(robot, study):
         for participant in comers(study, 2, kind=kind):
             drives(robot, participant)
     for kind in Kind:
-        assert sorted(Participant.objects.filter(kind=kind).values_list("cell", flat=True)) == ["all_open", "shut"]
+        assert sorted(Participant.objects.filter(kind=kind).values_list("cell", flat=True)) == [
+            "all_open",
+            "shut",
+        ]
 
 
 def test_a_participant_who_comes_back_keeps_the_cell_and_has_another_session(robot, study):
@@ -143,7 +186,9 @@ def test_somebody_whose_place_was_freed_is_drawn_anew(robot, study):
 
 def test_within_participants_each_round_has_the_next_condition(robot):
     repeated = [{**STUDY["steps"][0], "repeat": True}, {**STUDY["steps"][1], "repeat": True}]
-    study = p.published(small_study(slug="within", allocation={"design": "within", "order": "all"}, steps=repeated))
+    study = p.published(
+        small_study(slug="within", allocation={"design": "within", "order": "all"}, steps=repeated)
+    )
     participant = p.comer(study, person("ada"))
     first = drives(robot, participant)
     Participant.objects.update(round=1, step="task")
@@ -154,14 +199,17 @@ def test_within_participants_each_round_has_the_next_condition(robot):
 
 
 def test_a_practice_drive_has_no_course_and_is_completed_by_leaving(robot):
-    steps = [{"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2}, *STUDY["steps"]]
+    steps = [
+        {"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2},
+        *STUDY["steps"],
+    ]
     participant = p.comer(p.published(small_study(steps=steps)), person("ada"))
     granted = take(robot, participant.user)
     drive = Drive.objects.get()
     assert (drive.step, track_of(drive), granted.terms.leaving_completes) == ("try", None, True)
 
 
-# --- who may not -----------------------------------------------------------------------------------------------------
+# --- who may not ----------------------------------------------------------------------------------
 
 
 def test_when_every_place_is_taken_nobody_new_may_ask(robot):
@@ -180,7 +228,10 @@ def test_the_last_place_that_went_while_somebody_asked_ends_their_visit(robot, m
     drives(robot, ben)
     monkeypatch.setattr(grants, "_why_not", lambda *_: "")
     refused = take(robot, cem.user)
-    assert (refused.reason, Session.objects.get(pk=refused.session).outcome) == ("full", "cancelled")
+    assert (refused.reason, Session.objects.get(pk=refused.session).outcome) == (
+        "full",
+        "cancelled",
+    )
     assert not Drive.objects.filter(participant=cem).exists()
 
 
@@ -202,10 +253,14 @@ def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     assert isinstance(take(robot, participant.user), store.Granted)
 
 
-def test_a_robot_by_invitation_is_driven_by_whom_the_study_invites_while_they_are_to_drive_and_watched_by_nobody_for_that(robot):
+def test_a_robot_by_invitation_is_driven_by_whom_the_study_invites_while_they_are_to_drive_and_watched_by_nobody_for_that(
+    robot,
+):
     Robot.objects.update(access="invitation")
     robot.refresh_from_db()
-    study = p.published(small_study(conditions=[{**one, "access": "invitation"} for one in STUDY["conditions"]]))
+    study = p.published(
+        small_study(conditions=[{**one, "access": "invitation"} for one in STUDY["conditions"]])
+    )
     invited, stranger = p.comer(study, person("ada"), access="invitation"), person("ben")
     assert may_drive(invited.user, robot)
     assert not may_observe(invited.user, robot)
@@ -215,7 +270,9 @@ def test_a_robot_by_invitation_is_driven_by_whom_the_study_invites_while_they_ar
     assert may_drive(invited.user, robot).reason == "not_invited"
 
 
-def test_whom_nobody_invited_costs_one_look_and_an_invitation_as_many_as_two(robot, django_assert_num_queries):
+def test_whom_nobody_invited_costs_one_look_and_an_invitation_as_many_as_two(
+    robot, django_assert_num_queries
+):
     by_invitation = [{**one, "access": "invitation"} for one in STUDY["conditions"]]
     invited, comer = person("ada"), person("ben")
     for slug in ("first", "second", "third"):
@@ -293,7 +350,12 @@ def test_who_drives_for_themselves_and_then_takes_part_begins_anew_from_the_stat
     assert isinstance(queued, store.Queued)
     assert queued.reason.startswith("returning")
     before = Session.objects.get(pk=free)
-    assert (before.state, before.outcome, before.outcome_reason, before.terms) == ("ended", "completed", "begins_anew", {})
+    assert (before.state, before.outcome, before.outcome_reason, before.terms) == (
+        "ended",
+        "completed",
+        "begins_anew",
+        {},
+    )
     Robot.objects.update(turnaround="ready")
     granted = take(robot, user)
     assert granted.session == queued.session

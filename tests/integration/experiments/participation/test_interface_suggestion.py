@@ -1,4 +1,6 @@
-"""Which profile of the drive page suits somebody, by what they answered about their use of computers and games."""
+"""Which profile of the drive page suits somebody, by what they answered about their use of
+computers and games.
+"""
 
 import datetime
 
@@ -34,7 +36,14 @@ def test_the_profile_follows_from_how_often_somebody_uses_computers_and_plays(us
 
 def answered(who, *, context, now, done=True, **use):
     definition = defined([item("number", key, minimum=0.0, maximum=4.0) for key in use], slug="ict")
-    response = begin(store(definition, NOW), Respondent(user=who), Context(key=context), language="en", seed=1, now=now)
+    response = begin(
+        store(definition, NOW),
+        Respondent(user=who),
+        Context(key=context),
+        language="en",
+        seed=1,
+        now=now,
+    )
     for key, value in use.items():
         save_one(response, definition, key, {key: [str(value)]}, Saving(now=now, language="en"))
     if done:
@@ -49,7 +58,14 @@ def test_the_newest_finished_answers_count_and_only_ones_own():
     assert suggested_to(anna) == "novice"
     answered(anna, context="second", now=LATER, computer=4, games=4)
     assert suggested_to(anna) == "expert"
-    answered(anna, context="third", now=LATER + datetime.timedelta(days=1), done=False, computer=0, games=0)
+    answered(
+        anna,
+        context="third",
+        now=LATER + datetime.timedelta(days=1),
+        done=False,
+        computer=0,
+        games=0,
+    )
     assert suggested_to(anna) == "expert"
     assert suggested_to(bert) is None
 

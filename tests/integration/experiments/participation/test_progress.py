@@ -26,7 +26,15 @@ def twice():
 def answer(participant: Participant) -> None:
     """Answer the questions of the step where somebody stands."""
     step = progress.step_of(participant)
-    given = ask(participant, progress.place(participant), step, robot=(), outcome="", return_to="", now=timezone.now())
+    given = ask(
+        participant,
+        progress.place(participant),
+        step,
+        robot=(),
+        outcome="",
+        return_to="",
+        now=timezone.now(),
+    )
     type(given).objects.filter(pk=given.pk).update(finished_at=timezone.now())
 
 
@@ -36,7 +44,11 @@ def test_coming_in_twice_makes_one_row_at_the_first_step(study):
     second = p.comer(study, user, recruitment={"PROLIFIC_PID": "other"}, language="en")
     assert first.pk == second.pk
     assert progress.place(second) == Place(1, 0, "consent")
-    assert (second.recruitment, second.language, second.kind) == ({"PROLIFIC_PID": "abc"}, "es", "participant")
+    assert (second.recruitment, second.language, second.kind) == (
+        {"PROLIFIC_PID": "abc"},
+        "es",
+        "participant",
+    )
     assert list(StepVisit.objects.values_list("step", "finished_at")) == [("consent", None)]
 
 
@@ -63,12 +75,20 @@ def test_going_on_happens_once_however_often_it_is_asked(study):
     assert progress.go_on(participant, here, timezone.now())
     assert not progress.go_on(stale, here, timezone.now())
     assert progress.place(stale) == Place(1, 0, "about_you")
-    assert {row.step: row.finished_at is None for row in StepVisit.objects.all()} == {"consent": False, "about_you": True}
+    assert {row.step: row.finished_at is None for row in StepVisit.objects.all()} == {
+        "consent": False,
+        "about_you": True,
+    }
 
 
 def test_a_place_of_another_visit_or_study_moves_nobody(study):
     participant = p.comer(study, person())
-    for there in (Place(2, 0, "consent"), Place(1, 1, "consent"), Place(1, 0, "nothing"), Place(1, 0, "task")):
+    for there in (
+        Place(2, 0, "consent"),
+        Place(1, 1, "consent"),
+        Place(1, 0, "nothing"),
+        Place(1, 0, "task"),
+    ):
         assert not progress.go_on(participant, there, timezone.now())
     assert progress.place(participant) == Place(1, 0, "consent")
 
@@ -83,8 +103,15 @@ def walk(participant: Participant) -> list[str]:
 
 def test_the_way_through_the_papers_study_ends_at_the_thanks_with_a_code(study):
     participant = p.comer(study, person())
-    assert walk(participant) == ["1.0.consent", "1.0.about_you", "1.0.instructions", "1.0.task", "1.0.experience"]
-    assert (participant.step, participant.completion) == ("thanks", "technical_failure")  # nobody drove
+    assert walk(participant) == [
+        "1.0.consent",
+        "1.0.about_you",
+        "1.0.instructions",
+        "1.0.task",
+        "1.0.experience",
+    ]
+    # nobody drove
+    assert (participant.step, participant.completion) == ("thanks", "technical_failure")
     assert participant.completion_code == completion.code(study, "technical_failure")
 
 
@@ -104,7 +131,9 @@ def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study
     from experiments.participation import consent
 
     participant = p.comer(study, person())
-    consent.agree(participant, progress.step_of(participant), language="en", age=30, now=timezone.now())
+    consent.agree(
+        participant, progress.step_of(participant), language="en", age=30, now=timezone.now()
+    )
     progress.go_on(participant, progress.place(participant), timezone.now())
     answer(participant)
     walk(participant)
@@ -115,14 +144,19 @@ def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study
     assert not progress.come_again(participant, timezone.now())
     assert walk(participant) == ["2.0.instructions", "2.0.task", "2.0.experience"]
     steps = {step.key: step for step in study.as_definition().steps}
-    first, second = (context_key(participant, Place(visit, 0, "experience"), steps["experience"]) for visit in (1, 2))
+    first, second = (
+        context_key(participant, Place(visit, 0, "experience"), steps["experience"])
+        for visit in (1, 2)
+    )
     assert first != second
     assert context_key(participant, Place(2, 0, "about_you"), steps["about_you"]) == context_key(
         participant, Place(1, 0, "about_you"), steps["about_you"]
     )
 
 
-def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_until_a_later_one_succeeds(study):
+def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_until_a_later_one_succeeds(
+    study,
+):
     robot = p.site("office")
     participant = p.assign(p.comer(study, person()), "giraff_open")
     Participant.objects.filter(pk=participant.pk).update(step="task")
@@ -154,7 +188,9 @@ def test_who_sees_which_version(study):
     began = p.comer(study, visitor)
     Study.objects.filter(pk=draft.pk).update(status="published")
     Study.objects.filter(pk=study.pk).update(status="closed")
-    assert progress.study_for(visitor, "exploration") == study, "whoever began goes on with what they began"
+    assert progress.study_for(visitor, "exploration") == study, (
+        "whoever began goes on with what they began"
+    )
     Participant.objects.filter(pk=began.pk).update(status="finished")
     assert progress.study_for(visitor, "exploration") == draft
     assert progress.study_for(visitor, "nothing") is None
@@ -166,13 +202,20 @@ def test_a_draft_is_nobodys_but_its_researchers():
     assert progress.study_for(person("root", is_superuser=True), "exploration") == draft
 
 
-def test_the_home_page_shows_what_is_published_and_open_to_all_and_of_what_is_closed_now_when_it_opens(study, twice):
+def test_the_home_page_shows_what_is_published_and_open_to_all_and_of_what_is_closed_now_when_it_opens(
+    study, twice
+):
     now = datetime.datetime(2026, 3, 7, 12, 0, tzinfo=datetime.UTC)  # a Saturday
     assert {one.slug for one in progress.visible_studies(now)} == {"exploration", "assistance"}
-    Study.objects.filter(pk=study.pk).update(opening_hours=[{"days": [0], "start": "09:00", "end": "10:00"}])
+    Study.objects.filter(pk=study.pk).update(
+        opening_hours=[{"days": [0], "start": "09:00", "end": "10:00"}]
+    )
     assert [one.slug for one in progress.visible_studies(now)] == ["assistance", "exploration"]
     opens = {one.slug: one.opens_at for one in landing.invitations("en", now)}
-    assert opens == {"assistance": None, "exploration": datetime.datetime(2026, 3, 9, 9, 0)}  # noqa: DTZ001 -- as the wall clock shows it there
+    assert opens == {
+        "assistance": None,
+        "exploration": datetime.datetime(2026, 3, 9, 9, 0),
+    }  # noqa: DTZ001 -- as the wall clock shows it there
     Study.objects.filter(pk=twice.pk).update(entry="personal")
     assert [one.slug for one in progress.visible_studies(now)] == ["exploration"]
 
@@ -189,6 +232,9 @@ def test_a_study_is_full_when_every_cell_has_its_quota():
 
 def test_before_the_assignment_all_conditions_that_are_open_to_somebody_are_possible(study):
     assert {one.robot for one in progress.open_conditions(p.comer(study, person()))} == {"giraff"}
-    assert {one.robot for one in progress.open_conditions(p.comer(study, person("eva"), access="invitation"))} == {"rhodon"}
+    assert {
+        one.robot
+        for one in progress.open_conditions(p.comer(study, person("eva"), access="invitation"))
+    } == {"rhodon"}
     assigned = p.assign(p.comer(study, person("ann")), "giraff_lab_closed")
     assert [one.key for one in progress.open_conditions(assigned)] == ["giraff_lab_closed"]

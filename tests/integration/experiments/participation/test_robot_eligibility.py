@@ -35,7 +35,10 @@ def mallory():
 
 
 def by(user, **more) -> Study:
-    study = p.published(small_study(conditions=[{**one, "access": "invitation"} for one in STUDY["conditions"]]), **more)
+    study = p.published(
+        small_study(conditions=[{**one, "access": "invitation"} for one in STUDY["conditions"]]),
+        **more,
+    )
     Study.objects.update(published_by=user)
     return study
 
@@ -89,6 +92,11 @@ def test_a_draft_has_nobodys_robots_at_its_disposal(robot, mallory):
 
 
 def test_who_publishes_is_written_down(robot):
-    row = publishing.publish(publishing.store(small_study(), timezone.now()), robot.owner, "because it is a test", timezone.now())
+    row = publishing.publish(
+        publishing.store(small_study(), timezone.now()),
+        robot.owner,
+        "because it is a test",
+        timezone.now(),
+    )
     assert row.published_by == robot.owner
     assert is_lent(robot, "cabin-study")

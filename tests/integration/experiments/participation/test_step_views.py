@@ -13,7 +13,11 @@ from tests.support.people import person
 from tests.support.study_walk import Walker
 
 pytestmark = pytest.mark.django_db
-PLACES = [(name, place) for name, study in shipped().items() for place in journey.route(study, journey.rounds(study, "open"), 1)]
+PLACES = [
+    (name, place)
+    for name, study in shipped().items()
+    for place in journey.route(study, journey.rounds(study, "open"), 1)
+]
 
 
 @pytest.fixture
@@ -24,7 +28,11 @@ def robot():
 @pytest.fixture
 def walk(robot):
     def start(name: str = "exploration", username: str = "ada", **fields) -> Walker:
-        walker = Walker(Study.objects.filter(slug=name).first() or p.published(p.of(name), **fields), person(username), robot)
+        walker = Walker(
+            Study.objects.filter(slug=name).first() or p.published(p.of(name), **fields),
+            person(username),
+            robot,
+        )
         walker.come()
         return walker
 
@@ -38,11 +46,13 @@ def bring(walker: Walker, place: journey.Place) -> None:
         assert progress.place(walker.participant) != before, f"stuck at {before.word}"
 
 
-# --- every step, whatever somebody does with their browser ------------------------------------------------------------
+# --- every step, whatever somebody does with their browser ----------------------------------------
 
 
 def check_reload_and_back(walker: Walker, past: list[dict[str, str]]) -> None:
-    """Nothing changes by looking again, on another device, or by sending again what was sent before."""
+    """Nothing changes by looking again, on another device, or by sending again what was sent
+    before.
+    """
     place = progress.place(walker.participant)
     shown = walker.look()
     assert faults(shown) == [], place.word
@@ -57,7 +67,9 @@ def check_reload_and_back(walker: Walker, past: list[dict[str, str]]) -> None:
 
 
 @pytest.mark.parametrize("name", list(shipped()))
-def test_every_step_of_a_study_under_reload_back_second_tab_and_other_device_loses_nothing_and_does_nothing_twice(walk, name):
+def test_every_step_of_a_study_under_reload_back_second_tab_and_other_device_loses_nothing_and_does_nothing_twice(
+    walk, name
+):
     walker, other = walk(name), None
     past: list[dict[str, str]] = []
     way = progress.way_of(walker.participant)
@@ -74,7 +86,9 @@ def test_every_step_of_a_study_under_reload_back_second_tab_and_other_device_los
         walker.do()
         other.post(walker.url(), past[-1])
         walker.look(other)
-        assert progress.place(walker.participant) == way[number + 1], f"{place.word}: answered in two tabs"
+        assert progress.place(walker.participant) == way[number + 1], (
+            f"{place.word}: answered in two tabs"
+        )
     assert StepVisit.objects.filter(finished_at=None).count() == 1  # the thanks
     assert ConsentReceipt.objects.count() == 1
     contexts = [context for (context,) in Response.objects.values_list("context")]
@@ -97,11 +111,14 @@ def test_a_whole_study_and_a_second_visit_without_the_questions_about_the_person
     assert "consent" not in passed
     assert "about_you" not in passed
     assert passed.count("task") == len(walker.participant.conditions)
-    asked = Response.objects.filter(questionnaire__slug="ict").count(), Response.objects.filter(questionnaire__slug="experience").count()
+    asked = (
+        Response.objects.filter(questionnaire__slug="ict").count(),
+        Response.objects.filter(questionnaire__slug="experience").count(),
+    )
     assert asked == (1, 2 * len(walker.participant.conditions))
 
 
-# --- consent ---------------------------------------------------------------------------------------------------------
+# --- consent --------------------------------------------------------------------------------------
 
 
 def test_the_receipt_holds_the_text_as_it_was_shown_and_can_be_taken_along(walk):
@@ -109,7 +126,9 @@ def test_the_receipt_holds_the_text_as_it_was_shown_and_can_be_taken_along(walk)
     page = read(walker.client.get(walker.url(), headers={"accept-language": "es"}))
     assert "Conducirás un robot real" in page.text
     walker.client.post(
-        walker.url(), {"place": "1.0.consent", "age": "17", "guardian": "Grandma  Ada", "agree": "on"}, headers={"accept-language": "es"}
+        walker.url(),
+        {"place": "1.0.consent", "age": "17", "guardian": "Grandma  Ada", "agree": "on"},
+        headers={"accept-language": "es"},
     )
     row = ConsentReceipt.objects.get()
     assert (row.language, row.version, row.guardian) == ("es", 1, "Grandma Ada")
@@ -122,10 +141,22 @@ def test_the_receipt_holds_the_text_as_it_was_shown_and_can_be_taken_along(walk)
 
 @pytest.mark.parametrize(
     "fields",
-    [{}, {"age": "30"}, {"agree": "on"}, {"age": "0", "agree": "on"}, {"age": "-5", "agree": "on"}, {"age": "121", "agree": "on"},
-     {"age": "1e3", "agree": "on"}, {"age": "٣٠x", "agree": "on"}, {"age": "17", "agree": "on"}, {"age": "17", "agree": "on", "guardian": "\u202ex"}],
-)  # fmt: skip
-def test_a_consent_that_is_not_given_or_out_of_range_is_asked_again_and_nothing_is_stored(walk, fields):
+    [
+        {},
+        {"age": "30"},
+        {"agree": "on"},
+        {"age": "0", "agree": "on"},
+        {"age": "-5", "agree": "on"},
+        {"age": "121", "agree": "on"},
+        {"age": "1e3", "agree": "on"},
+        {"age": "٣٠x", "agree": "on"},
+        {"age": "17", "agree": "on"},
+        {"age": "17", "agree": "on", "guardian": "\u202ex"},
+    ],
+)
+def test_a_consent_that_is_not_given_or_out_of_range_is_asked_again_and_nothing_is_stored(
+    walk, fields
+):
     walker = walk()
     response = walker.send(**fields)
     assert response.status_code == 422
@@ -159,7 +190,10 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
     walker.come()
     assert "at least 18" in walker.look().text
     walker.send(age="17", agree="on")
-    assert (walker.participant.status, walker.participant.completion) == ("screened_out", "screened_out")
+    assert (walker.participant.status, walker.participant.completion) == (
+        "screened_out",
+        "screened_out",
+    )
     page = walker.look()
     assert "You cannot take part" in page.text
     assert completion.code(walker.study, "screened_out") in page.text
@@ -168,7 +202,7 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
     assert ConsentReceipt.objects.count() == 0
 
 
-# --- instructions ----------------------------------------------------------------------------------------------------
+# --- instructions ---------------------------------------------------------------------------------
 
 
 def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_robot(walk):
@@ -179,7 +213,9 @@ def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_rob
         page = read(walker.client.get(walker.url(), {"leaf": number}))
         texts.append(page.text)
         assert f"Page {number} of 4" in page.text
-        assert len([e for e in page.all("img") if "instructions" in e.attributes.get("src", "")]) == 1
+        assert (
+            len([e for e in page.all("img") if "instructions" in e.attributes.get("src", "")]) == 1
+        )
     assert "arrow keys" in texts[0]
     assert "Next" in texts[0]
     assert "go on" in texts[3]
@@ -189,7 +225,7 @@ def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_rob
     assert "Page 1 of 3" in walker.look().text
 
 
-# --- driving ---------------------------------------------------------------------------------------------------------
+# --- driving --------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -210,12 +246,28 @@ def test_the_drive_page_is_told_of_the_study(at_task, robot):
     response = walker.client.get(walker.url("study_drive"))
     assert response.status_code == 200
     guide = response.context["config"]["study"]
-    assert (guide["kind"], len(guide["checkpoints"]), guide["urls"]["step"]) == ("task", 5, walker.url())
+    assert (guide["kind"], len(guide["checkpoints"]), guide["urls"]["step"]) == (
+        "task",
+        5,
+        walker.url(),
+    )
     assert response.context["robot"] == robot
 
 
-@pytest.mark.parametrize("outcome", ["completed", "timed_out", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost"])
-def test_after_a_drive_that_moved_the_questions_follow_by_themselves_whatever_its_outcome(at_task, robot, outcome):
+@pytest.mark.parametrize(
+    "outcome",
+    [
+        "completed",
+        "timed_out",
+        "cancelled",
+        "stopped_by_operator",
+        "robot_fault",
+        "connection_lost",
+    ],
+)
+def test_after_a_drive_that_moved_the_questions_follow_by_themselves_whatever_its_outcome(
+    at_task, robot, outcome
+):
     walker = at_task()
     walker.drive(outcome)
     response = walker.client.get(walker.url())
@@ -225,12 +277,26 @@ def test_after_a_drive_that_moved_the_questions_follow_by_themselves_whatever_it
     assert (asked.outcome, asked.robot) == (outcome, [robot.name, "giraff"])
 
 
-@pytest.mark.parametrize("outcome", ["cancelled", "connection_refused", "robot_fault", "connection_lost", "stopped_by_operator", "timed_out"])
+@pytest.mark.parametrize(
+    "outcome",
+    [
+        "cancelled",
+        "connection_refused",
+        "robot_fault",
+        "connection_lost",
+        "stopped_by_operator",
+        "timed_out",
+    ],
+)
 def test_after_a_drive_that_never_moved_one_may_try_again_or_answer_without(at_task, outcome):
     walker = at_task()
     walker.drive(outcome, moved=False)
     page = walker.look()
-    words = [e.text.strip() for e in page.elements if e.tag in {"a", "button"} and "button" in e.attributes.get("class", "")]
+    words = [
+        e.text.strip()
+        for e in page.elements
+        if e.tag in {"a", "button"} and "button" in e.attributes.get("class", "")
+    ]
     assert words.index("Try again") < words.index("Answer the questions without driving")
     assert walker.participant.step == "task"
     assert walker.client.get(walker.url("study_drive")).status_code == 200
@@ -274,7 +340,9 @@ def test_a_drive_outside_of_the_study_before_the_step_changes_nothing(walk, robo
     assert walker.participant.step == "task"
 
 
-def test_nobody_skips_the_drive_while_the_robot_is_there_and_everybody_may_when_it_is_gone(at_task, robot):
+def test_nobody_skips_the_drive_while_the_robot_is_there_and_everybody_may_when_it_is_gone(
+    at_task, robot
+):
     walker = at_task()
     walker.send(go="without")
     assert walker.participant.step == "task"
@@ -298,7 +366,9 @@ def test_practice_may_be_left_out_and_ends_like_a_drive(at_task):
 
 def test_a_full_study_turns_away_who_has_no_place(at_task):
     walker = at_task()
-    definition = p.msgspec.to_builtins(walker.study.as_definition()) | {"allocation": {"design": "between", "quota": 1}}
+    definition = p.msgspec.to_builtins(walker.study.as_definition()) | {
+        "allocation": {"design": "between", "quota": 1}
+    }
     Study.objects.update(definition=definition)
     for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
         p.assign(p.comer(walker.study, person(f"p{n}")), condition)
@@ -306,11 +376,15 @@ def test_a_full_study_turns_away_who_has_no_place(at_task):
     assert walker.participant.status == "screened_out"
 
 
-def test_who_gave_their_place_back_is_not_turned_away_but_answers_when_all_others_are_taken(at_task):
+def test_who_gave_their_place_back_is_not_turned_away_but_answers_when_all_others_are_taken(
+    at_task,
+):
     walker = at_task()
     walker.drive("connection_refused", moved=False)
     Participant.objects.update(stage="freed")
-    definition = p.msgspec.to_builtins(walker.study.as_definition()) | {"allocation": {"design": "between", "quota": 1}}
+    definition = p.msgspec.to_builtins(walker.study.as_definition()) | {
+        "allocation": {"design": "between", "quota": 1}
+    }
     Study.objects.update(definition=definition)
     for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
         p.assign(p.comer(walker.study, person(f"p{n}")), condition)
@@ -321,10 +395,15 @@ def test_who_gave_their_place_back_is_not_turned_away_but_answers_when_all_other
     assert walker.participant.step == "experience"
 
 
-def test_outside_of_the_opening_hours_nobody_drives_and_the_page_says_when_by_the_studys_own_clock(at_task):
+def test_outside_of_the_opening_hours_nobody_drives_and_the_page_says_when_by_the_studys_own_clock(
+    at_task,
+):
     walker = at_task()
     in_two_days = (timezone.now().weekday() + 2) % 7
-    Study.objects.update(opening_hours=[{"days": [in_two_days], "start": "09:00", "end": "10:00"}], time_zone="Pacific/Auckland")
+    Study.objects.update(
+        opening_hours=[{"days": [in_two_days], "start": "09:00", "end": "10:00"}],
+        time_zone="Pacific/Auckland",
+    )
     page = walker.look()
     assert "not driven now" in page.text
     assert "09:00 (Pacific/Auckland)" in page.text
@@ -343,17 +422,21 @@ def test_a_questionnaire_that_is_not_there_is_named_as_the_studys_mistake(walk):
     walker = walk()
     steps = p.msgspec.to_builtins(walker.study.as_definition())["steps"]
     steps[1]["questionnaire"] = "gone"
-    Study.objects.update(definition={**p.msgspec.to_builtins(walker.study.as_definition()), "steps": steps})
+    Study.objects.update(
+        definition={**p.msgspec.to_builtins(walker.study.as_definition()), "steps": steps}
+    )
     walker.send(age="30", agree="on")
     page = walker.look()
     assert faults(page) == []
     assert "The questions of this step are not here" in page.text
 
 
-# --- what does not fit -----------------------------------------------------------------------------------------------
+# --- what does not fit ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("place", ["", "1.0.nothing", "9.0.consent", "1.5.task", "x" * 5000, "1.0.task\n", "0.0.consent"])
+@pytest.mark.parametrize(
+    "place", ["", "1.0.nothing", "9.0.consent", "1.5.task", "x" * 5000, "1.0.task\n", "0.0.consent"]
+)
 def test_a_forged_step_is_a_clear_page_and_changes_nothing(walk, place):
     walker = walk()
     response = walker.client.post(walker.url(), {"place": place, "age": "30", "agree": "on"})
@@ -367,7 +450,9 @@ def test_a_forged_step_is_a_clear_page_and_changes_nothing(walk, place):
 def test_a_step_ahead_cannot_be_answered(walk):
     walker = walk()
     for place in progress.way_of(walker.participant)[1:]:
-        walker.client.post(walker.url(), {"place": place.word, "go": "without", "agree": "on", "age": "30"})
+        walker.client.post(
+            walker.url(), {"place": place.word, "go": "without", "agree": "on", "age": "30"}
+        )
         walker.client.get(walker.url("study_drive"))
     assert walker.participant.step == "consent"
     assert ConsentReceipt.objects.count() == 0
@@ -413,6 +498,8 @@ def test_every_page_is_sound_in_both_languages(walk, language):
     walker = walk()
     for place in progress.way_of(walker.participant):
         bring(walker, place)
-        response = walker.client.get(walker.url(), headers={"accept-language": language}, follow=True)
+        response = walker.client.get(
+            walker.url(), headers={"accept-language": language}, follow=True
+        )
         assert response.status_code == 200
         assert faults(read(response)) == []

@@ -31,27 +31,45 @@ def signed_in(client, username="ada", **more):
 
 def buttons(page) -> list[str]:
     main = page.all("main")[0]
-    return [e.text.strip() for e in page.elements if "button" in e.attributes.get("class", "").split() and e.text.strip() in main.text]
+    return [
+        e.text.strip()
+        for e in page.elements
+        if "button" in e.attributes.get("class", "").split() and e.text.strip() in main.text
+    ]
 
 
-# --- the front page --------------------------------------------------------------------------------------------------
+# --- the front page -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("language", ["en", "es"])
 def test_a_stranger_reads_what_the_study_is_and_signs_up_on_the_way(client, study, language):
     page = read(client.get(FRONT, headers={"accept-language": language}))
     assert faults(page) == []
-    assert {"en": "Explore an office with a robot", "es": "Explora una oficina con un robot"}[language] in page.text
-    assert {"en": "At most 15 minutes of driving", "es": "Como mucho 15 minutos"}[language] in page.text
-    link = next(e.attributes["href"] for e in page.all("a") if "signup" in e.attributes.get("href", "") and "button--action" in e.attributes["class"])
+    assert {"en": "Explore an office with a robot", "es": "Explora una oficina con un robot"}[
+        language
+    ] in page.text
+    assert {"en": "At most 15 minutes of driving", "es": "Como mucho 15 minutos"}[
+        language
+    ] in page.text
+    link = next(
+        e.attributes["href"]
+        for e in page.all("a")
+        if "signup" in e.attributes.get("href", "") and "button--action" in e.attributes["class"]
+    )
     made = client.post(link, {"username": "ada", "password1": PASSWORD, "next": FRONT})
     assert made.url == FRONT
     assert buttons(read(client.get(FRONT))) == ["Take part"] if language == "en" else ["Participar"]
 
 
-def test_parameters_of_the_recruiting_site_survive_the_sign_up_and_are_kept_within_bounds(client, study):
-    client.get(FRONT, {"PROLIFIC_PID": "5f", "STUDY_ID": "s" * 300, **{f"x{n}": "1" for n in range(20)}})
-    client.post(reverse("account_signup"), {"username": "ada", "password1": PASSWORD, "next": FRONT})
+def test_parameters_of_the_recruiting_site_survive_the_sign_up_and_are_kept_within_bounds(
+    client, study
+):
+    client.get(
+        FRONT, {"PROLIFIC_PID": "5f", "STUDY_ID": "s" * 300, **{f"x{n}": "1" for n in range(20)}}
+    )
+    client.post(
+        reverse("account_signup"), {"username": "ada", "password1": PASSWORD, "next": FRONT}
+    )
     assert client.post(FRONT).url == FRONT + "step/"
     kept = Participant.objects.get().recruitment
     assert kept["PROLIFIC_PID"] == "5f"
@@ -77,7 +95,10 @@ def test_a_post_by_a_stranger_leads_to_the_sign_up(client, study):
     [
         ({"status": "closed"}, "This study is over"),
         ({"entry": "personal"}, "By invitation"),
-        ({"definition": {"allocation": {"design": "between", "quota": 1}}}, "Enough people are taking part"),
+        (
+            {"definition": {"allocation": {"design": "between", "quota": 1}}},
+            "Enough people are taking part",
+        ),
         ({"hours": True}, "Closed at the moment"),
     ],
 )
@@ -88,7 +109,12 @@ def test_a_study_that_takes_nobody_now_says_why_and_takes_nobody(client, study, 
         for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
             p.assign(p.comer(study, person(f"p{n}")), condition)
     if "hours" in fields:
-        fields = {"opening_hours": [{"days": [(timezone.now().weekday() + 2) % 7], "start": "09:00", "end": "10:00"}], "time_zone": "Europe/Madrid"}
+        fields = {
+            "opening_hours": [
+                {"days": [(timezone.now().weekday() + 2) % 7], "start": "09:00", "end": "10:00"}
+            ],
+            "time_zone": "Europe/Madrid",
+        }
     Study.objects.update(**fields)
     before = Participant.objects.count()
     page = read(client.get(FRONT))
@@ -99,7 +125,10 @@ def test_a_study_that_takes_nobody_now_says_why_and_takes_nobody(client, study, 
 
 
 def test_the_hours_are_read_as_days_of_the_week(client, study):
-    hours = [{"days": [0, 1, 2, 4], "start": "09:00", "end": "17:00"}, {"days": [0, 1, 2, 3, 4, 5, 6], "start": "20:00", "end": "22:00"}]
+    hours = [
+        {"days": [0, 1, 2, 4], "start": "09:00", "end": "17:00"},
+        {"days": [0, 1, 2, 3, 4, 5, 6], "start": "20:00", "end": "22:00"},
+    ]
     Study.objects.update(opening_hours=hours, time_zone="Europe/Madrid")
     text = read(client.get(FRONT)).text
     assert "Mon–Wed, Fri, 09:00–17:00" in text
@@ -132,7 +161,7 @@ def test_the_home_page_leads_to_open_studies_and_to_no_others(client, study):
     assert FRONT not in [e.attributes.get("href") for e in read(client.get("/")).all("a")]
 
 
-# --- personal links --------------------------------------------------------------------------------------------------
+# --- personal links -------------------------------------------------------------------------------
 
 
 def path_of(token: str) -> str:
@@ -150,7 +179,11 @@ def test_reading_a_personal_link_uses_nothing_up_and_pressing_the_button_does(cl
     assert PersonalLink.objects.get().redeemed_at is None
     assert client.post(path_of(token)).url == FRONT + "step/"
     participant = Participant.objects.get()
-    assert (participant.user, participant.access, PersonalLink.objects.get().participant) == (user, "invitation", participant)
+    assert (participant.user, participant.access, PersonalLink.objects.get().participant) == (
+        user,
+        "invitation",
+        participant,
+    )
     assert client.post(path_of(token)).url == FRONT + "step/", "the same person may press it again"
     assert Participant.objects.count() == 1
 
@@ -197,7 +230,9 @@ def test_a_link_that_does_not_hold_says_why(client, study, change, words):
     assert not Participant.objects.exists()
 
 
-@pytest.mark.parametrize(("status", "words"), [("closed", "it takes nobody new"), ("draft", "has not begun yet")])
+@pytest.mark.parametrize(
+    ("status", "words"), [("closed", "it takes nobody new"), ("draft", "has not begun yet")]
+)
 def test_a_link_to_a_study_that_is_not_running_takes_nobody(client, study, status, words):
     _row, token = links.make(study, now=timezone.now())
     Study.objects.update(status=status)
@@ -228,7 +263,7 @@ def test_a_revoked_link_stays_unused_and_a_used_one_cannot_be_revoked(study):
     assert not links.revoke(second, now)
 
 
-# --- own data --------------------------------------------------------------------------------------------------------
+# --- own data -------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -248,14 +283,24 @@ def test_everything_that_is_kept_can_be_downloaded(walker):
     assert told["studies"][0]["consents"][0]["text"].startswith("You will drive a real robot")
     assert [one["questionnaire"] for one in told["questionnaires"]] == ["ict", "experience"]
     assert told["drives"][0]["outcome"] == "completed"
-    assert [one["step"] for one in told["studies"][0]["steps"]] == ["consent", "about_you", "instructions", "task", "experience"]
+    assert [one["step"] for one in told["studies"][0]["steps"]] == [
+        "consent",
+        "about_you",
+        "instructions",
+        "task",
+        "experience",
+    ]
 
 
 def test_the_page_of_ones_own_data_is_sound_and_leads_to_everything(walker):
     page = read(walker.client.get(reverse("own_data")))
     assert faults(page) == []
-    assert {"Download the receipt", "To the study", "Stop taking part", "Download my data"} <= set(buttons(page))
-    assert reverse("own_data") in [e.attributes.get("href") for e in read(walker.client.get(reverse("profile"))).all("a")]
+    assert {"Download the receipt", "To the study", "Stop taking part", "Download my data"} <= set(
+        buttons(page)
+    )
+    assert reverse("own_data") in [
+        e.attributes.get("href") for e in read(walker.client.get(reverse("profile"))).all("a")
+    ]
 
 
 def test_who_withdraws_leaves_the_day_the_step_and_the_cell_and_nothing_else(walker):
@@ -266,10 +311,20 @@ def test_who_withdraws_leaves_the_day_the_step_and_the_cell_and_nothing_else(wal
     before = timezone.now().date()
     assert "are deleted" in read(walker.client.post(reverse("study_withdraw", args=[code]))).text
     row = Participant.objects.get()
-    assert (row.status, row.withdrawn_step, row.cell, row.stage) == ("withdrawn", "experience", cell, "filled")
+    assert (row.status, row.withdrawn_step, row.cell, row.stage) == (
+        "withdrawn",
+        "experience",
+        cell,
+        "filled",
+    )
     assert row.withdrawn_at in {before, timezone.now().date()}, "midnight may have passed"
     assert (row.user, row.age, row.recruitment, row.completion_code) == (None, None, {}, "")
-    assert (Session.objects.count(), Response.objects.count(), row.drives.count(), row.consents.count()) == (0, 0, 0, 0)
+    assert (
+        Session.objects.count(),
+        Response.objects.count(),
+        row.drives.count(),
+        row.consents.count(),
+    ) == (0, 0, 0, 0)
     assert walker.client.get(walker.url()).url == walker.url("study")
     assert walker.client.get(reverse("study_withdraw", args=[code])).status_code == 404
     own_data.withdraw(row, p.later(86400))
@@ -288,7 +343,11 @@ def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_w
     drive = p.drive_of(robot, participant, moved=True)
     own_data.withdraw(participant, timezone.now())
     session = Session.objects.get()
-    assert (session.state, session.outcome, session.outcome_reason) == ("ended", "cancelled", "withdrawn")
+    assert (session.state, session.outcome, session.outcome_reason) == (
+        "ended",
+        "cancelled",
+        "withdrawn",
+    )
     assert participant.stage == "filled"
     own_data.clear_settled(now=timezone.now())
     assert Session.objects.count() == 1, "the session manager has not told it yet"
@@ -302,7 +361,9 @@ def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_w
 
 
 def test_drives_of_those_who_take_part_are_never_cleared(study):
-    p.drive_of(p.site(), p.assign(p.comer(study, person()), "giraff_open"), outcome="completed", moved=True)
+    p.drive_of(
+        p.site(), p.assign(p.comer(study, person()), "giraff_open"), outcome="completed", moved=True
+    )
     own_data.clear_settled(now=timezone.now())
     assert Session.objects.count() == 1
 
@@ -322,18 +383,29 @@ def test_an_account_is_deleted_only_when_its_name_is_typed(walker):
     assert User.objects.count() == 1
     assert walker.client.post(url, {"username": "ada"}, follow=True).status_code == 200
     assert not User.objects.exists()
-    assert (Participant.objects.get().status, Session.objects.count(), Response.objects.count()) == ("withdrawn", 0, 0)
+    assert (
+        Participant.objects.get().status,
+        Session.objects.count(),
+        Response.objects.count(),
+    ) == ("withdrawn", 0, 0)
     assert walker.client.get(reverse("profile")).status_code == 302
 
 
-def test_an_account_is_not_deleted_from_under_a_drive_nor_that_of_somebody_who_runs_the_site(walker, client):
+def test_an_account_is_not_deleted_from_under_a_drive_nor_that_of_somebody_who_runs_the_site(
+    walker, client
+):
     session = p.session_of(walker.robot, walker.participant)
     page = read(walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True))
     assert "leave it first" in page.text
     assert faults(page) == []
     session.delete()
     User.objects.update(is_staff=True)
-    assert "another administrator" in read(walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True)).text
+    assert (
+        "another administrator"
+        in read(
+            walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True)
+        ).text
+    )
     assert User.objects.count() == 1
 
 

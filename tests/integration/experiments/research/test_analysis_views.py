@@ -1,4 +1,6 @@
-"""The analysis page: for members, of what is in the database now, with the sessions behind everything that it shows."""
+"""The analysis page: for members, of what is in the database now, with the sessions behind
+everything that it shows.
+"""
 
 import io
 import re
@@ -25,7 +27,9 @@ PAGE = "/studies/exploration/analysis/"
 
 
 def computed(study, kinds=("participant",)):
-    """The report on a study, made here: a process of its own does not see what a test has not committed."""
+    """The report on a study, made here: a process of its own does not see what a test has not
+    committed.
+    """
     key = analysis_cache.key_of(study, kinds)
     folder = analysis_cache.home(study) / key
     analyse(dataset_of(study), folder, kinds, write_page)
@@ -49,7 +53,9 @@ def member(stored, client):
     return user
 
 
-@pytest.mark.parametrize("address", ["", "tables/table-5/", "sessions/0/", "files/tables/table-5.csv", "dataset.zip"])
+@pytest.mark.parametrize(
+    "address", ["", "tables/table-5/", "sessions/0/", "files/tables/table-5.csv", "dataset.zip"]
+)
 def test_for_whoever_is_no_member_nothing_is_there(stored, client, address):
     assert client.get(PAGE + address).status_code == 404
     client.force_login(person("somebody", is_staff=True))
@@ -68,20 +74,29 @@ def test_the_page_has_every_table_and_figure_and_says_when_it_was_computed(store
     assert not re.search(r"<svg[^>]*>.*?style=", html, re.DOTALL)
 
 
-def test_every_number_and_every_part_of_a_figure_leads_to_its_sessions_and_they_to_their_replay(stored, member, client):
+def test_every_number_and_every_part_of_a_figure_leads_to_its_sessions_and_they_to_their_replay(
+    stored, member, client
+):
     computed(stored.study)
     html = client.get(PAGE).content.decode()
-    links = sorted(set(re.findall(r'href="(/studies/exploration/analysis/sessions/\d+/[^"]*)"', html)))
+    links = sorted(
+        set(re.findall(r'href="(/studies/exploration/analysis/sessions/\d+/[^"]*)"', html))
+    )
     assert len(links) > 20
     drawn = html[html.index('id="figure-7"') : html.index("</svg>", html.index('id="figure-7"'))]
     assert drawn.count("/analysis/sessions/") == drawn.count('id="figure-7-session-')
-    keys = {Pseudonyms(stored.study.secret).session(drive.session_id): str(drive.session_id) for drive in stored.drives.values()}
+    keys = {
+        Pseudonyms(stored.study.secret).session(drive.session_id): str(drive.session_id)
+        for drive in stored.drives.values()
+    }
     for link in links[:6]:
         shown = client.get(link.replace("&amp;", "&"))
         assert shown.status_code == 200
         codes = re.findall(r'<th scope="row">(\w+)</th>', shown.content.decode())
         assert codes
-        assert all(reverse("replay", args=[keys[code]]) + "?t=" in shown.content.decode() for code in codes)
+        assert all(
+            reverse("replay", args=[keys[code]]) + "?t=" in shown.content.decode() for code in codes
+        )
 
 
 def test_the_mean_in_table_5_leads_to_the_sessions_whose_answers_count(stored, member, client):
@@ -98,7 +113,10 @@ def test_pilots_and_bots_are_clearly_marked(stored, member, client):
     Participant.objects.filter(code="P000").update(kind="bot")
     computed(stored.study, ("bot",))
     html = client.get(PAGE, {"kind": "bot"}).content.decode()
-    assert "These are not the study&#x27;s results" in html or "These are not the study's results" in html
+    assert (
+        "These are not the study&#x27;s results" in html
+        or "These are not the study's results" in html
+    )
     assert 'class="tag analysis__kind">bot' in html
 
 
@@ -107,7 +125,10 @@ def test_excluded_sessions_can_be_left_out(stored, member, client):
     Drive.objects.filter(pk=drive.pk).update(excluded_reason="a test drive")
     computed(stored.study)
     assert "Without excluded sessions" in client.get(PAGE).content.decode()
-    every, without = (client.get(PAGE, {"selection": name}).content.decode() for name in ("all", "without-excluded"))
+    every, without = (
+        client.get(PAGE, {"selection": name}).content.decode()
+        for name in ("all", "without-excluded")
+    )
     code = Pseudonyms(stored.study.secret).session(drive.session_id)
     assert f"figure-7-session-{code}" in every
     assert f"figure-7-session-{code}" not in without
@@ -117,16 +138,30 @@ def test_what_changes_in_the_database_makes_the_report_another_one(stored):
     before = analysis_cache.key_of(stored.study, ("participant",))
     assert before == analysis_cache.key_of(stored.study, ("participant",))
     assert before != analysis_cache.key_of(stored.study, ("bot",))
-    Drive.objects.filter(pk=next(iter(stored.drives.values())).pk).update(excluded_reason="a test drive")
+    Drive.objects.filter(pk=next(iter(stored.drives.values())).pk).update(
+        excluded_reason="a test drive"
+    )
     assert before != analysis_cache.key_of(stored.study, ("participant",))
 
 
 def test_files_are_those_of_the_report_and_nothing_else_can_be_fetched(stored, member, client):
     report = computed(stored.study)
-    for kind, name in (("tables", "table-5.csv"), ("tables", "table-5.tex"), ("figures", "figure-8a.pdf"), ("figures", "figure-7.svg")):
+    for kind, name in (
+        ("tables", "table-5.csv"),
+        ("tables", "table-5.tex"),
+        ("figures", "figure-8a.pdf"),
+        ("figures", "figure-7.svg"),
+    ):
         answer = client.get(f"{PAGE}files/{kind}/{name}", {"report": report.key})
-        assert b"".join(answer.streaming_content) == (report.folder / "all" / kind / name).read_bytes()
-    for wrong in ("files/page/sets.json", "files/tables/nothing.csv", "files/tables/..%2F..%2F..%2Fsettings.csv", "files/figures/sources.json"):
+        assert (
+            b"".join(answer.streaming_content) == (report.folder / "all" / kind / name).read_bytes()
+        )
+    for wrong in (
+        "files/page/sets.json",
+        "files/tables/nothing.csv",
+        "files/tables/..%2F..%2F..%2Fsettings.csv",
+        "files/figures/sources.json",
+    ):
         assert client.get(PAGE + wrong, {"report": report.key}).status_code == 404
     assert client.get(f"{PAGE}files/tables/table-5.csv", {"report": "../../etc"}).status_code == 404
 
@@ -179,7 +214,9 @@ def test_what_is_not_computed_yet_is_computed_by_a_process_of_its_own_once(store
 
 
 def test_a_computation_that_fails_says_why(stored, member, client, monkeypatch):
-    monkeypatch.setattr(analysis_cache, "command", lambda *_: ["sh", "-c", "echo the disk is full >&2; exit 3"])
+    monkeypatch.setattr(
+        analysis_cache, "command", lambda *_: ["sh", "-c", "echo the disk is full >&2; exit 3"]
+    )
     answer = client.get(PAGE)
     assert answer.status_code == 503
     assert "the disk is full" in answer.content.decode()
@@ -194,6 +231,8 @@ async def test_the_dataset_is_sent_as_it_is_made_and_it_is_written_down_who_took
     content = b"".join([part async for part in answer.streaming_content])
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         assert archive.testzip() is None
-        assert {"study.json", "SHA256SUMS", "data/description-metrics_data.csv"} <= set(archive.namelist())
+        assert {"study.json", "SHA256SUMS", "data/description-metrics_data.csv"} <= set(
+            archive.namelist()
+        )
     log = await SystemLog.objects.aget(event="study_exported")
     assert (log.fields["user"], log.fields["chosen"]) == (str(member.pk), [])

@@ -21,14 +21,21 @@ pytestmark = pytest.mark.django_db
 
 @pytest.fixture
 def robot():
-    report = {"stamp": 5.0, "pose": {"x": 1.0, "y": 2.0, "theta": 0.0}, "battery": {"charge": 0.7}, "docked": False}
+    report = {
+        "stamp": 5.0,
+        "pose": {"x": 1.0, "y": 2.0, "theta": 0.0},
+        "battery": {"charge": 0.7},
+        "docked": False,
+    }
     return replays.cabin_robot(connection="ONLINE", last_seen_at=timezone.now(), report=report)
 
 
 @pytest.fixture
 def drive(robot):
     """Somebody who has driven for ten seconds and goes on."""
-    visit = replays.session(robot, person("ada"), granted=timezone.now() - datetime.timedelta(seconds=10))
+    visit = replays.session(
+        robot, person("ada"), granted=timezone.now() - datetime.timedelta(seconds=10)
+    )
     replays.record(visit, seconds=10)
     return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
 
@@ -55,7 +62,9 @@ def act(client, **body):
 
 
 def operators_acts():
-    return list(SessionEvent.objects.filter(type__startswith="operator").values_list("type", "source"))
+    return list(
+        SessionEvent.objects.filter(type__startswith="operator").values_list("type", "source")
+    )
 
 
 def test_a_drive_is_told_with_the_newest_state_and_network(drive):
@@ -63,7 +72,11 @@ def test_a_drive_is_told_with_the_newest_state_and_network(drive):
     x, y, _ = replays.place(9.75)
     assert (told["pose"]["x"], told["pose"]["y"]) == pytest.approx((x, y))
     assert told["network"]["fps"] == 30.0
-    assert (told["code"], told["robot"], told["state"]) == (drive.participant.code, "giraff", "driving")
+    assert (told["code"], told["robot"], told["state"]) == (
+        drive.participant.code,
+        "giraff",
+        "driving",
+    )
 
 
 def test_how_far_a_task_is_follows_its_events(drive):
@@ -71,13 +84,20 @@ def test_how_far_a_task_is_follows_its_events(drive):
     replays.task_told(drive, 4.0, "checkpoint", number=1)
     replays.task_told(drive, 4.0, "cue", name="go_to_checkpoint", number=2)
     task = seen(drive.granted_at + datetime.timedelta(seconds=10))["drives"][0]["task"]
-    assert (task["cue"], task["number"], task["passed"], task["checkpoints"]) == ("go_to_checkpoint", 2, [1], 2)
+    assert (task["cue"], task["number"], task["passed"], task["checkpoints"]) == (
+        "go_to_checkpoint",
+        2,
+        [1],
+        2,
+    )
     assert task["remaining"] == pytest.approx(300.0 - 9.0)
 
 
 def test_a_door_is_told_as_it_was_set_and_as_the_robot_confirms_it(drive, robot):
     Robot.objects.update(doors={"door": "closed"})
-    assert [(door["set"], door["confirmed"]) for door in seen()["robots"][0]["doors"]] == [("closed", None)]
+    assert [(door["set"], door["confirmed"]) for door in seen()["robots"][0]["doors"]] == [
+        ("closed", None)
+    ]
     replays.told(drive.session, 2.0, "door_changed", detail="door open")
     replays.told(drive.session, 3.0, "door_changed", detail="door closed")
     door = seen()["robots"][0]["doors"][0]
@@ -86,16 +106,22 @@ def test_a_door_is_told_as_it_was_set_and_as_the_robot_confirms_it(drive, robot)
 
 
 def test_participants_of_the_last_hour_stand_on_their_step(drive):
-    replays.participant(drive.participant.study, person("old"), seen_at=timezone.now() - datetime.timedelta(hours=2))
+    replays.participant(
+        drive.participant.study, person("old"), seen_at=timezone.now() - datetime.timedelta(hours=2)
+    )
     people = seen()["participants"]
-    assert [(one["code"], one["step"], one["condition"]) for one in people] == [(drive.participant.code, "Task", "Open")]
+    assert [(one["code"], one["step"], one["condition"]) for one in people] == [
+        (drive.participant.code, "Task", "Open")
+    ]
 
 
 def test_who_waits_is_told_by_code_and_strangers_without_a_name(drive, robot):
     of_the_study = replays.participant(drive.participant.study, person("bob"))
     for number, user in enumerate((of_the_study.user, person("stranger"))):
         at = timezone.now() + datetime.timedelta(seconds=number)
-        Session.objects.create(robot=robot, visitor=user, state="waiting", live_key=f"w{number}", queued_at=at)
+        Session.objects.create(
+            robot=robot, visitor=user, state="waiting", live_key=f"w{number}", queued_at=at
+        )
     assert seen()["queues"] == {"giraff": [of_the_study.code, ""]}
 
 
@@ -105,18 +131,23 @@ def test_a_robot_that_never_said_anything_is_told_as_it_is(drive):
     assert (silent["online"], silent["pose"], silent["heard"]) == (False, None, None)
 
 
-def test_the_number_of_queries_does_not_grow_with_the_participants(drive, django_assert_max_num_queries):
+def test_the_number_of_queries_does_not_grow_with_the_participants(
+    drive, django_assert_max_num_queries
+):
     for number in range(20):
         replays.participant(drive.participant.study, person(f"p{number}"))
     with django_assert_max_num_queries(14):
         seen()
 
 
-# --- who may ---------------------------------------------------------------------------------------------------------
+# --- who may --------------------------------------------------------------------------------------
 
 
 def test_only_members_of_the_study_see_it(client, drive):
-    addresses = [reverse("study_live", args=["cabin-study"]), reverse("study_live_data", args=["cabin-study"])]
+    addresses = [
+        reverse("study_live", args=["cabin-study"]),
+        reverse("study_live_data", args=["cabin-study"]),
+    ]
     assert [client.get(address).status_code for address in addresses] == [404, 404]
     client.force_login(member("owner", "another"))
     assert [client.get(address).status_code for address in addresses] == [404, 404]
@@ -143,14 +174,17 @@ def test_the_session_of_another_study_is_not_found(client, drive):
     assert Session.objects.get().state == "driving"
 
 
-# --- acts ------------------------------------------------------------------------------------------------------------
+# --- acts -----------------------------------------------------------------------------------------
 
 
 def test_ending_a_session_needs_a_reason_and_is_written_down(client, drive):
     client.force_login(member("researcher"))
     assert act(client, act="end", session=str(drive.session_id), text=" ").status_code == 409
     assert Session.objects.get().state == "driving"
-    assert act(client, act="end", session=str(drive.session_id), text="smoke in the room").status_code == 200
+    assert (
+        act(client, act="end", session=str(drive.session_id), text="smoke in the room").status_code
+        == 200
+    )
     ended = Session.objects.get()
     assert (ended.outcome, ended.outcome_reason) == ("stopped_by_operator", "smoke in the room")
     assert operators_acts() == [("operator_end", "server")]
@@ -160,10 +194,20 @@ def test_ending_a_session_needs_a_reason_and_is_written_down(client, drive):
 def test_a_message_reaches_the_visitor_and_is_written_down(client, drive, bridge):
     researcher = member("researcher")
     client.force_login(researcher)
-    assert act(client, act="message", session=str(drive.session_id), text="Turn round, please.").status_code == 200
-    assert [(news.type, news.session, news.text) for news in bridge.news] == [("message", str(drive.session_id), "Turn round, please.")]
+    assert (
+        act(
+            client, act="message", session=str(drive.session_id), text="Turn round, please."
+        ).status_code
+        == 200
+    )
+    assert [(news.type, news.session, news.text) for news in bridge.news] == [
+        ("message", str(drive.session_id), "Turn round, please.")
+    ]
     assert operators_acts() == [("operator_message", "server")]
-    assert SessionEvent.objects.get(type="operator_message").data == {"text": "Turn round, please.", "user": str(researcher.pk)}
+    assert SessionEvent.objects.get(type="operator_message").data == {
+        "text": "Turn round, please.",
+        "user": str(researcher.pk),
+    }
 
 
 def test_a_message_that_cannot_be_sent_is_said_to_be_so(client, drive, bridge):
@@ -188,7 +232,11 @@ def test_a_held_robot_lets_its_driver_go_on_and_gives_nobody_else_a_turn(client,
     assert act(client, act="release", robot="giraff").status_code == 200
     assert store.pause_of(robot) == ""
     assert act(client, act="release", robot="giraff").status_code == 409
-    assert list(SystemLog.objects.filter(event__startswith="queue_").order_by("at").values_list("event", flat=True)) == [
+    assert list(
+        SystemLog.objects.filter(event__startswith="queue_")
+        .order_by("at")
+        .values_list("event", flat=True)
+    ) == [
         "queue_held",
         "queue_released",
     ]

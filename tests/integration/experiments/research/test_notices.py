@@ -27,7 +27,9 @@ def study():
     cabin_robot()
     study = p.published(small_study())
     for name, role in (("olga", "owner"), ("rita", "researcher"), ("vera", "viewer")):
-        StudyMember.objects.create(slug=study.slug, user=person(name, email=f"{name}@example.org"), role=role)
+        StudyMember.objects.create(
+            slug=study.slug, user=person(name, email=f"{name}@example.org"), role=role
+        )
     return study
 
 
@@ -45,7 +47,9 @@ def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_l
     Robot.objects.update(turnaround="paused")
     return_to_dock.look({}, NOW)
     return_to_dock.look({}, NOW)
-    assert [(message.bcc, message.to) for message in mail.outbox] == [(["olga@example.org", "rita@example.org"], [])]
+    assert [(message.bcc, message.to) for message in mail.outbox] == [
+        (["olga@example.org", "rita@example.org"], [])
+    ]
     assert "its emergency stop is on" in mail.outbox[0].body
     assert "Giraff" in mail.outbox[0].subject
     assert SystemLog.objects.get(event="queue_paused").fields == {"reason": "estop"}

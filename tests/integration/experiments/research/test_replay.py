@@ -20,7 +20,8 @@ pytestmark = pytest.mark.django_db
 @pytest.fixture
 def drive():
     """A minute that was driven in a study."""
-    ada = person("ada", display_name="Ada L.")  # a name of three hexadecimal digits might stand in an address by chance
+    # a name of three hexadecimal digits might stand in an address by chance
+    ada = person("ada", display_name="Ada L.")
     visit = replays.session(replays.cabin_robot(), ada, seconds=60)
     replays.record(visit)
     return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
@@ -43,7 +44,9 @@ def test_states_stand_at_the_seconds_after_the_grant_by_the_servers_clock(drive)
     assert len(states["t"]) == 240
     assert states["t"][:3] == [0.0, 0.25, 0.5]
     x, y, theta = replays.place(30.0)
-    assert (states["x"][120], states["y"][120], states["theta"][120]) == pytest.approx((x, y, theta), abs=1e-3)
+    assert (states["x"][120], states["y"][120], states["theta"][120]) == pytest.approx(
+        (x, y, theta), abs=1e-3
+    )
 
 
 def test_states_that_were_sent_again_later_stand_in_their_place(drive):
@@ -61,7 +64,10 @@ def test_commands_stand_one_after_the_other_before_their_state(drive):
     commands = record["commands"]
     assert len(commands["t"]) == 40
     assert commands["t"][5:10] == pytest.approx([0.05, 0.10, 0.15, 0.20, 0.25], abs=2e-3)
-    assert [record["words"][commands[name][0]] for name in ("method", "way")] == ["keyboard", "datachannel"]
+    assert [record["words"][commands[name][0]] for name in ("method", "way")] == [
+        "keyboard",
+        "datachannel",
+    ]
 
 
 def test_events_of_everybody_are_in_one_order_of_time(drive):
@@ -71,13 +77,18 @@ def test_events_of_everybody_are_in_one_order_of_time(drive):
     replays.task_told(drive, 15.0, "checkpoint", number=1, pose={"x": 1.0, "y": 2.0, "theta": 0.0})
     events = replay(drive.session, drive)["events"]
     assert [(event[0], event[1], event[2]) for event in events] == [
-        (0.0, "server", "offered"), (10.0, "page", "map"), (15.0, "task", "checkpoint"), (20.0, "robot", "collision"),
-    ]  # fmt: skip
+        (0.0, "server", "offered"),
+        (10.0, "page", "map"),
+        (15.0, "task", "checkpoint"),
+        (20.0, "robot", "collision"),
+    ]
     assert events[2][3] == "number 1"
 
 
 def test_what_is_not_known_of_the_network_stays_unknown(drive):
-    NetworkSample.objects.filter(session=drive.session).update(data={"way": "mqtt", "roundTrip": None})
+    NetworkSample.objects.filter(session=drive.session).update(
+        data={"way": "mqtt", "roundTrip": None}
+    )
     network = replay(drive.session, drive)["network"]
     assert network["roundTrip"] == [None] * 60
     assert network["loss"] == [None] * 60
@@ -87,15 +98,24 @@ def test_an_empty_session_has_an_empty_record():
     visit = replays.session(replays.cabin_robot(), person("ada"), seconds=0, granted_at=None)
     record = replay(visit, None)
     assert record["duration"] == 0.0
-    assert all(column == [] for name in ("states", "commands", "network") for column in record[name].values())
+    assert all(
+        column == []
+        for name in ("states", "commands", "network")
+        for column in record[name].values()
+    )
 
 
 def test_data_are_told_in_one_short_line():
-    assert in_words({"name": "door", "pose": {"x": 1.0}, "facing": {"bearing": 0.123456, "sees": True}}) == "door · facing bearing 0.123, sees True"
+    assert (
+        in_words(
+            {"name": "door", "pose": {"x": 1.0}, "facing": {"bearing": 0.123456, "sees": True}}
+        )
+        == "door · facing bearing 0.123, sees True"
+    )
     assert len(in_words({"text": "x" * 500})) == 160
 
 
-# --- who may see it --------------------------------------------------------------------------------------------------
+# --- who may see it -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("role", ["owner", "researcher", "viewer"])
@@ -106,8 +126,16 @@ def test_researchers_of_the_study_see_it(client, drive, role):
 
 
 def test_others_find_nothing(client, drive):
-    addresses = [reverse("replay", args=[drive.session_id]), reverse("replay_data", args=[drive.session_id])]
-    for user in (None, drive.participant.user, member("owner", "another-study"), person("staff", is_staff=True)):
+    addresses = [
+        reverse("replay", args=[drive.session_id]),
+        reverse("replay_data", args=[drive.session_id]),
+    ]
+    for user in (
+        None,
+        drive.participant.user,
+        member("owner", "another-study"),
+        person("staff", is_staff=True),
+    ):
         if user is not None:
             client.force_login(user)
         assert [client.get(address).status_code for address in addresses] == [404, 404]
@@ -116,7 +144,11 @@ def test_others_find_nothing(client, drive):
 def test_staff_who_may_see_sessions_see_one_without_a_study(client):
     visit = replays.session(replays.cabin_robot(), person("ada"), seconds=1)
     staff = person("staff", is_staff=True)
-    staff.user_permissions.add(Permission.objects.get(codename="view_session", content_type__app_label="telepresence_sessions"))
+    staff.user_permissions.add(
+        Permission.objects.get(
+            codename="view_session", content_type__app_label="telepresence_sessions"
+        )
+    )
     client.force_login(staff)
     assert client.get(reverse("replay", args=[visit.pk])).status_code == 200
     assert data_of(client, visit).json()["states"]["t"] == []
@@ -152,7 +184,9 @@ def test_a_photo_of_another_session_is_not_given_out(client, drive):
     other = replays.session(drive.session.robot, person("bob"), seconds=1)
     snapshot = replays.photo(other, 0.0)
     client.force_login(member("owner"))
-    assert client.get(reverse("replay_photo", args=[drive.session_id, snapshot.pk])).status_code == 404
+    assert (
+        client.get(reverse("replay_photo", args=[drive.session_id, snapshot.pk])).status_code == 404
+    )
 
 
 def test_the_record_travels_compressed(client, drive):

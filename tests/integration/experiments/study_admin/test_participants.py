@@ -26,13 +26,30 @@ def drive():
         person("anna-b", display_name=NAME),
     )
     participant = Participant.objects.create(
-        study=study, user=user, slot="a", created_at=NOW, seen_at=NOW, cell="shut", conditions=["shut"], recruitment={"PROLIFIC_PID": PID}
+        study=study,
+        user=user,
+        slot="a",
+        created_at=NOW,
+        seen_at=NOW,
+        cell="shut",
+        conditions=["shut"],
+        recruitment={"PROLIFIC_PID": PID},
     )
     session = Session.objects.create(robot=robot, visitor=user, live_key="s", queued_at=NOW)
     return Drive.objects.create(
-        participant=participant, session=session, step="task", visit=1, round=0, number=1, condition="shut", seed=1, granted_at=NOW,
-        outcome="completed", exposed=True, mismatches=["assist"],
-    )  # fmt: skip
+        participant=participant,
+        session=session,
+        step="task",
+        visit=1,
+        round=0,
+        number=1,
+        condition="shut",
+        seed=1,
+        granted_at=NOW,
+        outcome="completed",
+        exposed=True,
+        mismatches=["assist"],
+    )
 
 
 def signed_in(client, role: str, slug: str = "cabin-study"):
@@ -71,17 +88,33 @@ def test_what_belongs_to_a_study_of_others_is_not_listed_shown_or_excluded(clien
         assert drive.participant.code not in client.get(address).content.decode()
         assert client.get(address, {"study": str(drive.participant.study_id)}).status_code == 200
     assert {client.get(change(row)).status_code for row in (drive, drive.participant)} == {302}
-    assert (client.get(exclude(drive)).status_code, client.post(exclude(drive), {"reason": "Because."}).status_code) == (404, 404)
+    assert (
+        client.get(exclude(drive)).status_code,
+        client.post(exclude(drive), {"reason": "Because."}).status_code,
+    ) == (404, 404)
 
 
 def test_a_rehearsal_tells_whether_it_is_of_the_definition_as_it_is_now(client, drive):
     signed_in(client, "viewer")
     study = drive.participant.study
-    row = Rehearsal.objects.create(study=study, sha256=study.sha256, began_at=NOW, finished_at=NOW, passed=True, report={"minutes": 12})
+    row = Rehearsal.objects.create(
+        study=study,
+        sha256=study.sha256,
+        began_at=NOW,
+        finished_at=NOW,
+        passed=True,
+        report={"minutes": 12},
+    )
     assert "minutes" in read(client.get(change(row))).text
-    assert 'alt="True"' in client.get(reverse("admin:experiments_rehearsal_changelist")).content.decode()
+    assert (
+        'alt="True"'
+        in client.get(reverse("admin:experiments_rehearsal_changelist")).content.decode()
+    )
     publishing.save_draft(study, small_study(title={"en": "Hut"}))
-    assert 'alt="False"' in client.get(reverse("admin:experiments_rehearsal_changelist")).content.decode()
+    assert (
+        'alt="False"'
+        in client.get(reverse("admin:experiments_rehearsal_changelist")).content.decode()
+    )
 
 
 def test_nothing_is_added_changed_or_deleted_by_hand(client, drive):
@@ -90,32 +123,58 @@ def test_nothing_is_added_changed_or_deleted_by_hand(client, drive):
         assert client.get(reverse(f"admin:experiments_{model}_add")).status_code == 403
     for row in (drive, drive.participant):
         assert client.post(change(row), {"code": "X"}).status_code == 403
-        assert client.post(reverse(f"admin:experiments_{row._meta.model_name}_delete", args=[row.pk]), {"post": "yes"}).status_code == 403
+        assert (
+            client.post(
+                reverse(f"admin:experiments_{row._meta.model_name}_delete", args=[row.pk]),
+                {"post": "yes"},
+            ).status_code
+            == 403
+        )
 
 
 @pytest.mark.parametrize(
     ("query", "is_listed"),
     [
-        ({"condition": "shut"}, True), ({"condition": "all_open"}, False), ({"outcome": "completed"}, True), ({"outcome": "timed_out"}, False),
-        ({"applied": "no"}, True), ({"applied": "yes"}, False), ({"excluded": "no"}, True), ({"excluded": "yes"}, False),
-        ({"participant__kind__exact": "participant"}, True), ({"participant__kind__exact": "bot"}, False), ({"exposed__exact": "1"}, True),
+        ({"condition": "shut"}, True),
+        ({"condition": "all_open"}, False),
+        ({"outcome": "completed"}, True),
+        ({"outcome": "timed_out"}, False),
+        ({"applied": "no"}, True),
+        ({"applied": "yes"}, False),
+        ({"excluded": "no"}, True),
+        ({"excluded": "yes"}, False),
+        ({"participant__kind__exact": "participant"}, True),
+        ({"participant__kind__exact": "bot"}, False),
+        ({"exposed__exact": "1"}, True),
         ({"study": "nonsense"}, False),
     ],
-)  # fmt: skip
+)
 def test_drives_are_filtered(client, drive, query, is_listed):
     signed_in(client, "viewer")
-    assert (drive.participant.code in client.get(reverse(DRIVES), query).content.decode()) == is_listed
+    assert (
+        drive.participant.code in client.get(reverse(DRIVES), query).content.decode()
+    ) == is_listed
 
 
 @pytest.mark.parametrize(
     "asked",
     [
-        "participant?recruitment__PROLIFIC_PID__startswith=p", "participant?age=33", "participant?user__id__startswith=0", "participant?consents=0",
-        "participant?completion_code__startswith=0", "participant?study__secret__startswith=0",
-        "drive?participant__user=0", "drive?participant__recruitment__PROLIFIC_PID=p-77", "drive?session__visitor__username=anna-b", "drive?seed=1",
-        "rehearsal?report__minutes=12", "study?secret__startswith=0", "study?definition__slug=cabin-study", "study?participants__user__username=anna-b",
+        "participant?recruitment__PROLIFIC_PID__startswith=p",
+        "participant?age=33",
+        "participant?user__id__startswith=0",
+        "participant?consents=0",
+        "participant?completion_code__startswith=0",
+        "participant?study__secret__startswith=0",
+        "drive?participant__user=0",
+        "drive?participant__recruitment__PROLIFIC_PID=p-77",
+        "drive?session__visitor__username=anna-b",
+        "drive?seed=1",
+        "rehearsal?report__minutes=12",
+        "study?secret__startswith=0",
+        "study?definition__slug=cabin-study",
+        "study?participants__user__username=anna-b",
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("role", ["viewer", "owner"])
 def test_a_list_is_not_asked_for_what_it_does_not_show(client, drive, asked, role):
     signed_in(client, role)
@@ -129,10 +188,18 @@ def test_participants_and_studies_are_filtered(client, drive):
     signed_in(client, "viewer")
     study = drive.participant.study_id
     for page, query, count in (
-        ("participant", {"study": study, "kind__exact": "participant"}, 1), ("participant", {"kind__exact": "bot"}, 0),
-        ("participant", {"created_at__year": NOW.year}, 1), ("study", {"status__exact": "draft"}, 1), ("rehearsal", {"study": study}, 0),
-    ):  # fmt: skip
-        assert client.get(reverse(f"admin:experiments_{page}_changelist"), query).context["cl"].result_count == count, query
+        ("participant", {"study": study, "kind__exact": "participant"}, 1),
+        ("participant", {"kind__exact": "bot"}, 0),
+        ("participant", {"created_at__year": NOW.year}, 1),
+        ("study", {"status__exact": "draft"}, 1),
+        ("rehearsal", {"study": study}, 0),
+    ):
+        assert (
+            client.get(reverse(f"admin:experiments_{page}_changelist"), query)
+            .context["cl"]
+            .result_count
+            == count
+        ), query
 
 
 def test_a_drive_is_excluded_and_taken_back_with_reasons_that_are_noted(client, drive):
@@ -142,12 +209,20 @@ def test_a_drive_is_excluded_and_taken_back_with_reasons_that_are_noted(client, 
     row = Drive.objects.get()
     assert (row.excluded_reason, row.excluded_by) == ("The camera was covered.", user)
     assert "The camera was covered." in read(client.get(change(drive))).text
-    assert drive.participant.code in client.get(reverse(DRIVES), {"excluded": "yes"}).content.decode()
+    assert (
+        drive.participant.code in client.get(reverse(DRIVES), {"excluded": "yes"}).content.decode()
+    )
     client.post(exclude(drive), {"include": "1", "reason": "It was not."})
     row = Drive.objects.get()
     assert (row.excluded_reason, row.excluded_by, row.excluded_at) == ("", None, None)
-    notes = [entry.change_message for entry in LogEntry.objects.filter(user=user).order_by("action_time", "pk")]
-    assert notes == ["Excluded: The camera was covered.", "Not excluded any more: It was not. (was: The camera was covered.)"]
+    notes = [
+        entry.change_message
+        for entry in LogEntry.objects.filter(user=user).order_by("action_time", "pk")
+    ]
+    assert notes == [
+        "Excluded: The camera was covered.",
+        "Not excluded any more: It was not. (was: The camera was covered.)",
+    ]
 
 
 @pytest.mark.parametrize("reason", ["", "  ", "no", "x" * 301])

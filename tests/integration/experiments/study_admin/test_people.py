@@ -40,7 +40,7 @@ def roles() -> dict[str, str]:
     return {one.user.username: one.role for one in StudyMember.objects.select_related("user")}
 
 
-# --- researchers -----------------------------------------------------------------------------------------------------
+# --- researchers ----------------------------------------------------------------------------------
 
 
 def test_an_owner_adds_researchers_changes_their_role_and_removes_them(client, study, owner):
@@ -48,12 +48,21 @@ def test_an_owner_adds_researchers_changes_their_role_and_removes_them(client, s
     client.post(at("members", study), {"add": "1", "person": "ROSA@example.org", "role": "viewer"})
     client.post(at("members", study), {"add": "1", "person": "rosa", "role": "researcher"})
     assert roles() == {"olga": "owner", "rosa": "researcher"}
-    client.post(at("members", study), {"remove": str(StudyMember.objects.get(user__username="rosa").pk)})
+    client.post(
+        at("members", study), {"remove": str(StudyMember.objects.get(user__username="rosa").pk)}
+    )
     assert roles() == {"olga": "owner"}
     assert LogEntry.objects.filter(user=owner, change_message__contains="rosa").count() == 3
 
 
-@pytest.mark.parametrize(("name", "told"), [("nobody", "There is no such user."), ("visitor", "may not enter the administration"), ("", "required")])
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("nobody", "There is no such user."),
+        ("visitor", "may not enter the administration"),
+        ("", "required"),
+    ],
+)
 def test_only_staff_can_belong_to_a_study(client, study, owner, name, told):
     person("visitor")
     answer = client.post(at("members", study), {"add": "1", "person": name, "role": "viewer"})
@@ -63,7 +72,10 @@ def test_only_staff_can_belong_to_a_study(client, study, owner, name, told):
 
 def test_the_last_owner_stays(client, study, owner):
     mine = str(StudyMember.objects.get().pk)
-    assert "keeps one owner" in read(client.post(at("members", study), {"remove": mine}, follow=True)).text
+    assert (
+        "keeps one owner"
+        in read(client.post(at("members", study), {"remove": mine}, follow=True)).text
+    )
     client.post(at("members", study), {"add": "1", "person": "olga", "role": "viewer"})
     assert roles() == {"olga": "owner"}
 
@@ -71,15 +83,21 @@ def test_the_last_owner_stays(client, study, owner):
 @pytest.mark.parametrize("forged", ["nonsense", "00000000-0000-0000-0000-000000000000", ""])
 def test_a_member_of_another_study_is_not_removed_from_here(client, study, owner, forged):
     other = StudyMember.objects.create(slug="another", user=person("eve"), role="owner")
-    assert {client.post(at("members", study), {"remove": pk}).status_code for pk in (forged, str(other.pk))} == {404}
+    assert {
+        client.post(at("members", study), {"remove": pk}).status_code
+        for pk in (forged, str(other.pk))
+    } == {404}
     assert StudyMember.objects.filter(pk=other.pk).exists()
 
 
-# --- personal links --------------------------------------------------------------------------------------------------
+# --- personal links -------------------------------------------------------------------------------
 
 
 def made(client, study, **fields) -> list[dict[str, str]]:
-    answer = client.post(at("links", study), {"make": "1", "count": "3", "label": "Class A", "access": "invitation", **fields})
+    answer = client.post(
+        at("links", study),
+        {"make": "1", "count": "3", "label": "Class A", "access": "invitation", **fields},
+    )
     assert answer["Content-Type"].startswith("text/csv"), read(answer).text
     assert "no-store" in answer["Cache-Control"]
     return list(csv.DictReader(io.StringIO(answer.content.decode())))
@@ -88,9 +106,15 @@ def made(client, study, **fields) -> list[dict[str, str]]:
 def test_links_are_in_the_file_once_and_lead_in(client, study, owner):
     rows = made(client, study, days="7")
     assert [row["label"] for row in rows] == ["Class A 1", "Class A 2", "Class A 3"]
-    assert all(row["link"].startswith("http://testserver/studies/link/") and row["expires"] for row in rows)
+    assert all(
+        row["link"].startswith("http://testserver/studies/link/") and row["expires"] for row in rows
+    )
     tokens = [row["link"].rstrip("/").rsplit("/", 1)[1] for row in rows]
-    assert [links.find(token, owner, NOW).label for token in tokens] == ["Class A 1", "Class A 2", "Class A 3"]
+    assert [links.find(token, owner, NOW).label for token in tokens] == [
+        "Class A 1",
+        "Class A 2",
+        "Class A 3",
+    ]
     shown = client.get(at("links", study)).content.decode()
     assert "Class A 2" in shown
     assert not any(token in shown for token in tokens)
@@ -100,9 +124,14 @@ def test_a_label_is_no_formula_of_a_spreadsheet(client, study, owner):
     assert made(client, study, label="=1+1", count="1")[0]["label"] == "'=1+1 1"
 
 
-@pytest.mark.parametrize(("field", "value"), [("count", "0"), ("count", "501"), ("count", "many"), ("days", "-1"), ("access", "everything")])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("count", "0"), ("count", "501"), ("count", "many"), ("days", "-1"), ("access", "everything")],
+)
 def test_links_that_make_no_sense_are_not_made(client, study, owner, field, value):
-    answer = client.post(at("links", study), {"make": "1", "count": "3", "access": "open", field: value})
+    answer = client.post(
+        at("links", study), {"make": "1", "count": "3", "access": "open", field: value}
+    )
     assert read(answer).all("ul")
     assert answer["Content-Type"].startswith("text/html")
     assert not PersonalLink.objects.exists()
@@ -111,24 +140,40 @@ def test_links_that_make_no_sense_are_not_made(client, study, owner, field, valu
 def test_a_link_is_revoked_once_and_never_one_of_another_study(client, study, owner):
     made(client, study, count="1")
     link = PersonalLink.objects.get()
-    assert "leads nowhere" in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
+    assert (
+        "leads nowhere"
+        in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
+    )
     assert PersonalLink.objects.get().revoked_at is not None
-    assert "used or revoked already" in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
+    assert (
+        "used or revoked already"
+        in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
+    )
     other, _token = links.make(publishing.store(small_study(slug="another"), NOW), now=NOW)
-    assert {client.post(at("links", study), {"revoke": pk}).status_code for pk in (str(other.pk), "nonsense")} == {404}
+    assert {
+        client.post(at("links", study), {"revoke": pk}).status_code
+        for pk in (str(other.pk), "nonsense")
+    } == {404}
 
 
 def test_a_closed_study_makes_no_links(client, study, owner):
     Study.objects.update(status=Study.Status.CLOSED)
-    assert client.post(at("links", study), {"make": "1", "count": "1", "access": "open"}).status_code == 404
+    assert (
+        client.post(at("links", study), {"make": "1", "count": "1", "access": "open"}).status_code
+        == 404
+    )
 
 
-# --- hours -----------------------------------------------------------------------------------------------------------
+# --- hours ----------------------------------------------------------------------------------------
 
 
 def test_hours_are_written_by_day_and_read_as_a_sentence(client, study, owner):
     week = {f"day_{n}": "9-13, 15:00-17:30" for n in range(5)}
-    answer = client.post(at("hours", study), {"time_zone": "Europe/Madrid", **week, "day_5": "10:00-24:00"}, follow=True)
+    answer = client.post(
+        at("hours", study),
+        {"time_zone": "Europe/Madrid", **week, "day_5": "10:00-24:00"},
+        follow=True,
+    )
     row = Study.objects.get()
     assert row.time_zone == "Europe/Madrid"
     assert row.opening_hours == [
@@ -139,7 +184,11 @@ def test_hours_are_written_by_day_and_read_as_a_sentence(client, study, owner):
     page = read(answer)
     assert "Mon-Fri 09:00-13:00; Mon-Fri 15:00-17:30; Sat 10:00-00:00 (Europe/Madrid)" in page.text
     shown = {e.attributes.get("name"): e.attributes.get("value") for e in page.all("input")}
-    assert (shown["day_0"], shown["day_5"], shown.get("day_6")) == ("09:00-13:00, 15:00-17:30", "10:00-00:00", None)
+    assert (shown["day_0"], shown["day_5"], shown.get("day_6")) == (
+        "09:00-13:00, 15:00-17:30",
+        "10:00-00:00",
+        None,
+    )
 
 
 def test_all_days_empty_means_always_open(client, study, owner):
@@ -163,6 +212,9 @@ def test_a_made_up_time_zone_is_refused(client, study, owner):
 
 
 def test_what_is_written_comes_back():
-    hours = [{"days": [0, 2], "start": "09:00", "end": "17:00"}, {"days": [6], "start": "22:00", "end": "02:00"}]
+    hours = [
+        {"days": [0, 2], "start": "09:00", "end": "17:00"},
+        {"days": [6], "start": "22:00", "end": "02:00"},
+    ]
     assert opening_hours.from_days(opening_hours.told_by_day(hours)) == hours
     assert opening_hours.summary(hours, "UTC") == "Mon, Wed 09:00-17:00; Sun 22:00-02:00 (UTC)"

@@ -29,7 +29,15 @@ from tests.support import participants as p
 from tests.support import task_drives
 from tests.support.studies import STUDY, small_study
 from tests.support.task_drives import BACK, SECOND, THERE
-from tests.support.task_session import AHEAD, begin, cabin_robot, close, small_conditions, write, write_event
+from tests.support.task_session import (
+    AHEAD,
+    begin,
+    cabin_robot,
+    close,
+    small_conditions,
+    write,
+    write_event,
+)
 
 pytestmark = pytest.mark.django_db
 
@@ -68,17 +76,34 @@ def test_the_record_of_a_whole_task_gives_events_result_and_outcome(robot):
     write(drive, records)
     drive = settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
     assert told(drive) == [
-        ("task_started", None), ("left_station", 0), ("checkpoint", 1), ("door_passed", "door"), ("checkpoint", 2), ("photo_prompt", 2),
-        ("photo_failed", "a1"), ("photo_taken", "a2"), ("photo_again", "a2"), ("photo_taken", "a3"), ("photo_kept", "a3"),
-        ("dock_contact", 1), ("docked", 0), ("task_ended", "completed"),
-    ]  # fmt: skip
+        ("task_started", None),
+        ("left_station", 0),
+        ("checkpoint", 1),
+        ("door_passed", "door"),
+        ("checkpoint", 2),
+        ("photo_prompt", 2),
+        ("photo_failed", "a1"),
+        ("photo_taken", "a2"),
+        ("photo_again", "a2"),
+        ("photo_taken", "a3"),
+        ("photo_kept", "a3"),
+        ("dock_contact", 1),
+        ("docked", 0),
+        ("task_ended", "completed"),
+    ]
     assert (drive.outcome, drive.exposed, drive.clock_offset) == ("completed", True, AHEAD)
-    assert (drive.result["photo"], drive.result["doors"], len(drive.result["checkpoints"])) == ("kept", ["door"], 2)
+    assert (drive.result["photo"], drive.result["doors"], len(drive.result["checkpoints"])) == (
+        "kept",
+        ["door"],
+        2,
+    )
     assert drive.result["ended"] == pytest.approx(records[-1].at, abs=0.001)
     assert drive.participant.stage == "filled"
 
 
-def test_the_same_engine_fed_with_what_is_stored_twice_and_in_any_order_gives_the_stored_events(robot):
+def test_the_same_engine_fed_with_what_is_stored_twice_and_in_any_order_gives_the_stored_events(
+    robot,
+):
     drive = begin(robot)
     records = whole(timezone.now().timestamp())
     write(drive, records)
@@ -114,8 +139,13 @@ def test_settling_again_changes_nothing_and_late_states_change_what_they_must(ro
     records = whole(timezone.now().timestamp())
     states = [record for record in records if isinstance(record, Seen)]
     lost = {record.seq for record in states[-8:]}
-    write(drive, [record for record in records if not (isinstance(record, Seen) and record.seq in lost)])
-    drive = settled(close(drive, outcome="connection_lost", reason="visitor_silent", at=records[-1].at + 5.0))
+    write(
+        drive,
+        [record for record in records if not (isinstance(record, Seen) and record.seq in lost)],
+    )
+    drive = settled(
+        close(drive, outcome="connection_lost", reason="visitor_silent", at=records[-1].at + 5.0)
+    )
     first = list(TaskEvent.objects.values_list("number", "stamp", "type"))
     assert drive.outcome == "connection_lost"
     assert finalization.due().count() == 0
@@ -130,7 +160,13 @@ def test_settling_again_changes_nothing_and_late_states_change_what_they_must(ro
 def test_a_visitor_who_leaves_in_the_middle_has_cancelled_the_task(robot):
     drive = begin(robot)
     records = task_drives.Drive(at=timezone.now().timestamp()).go(*THERE).records
-    write(drive, [FirstFrame(record.at, "1.5") if isinstance(record, FirstFrame) else record for record in records])
+    write(
+        drive,
+        [
+            FirstFrame(record.at, "1.5") if isinstance(record, FirstFrame) else record
+            for record in records
+        ],
+    )
     drive = settled(close(drive, outcome="completed", reason="left", at=records[-1].at + 1.0))
     assert (drive.outcome, drive.exposed, drive.participant.stage) == ("cancelled", True, "filled")
     assert told(drive)[-1] == ("task_ended", "cancelled")
@@ -148,50 +184,92 @@ def test_a_task_whose_time_is_over_is_timed_out_at_its_limit(robot):
     assert drive.result["ended"] == pytest.approx(start + 300.0)
 
 
-# --- the place in the cell -------------------------------------------------------------------------------------------
+# --- the place in the cell ------------------------------------------------------------------------
 
 
 def test_who_left_before_anything_moved_gives_the_place_back(robot):
     drive = begin(robot)
-    still = [Seen(timezone.now().timestamp() + n / 4, "boot", n, 0.5, 2.0, 3.1, docked=True, contact=True) for n in range(8)]
+    still = [
+        Seen(
+            timezone.now().timestamp() + n / 4, "boot", n, 0.5, 2.0, 3.1, docked=True, contact=True
+        )
+        for n in range(8)
+    ]
     write(drive, still)
-    drive = settled(close(drive, outcome="connection_refused", reason="never_connected", at=still[-1].at))
-    assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == ("connection_refused", False, "freed", [])
+    drive = settled(
+        close(drive, outcome="connection_refused", reason="never_connected", at=still[-1].at)
+    )
+    assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == (
+        "connection_refused",
+        False,
+        "freed",
+        [],
+    )
 
 
-@pytest.mark.parametrize("outcome", ["robot_fault", "connection_lost", "cancelled", "stopped_by_operator"])
+@pytest.mark.parametrize(
+    "outcome", ["robot_fault", "connection_lost", "cancelled", "stopped_by_operator"]
+)
 def test_whatever_comes_after_the_first_velocity_fills_the_place(robot, outcome):
     drive = begin(robot)
     now = timezone.now().timestamp()
-    write(drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1, docked=True, contact=True), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
+    write(
+        drive,
+        [
+            Seen(now, "boot", 0, 0.5, 2.0, 3.1, docked=True, contact=True),
+            Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1),
+        ],
+    )
     drive = settled(close(drive, outcome=outcome, reason="x", at=now + 1.0))
     assert (drive.outcome, drive.exposed, drive.participant.stage) == (outcome, True, "filled")
 
 
 def test_where_states_are_lost_for_good_nobody_is_taken_for_untouched(robot):
     drive = begin(robot)
-    drive = settled(close(drive, outcome="connection_lost", reason="visitor_silent", at=timezone.now().timestamp(), missing=12))
+    drive = settled(
+        close(
+            drive,
+            outcome="connection_lost",
+            reason="visitor_silent",
+            at=timezone.now().timestamp(),
+            missing=12,
+        )
+    )
     assert (drive.exposed, drive.participant.stage) == (True, "filled")
 
 
 def test_a_technical_failure_is_given_to_another_only_as_often_as_the_frozen_rule_says(robot):
-    study = p.published(small_study(conditions=[small_conditions()[0]], refill={"outcomes": ["robot_fault"], "most": 1}))
+    study = p.published(
+        small_study(
+            conditions=[small_conditions()[0]], refill={"outcomes": ["robot_fault"], "most": 1}
+        )
+    )
     for name, stage in (("ada", "refilled"), ("ben", "filled")):
         drive = begin(robot, name, study)
         now = timezone.now().timestamp()
-        write(drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
+        write(
+            drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)]
+        )
         drive = settled(close(drive, outcome="robot_fault", reason="robot_offline", at=now + 1.0))
         assert drive.participant.stage == stage
         Robot.objects.update(turnaround="ready")
 
 
 def test_a_practice_drive_fills_nothing_and_is_never_taken_for_the_task(robot):
-    steps = [{"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2}, *STUDY["steps"]]
+    steps = [
+        {"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2},
+        *STUDY["steps"],
+    ]
     drive = begin(robot, steps=steps, refill={"outcomes": ["robot_fault"], "most": 5})
     now = timezone.now().timestamp()
     write(drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
     drive = settled(close(drive, outcome="robot_fault", reason="robot_offline", at=now + 1.0))
-    assert (drive.outcome, drive.result, drive.exposed, drive.participant.stage) == ("robot_fault", {}, True, "under_way")
+    assert (drive.outcome, drive.result, drive.exposed, drive.participant.stage) == (
+        "robot_fault",
+        {},
+        True,
+        "under_way",
+    )
     assert not TaskEvent.objects.exists()
 
 
@@ -208,19 +286,35 @@ def test_a_second_visit_frees_and_refills_nothing(robot):
     now = timezone.now().timestamp()
     write(second, [Seen(now, "boot", 0, 0.5, 2.0, 3.1), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
     second = settled(close(second, outcome="robot_fault", reason="robot_offline", at=now + 1.0))
-    assert (second.outcome, second.number, Participant.objects.get().stage) == ("robot_fault", 2, "filled")
+    assert (second.outcome, second.number, Participant.objects.get().stage) == (
+        "robot_fault",
+        2,
+        "filled",
+    )
 
 
-# --- what was in force -----------------------------------------------------------------------------------------------
+# --- what was in force ----------------------------------------------------------------------------
 
 
 def test_what_was_not_as_assigned_is_named(robot):
     drive = begin(robot)
     records = whole(timezone.now().timestamp())
     write(drive, records)
-    write_event(drive, m.ActionStatus(action_id="g1", status="FINISHED", stamp=1.0, type="goto"), 1.0)
-    write_event(drive, m.ActionStatus(action_id="g2", status="FAILED", stamp=1.0, type="dock", reason="not_allowed"), 1.0)
-    write_event(drive, m.Event(stamp=2.0, boot="boot", seq=1, type="door_changed", detail="door closed"), 2.0)
+    write_event(
+        drive, m.ActionStatus(action_id="g1", status="FINISHED", stamp=1.0, type="goto"), 1.0
+    )
+    write_event(
+        drive,
+        m.ActionStatus(
+            action_id="g2", status="FAILED", stamp=1.0, type="dock", reason="not_allowed"
+        ),
+        1.0,
+    )
+    write_event(
+        drive,
+        m.Event(stamp=2.0, boot="boot", seq=1, type="door_changed", detail="door closed"),
+        2.0,
+    )
     write_event(drive, PageEvent(stamp=3.0, type="layout", data={"interface": "standard"}), 3.0)
     write_event(drive, PageEvent(stamp=4.0, type="layout", data={"interface": "expert"}), 4.0)
     chunk = StateChunk.objects.order_by("first_seq").last()
@@ -243,26 +337,41 @@ def test_a_drive_as_assigned_differs_in_nothing(robot):
 
 
 def driven_over(robot, *, reported: bool) -> Drive:
-    """A drive in a condition with a network, which the robot did put on the visitor's commands, or did not."""
+    """A drive in a condition with a network, which the robot did put on the visitor's commands, or
+    did not.
+    """
     network = {"control": {"delay": 0.15, "loss": 0.02}, "video": {"bitrate": 400_000.0}}
-    drive = begin(robot, study=p.published(small_study(conditions=[{**small_conditions()[0], "network": network}])))
+    drive = begin(
+        robot,
+        study=p.published(small_study(conditions=[{**small_conditions()[0], "network": network}])),
+    )
     fixed = terms.of(drive.session)
     records = whole(timezone.now().timestamp())
     write(drive, records)
     if reported:
         for chunk in StateChunk.objects.all():
-            control, video = m.LabReport(lab=fixed.control_network, taken=9, lost=1), m.LabReport(lab=fixed.video_network, overflowed=4)
-            told = {"controlNetwork": msgspec.to_builtins(control), "videoNetwork": msgspec.to_builtins(video)}
+            control, video = (
+                m.LabReport(lab=fixed.control_network, taken=9, lost=1),
+                m.LabReport(lab=fixed.video_network, overflowed=4),
+            )
+            told = {
+                "controlNetwork": msgspec.to_builtins(control),
+                "videoNetwork": msgspec.to_builtins(video),
+            }
             chunk.states = [state | told for state in chunk.states]
             chunk.save()
     return settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
 
 
-def test_a_network_that_the_robot_has_put_on_is_in_force_stored_and_exported_beside_the_assigned_one(robot):
+def test_a_network_that_the_robot_has_put_on_is_in_force_stored_and_exported_beside_the_assigned_one(
+    robot,
+):
     drive = driven_over(robot, reported=True)
     assert drive.mismatches == []
     report = msgspec.convert(drive.applied["control_network"], m.LabReport)
-    assert report == m.LabReport(lab=m.NetworkLab(delay=0.15, loss=0.02, seed=drive.seed), taken=9, lost=1)
+    assert report == m.LabReport(
+        lab=m.NetworkLab(delay=0.15, loss=0.02, seed=drive.seed), taken=9, lost=1
+    )
     session = dataset_of(drive.participant.study).sessions[0]
     assert (session.control_network, session.video_network) == ("delay=150,loss=2", "rate=400")
     assert (session.control_applied, session.video_applied) == ("delay=150,loss=2", "rate=400")
@@ -272,10 +381,14 @@ def test_a_network_that_the_robot_has_not_put_on_flags_the_drive(robot):
     drive = driven_over(robot, reported=False)
     assert drive.mismatches == ["network"]
     session = dataset_of(drive.participant.study).sessions[0]
-    assert (session.mismatch, session.control_network, session.control_applied) == ("network", "delay=150,loss=2", "")
+    assert (session.mismatch, session.control_network, session.control_applied) == (
+        "network",
+        "delay=150,loss=2",
+        "",
+    )
 
 
-# --- a little at each look -------------------------------------------------------------------------------------------
+# --- a little at each look ------------------------------------------------------------------------
 
 
 def test_the_settler_does_a_little_at_each_look_and_all_in_the_end(robot):
@@ -294,13 +407,25 @@ def test_the_settler_does_a_little_at_each_look_and_all_in_the_end(robot):
 
 @pytest.mark.django_db(transaction=True)
 def test_half_way_through_a_long_record_everybody_else_may_write(robot):
-    """A drive of a quarter of an hour is read at many looks, between which the recorder writes in another process and the clockwork here."""
+    """A drive of a quarter of an hour is read at many looks, between which the recorder writes in
+    another process and the clockwork here.
+    """
     drive = begin(robot)
     records = whole(timezone.now().timestamp())
     write(drive, records)
     chunk = StateChunk.objects.first()
     StateChunk.objects.bulk_create(
-        StateChunk(session=chunk.session, boot="later", first_seq=n, last_seq=n, count=1, first_stamp=n, last_stamp=n, received_at=2e9 + n, states=[])
+        StateChunk(
+            session=chunk.session,
+            boot="later",
+            first_seq=n,
+            last_seq=n,
+            count=1,
+            first_stamp=n,
+            last_stamp=n,
+            received_at=2e9 + n,
+            states=[],
+        )
         for n in range(900)
     )
     close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5)
@@ -312,7 +437,12 @@ def test_half_way_through_a_long_record_everybody_else_may_write(robot):
         system_log.log("here", at=timezone.now(), number=looks)
         looks += 1
         assert looks < 1000
-    assert SystemLog.objects.filter(event="here").count() == SystemLog.objects.filter(event="elsewhere").count() == looks > 3
+    assert (
+        SystemLog.objects.filter(event="here").count()
+        == SystemLog.objects.filter(event="elsewhere").count()
+        == looks
+        > 3
+    )
     assert Drive.objects.get().outcome == "completed"
 
 
@@ -334,7 +464,9 @@ def test_a_drive_that_cannot_be_read_is_told_once_and_keeps_no_other_waiting(rob
     for _ in range(20):  # a look may see little of its time
         settler.look(timezone.now(), share=0.5)
     assert list(finalization.due()) == [broken]
-    assert [record.message.split()[0] for record in caplog.records if "not_settled" in record.message] == ["drive_not_settled"]
+    assert [
+        record.message.split()[0] for record in caplog.records if "not_settled" in record.message
+    ] == ["drive_not_settled"]
 
 
 def test_a_drive_whose_settling_was_cut_off_is_settled_again(robot, monkeypatch):
@@ -343,7 +475,9 @@ def test_a_drive_whose_settling_was_cut_off_is_settled_again(robot, monkeypatch)
     write(drive, records)
     drive = close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5)
     with monkeypatch.context() as cut_off:
-        cut_off.setattr(finalization, "settle_place", lambda _drive: (_ for _ in ()).throw(KeyboardInterrupt))
+        cut_off.setattr(
+            finalization, "settle_place", lambda _drive: (_ for _ in ()).throw(KeyboardInterrupt)
+        )
         with pytest.raises(KeyboardInterrupt):
             settle(drive, timezone.now())
     assert list(finalization.due()) == [drive]

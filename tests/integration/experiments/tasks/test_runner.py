@@ -1,4 +1,6 @@
-"""Living drives: what the page is shown, when the session ends, and that a runner that is killed is missed by nobody."""
+"""Living drives: what the page is shown, when the session ends, and that a runner that is killed is
+missed by nobody.
+"""
 
 import datetime
 from contextlib import suppress
@@ -23,7 +25,16 @@ from sessions.models import Session
 from tests.support import task_drives
 from tests.support.studies import STUDY
 from tests.support.task_drives import BACK, FIRST, THERE
-from tests.support.task_session import AHEAD, begin, cabin_robot, close, message_of, say, state_of, write
+from tests.support.task_session import (
+    AHEAD,
+    begin,
+    cabin_robot,
+    close,
+    message_of,
+    say,
+    state_of,
+    write,
+)
 
 pytestmark = pytest.mark.django_db
 
@@ -77,10 +88,20 @@ def test_the_page_is_shown_how_the_task_goes_and_docking_ends_the_session(robot)
     assert [frames[0].cue, frames[-1].cue] == ["wait_for_picture", "completed"]
     assert "photo_review" in [one.cue for one in frames]
     assert [one.photo for one in frames if one.window == "review"] == ["a2"]
-    assert (frames[-1].passed, frames[-1].outcome, frames[-1].doors) == ((1, 2), "completed", ("door",))
-    assert any((one.cue, one.number, one.x, one.y) == ("go_to_checkpoint", 1, *FIRST) for one in frames)
+    assert (frames[-1].passed, frames[-1].outcome, frames[-1].doors) == (
+        (1, 2),
+        "completed",
+        ("door",),
+    )
+    assert any(
+        (one.cue, one.number, one.x, one.y) == ("go_to_checkpoint", 1, *FIRST) for one in frames
+    )
     session = Session.objects.get()
-    assert (session.state, session.outcome, session.outcome_reason) == ("ended", "completed", "task")
+    assert (session.state, session.outcome, session.outcome_reason) == (
+        "ended",
+        "completed",
+        "task",
+    )
     assert Drive.objects.get().shown["outcome"] == "completed"
     assert Drive.objects.get().clock_offset == AHEAD
 
@@ -101,14 +122,23 @@ def test_a_frame_is_sent_only_when_something_has_changed(robot):
     start = timezone.now().timestamp()
     hear(runner, drive, way(start).records)
     count = len(shown())
-    hear(runner, drive, [Seen(start + 1.0 + n / 4, "boot", 2 + n, 0.5, 2.0, 3.1, docked=True, contact=True) for n in range(20)])
+    hear(
+        runner,
+        drive,
+        [
+            Seen(start + 1.0 + n / 4, "boot", 2 + n, 0.5, 2.0, 3.1, docked=True, contact=True)
+            for n in range(20)
+        ],
+    )
     runner.look(now=at(start + 7.0))
     assert count > 0
     assert shown() == []
 
 
 @pytest.mark.parametrize("refuses", ["bulk_create", "update"])
-def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(robot, monkeypatch, refuses):
+def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(
+    robot, monkeypatch, refuses
+):
     drive, runner = begin(robot), Runner()
     records = whole(timezone.now().timestamp())
     half = len(records) // 2
@@ -132,7 +162,10 @@ def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(r
     write(drive, records)
     live = list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data"))
     settle(close(drive, at=records[-1].at + 1.0), timezone.now())
-    assert list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data")) == live
+    assert (
+        list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data"))
+        == live
+    )
 
 
 def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):
@@ -154,13 +187,18 @@ def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
     start = timezone.now().timestamp()
     hear(runner, drive, way(start).go(*THERE, *BACK).records)
     limit = 300.0 + start + 0.25
-    rests = [Seen(limit - 2.1 + n / 4, "boot", 4000 + n, 0.5, 2.0, 3.1, contact=True) for n in range(8)]
+    rests = [
+        Seen(limit - 2.1 + n / 4, "boot", 4000 + n, 0.5, 2.0, 3.1, contact=True) for n in range(8)
+    ]
     hear(runner, drive, rests)
     runner.look(now=at(limit + 0.5))
     late = Seen(limit - 0.1, "boot", 5000, 0.5, 2.0, 3.1, docked=True, contact=True)
     about = {"session": str(drive.session_id), "received_at": limit + 0.6, "clock_offset": AHEAD}
     runner.on_state(robot="giraff", state=state_of(late, drive), **about)
-    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == ("completed", "task")
+    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == (
+        "completed",
+        "task",
+    )
 
 
 def test_what_is_left_is_told_in_the_last_minutes_and_now_and_then_again(robot):
@@ -193,7 +231,9 @@ def test_a_session_manager_that_was_killed_in_mid_task_is_followed_by_one_that_g
     assert types.count("task_started") == types.count("docked") == 1
 
 
-def test_what_the_one_that_was_killed_had_heard_and_not_stored_is_made_up_for_when_it_is_sent_again(robot):
+def test_what_the_one_that_was_killed_had_heard_and_not_stored_is_made_up_for_when_it_is_sent_again(
+    robot,
+):
     """Without the states around the first checkpoint the visitor would be sent back to it."""
     drive, first = begin(robot), Runner()
     records = whole(timezone.now().timestamp())
@@ -224,7 +264,13 @@ def test_another_robot_and_another_session_have_no_say(robot):
         if isinstance(record, Seen):
             say(runner, drive, record, robot="rhodon")
     assert TaskEvent.objects.count() == 0
-    runner.on_message(robot="", session="no session at all", message=message_of(records[1]), received_at=1.0, clock_offset=None)
+    runner.on_message(
+        robot="",
+        session="no session at all",
+        message=message_of(records[1]),
+        received_at=1.0,
+        clock_offset=None,
+    )
     assert shown() == []
 
 
@@ -234,11 +280,17 @@ def test_a_drive_that_never_sees_a_picture_ends_when_its_turn_would_be_over(robo
     runner.look(now=at(granted + 470.0))
     assert Session.objects.get().state == "driving"
     runner.look(now=at(granted + 481.0))
-    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == ("timed_out", "no_picture")
+    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == (
+        "timed_out",
+        "no_picture",
+    )
 
 
 def test_a_practice_drive_ends_after_its_minutes(robot):
-    steps = [{"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2}, *STUDY["steps"]]
+    steps = [
+        {"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2},
+        *STUDY["steps"],
+    ]
     drive, runner = begin(robot, steps=steps), Runner()
     start = timezone.now().timestamp()
     hear(runner, drive, way(start).go(FIRST).records)
@@ -252,17 +304,23 @@ def test_a_practice_drive_ends_after_its_minutes(robot):
     assert Drive.objects.get().outcome == "completed"
 
 
-# --- other ends ------------------------------------------------------------------------------------------------------
+# --- other ends -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("outcome", "reason", "task"),
     [
-        ("connection_lost", "visitor_silent", "connection_lost"), ("robot_fault", "robot_offline", "robot_fault"), ("completed", "left", "cancelled"),
-        ("cancelled", "left", "cancelled"), ("stopped_by_operator", "stopped", "stopped_by_operator"), ("timed_out", "turn_over", "timed_out"),
+        ("connection_lost", "visitor_silent", "connection_lost"),
+        ("robot_fault", "robot_offline", "robot_fault"),
+        ("completed", "left", "cancelled"),
+        ("cancelled", "left", "cancelled"),
+        ("stopped_by_operator", "stopped", "stopped_by_operator"),
+        ("timed_out", "turn_over", "timed_out"),
     ],
-)  # fmt: skip
-def test_a_session_that_ends_otherwise_gives_its_outcome_at_once_and_loses_nothing(robot, outcome, reason, task):
+)
+def test_a_session_that_ends_otherwise_gives_its_outcome_at_once_and_loses_nothing(
+    robot, outcome, reason, task
+):
     """The page gone, the robot gone, the visitor gone, an operator, a turn."""
     drive, runner = begin(robot), Runner()
     records = way(timezone.now().timestamp()).go(FIRST).records

@@ -43,9 +43,17 @@ def ear(broker):
 
 def config(broker, tmp_path, **fields):
     values = {
-        "robot": "giraff", "server": None, "mqtt_url": broker.url, "token": None, "ca": None, "adapter": "scripted", "profile": "giraff",
-        "options": {}, "viewers": 4, "var": tmp_path / "var",
-    } | fields  # fmt: skip
+        "robot": "giraff",
+        "server": None,
+        "mqtt_url": broker.url,
+        "token": None,
+        "ca": None,
+        "adapter": "scripted",
+        "profile": "giraff",
+        "options": {},
+        "viewers": 4,
+        "var": tmp_path / "var",
+    } | fields
     return AgentConfig(**values)
 
 
@@ -54,9 +62,17 @@ class RunningAgent:
 
     def __init__(self, config, *robots):
         self.robots = list(robots) or [ScriptedRobot()]
-        self.made, self.built = [], []  # each time all was loaded: how often the robot had been connected
-        self.agent = Agent(config, make_adapter=self._adapter, make_media=lambda *_: ListeningMedia(), rng=random.Random(1))
-        self._thread = threading.Thread(target=self.agent.run, args=[lambda: self.built.append(self.made[-1].connections)])
+        # each time all was loaded: how often the robot had been connected
+        self.made, self.built = [], []
+        self.agent = Agent(
+            config,
+            make_adapter=self._adapter,
+            make_media=lambda *_: ListeningMedia(),
+            rng=random.Random(1),
+        )
+        self._thread = threading.Thread(
+            target=self.agent.run, args=[lambda: self.built.append(self.made[-1].connections)]
+        )
 
     def _adapter(self, _config):
         self.made.append(self.robots.pop(0) if len(self.robots) > 1 else self.robots[0])
@@ -76,7 +92,13 @@ class RunningAgent:
 def test_an_agent_comes_online_reports_and_says_offline(broker, ear, tmp_path):
     with RunningAgent(config(broker, tmp_path)):
         sheet = ear.wait("factsheet")
-        assert sheet.capabilities == (*ScriptedRobot().profile.capabilities, "call", "point", "network_lab")  # these are the agent's
+        # these are the agent's
+        assert sheet.capabilities == (
+            *ScriptedRobot().profile.capabilities,
+            "call",
+            "point",
+            "network_lab",
+        )
         assert sheet.limits.deadman == 0.3
         assert ear.wait("state", lambda s: s.pose.x == 1.0).boot == sheet.boot
     assert ear.wait("connection", lambda c: c.state == "OFFLINE").boot == sheet.boot
@@ -84,14 +106,18 @@ def test_an_agent_comes_online_reports_and_says_offline(broker, ear, tmp_path):
 
 @pytest.mark.broker
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_an_agent_whose_control_thread_dies_comes_back_with_a_new_boot(broker, ear, tmp_path, monkeypatch):
+def test_an_agent_whose_control_thread_dies_comes_back_with_a_new_boot(
+    broker, ear, tmp_path, monkeypatch
+):
     with RunningAgent(config(broker, tmp_path), ScriptedRobot(), ScriptedRobot()) as running:
         first = ear.wait("state", lambda s: s.pose.x == 1.0).boot
         with monkeypatch.context() as patch:
             patch.setattr(Reports, "tick", lambda _: 1 / 0)
             wait_for(lambda: running.made[0].closed, 10, "the old robot to be let go of")
         second = ear.wait("state", lambda s: s.boot != first and s.pose.x == 1.0)
-        assert running.built == [0, 0], "the interpreter is set up before each run and not during it"
+        assert running.built == [0, 0], (
+            "the interpreter is set up before each run and not during it"
+        )
         assert second.boot > first
         ear.say("command/action", m.Stop(action_id="s2", stamp=0.0))
         ear.wait("state", lambda s: s.safety.stop_id == "s2")
@@ -109,7 +135,18 @@ def test_an_agent_asks_its_server_for_the_broker(broker, ear, tmp_path):
 
 @pytest.mark.broker
 def test_the_simulated_robot_drives_stops_and_is_left_by_a_signal(broker, ear, tmp_path):
-    command = [sys.executable, "-m", "robots.agent", "giraff", "--mqtt", broker.url, "--var", str(tmp_path / "var"), "--option", "camera=no"]
+    command = [
+        sys.executable,
+        "-m",
+        "robots.agent",
+        "giraff",
+        "--mqtt",
+        broker.url,
+        "--var",
+        str(tmp_path / "var"),
+        "--option",
+        "camera=no",
+    ]
     agent = subprocess.Popen(command, cwd=ROOT)
     try:
         ear.wait("state", lambda s: s.safety.inhibited == "no_lease", within=30.0)
@@ -126,21 +163,44 @@ def test_the_simulated_robot_drives_stops_and_is_left_by_a_signal(broker, ear, t
 
 
 def drive_forwards(ear, *, command_age=None, until=None):
-    """Give a lease, make the clocks known, and drive until the robot moves (or `until`), as a page on the MQTT way does."""
+    """Give a lease, make the clocks known, and drive until the robot moves (or `until`), as a page
+    on the MQTT way does.
+    """
     until = until or (lambda: any(s.velocity.linear > 0.1 for s in ear.all("state")[-3:]))
     limits = m.LeaseLimits(command_age=command_age)
     deadline = time.monotonic() + patient(16.0)
     number = 0
     while time.monotonic() < deadline:
         number += 1
-        if number % 20 == 1:  # an echo that a busy computer kept waiting makes every command look old: it is given again
-            lease = m.Lease(session="s1", epoch=1, peer="p1", who="Ada", renewal=number, stamp=time.time(), video="none", limits=limits)
+        # an echo that a busy computer kept waiting makes every command look old: it is given again
+        if number % 20 == 1:
+            lease = m.Lease(
+                session="s1",
+                epoch=1,
+                peer="p1",
+                who="Ada",
+                renewal=number,
+                stamp=time.time(),
+                video="none",
+                limits=limits,
+            )
             ear.say("lease", lease)
             beat, now = ear.wait("heartbeat", since=ear.count), time.time()
             echo = m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now)
-            ear.say("command/heartbeat", m.CommandHeartbeat(n=number, stamp=now, peer="p1", echo=echo))
-        speed = 0.0 if number % 60 < 5 else 0.3  # nothing pressed at first: a robot that has just come up, or was stopped, waits for that
-        command = m.VelocityCommand(session="s1", epoch=1, seq=number, stamp=time.time(), linear=speed, angular=0.0, method="script")
+            ear.say(
+                "command/heartbeat", m.CommandHeartbeat(n=number, stamp=now, peer="p1", echo=echo)
+            )
+        # nothing pressed at first: a robot that has just come up, or was stopped, waits for that
+        speed = 0.0 if number % 60 < 5 else 0.3
+        command = m.VelocityCommand(
+            session="s1",
+            epoch=1,
+            seq=number,
+            stamp=time.time(),
+            linear=speed,
+            angular=0.0,
+            method="script",
+        )
         ear.say("command/velocity", command)
         if until():
             return
@@ -153,7 +213,10 @@ def test_a_worse_network_makes_commands_older_by_about_its_delay(broker, tmp_pat
     ages = {}
     for words in ("delay=1", "delay=200,jitter=20"):
         networks = Networks(network_words.parse(words, seed=7))
-        with Ear(broker.port) as ear, RunningAgent(config(broker, tmp_path / words, networks=networks)):
+        with (
+            Ear(broker.port) as ear,
+            RunningAgent(config(broker, tmp_path / words, networks=networks)),
+        ):
             ear.wait("state", lambda s: s.safety.inhibited == "no_lease")
             drive_forwards(ear, command_age=1.0, until=lambda ear=ear: len(commands_of(ear)) >= 20)
             ages[words] = statistics.median(command.age for command in commands_of(ear))
@@ -191,7 +254,13 @@ def test_what_cannot_work_ends_with_a_sentence(broker, tmp_path, capsys):
 
 
 def test_manage_py_runs_the_same_agent():
-    done = subprocess.run([sys.executable, "manage.py", "run_robot", "Not_A_Name"], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "manage.py", "run_robot", "Not_A_Name"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode != 0
     assert "cannot be a robot's name" in done.stderr
     assert "Traceback" not in done.stderr
@@ -210,7 +279,9 @@ def test_a_robot_with_a_camera_can_take_photos(broker, tmp_path):
 
 def test_a_device_that_nobody_can_mean_ends_the_agent_with_a_sentence(broker, tmp_path):
     with pytest.raises(ConfigError, match=r"^the loudspeaker 'talk\.mp4' is none"):
-        Agent(config(broker, tmp_path, loudspeaker="talk.mp4"), make_adapter=lambda _: ScriptedRobot()).run()
+        Agent(
+            config(broker, tmp_path, loudspeaker="talk.mp4"), make_adapter=lambda _: ScriptedRobot()
+        ).run()
 
 
 def test_the_factsheet_says_the_projects_version():

@@ -1,4 +1,6 @@
-"""Robots of a real ROS that localize themselves: our assistance works on their laser, and our navigation on their pose where they have none."""
+"""Robots of a real ROS that localize themselves: our assistance works on their laser, and our
+navigation on their pose where they have none.
+"""
 
 import time
 
@@ -28,7 +30,9 @@ def driven(robot, tmp_path):
 
     def begin(start, **options):
         robot.reset(start)
-        rig = ThreadedControlRig(tmp_path, robot=registry.autonomous(robot.adapter(**options), "office"))
+        rig = ThreadedControlRig(
+            tmp_path, robot=registry.autonomous(robot.adapter(**options), "office")
+        )
         rigs.append(rig)
         rig.start()
         rig.wait(lambda: rig.link.connected and rig.control.kernel.fault is None, within=30.0)
@@ -50,11 +54,19 @@ def keeps_beating(rig, until, within=60.0):
         time.sleep(0.2)
 
 
-def test_a_driver_is_stopped_before_a_wall_by_the_laser_of_a_robot_that_localizes_itself_and_backs_away(robot, driven):
+def test_a_driver_is_stopped_before_a_wall_by_the_laser_of_a_robot_that_localizes_itself_and_backs_away(
+    robot, driven
+):
     rig = driven(WALL)
-    assert {"assist", "localization", "goto"} <= rig.kernel.capabilities | set(rig.robot.profile.capabilities)
+    assert {"assist", "localization", "goto"} <= rig.kernel.capabilities | set(
+        rig.robot.profile.capabilities
+    )
     rig.grant(assist="slow", ttl=60.0)
-    rig.drive(0.4, until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-2:]), within=30.0)
+    rig.drive(
+        0.4,
+        until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-2:]),
+        within=30.0,
+    )
     assert rig.link.wait("state", lambda s: s.assist_why == "stop").assist_point is not None
     world = robot.world.sim
     assert world.contacts == 0
@@ -77,7 +89,13 @@ def test_a_robot_that_localizes_itself_and_goes_nowhere_goes_by_our_navigation(r
     rig.wait(lambda: rig.robot.node.ready, within=30.0)
     rig.grant(ttl=60.0)
     rig.act(m.Goto(action_id="g", stamp=0.0, session="s1", epoch=1, x=3.5, y=1.0))
-    keeps_beating(rig, lambda: any(a.action_id == "g" and a.status in {"FINISHED", "FAILED"} for a in rig.link.all("action")))
+    keeps_beating(
+        rig,
+        lambda: any(
+            a.action_id == "g" and a.status in {"FINISHED", "FAILED"}
+            for a in rig.link.all("action")
+        ),
+    )
     assert rig.status("g", "FINISHED").type == "goto"
     assert abs(robot.world.truth.x - 3.5) < 0.4
     assert robot.world.sim.contacts == 0

@@ -1,4 +1,6 @@
-"""The whole agent's control with a simulated robot that finds its way: actions in, wheels and words out."""
+"""The whole agent's control with a simulated robot that finds its way: actions in, wheels and words
+out.
+"""
 
 import time
 
@@ -14,7 +16,11 @@ from tests.support.truth import Onlooker
 
 @pytest.fixture
 def rig(tmp_path):
-    adapter = registry.autonomous(registry.create("simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"}))
+    adapter = registry.autonomous(
+        registry.create(
+            "simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"}
+        )
+    )
     with ThreadedControlRig(tmp_path, robot=adapter) as rig:
         rig.link.wait("state", lambda s: s.pose.localized, within=40.0)
         rig.wait(lambda: not rig.kernel.held)
@@ -38,7 +44,13 @@ def test_a_goto_keeps_to_the_leases_speed_tells_its_way_and_is_over_at_its_goal(
     rig.grant(limits=m.LeaseLimits(linear=0.25, angular=0.4), ttl=60.0)
     rig.act(m.Goto(action_id="g", stamp=time.time(), session="s1", epoch=1, x=3.5, y=1.0))
     rig.status("g", "RUNNING", within=10.0)
-    keep_beating(rig, lambda: any(a.action_id == "g" and a.status in {"FINISHED", "FAILED"} for a in rig.link.all("action")))
+    keep_beating(
+        rig,
+        lambda: any(
+            a.action_id == "g" and a.status in {"FINISHED", "FAILED"}
+            for a in rig.link.all("action")
+        ),
+    )
     assert rig.status("g", "FINISHED").type == "goto"
     assert rig.link.wait("event", lambda e: e.type == "goal_reached").action_id == "g"
     rows = onlooker.history(60.0)
@@ -62,7 +74,11 @@ def test_a_goto_ends_two_seconds_after_the_driver_was_last_heard_and_the_robot_s
 def test_the_server_sends_it_home_without_anybody_driving_and_an_estop_stops_it_on_the_way(rig):
     onlooker = truth_of(rig)
     rig.act(m.Dock(action_id="d", stamp=time.time(), role="server"))
-    rig.link.wait("state", lambda s: s.mode == "docking" and abs(s.velocity.angular) + abs(s.velocity.linear) > 0.1, within=20.0)
+    rig.link.wait(
+        "state",
+        lambda s: s.mode == "docking" and abs(s.velocity.angular) + abs(s.velocity.linear) > 0.1,
+        within=20.0,
+    )
     assert rig.link.wait("state", lambda s: s.mode == "docking").session is None
     rig.act(m.EStop(action_id="e", stamp=time.time()))
     assert rig.status("d", "CANCELLED").reason == "estop"
@@ -73,7 +89,11 @@ def test_the_server_sends_it_home_without_anybody_driving_and_an_estop_stops_it_
 def test_assistance_stops_a_driver_before_a_wall_and_the_state_says_so(rig):
     onlooker = truth_of(rig)
     rig.grant(assist="slow", ttl=60.0)
-    rig.drive(0.6, until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-3:]), within=40.0)
+    rig.drive(
+        0.6,
+        until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-3:]),
+        within=40.0,
+    )
     state = rig.link.wait("state", lambda s: s.assist_why == "stop")
     assert state.assist_point is not None
     assert state.mode == "assisted"
@@ -82,12 +102,16 @@ def test_assistance_stops_a_driver_before_a_wall_and_the_state_says_so(rig):
     onlooker.close()
 
 
-# --- with sonars and a bumper, and no laser ------------------------------------------------------------------------------
+# --- with sonars and a bumper, and no laser -------------------------------------------------------
 
 
 @pytest.fixture
 def blind(tmp_path):
-    adapter = registry.create("simulator", "giraff", {"camera": "no", "start": "5.0,1.0,1.5708", "seed": "3", "sensors": "sonar,bumper"})
+    adapter = registry.create(
+        "simulator",
+        "giraff",
+        {"camera": "no", "start": "5.0,1.0,1.5708", "seed": "3", "sensors": "sonar,bumper"},
+    )
     assert registry.autonomous(adapter) is adapter
     with ThreadedControlRig(tmp_path, robot=adapter) as rig:
         rig.wait(lambda: not rig.kernel.held)
@@ -98,16 +122,32 @@ def test_sonars_stop_a_driver_before_a_wall_and_a_bumper_says_which_side_was_tou
     rig, onlooker = blind, Onlooker(int(blind.robot.address.rpartition(":")[2]))
     assert "scan" not in rig.robot.profile.capabilities
     rig.grant(assist="slow", ttl=60.0)
-    rig.drive(0.6, until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-3:]), within=40.0)
+    rig.drive(
+        0.6,
+        until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-3:]),
+        within=40.0,
+    )
     assert onlooker.truth().contacts == 0
     assert rig.link.all("state")[-1].clearance < 0.3
     rig.lease(renewal=1, assist="off", ttl=60.0)
     for _ in range(2):  # and once more: what was touched lets go, and is touched again
         before = len(rig.link.all("event"))
-        rig.drive(0.2, until=lambda before=before: any(e.type == "collision" for e in rig.link.all("event")[before:]), within=20.0)
+        rig.drive(
+            0.2,
+            until=lambda before=before: any(
+                e.type == "collision" for e in rig.link.all("event")[before:]
+            ),
+            within=20.0,
+        )
         assert [e.detail for e in rig.link.all("event") if e.type == "collision"][-1] == "ahead"
         rig.link.wait("state", lambda s: s.safety.touched == ("ahead",))
-        rig.drive(-0.2, until=lambda: rig.kernel.inhibited(rig.now()) is None and onlooker.truth().clearance > 0.1, within=20.0)
+        rig.drive(
+            -0.2,
+            until=lambda: (
+                rig.kernel.inhibited(rig.now()) is None and onlooker.truth().clearance > 0.1
+            ),
+            within=20.0,
+        )
     onlooker.close()
 
 

@@ -1,4 +1,6 @@
-"""Everything bad that can be said on a real data channel: refused with a reason, counted, and nothing moves; stops always pass."""
+"""Everything bad that can be said on a real data channel: refused with a reason, counted, and
+nothing moves; stops always pass.
+"""
 
 import asyncio
 import json
@@ -44,9 +46,19 @@ async def rig(tmp_path, exchange):
 
 
 def velocity(rig, **fields):
-    """A command of the driver with something wrong in it, as text, so that it may hold what no message can."""
+    """A command of the driver with something wrong in it, as text, so that it may hold what no
+    message can.
+    """
     rig.seq += 1
-    good = {"session": "s1", "epoch": 1, "seq": rig.seq, "stamp": time.time(), "linear": 0.5, "angular": 0.1, "method": "keyboard"}
+    good = {
+        "session": "s1",
+        "epoch": 1,
+        "seq": rig.seq,
+        "stamp": time.time(),
+        "linear": 0.5,
+        "angular": 0.1,
+        "method": "keyboard",
+    }
     return "command/velocity\n" + json.dumps(good | fields)
 
 
@@ -62,16 +74,28 @@ def mangled(rig, noise):
     return broken[: len(broken) // 2]
 
 
-# Each makes a frame that must not move the robot; the name is the reason that must be counted, "" where several fit.
+# Each makes a frame that must not move the robot; the name is the reason that must be counted, ""
+# where several fit.
 KINDS = {
     "malformed noise": lambda rig, noise: noise.randbytes(noise.randrange(1, 300)),
     "malformed json": mangled,
-    "malformed range": lambda rig, noise: velocity(rig, linear=noise.choice((1e3, -1e9, 10.1, 1e300))),
+    "malformed range": lambda rig, noise: velocity(
+        rig, linear=noise.choice((1e3, -1e9, 10.1, 1e300))
+    ),
     "malformed turn": lambda rig, noise: velocity(rig, angular=noise.choice((99.0, -20.5))),
-    "malformed NaN": lambda rig, noise: velocity(rig, linear=noise.choice((float("nan"), float("inf"), float("-inf")))),
-    "malformed type": lambda rig, noise: velocity(rig, seq=noise.choice(("1", None, 1.5, -1, 2**60))),
-    "malformed method": lambda rig, noise: velocity(rig, method=noise.choice(("thought", "", 7, None))),
-    "malformed action": lambda rig, noise: "command/action\n" + json.dumps({"type": noise.choice(("fly", "", "goto", None)), "actionId": "§"}),
+    "malformed NaN": lambda rig, noise: velocity(
+        rig, linear=noise.choice((float("nan"), float("inf"), float("-inf")))
+    ),
+    "malformed type": lambda rig, noise: velocity(
+        rig, seq=noise.choice(("1", None, 1.5, -1, 2**60))
+    ),
+    "malformed method": lambda rig, noise: velocity(
+        rig, method=noise.choice(("thought", "", 7, None))
+    ),
+    "malformed action": lambda rig, noise: (
+        "command/action\n"
+        + json.dumps({"type": noise.choice(("fly", "", "goto", None)), "actionId": "§"})
+    ),
     "oversized": lambda rig, noise: "command/velocity\n" + " " * noise.randrange(5_000, 40_000),
     "stale": lambda rig, noise: velocity(rig, stamp=time.time() - noise.uniform(1.5, 1e5)),
     "future": lambda rig, noise: velocity(rig, stamp=time.time() + noise.uniform(0.5, 1e5)),
@@ -81,10 +105,12 @@ KINDS = {
     "not_from_server": lambda rig, noise: encode_frame(
         noise.choice(("lease", "config", "signal/p1", "floorplan")), m.Bye(reason="x")
     ),
-}  # fmt: skip
+}
 
 
-async def test_hundreds_of_bad_messages_through_a_real_data_channel_move_nothing_and_stops_always_pass(rig, exchange):
+async def test_hundreds_of_bad_messages_through_a_real_data_channel_move_nothing_and_stops_always_pass(
+    rig, exchange
+):
     await asyncio.to_thread(rig.lease)
     driver = LoopbackPage(rig.media, exchange, "p1", decode=False)
     observer = LoopbackPage(rig.media, exchange, "p2", decode=False)
@@ -109,16 +135,33 @@ async def sends_nonsense(rig, driver, observer):
         if number % 40 == 0:
             await asyncio.to_thread(rig.lease, renewal=2 + number)
         if number % A_STOP_EVERY == 0:
-            await a_stop_passes(rig, (driver, observer)[number // A_STOP_EVERY % 2], f"stop-{number}")
+            await a_stop_passes(
+                rig, (driver, observer)[number // A_STOP_EVERY % 2], f"stop-{number}"
+            )
     refused = await until(lambda: enough(rig), 10, f"all refusals: {counted(rig)}")
     assert all(speed == ZERO for _, speed in rig.robot.velocities(began)), "something moved"
-    assert set(refused) >= {"malformed", "oversized", "stale", "future", "wrong_session", "wrong_epoch", "old_seq", "not_from_server", "observer"}
+    assert set(refused) >= {
+        "malformed",
+        "oversized",
+        "stale",
+        "future",
+        "wrong_session",
+        "wrong_epoch",
+        "old_seq",
+        "not_from_server",
+        "observer",
+    }
 
 
 async def a_stop_passes(rig, page, action_id):
     page.channel.send(encode_frame("command/action", m.Stop(action_id=action_id, stamp=0.0)))
-    # Unreliable as the channel is, what is sent on loopback arrives; one that was refused would never be echoed.
-    await until(lambda: any(s.safety.stop_id == action_id for s in rig.link.all("state")), 5, f"the echo of {action_id}")
+    # Unreliable as the channel is, what is sent on loopback arrives; one that was refused would
+    # never be echoed.
+    await until(
+        lambda: any(s.safety.stop_id == action_id for s in rig.link.all("state")),
+        5,
+        f"the echo of {action_id}",
+    )
 
 
 def counted(rig):

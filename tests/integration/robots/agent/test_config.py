@@ -22,28 +22,51 @@ def told(*arguments, environment=None):
 @pytest.fixture
 def credentials(tmp_path):
     file = tmp_path / "giraff.toml"
-    file.write_text('robot = "giraff"\ntoken = "from-file"\nserver = "https://file.example"\nviewers = 3\nadapter = "moos"\n[options]\nseed = 7\n')
+    file.write_text(
+        'robot = "giraff"\ntoken = "from-file"\nserver = "https://file.example"\nviewers ='
+        ' 3\nadapter = "moos"\n[options]\nseed = 7\n'
+    )
     return file
 
 
 def test_a_credentials_file_says_everything(credentials):
     config = told("giraff", "--credentials", str(credentials))
-    assert (config.server, config.mqtt_url, config.token, config.viewers) == ("https://file.example", None, "from-file", 3)
+    assert (config.server, config.mqtt_url, config.token, config.viewers) == (
+        "https://file.example",
+        None,
+        "from-file",
+        3,
+    )
     assert (config.adapter, config.profile, config.options) == ("moos", "giraff", {"seed": 7})
 
 
 def test_the_command_line_overrules_the_environment_and_that_the_file(credentials):
-    environment = {"TELEPRESENCE_CREDENTIALS": str(credentials), "TELEPRESENCE_SERVER": "https://env.example", "TELEPRESENCE_VIEWERS": "5"}
+    environment = {
+        "TELEPRESENCE_CREDENTIALS": str(credentials),
+        "TELEPRESENCE_SERVER": "https://env.example",
+        "TELEPRESENCE_VIEWERS": "5",
+    }
     config = told("giraff", environment=environment)
     assert (config.server, config.viewers) == ("https://env.example", 5)
-    config = told("giraff", "--server", "https://line.example/", "--option", "seed=8", "--option", "plan=office", environment=environment)
+    config = told(
+        "giraff",
+        "--server",
+        "https://line.example/",
+        "--option",
+        "seed=8",
+        "--option",
+        "plan=office",
+        environment=environment,
+    )
     assert config.server == "https://line.example"
     assert config.options == {"seed": "8", "plan": "office"}
 
 
 def test_on_the_servers_own_machine_the_name_is_enough(tmp_path):
     (tmp_path / "credentials").mkdir()
-    (tmp_path / "credentials" / "giraff.toml").write_text('robot = "giraff"\ntoken = "t"\nmqtt_url = "mqtt://127.0.0.1:1883"\n')
+    (tmp_path / "credentials" / "giraff.toml").write_text(
+        'robot = "giraff"\ntoken = "t"\nmqtt_url = "mqtt://127.0.0.1:1883"\n'
+    )
     config = told("giraff", "--var", str(tmp_path))
     assert (config.mqtt_url, config.server, config.token) == ("mqtt://127.0.0.1:1883", None, "t")
     assert (config.adapter, config.profile) == ("simulator", "giraff")
@@ -52,23 +75,44 @@ def test_on_the_servers_own_machine_the_name_is_enough(tmp_path):
 def test_an_agent_that_reaches_its_site_from_elsewhere_says_what_it_drives(tmp_path):
     file = tmp_path / "giraff.toml"
     file.write_text('token = "t"\nserver = "https://file.example"\n')
-    for where in (["--credentials", str(file)], ["--credentials", str(file), "--server", "https://line.example"]):
+    for where in (
+        ["--credentials", str(file)],
+        ["--credentials", str(file), "--server", "https://line.example"],
+    ):
         with pytest.raises(ConfigError, match="which robot is this"):
             told("giraff", *where)
         assert told("giraff", *where, "--adapter", "ros1").adapter == "ros1"
-        assert told("giraff", *where, environment={"TELEPRESENCE_ADAPTER": "moos"}).adapter == "moos"
+        assert (
+            told("giraff", *where, environment={"TELEPRESENCE_ADAPTER": "moos"}).adapter == "moos"
+        )
 
 
 def test_a_server_on_the_command_line_overrules_a_broker_in_the_file(tmp_path):
     file = tmp_path / "c.toml"
     file.write_text('token = "t"\nmqtt_url = "mqtt://old.example"\n')
-    config = told("giraff", "--server", "https://new.example", "--credentials", str(file), "--adapter", "simulator")
+    config = told(
+        "giraff",
+        "--server",
+        "https://new.example",
+        "--credentials",
+        str(file),
+        "--adapter",
+        "simulator",
+    )
     assert (config.server, config.mqtt_url) == ("https://new.example", None)
 
 
 def test_networks_are_written_in_milliseconds_percent_and_kbit_a_second():
     networks = told(
-        "giraff", "--mqtt", "mqtt://x", "--control-network", "delay=150,jitter=30,loss=2", "--video-network", "rate=400", "--network-seed", "7"
+        "giraff",
+        "--mqtt",
+        "mqtt://x",
+        "--control-network",
+        "delay=150,jitter=30,loss=2",
+        "--video-network",
+        "rate=400",
+        "--network-seed",
+        "7",
     ).networks
     assert networks.control == NetworkLab(delay=0.15, jitter=0.03, loss=0.02, seed=7)
     assert networks.video == NetworkLab(bitrate=400_000.0, seed=8)
@@ -78,9 +122,18 @@ def test_networks_are_written_in_milliseconds_percent_and_kbit_a_second():
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["giraff", "--mqtt", "mqtt://x", "--control-network", "delay=soon"], "--control-network: delay is a number of milliseconds from 0 to 10000"),
-        (["giraff", "--mqtt", "mqtt://x", "--video-network", "fast"], "--video-network: 'fast' says nothing about a network"),
-        (["giraff", "--mqtt", "mqtt://x", "--network-seed", "-1"], "--network-seed is a whole number from 0 to 2147483647, not '-1'"),
+        (
+            ["giraff", "--mqtt", "mqtt://x", "--control-network", "delay=soon"],
+            "--control-network: delay is a number of milliseconds from 0 to 10000",
+        ),
+        (
+            ["giraff", "--mqtt", "mqtt://x", "--video-network", "fast"],
+            "--video-network: 'fast' says nothing about a network",
+        ),
+        (
+            ["giraff", "--mqtt", "mqtt://x", "--network-seed", "-1"],
+            "--network-seed is a whole number from 0 to 2147483647, not '-1'",
+        ),
         (["Giraff!"], "cannot be a robot's name"),
         (["server", "--mqtt", "mqtt://x"], "cannot be a robot's name"),
         (["giraff"], "where is the server"),
@@ -118,13 +171,20 @@ def test_the_token_is_not_in_what_is_printed(credentials):
     assert "from-file" not in repr(told("giraff", "--credentials", str(credentials)))
 
 
-# --- asking the server -------------------------------------------------------------------------------------------------
+# --- asking the server ----------------------------------------------------------------------------
 
 GOOD = (200, {"robot": "giraff", "mqttUrl": "mqtt://broker.example:1883", "iceServers": []})
 
 
 def ask(server, *, give_up_after=10):
-    config = told("giraff", "--server", server.url, "--adapter", "simulator", environment={"TELEPRESENCE_TOKEN": "secret"})
+    config = told(
+        "giraff",
+        "--server",
+        server.url,
+        "--adapter",
+        "simulator",
+        environment={"TELEPRESENCE_TOKEN": "secret"},
+    )
     waits = []
 
     def pause(seconds):
@@ -148,7 +208,9 @@ def test_of_several_ways_to_the_broker_the_agent_is_told_all_in_their_order():
     assert broker_urls(config, Backoff(random.Random(1)), lambda _: True) == tuple(ways)
 
 
-@pytest.mark.parametrize("bad", [(500, b""), (429, {}), (200, b"<html>"), (200, {"robot": "giraff"}), (200, [])])
+@pytest.mark.parametrize(
+    "bad", [(500, b""), (429, {}), (200, b"<html>"), (200, {"robot": "giraff"}), (200, [])]
+)
 def test_a_server_that_is_unwell_is_asked_again(bad):
     with AgentServer(bad, bad, GOOD) as server:
         urls, waits = ask(server)

@@ -58,19 +58,29 @@ def test_a_token_travels_in_the_body_and_the_answer_is_kept(server, tmp_path):
     file = tmp_path / "deep" / "giraff.toml"
     enrol("giraff", f"{server.url}/", "once", file)
     assert server.asked == [("/api/v1/agent/enrol/", "", b'{"robot": "giraff", "token": "once"}')]
-    config = load({"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {})
+    config = load(
+        {"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {}
+    )
     assert (config.token, config.user, config.server) == ("fresh", "giraff.1", server.url)
 
 
 @pytest.mark.parametrize(
     ("code", "content", "words"),
     [
-        (403, b'{"detail": "This token was used."}', "This token was used"), (403, b"<html>", "it answered 403"), (404, b"", "it answered 404"),
-        (500, b"", "could not be asked: it answered 500"), (429, b"", "it answered 429"), (200, b"nonsense", "could not be asked"),
-        (200, b"[]", "not understood"), (200, b'{"robot": "rhodon", "token": "t"}', "not understood"), (200, b'{"robot": "giraff"}', "not understood"),
+        (403, b'{"detail": "This token was used."}', "This token was used"),
+        (403, b"<html>", "it answered 403"),
+        (404, b"", "it answered 404"),
+        (500, b"", "could not be asked: it answered 500"),
+        (429, b"", "it answered 429"),
+        (200, b"nonsense", "could not be asked"),
+        (200, b"[]", "not understood"),
+        (200, b'{"robot": "rhodon", "token": "t"}', "not understood"),
+        (200, b'{"robot": "giraff"}', "not understood"),
     ],
-)  # fmt: skip
-def test_an_answer_that_is_none_is_told_in_one_sentence_and_nothing_is_kept(server, tmp_path, code, content, words):
+)
+def test_an_answer_that_is_none_is_told_in_one_sentence_and_nothing_is_kept(
+    server, tmp_path, code, content, words
+):
     server.answer = (code, content)
     with pytest.raises(ConfigError, match=words):
         enrol("giraff", server.url, "once", tmp_path / "giraff.toml")
@@ -84,10 +94,14 @@ def test_a_file_that_cannot_be_written_is_told(server, tmp_path):
         enrol("giraff", server.url, "once", tmp_path / "file" / "giraff.toml")
 
 
-def test_present_credentials_are_shown_to_get_new_ones_and_stay_when_there_is_no_answer(server, tmp_path):
+def test_present_credentials_are_shown_to_get_new_ones_and_stay_when_there_is_no_answer(
+    server, tmp_path
+):
     file = tmp_path / "giraff.toml"
     file.write_text(f'robot = "giraff"\ntoken = "old"\nserver = "{server.url}"\n')
-    config = load({"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {})
+    config = load(
+        {"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {}
+    )
     server.answer = (503, b"")
     with pytest.raises(ServerAwayError):
         renew(config)
@@ -95,7 +109,12 @@ def test_present_credentials_are_shown_to_get_new_ones_and_stay_when_there_is_no
     server.answer = (200, json.dumps(GOOD).encode())
     assert renew(config) == GOOD
     assert server.asked[-1] == ("/api/v1/agent/renew/", "Bearer giraff:old", b"{}")
-    assert load({"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {}).token == "fresh"
+    assert (
+        load(
+            {"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {}
+        ).token
+        == "fresh"
+    )
 
 
 def test_a_server_that_is_not_there_is_told(tmp_path):

@@ -1,4 +1,6 @@
-"""The web process's bridge on real brokers: relay both ways, reconnection, and what is never replayed."""
+"""The web process's bridge on real brokers: relay both ways, reconnection, and what is never
+replayed.
+"""
 
 import asyncio
 import contextlib
@@ -60,12 +62,20 @@ async def robot_of(rig):
     """The robot's side: `got` are the (suffix, message, retained) of its inputs."""
     async with rig.client("giraff") as client:
         client.got = []
-        await client.subscribe([pair for pair in topics.subscriptions("giraff") if not pair[0].endswith("/connection")])
+        await client.subscribe(
+            [pair for pair in topics.subscriptions("giraff") if not pair[0].endswith("/connection")]
+        )
 
         async def read():
             async for message in client.messages:
                 _, suffix = topics.parse(str(message.topic))
-                client.got.append((suffix, codec.decode(suffix, message.payload) if message.payload else None, message.retain))
+                client.got.append(
+                    (
+                        suffix,
+                        codec.decode(suffix, message.payload) if message.payload else None,
+                        message.retain,
+                    )
+                )
 
         reading = asyncio.create_task(read())
         try:
@@ -151,7 +161,15 @@ async def test_a_bad_message_is_counted_and_the_next_one_is_brought(rig):
     async with bridge_of(rig) as bridge, rig.client("giraff") as robot:
         ear = Ear()
         await listen(bridge, ear)
-        for payload in (b"", b"{", b"\xff\xff", b"[]", b'{"stamp": NaN}', b"x" * 40_000, b"[" * 5000):
+        for payload in (
+            b"",
+            b"{",
+            b"\xff\xff",
+            b"[]",
+            b'{"stamp": NaN}',
+            b"x" * 40_000,
+            b"[" * 5000,
+        ):
             await robot.publish("telepresence/v1/giraff/state", payload, qos=1)
         await say(robot, "state", words.state(seq=2))
         await until(lambda: ear.heard("state"))
@@ -169,7 +187,16 @@ async def test_after_a_restart_of_the_broker_everything_that_must_be_retained_is
         await until(lambda: ear.heard(LINK) == [False, True])
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot:
-            await until(lambda: [(suffix, message.assist) for suffix, message, _ in robot.got if suffix == "config"] == [("config", "slow")])
+            await until(
+                lambda: (
+                    [
+                        (suffix, message.assist)
+                        for suffix, message, _ in robot.got
+                        if suffix == "config"
+                    ]
+                    == [("config", "slow")]
+                )
+            )
             await say(robot, "state", words.state(seq=9))
             await until(lambda: ear.heard("state"))
 
@@ -190,30 +217,47 @@ async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(
             await until(lambda: bridge.connected)
             bridge.send("giraff", "command/velocity", words.velocity(seq=2))
             await until(lambda: robot.got)
-            assert [(suffix, message.seq) for suffix, message, _ in robot.got] == [("command/velocity", 2)]
+            assert [(suffix, message.seq) for suffix, message, _ in robot.got] == [
+                ("command/velocity", 2)
+            ]
 
 
-async def test_a_stop_is_tried_again_until_the_broker_is_back_and_a_report_is_kept(rig, monkeypatch):
-    monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", patient(STOP_SECONDS * 5))  # as long as a broker takes to begin on a busy machine
+async def test_a_stop_is_tried_again_until_the_broker_is_back_and_a_report_is_kept(
+    rig, monkeypatch
+):
+    # as long as a broker takes to begin on a busy machine
+    monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", patient(STOP_SECONDS * 5))
     async with bridge_of(rig) as bridge:
         await listen(bridge, Ear())
         await rig.stop()
         await until(lambda: not bridge.connected)
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
         bridge.report("telepresence/v1/server/page/s1", m.Bye(reason="kept"))
-        bridge._address = replace(bridge._address, port=1)  # so that the robot is back before the bridge
+        # so that the robot is back before the bridge
+        bridge._address = replace(bridge._address, port=1)
         await rig._start()
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot, rig.client("web") as manager:
             await manager.subscribe("telepresence/v1/server/page/+", qos=1)
             bridge._address = replace(bridge._address, port=rig.port)
-            await until(lambda: [message.action_id for suffix, message, _ in robot.got if suffix == "command/action"] == ["stop-1"])
+            await until(
+                lambda: (
+                    [
+                        message.action_id
+                        for suffix, message, _ in robot.got
+                        if suffix == "command/action"
+                    ]
+                    == ["stop-1"]
+                )
+            )
             async with asyncio.timeout(patient(10.0)):
                 message = await anext(aiter(manager.messages))
             assert msgspec.json.decode(message.payload)["reason"] == "kept"
 
 
-async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_lives(rig, monkeypatch):
+async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_lives(
+    rig, monkeypatch
+):
     async with robot_of(rig) as robot, bridge_of(rig) as bridge:
         publish, refused = bridge._client.publish, []
 
@@ -225,11 +269,22 @@ async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_
 
         monkeypatch.setattr(bridge._client, "publish", refuses_twice)
         bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
-        await until(lambda: [message.action_id for suffix, message, _ in robot.got if suffix == "command/action"] == ["stop-1"])
+        await until(
+            lambda: (
+                [
+                    message.action_id
+                    for suffix, message, _ in robot.got
+                    if suffix == "command/action"
+                ]
+                == ["stop-1"]
+            )
+        )
         assert len(refused) == 2
 
 
-async def test_what_has_gathered_for_the_record_goes_in_parts_that_leave_room_for_a_stop(rig, monkeypatch):
+async def test_what_has_gathered_for_the_record_goes_in_parts_that_leave_room_for_a_stop(
+    rig, monkeypatch
+):
     async with bridge_of(rig) as bridge:
         waiting, most = asyncio.Event(), []
 
@@ -278,7 +333,10 @@ async def test_a_bridge_with_the_wrong_password_keeps_trying_and_says_so(rig, ca
 async def test_a_broker_that_does_not_read_is_not_fed_without_a_bound(rig):
     async with bridge_of(rig) as bridge:
         await listen(bridge, Ear())
-        sent = [bridge.send("giraff", "command/action", m.Undock(action_id=f"a{number}", stamp=1.0)) for number in range(600)]
+        sent = [
+            bridge.send("giraff", "command/action", m.Undock(action_id=f"a{number}", stamp=1.0))
+            for number in range(600)
+        ]
         assert sent.count(True) == 500
         assert bridge.counts["unsent"] == 100
         await until(lambda: not bridge._flying)
@@ -291,9 +349,13 @@ async def test_a_picture_reaches_listeners_whole_and_what_is_none_is_counted(rig
         ear = Ear()
         bridge.listen("giraff", ear)
         assert bridge.send("giraff", "command/picture", m.PictureRequest(stamp=1.0, peer="p1"))
-        await until(lambda: [message for suffix, message, _ in robot.got if suffix == "command/picture"])
+        await until(
+            lambda: [message for suffix, message, _ in robot.got if suffix == "command/picture"]
+        )
         await robot.publish(topics.of("giraff", "picture"), b"\0" * 8 + jpeg[:-1])
-        await robot.publish(topics.of("giraff", "picture"), picture.pack(1.0, jpeg[:3] + b"x" * 60_000 + jpeg[-2:]))
+        await robot.publish(
+            topics.of("giraff", "picture"), picture.pack(1.0, jpeg[:3] + b"x" * 60_000 + jpeg[-2:])
+        )
         await robot.publish(topics.of("giraff", "picture"), picture.pack(12.5, jpeg))
         await until(lambda: ear.heard("picture"))
         (inbound,) = [inbound for inbound in ear.inbound_messages if inbound.suffix == "picture"]
@@ -303,7 +365,10 @@ async def test_a_picture_reaches_listeners_whole_and_what_is_none_is_counted(rig
 
 
 async def test_dots_travel_both_ways_and_are_kept_for_nobody(rig):
-    dot, command = m.Pointer(stamp=1.0, by="screen", at=(0.25, 0.75)), m.PointCommand(stamp=1.0, at=(0.5, 0.5), session="s1", epoch=3, peer="p1")
+    dot, command = (
+        m.Pointer(stamp=1.0, by="screen", at=(0.25, 0.75)),
+        m.PointCommand(stamp=1.0, at=(0.5, 0.5), session="s1", epoch=3, peer="p1"),
+    )
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
         ear = Ear()
         await listen(bridge, ear)

@@ -18,14 +18,24 @@ from tests.support.recorder_rig import HOST, running_mosquitto
 @pytest.mark.broker
 @pytest.mark.parametrize("chunk", [CHUNK, 4096])
 async def test_everything_arrives_in_order_whatever_its_size(chunk):
-    """Fails when paho or aiomqtt are not any more what robots/bridge/quick_reading.py takes them for."""
+    """Fails when paho or aiomqtt are not any more what robots/bridge/quick_reading.py takes them
+    for.
+    """
     sizes = [1, 20, 70_000, 3, 200_000, *([500] * 2000), 65_535, 65_536, 2]
     with running_mosquitto() as broker:
-        async with aiomqtt.Client(HOST, broker.port) as reader, aiomqtt.Client(HOST, broker.port, max_inflight_messages=100) as writer:
+        async with (
+            aiomqtt.Client(HOST, broker.port) as reader,
+            aiomqtt.Client(HOST, broker.port, max_inflight_messages=100) as writer,
+        ):
             assert read_quickly(reader, chunk)
             await reader.subscribe("t", 1)
             writer.pending_calls_threshold = 10_000
-            publishing = asyncio.gather(*(writer.publish("t", bytes([number % 251]) * size, 1) for number, size in enumerate(sizes)))
+            publishing = asyncio.gather(
+                *(
+                    writer.publish("t", bytes([number % 251]) * size, 1)
+                    for number, size in enumerate(sizes)
+                )
+            )
             got = []
             async with asyncio.timeout(patient(30)):
                 async for message in reader.messages:
@@ -38,7 +48,9 @@ async def test_everything_arrives_in_order_whatever_its_size(chunk):
 
 
 class Decrypted:
-    """As a TLS connection is: a record is decrypted as a whole, and what is left of it makes the socket readable for nobody."""
+    """As a TLS connection is: a record is decrypted as a whole, and what is left of it makes the
+    socket readable for nobody.
+    """
 
     def __init__(self, record: bytes) -> None:
         self.left = record

@@ -45,7 +45,9 @@ def drained(theirs):
     return found
 
 
-def test_a_broker_that_takes_little_gets_every_byte_in_order_and_one_that_takes_nothing_is_not_fed_for_ever(pair):
+def test_a_broker_that_takes_little_gets_every_byte_in_order_and_one_that_takes_nothing_is_not_fed_for_ever(
+    pair,
+):
     ours, theirs = pair
     paho, written = Paho(), 0
     writer = QuickWriter(paho, ours)
@@ -60,7 +62,9 @@ def test_a_broker_that_takes_little_gets_every_byte_in_order_and_one_that_takes_
             paho._out_packet.appendleft(rest[sent:])
         arrived += drained(theirs)
     messages = list(PacketReader(1 << 20).feed(arrived))
-    assert [message.payload for message in messages] == [number.to_bytes(2, "big") * 5000 for number in range(written)]
+    assert [message.payload for message in messages] == [
+        number.to_bytes(2, "big") * 5000 for number in range(written)
+    ]
 
 
 def test_what_cannot_be_sent_any_more_is_said_not_to_have_been_sent(pair):
@@ -78,7 +82,9 @@ def test_a_client_that_is_not_what_it_was_is_left_alone():
 @pytest.mark.broker
 @pytest.mark.parametrize("quick", [True, False])
 async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(quick, monkeypatch):
-    """Fails with `quick` when paho or aiomqtt are not any more what robots/bridge/quick_writing.py takes them for."""
+    """Fails with `quick` when paho or aiomqtt are not any more what robots/bridge/quick_writing.py
+    takes them for.
+    """
     if not quick:
         monkeypatch.setattr("robots.bridge.bridge.writer_of", lambda _: None)
     with running_mosquitto() as broker, Ear(broker.port) as ear:
@@ -89,19 +95,32 @@ async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(qui
             bridge.retain("giraff", "config", m.Config(stamp=float(number)))
             for seq in range(number * 10, number * 10 + 5):
                 assert bridge.send("giraff", "command/velocity", velocity(seq))
-            await asyncio.to_thread(ear.wait, "command/velocity", lambda command, last=number * 10 + 4: command.seq == last)
+            await asyncio.to_thread(
+                ear.wait,
+                "command/velocity",
+                lambda command, last=number * 10 + 4: command.seq == last,
+            )
         for seq in range(100, 150):
             bridge.send("giraff", "command/velocity", velocity(seq))
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 149)
         await bridge.close()
-    told = [message.seq if suffix == "command/velocity" else f"config {message.stamp:.0f}" for suffix, message, _ in ear.heard]
-    expected = [entry for number in range(1, 6) for entry in (f"config {number}", *range(number * 10, number * 10 + 5))]
+    told = [
+        message.seq if suffix == "command/velocity" else f"config {message.stamp:.0f}"
+        for suffix, message, _ in ear.heard
+    ]
+    expected = [
+        entry
+        for number in range(1, 6)
+        for entry in (f"config {number}", *range(number * 10, number * 10 + 5))
+    ]
     assert told == [*expected, *range(100, 150)]
 
 
 @pytest.mark.broker
 async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet_to_confirm():
-    """Else one report a second from each of many pages would keep all their commands on the long way."""
+    """Else one report a second from each of many pages would keep all their commands on the long
+    way.
+    """
     with running_mosquitto() as broker, Ear(broker.port) as ear:
         bridge = Bridge(broker.url, ("web", "secret"), random.Random(1))
         assert await bridge.wait_connected(patient(10))
@@ -113,5 +132,7 @@ async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet
         assert len(bridge._flying) == 2, "neither is confirmed"
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 2)
         await bridge.close()
-    told = [message.seq if suffix == "command/velocity" else suffix for suffix, message, _ in ear.heard]
+    told = [
+        message.seq if suffix == "command/velocity" else suffix for suffix, message, _ in ear.heard
+    ]
     assert told == ["config", 1, 2]

@@ -10,14 +10,22 @@ import pytest
 from robots.api.topics import of, session_news
 from robots.broker import packets
 from robots.broker.users import MAX_PACKET
-from tests.support.broker_rig import RawClient, ReceivedPacket, connect_packet, framed, subscribe_packet, text, until_thrown_out
+from tests.support.broker_rig import (
+    RawClient,
+    ReceivedPacket,
+    connect_packet,
+    framed,
+    subscribe_packet,
+    text,
+    until_thrown_out,
+)
 from tests.support.patience import patient
 
 pytestmark = pytest.mark.broker
 GIRAFF_STATE, GIRAFF_LEASE = of("giraff", "state"), of("giraff", "lease")
 
 
-# --- who may come in --------------------------------------------------------------------------------------------------
+# --- who may come in ------------------------------------------------------------------------------
 
 
 async def test_the_right_token_is_let_in(rig):
@@ -65,14 +73,19 @@ async def test_a_new_token_throws_out_who_holds_the_old_one(rig):
     await rig.robot("giraff")
     assert await rig.is_let_in("giraff")
     assert not await rig.is_let_in("giraff", old)
-    if rig.kind == "embedded":  # Mosquitto asks for the password again only when the connection is made anew
+    # Mosquitto asks for the password again only when the connection is made anew
+    if rig.kind == "embedded":
         assert await raw.is_hung_up()
 
 
 async def test_revoking_one_robot_leaves_the_others_connected(rig):
     await rig.robot("giraff")
     await rig.robot("rhodon")
-    async with rig.client("web") as web, rig.client("rhodon") as rhodon, ReceivedPacket(web) as heard:
+    async with (
+        rig.client("web") as web,
+        rig.client("rhodon") as rhodon,
+        ReceivedPacket(web) as heard,
+    ):
         await web.subscribe("telepresence/v1/+/state", qos=1)
         gone = await RawClient.open(rig.port)
         await gone.connect("giraff", rig.tokens["giraff"])
@@ -82,12 +95,17 @@ async def test_revoking_one_robot_leaves_the_others_connected(rig):
         await heard.payload(of("rhodon", "state"), b"still here")
 
 
-# --- who may say and hear what ----------------------------------------------------------------------------------------
+# --- who may say and hear what --------------------------------------------------------------------
 
 
 async def test_a_robots_outputs_reach_the_servers_and_servers_commands_reach_the_robot(rig):
     await rig.robot("giraff")
-    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(web) as server, ReceivedPacket(giraff) as robot:
+    async with (
+        rig.client("web") as web,
+        rig.client("giraff") as giraff,
+        ReceivedPacket(web) as server,
+        ReceivedPacket(giraff) as robot,
+    ):
         await web.subscribe("telepresence/v1/+/#", qos=1)
         await giraff.subscribe(of("giraff", "signal/+"), qos=1)
         await giraff.subscribe(of("giraff", "command/velocity"), qos=0)
@@ -102,10 +120,17 @@ async def test_a_robots_outputs_reach_the_servers_and_servers_commands_reach_the
 @pytest.mark.parametrize(
     "topic",
     [
-        of("rhodon", "state"), of("giraff", "lease"), of("giraff", "command/velocity"), of("giraff", "signal/p1"),
-        session_news("s1"), of("giraff", "state/more"), "telepresence/v1/giraff", "somewhere/else", of("rhodon", "connection"),
+        of("rhodon", "state"),
+        of("giraff", "lease"),
+        of("giraff", "command/velocity"),
+        of("giraff", "signal/p1"),
+        session_news("s1"),
+        of("giraff", "state/more"),
+        "telepresence/v1/giraff",
+        "somewhere/else",
+        of("rhodon", "connection"),
     ],
-)  # fmt: skip
+)
 async def test_what_a_robot_may_not_write_reaches_nobody(rig, topic):
     await rig.robot("giraff")
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
@@ -124,7 +149,9 @@ async def test_what_a_robot_may_not_write_reaches_nobody(rig, topic):
 
 
 async def publish_or_be_hung_up_on(rig, user, topic, payload, qos):
-    """Publish what is forbidden and wait until the broker has dealt with it: Mosquitto 2.0.11 hangs up on QoS 1, and drops QoS 0."""
+    """Publish what is forbidden and wait until the broker has dealt with it: Mosquitto 2.0.11 hangs
+    up on QoS 1, and drops QoS 0.
+    """
     raw = await RawClient.open(rig.port)
     await raw.connect(user, rig.tokens[user], client_id=f"forger-{qos}")
     raw.send(framed(0x31 | qos << 1, text(topic) + (b"\x00\x01" if qos else b"") + payload))
@@ -134,7 +161,18 @@ async def publish_or_be_hung_up_on(rig, user, topic, payload, qos):
     raw.abort()
 
 
-@pytest.mark.parametrize("filter_", ["#", "+/#", "telepresence/#", "telepresence/v1/#", "telepresence/v1/+/lease", of("rhodon", "lease"), "$SYS/#"])
+@pytest.mark.parametrize(
+    "filter_",
+    [
+        "#",
+        "+/#",
+        "telepresence/#",
+        "telepresence/v1/#",
+        "telepresence/v1/+/lease",
+        of("rhodon", "lease"),
+        "$SYS/#",
+    ],
+)
 async def test_a_robot_hears_nothing_of_others_whatever_it_subscribes_to(rig, filter_):
     await rig.robot("giraff")
     await rig.robot("rhodon")
@@ -148,7 +186,9 @@ async def test_a_robot_hears_nothing_of_others_whatever_it_subscribes_to(rig, fi
             await web.publish(session_news("s1"), b"secret", qos=1)
             await web.publish(of("giraff", "command/action"), b"mine", qos=1)
             await heard.payload(of("giraff", "command/action"), b"mine")
-            assert {str(message.topic) for message in heard.messages} == {of("giraff", "command/action")}
+            assert {str(message.topic) for message in heard.messages} == {
+                of("giraff", "command/action")
+            }
 
 
 async def subscribe_or_be_refused(client, filter_):
@@ -169,10 +209,12 @@ async def test_a_server_may_not_speak_for_a_robot(rig):
         assert heard.payloads(GIRAFF_STATE) == []
 
 
-# --- retained messages ------------------------------------------------------------------------------------------------
+# --- retained messages ----------------------------------------------------------------------------
 
 
-async def test_a_retained_message_comes_with_retain_to_a_new_subscriber_and_without_to_an_old_one(rig):
+async def test_a_retained_message_comes_with_retain_to_a_new_subscriber_and_without_to_an_old_one(
+    rig,
+):
     async with rig.client("web") as old, ReceivedPacket(old) as live:
         await old.subscribe(GIRAFF_LEASE, qos=1)
         await old.publish(GIRAFF_LEASE, b"lease", qos=1, retain=True)
@@ -205,25 +247,35 @@ async def test_an_empty_retained_message_deletes_what_was_kept_and_is_itself_del
             assert stored.payloads(GIRAFF_LEASE) == []
 
 
-async def test_a_client_that_comes_back_with_a_session_gets_no_retained_message_of_other_subscribers(rig):
+async def test_a_client_that_comes_back_with_a_session_gets_no_retained_message_of_other_subscribers(
+    rig,
+):
     await rig.robot("giraff")
     await rig.robot("rhodon")
     async with rig.client("web") as web:
         await web.subscribe("telepresence/v1/#", qos=1)
         await web.publish(of("rhodon", "lease"), b"secret", qos=1, retain=True)
         for _ in range(2):
-            async with rig.client("giraff", client_id="giraff-1", clean_session=False) as giraff, ReceivedPacket(giraff) as heard:
+            async with (
+                rig.client("giraff", client_id="giraff-1", clean_session=False) as giraff,
+                ReceivedPacket(giraff) as heard,
+            ):
                 await giraff.subscribe(of("giraff", "command/action"), qos=1)
                 await web.publish(of("giraff", "command/action"), b"mine", qos=1)
                 await heard.payload(of("giraff", "command/action"), b"mine")
                 assert heard.payloads(of("rhodon", "lease")) == []
 
 
-# --- quality of service -----------------------------------------------------------------------------------------------
+# --- quality of service ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("published", "subscribed", "delivered"), [(0, 1, 0), (1, 0, 0), (1, 1, 1), (0, 0, 0), (2, 1, 1)])
-async def test_a_message_is_delivered_with_the_lesser_quality_of_service(rig, published, subscribed, delivered):
+@pytest.mark.parametrize(
+    ("published", "subscribed", "delivered"),
+    [(0, 1, 0), (1, 0, 0), (1, 1, 1), (0, 0, 0), (2, 1, 1)],
+)
+async def test_a_message_is_delivered_with_the_lesser_quality_of_service(
+    rig, published, subscribed, delivered
+):
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(GIRAFF_LEASE, qos=subscribed)
         await web.publish(GIRAFF_LEASE, b"lease", qos=published)
@@ -251,12 +303,18 @@ async def test_overlapping_subscriptions_deliver_a_message_once(rig):
 @pytest.mark.parametrize("qos", [0, 1])
 async def test_messages_of_one_sender_arrive_in_their_order(rig, qos):
     count = 500
-    async with rig.client("web") as sender, rig.client("web") as receiver, ReceivedPacket(receiver) as heard:
+    async with (
+        rig.client("web") as sender,
+        rig.client("web") as receiver,
+        ReceivedPacket(receiver) as heard,
+    ):
         await receiver.subscribe(of("giraff", "command/velocity"), qos=qos)
         for number in range(count):
             await sender.publish(of("giraff", "command/velocity"), str(number).encode(), qos=qos)
         await heard.until(lambda h: len(h.messages) >= count)
-        assert [int(payload) for payload in heard.payloads(of("giraff", "command/velocity"))] == list(range(count))
+        assert [
+            int(payload) for payload in heard.payloads(of("giraff", "command/velocity"))
+        ] == list(range(count))
 
 
 async def test_nothing_comes_after_unsubscribing(rig):
@@ -269,7 +327,7 @@ async def test_nothing_comes_after_unsubscribing(rig):
         assert heard.payloads(GIRAFF_LEASE) == []
 
 
-# --- wills ------------------------------------------------------------------------------------------------------------
+# --- wills ----------------------------------------------------------------------------------------
 
 
 async def test_the_will_of_a_robot_that_vanishes_is_published_and_kept(rig):
@@ -277,7 +335,12 @@ async def test_the_will_of_a_robot_that_vanishes_is_published_and_kept(rig):
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(of("giraff", "connection"), qos=1)
         raw = await RawClient.open(rig.port)
-        assert await raw.connect("giraff", rig.tokens["giraff"], will=(of("giraff", "connection"), "broken", 1, True)) == packets.ACCEPTED
+        assert (
+            await raw.connect(
+                "giraff", rig.tokens["giraff"], will=(of("giraff", "connection"), "broken", 1, True)
+            )
+            == packets.ACCEPTED
+        )
         raw.abort()
         await heard.payload(of("giraff", "connection"), b"broken")
     async with rig.client("web") as web, ReceivedPacket(web) as later:
@@ -290,7 +353,12 @@ async def test_the_will_of_a_robot_that_falls_silent_is_published_after_its_keep
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(of("giraff", "connection"), qos=1)
         raw = await RawClient.open(rig.port)
-        await raw.connect("giraff", rig.tokens["giraff"], keep_alive=1, will=(of("giraff", "connection"), "broken", 1, True))
+        await raw.connect(
+            "giraff",
+            rig.tokens["giraff"],
+            keep_alive=1,
+            will=(of("giraff", "connection"), "broken", 1, True),
+        )
         await heard.payload(of("giraff", "connection"), b"broken")
         assert await raw.is_hung_up()
 
@@ -300,7 +368,9 @@ async def test_a_robot_that_says_good_bye_leaves_no_will(rig):
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/giraff/#", qos=1)
         raw = await RawClient.open(rig.port)
-        await raw.connect("giraff", rig.tokens["giraff"], will=(of("giraff", "connection"), "broken", 1, True))
+        await raw.connect(
+            "giraff", rig.tokens["giraff"], will=(of("giraff", "connection"), "broken", 1, True)
+        )
         raw.send(framed(0xE0, b""))
         assert await raw.is_hung_up()
         async with rig.client("giraff") as giraff:
@@ -314,7 +384,9 @@ async def test_a_will_past_the_permissions_is_never_published(rig):
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/#", qos=1)
         raw = await RawClient.open(rig.port)
-        await raw.connect("giraff", rig.tokens["giraff"], will=(of("rhodon", "connection"), "forged", 1, True))
+        await raw.connect(
+            "giraff", rig.tokens["giraff"], will=(of("rhodon", "connection"), "forged", 1, True)
+        )
         raw.abort()
         async with rig.client("giraff") as giraff:
             await giraff.publish(GIRAFF_STATE, b"back", qos=1)
@@ -322,13 +394,16 @@ async def test_a_will_past_the_permissions_is_never_published(rig):
         assert heard.payloads(of("rhodon", "connection")) == []
 
 
-# --- coming back ------------------------------------------------------------------------------------------------------
+# --- coming back ----------------------------------------------------------------------------------
 
 
 async def test_a_reconnecting_robot_gets_in_at_once_while_its_old_connection_lingers(rig):
     await rig.robot("giraff")
     old = await RawClient.open(rig.port)
-    assert await old.connect("giraff", rig.tokens["giraff"], client_id="giraff-agent") == packets.ACCEPTED
+    assert (
+        await old.connect("giraff", rig.tokens["giraff"], client_id="giraff-agent")
+        == packets.ACCEPTED
+    )
     async with (
         asyncio.timeout(patient(2.0)),
         rig.client("giraff", client_id="giraff-agent") as giraff,
@@ -346,7 +421,10 @@ async def test_twenty_reconnections_in_a_row_get_in(rig):
     lingering = []
     for _ in range(20):
         raw = await RawClient.open(rig.port)
-        assert await raw.connect("giraff", rig.tokens["giraff"], client_id="giraff-agent") == packets.ACCEPTED
+        assert (
+            await raw.connect("giraff", rig.tokens["giraff"], client_id="giraff-agent")
+            == packets.ACCEPTED
+        )
         lingering.append(raw)
     for raw in lingering[:-1]:
         assert await raw.is_hung_up()
@@ -420,13 +498,17 @@ async def test_clients_come_back_after_a_restart_of_the_broker(rig):
         await before.publish(GIRAFF_LEASE, b"old", qos=1, retain=True)
         await rig.restart()
         await until_thrown_out(before)
-    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(giraff) as heard:
+    async with (
+        rig.client("web") as web,
+        rig.client("giraff") as giraff,
+        ReceivedPacket(giraff) as heard,
+    ):
         await giraff.subscribe(GIRAFF_LEASE, qos=1)
         await web.publish(GIRAFF_LEASE, b"new", qos=1, retain=True)
         await heard.payload(GIRAFF_LEASE, b"new")
 
 
-# --- bad input and load -----------------------------------------------------------------------------------------------
+# --- bad input and load ---------------------------------------------------------------------------
 
 
 async def test_a_message_of_one_mebibyte_passes_and_a_larger_one_ends_the_connection(rig):
@@ -448,10 +530,17 @@ async def test_a_message_of_one_mebibyte_passes_and_a_larger_one_ends_the_connec
 @pytest.mark.parametrize(
     "data",
     [
-        b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", b"\x00\x00", b"\xf0\x00", b"\x10\xff\xff\xff\xff\x7f", b"\x30\x02\x00\x05", b"\x82\x02\x00\x01",
-        framed(0x10, text("MQTT") + b"\x04\x03\x00\x3c" + text("x")), framed(0x10, text("NOPE") + b"\x04\x02\x00\x3c" + text("x")), bytes(64),
+        b"GET / HTTP/1.1\r\nHost: x\r\n\r\n",
+        b"\x00\x00",
+        b"\xf0\x00",
+        b"\x10\xff\xff\xff\xff\x7f",
+        b"\x30\x02\x00\x05",
+        b"\x82\x02\x00\x01",
+        framed(0x10, text("MQTT") + b"\x04\x03\x00\x3c" + text("x")),
+        framed(0x10, text("NOPE") + b"\x04\x02\x00\x3c" + text("x")),
+        bytes(64),
     ],
-)  # fmt: skip
+)
 async def test_a_stranger_who_talks_nonsense_is_hung_up_on(rig, data):
     raw = await RawClient.open(rig.port)
     raw.send(data)
@@ -464,11 +553,19 @@ async def test_a_stranger_who_talks_nonsense_is_hung_up_on(rig, data):
 @pytest.mark.parametrize(
     "data",
     [
-        b"\x36\x05\x00\x01a\x00\x01", b"\x32\x05\x00\x01a\x00\x00", b"\x30\x03\x00\x01#", b"\x30\x04\x00\x02\xff\xfe", b"\x82\x02\x00\x01",
-        b"\x80\x06\x00\x01\x00\x01a\x00", b"\xf0\x00", b"\x30\xff\xff\xff\x7f", connect_packet("again", "web", "x"),
-        framed(0x82, b"\x00\x01" + text("a") + b"\x03"), b"\x30\x02\x00\x09",
+        b"\x36\x05\x00\x01a\x00\x01",
+        b"\x32\x05\x00\x01a\x00\x00",
+        b"\x30\x03\x00\x01#",
+        b"\x30\x04\x00\x02\xff\xfe",
+        b"\x82\x02\x00\x01",
+        b"\x80\x06\x00\x01\x00\x01a\x00",
+        b"\xf0\x00",
+        b"\x30\xff\xff\xff\x7f",
+        connect_packet("again", "web", "x"),
+        framed(0x82, b"\x00\x01" + text("a") + b"\x03"),
+        b"\x30\x02\x00\x09",
     ],
-)  # fmt: skip
+)
 async def test_a_user_who_breaks_the_protocol_is_hung_up_on_and_the_others_are_not(rig, data):
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(GIRAFF_LEASE, qos=1)
@@ -496,13 +593,19 @@ async def test_two_hundred_messages_a_second_lose_nothing_while_clients_come_and
     await rig.robot("giraff")
     count = 400
     topic = of("giraff", "state")
-    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(web) as heard:
+    async with (
+        rig.client("web") as web,
+        rig.client("giraff") as giraff,
+        ReceivedPacket(web) as heard,
+    ):
         await web.subscribe("telepresence/v1/+/state", qos=1)
         churn = asyncio.create_task(come_and_go(rig))
         started = asyncio.get_running_loop().time()
         for number in range(count):
             await giraff.publish(topic, str(number).encode(), qos=1)
-            await asyncio.sleep(max(0.0, started + number / 200 - asyncio.get_running_loop().time()))
+            await asyncio.sleep(
+                max(0.0, started + number / 200 - asyncio.get_running_loop().time())
+            )
         await heard.until(lambda h: len(h.messages) >= count)
         churn.cancel()
         assert [int(payload) for payload in heard.payloads(topic)] == list(range(count))
@@ -512,14 +615,23 @@ async def come_and_go(rig):
     while True:
         async with rig.client("web") as client:
             for number in range(5):
-                await client.subscribe([(f"telepresence/v1/robot-{number}/#", 1), ("telepresence/v1/+/state", 0)])
+                await client.subscribe(
+                    [(f"telepresence/v1/robot-{number}/#", 1), ("telepresence/v1/+/state", 0)]
+                )
                 await client.unsubscribe(f"telepresence/v1/robot-{number}/#")
 
 
-async def test_pictures_pass_from_a_robot_to_servers_and_requests_from_servers_to_that_robot_alone(rig):
+async def test_pictures_pass_from_a_robot_to_servers_and_requests_from_servers_to_that_robot_alone(
+    rig,
+):
     await rig.robot("giraff")
     await rig.robot("rhodon")
-    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(web) as seen, ReceivedPacket(giraff) as asked:
+    async with (
+        rig.client("web") as web,
+        rig.client("giraff") as giraff,
+        ReceivedPacket(web) as seen,
+        ReceivedPacket(giraff) as asked,
+    ):
         await web.subscribe(of("giraff", "picture"))
         await giraff.subscribe(of("giraff", "command/picture"))
         with contextlib.suppress(aiomqtt.MqttError):

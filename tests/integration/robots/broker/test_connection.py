@@ -52,7 +52,11 @@ class Door:
         return RawClient(*await asyncio.open_connection("127.0.0.1", self.port))
 
     def connection(self, client_id):
-        return next(c for c in self.broker.connections if c.session is not None and c.session.client_id == client_id)
+        return next(
+            c
+            for c in self.broker.connections
+            if c.session is not None and c.session.client_id == client_id
+        )
 
     async def until(self, question):
         async with asyncio.timeout(patient(10)):
@@ -62,9 +66,13 @@ class Door:
 
 @pytest.fixture(params=["plain", "tls"])
 async def door(request, tmp_path, monkeypatch):
-    monkeypatch.setattr(connection_module, "CONNECT_SECONDS", 600.0)  # on a busy computer nobody goes by themselves meanwhile
+    # on a busy computer nobody goes by themselves meanwhile
+    monkeypatch.setattr(connection_module, "CONNECT_SECONDS", 600.0)
     monkeypatch.setattr("robots.broker.embedded.REFRESH_SECONDS", 0.0)
-    users = {name: BrokerUser(name, hash_token("token"), may) for name, may in (("web", of_server()), ("giraff", of_robot("giraff")))}
+    users = {
+        name: BrokerUser(name, hash_token("token"), may)
+        for name, may in (("web", of_server()), ("giraff", of_robot("giraff")))
+    }
     reads = []
 
     async def read():
@@ -74,7 +82,10 @@ async def door(request, tmp_path, monkeypatch):
     serving = asking = None
     if request.param == "tls":
         key, chain = certificate(tmp_path)
-        serving, asking = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH), ssl.create_default_context(cafile=str(chain))
+        serving, asking = (
+            ssl.create_default_context(ssl.Purpose.CLIENT_AUTH),
+            ssl.create_default_context(cafile=str(chain)),
+        )
         serving.load_cert_chain(chain, key)
     broker = EmbeddedBroker(read, poll=600.0)
     yield Door(broker, await broker.start("127.0.0.1", 0, serving), asking, reads)
@@ -109,10 +120,12 @@ def noted(monkeypatch, of_class: Any, method: str, note: Any) -> list[Any]:
     return notes
 
 
-# --- fair turns -------------------------------------------------------------------------------------------------------
+# --- fair turns -----------------------------------------------------------------------------------
 
 
-async def test_of_a_flood_a_few_packets_are_handled_in_a_turn_of_the_loop(door, monkeypatch, turns_of_the_loop):
+async def test_of_a_flood_a_few_packets_are_handled_in_a_turn_of_the_loop(
+    door, monkeypatch, turns_of_the_loop
+):
     client = await door.signed_in()
     handled = noted(monkeypatch, Connection, "_obey", lambda *_: turns_of_the_loop())
     client.send(PING * 5000)
@@ -121,22 +134,40 @@ async def test_of_a_flood_a_few_packets_are_handled_in_a_turn_of_the_loop(door, 
     assert max(Counter(handled).values()) == PACKETS_A_TURN
 
 
-async def test_others_have_their_turn_between_those_of_a_flood_and_nothing_more_is_read_meanwhile(door, monkeypatch):
-    flooder, honest = await door.signed_in(client_id="flooder"), await door.signed_in(client_id="honest")
-    handled = noted(monkeypatch, Connection, "_obey", lambda connection, *_: connection.session.client_id)
-    waiting = noted(monkeypatch, Connection, "_take_turn", lambda connection, *_: len(connection._reader._buffer))
+async def test_others_have_their_turn_between_those_of_a_flood_and_nothing_more_is_read_meanwhile(
+    door, monkeypatch
+):
+    flooder, honest = (
+        await door.signed_in(client_id="flooder"),
+        await door.signed_in(client_id="honest"),
+    )
+    handled = noted(
+        monkeypatch, Connection, "_obey", lambda connection, *_: connection.session.client_id
+    )
+    waiting = noted(
+        monkeypatch,
+        Connection,
+        "_take_turn",
+        lambda connection, *_: len(connection._reader._buffer),
+    )
     flooder.send(PING * 100_000)
     await door.until(lambda: handled)
     honest.send(PING)
     assert await honest.packet() == PONG
     assert "honest" in handled[:2000], "it did not wait for the flood"
-    assert max(waiting) < 2 * connection_module.READ_BYTES, "what was not handled stays with its sender"
+    assert max(waiting) < 2 * connection_module.READ_BYTES, (
+        "what was not handled stays with its sender"
+    )
 
 
-async def test_a_robot_that_has_had_its_allowance_is_not_read_any_more_and_the_others_are(door, monkeypatch):
+async def test_a_robot_that_has_had_its_allowance_is_not_read_any_more_and_the_others_are(
+    door, monkeypatch
+):
     robots = [await door.signed_in("giraff", f"robot-{number}") for number in range(2)]
     web = await door.signed_in("web")
-    handled = noted(monkeypatch, Connection, "_obey", lambda connection, *_: connection.session.client_id)
+    handled = noted(
+        monkeypatch, Connection, "_obey", lambda connection, *_: connection.session.client_id
+    )
     connections = [door.connection(f"robot-{number}") for number in range(2)]
     connections[0]._usage.bucket = bucket = TokenBucket(1e-6, 50.0, 0.0)
     connections[1]._usage.bucket = bucket
@@ -145,8 +176,12 @@ async def test_a_robot_that_has_had_its_allowance_is_not_read_any_more_and_the_o
     await door.until(lambda: len(handled) >= 50)
     web.send(PING)
     assert await web.packet() == PONG
-    await door.until(lambda: not any(connection.transport.is_reading() for connection in connections))
-    assert Counter(name == "c" for name in handled) == {False: 50, True: 1}, "both connections of the robot share what it has"
+    await door.until(
+        lambda: not any(connection.transport.is_reading() for connection in connections)
+    )
+    assert Counter(name == "c" for name in handled) == {False: 50, True: 1}, (
+        "both connections of the robot share what it has"
+    )
 
 
 async def test_a_flood_of_a_robot_is_handled_in_full_as_its_allowance_comes_in(door):
@@ -158,7 +193,10 @@ async def test_a_flood_of_a_robot_is_handled_in_full_as_its_allowance_comes_in(d
 
 
 async def test_of_one_robot_the_oldest_connection_goes_when_there_are_too_many(door):
-    clients = [await door.signed_in("giraff", f"c{number}") for number in range(ROBOT_ALLOWANCE.connections)]
+    clients = [
+        await door.signed_in("giraff", f"c{number}")
+        for number in range(ROBOT_ALLOWANCE.connections)
+    ]
     for number in range(2):
         clients.append(await door.signed_in("giraff", f"later-{number}"))
         assert await clients[number].is_hung_up()
@@ -189,10 +227,12 @@ async def test_who_asks_and_never_takes_the_answers_is_sent_away(door, monkeypat
     assert await web.packet() == PONG
 
 
-# --- before the password ----------------------------------------------------------------------------------------------
+# --- before the password --------------------------------------------------------------------------
 
 
-async def test_of_a_stranger_not_one_byte_behind_the_connect_is_read_before_the_password_is_known(door, monkeypatch):
+async def test_of_a_stranger_not_one_byte_behind_the_connect_is_read_before_the_password_is_known(
+    door, monkeypatch
+):
     read = noted(monkeypatch, Connection, "buffer_updated", lambda _, count: count)
     asked, answer = asyncio.Event(), asyncio.Event()
     original = door.broker.authenticate
@@ -222,7 +262,9 @@ async def test_what_is_sent_behind_the_connect_is_read_when_the_password_was_rig
         assert [await client.packet() for _ in range(4)] == [(0x20, b"\x00\x00"), PONG, PONG, PONG]
 
 
-async def test_the_broker_looks_at_one_connect_in_a_turn_of_its_loop(door, monkeypatch, turns_of_the_loop):
+async def test_the_broker_looks_at_one_connect_in_a_turn_of_its_loop(
+    door, monkeypatch, turns_of_the_loop
+):
     looked = noted(monkeypatch, Connection, "sign_in", lambda _: turns_of_the_loop())
     clients = [await door.enter() for _ in range(30)]
     for number, client in enumerate(clients):
@@ -232,9 +274,12 @@ async def test_the_broker_looks_at_one_connect_in_a_turn_of_its_loop(door, monke
     assert len(looked) == len(set(looked)) == len(clients)
 
 
-async def test_a_few_connections_are_accepted_in_a_turn_and_many_may_wait(door, monkeypatch, turns_of_the_loop):
+async def test_a_few_connections_are_accepted_in_a_turn_and_many_may_wait(
+    door, monkeypatch, turns_of_the_loop
+):
     made = noted(monkeypatch, Connection, "connection_made", lambda *_: turns_of_the_loop())
-    sockets = [socket.create_connection(("127.0.0.1", door.port)) for _ in range(100)]  # the loop stands meanwhile: the kernel takes them
+    # the loop stands meanwhile: the kernel takes them
+    sockets = [socket.create_connection(("127.0.0.1", door.port)) for _ in range(100)]
     await door.until(lambda: len(made) == len(sockets))
     assert max(Counter(made).values()) <= ACCEPTED_A_TURN
     for one in sockets:
@@ -248,7 +293,9 @@ async def test_a_neighbour_of_many_silent_strangers_gets_in_and_the_oldest_of_th
     for number in range(2):
         await door.signed_in(client_id=f"neighbour-{number}")
         assert await silent[number].is_hung_up()
-        assert door.broker.admission.strangers == MAX_STRANGERS - 1, "who is signed in counts no more"
+        assert door.broker.admission.strangers == MAX_STRANGERS - 1, (
+            "who is signed in counts no more"
+        )
         silent.append(await door.silent())
         await door.until(lambda: door.broker.admission.strangers == MAX_STRANGERS)
     known.send(PING)
@@ -268,7 +315,9 @@ async def test_more_silent_strangers_than_places_leave_room_for_neighbours_all_t
         client.abort()
 
 
-async def test_a_stranger_that_never_says_anything_is_hung_up_on_also_in_the_handshake_of_tls(door, monkeypatch):
+async def test_a_stranger_that_never_says_anything_is_hung_up_on_also_in_the_handshake_of_tls(
+    door, monkeypatch
+):
     monkeypatch.setattr(connection_module, "CONNECT_SECONDS", 0.2)
     silent = await door.silent()
     assert await silent.is_hung_up()
@@ -303,18 +352,35 @@ async def test_connections_that_ended_hold_no_memory_until_the_collector_comes(d
         for number in range(1, 4):
             await come(number)
         await door.until(lambda: not door.broker.connections)
-        await door.until(lambda: not [c for c in gc.get_objects() if isinstance(c, Connection) and c._desk is door.broker])
+        await door.until(
+            lambda: (
+                not [
+                    c
+                    for c in gc.get_objects()
+                    if isinstance(c, Connection) and c._desk is door.broker
+                ]
+            )
+        )
     finally:
         gc.enable()
 
 
-async def test_whoever_guesses_beside_a_robot_keeps_it_from_nothing_and_asks_the_database_no_more(door, caplog):
+async def test_whoever_guesses_beside_a_robot_keeps_it_from_nothing_and_asks_the_database_no_more(
+    door, caplog
+):
     for number in range(30):
         stranger = await door.enter()
-        assert await stranger.connect(f"nobody-{number}" if number % 2 else "giraff", "wrong") == packets.BAD_PASSWORD
+        assert (
+            await stranger.connect(f"nobody-{number}" if number % 2 else "giraff", "wrong")
+            == packets.BAD_PASSWORD
+        )
     assert len(door.reads) <= 12, "one at the start, and one for each of the first that were wrong"
     await door.signed_in("giraff")
-    refused = [record for record in caplog.records if record.getMessage().startswith("broker_password_refused")]
+    refused = [
+        record
+        for record in caplog.records
+        if record.getMessage().startswith("broker_password_refused")
+    ]
     assert len(refused) == LINES_OF_SUBJECT
 
 
@@ -322,7 +388,12 @@ async def test_nothing_long_is_kept_of_a_packet_before_its_sender_is_let_in(door
     stranger, friend = await door.enter(), await door.signed_in()
     stranger.send(connect_packet("long", "web", b"x" * 0xFFFF)[:CONNECT_BYTES])
     assert await stranger.is_hung_up()
-    friend.send(framed(0x32, len(LEASE).to_bytes(2, "big") + LEASE.encode() + b"\x00\x07" + bytes(2 * CONNECT_BYTES)))
+    friend.send(
+        framed(
+            0x32,
+            len(LEASE).to_bytes(2, "big") + LEASE.encode() + b"\x00\x07" + bytes(2 * CONNECT_BYTES),
+        )
+    )
     assert await friend.packet() == (0x40, b"\x00\x07")
 
 
@@ -334,7 +405,9 @@ async def test_a_robot_that_comes_again_and_again_is_told_to_wait_and_is_let_in_
         client.abort()
         if codes[-1] != packets.ACCEPTED:
             break
-        door.broker.admission.usage(door.broker._users["giraff"], 0.0).bucket.take(200.0, asyncio.get_running_loop().time())
+        door.broker.admission.usage(door.broker._users["giraff"], 0.0).bucket.take(
+            200.0, asyncio.get_running_loop().time()
+        )
     assert codes[-1] == packets.UNAVAILABLE
     async with asyncio.timeout(patient(10)):
         while await (await door.enter()).connect("giraff", "token") != packets.ACCEPTED:

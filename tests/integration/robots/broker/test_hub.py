@@ -13,7 +13,14 @@ from robots.broker.bounded_log import LINES_OF_SUBJECT
 from robots.broker.filters import matches
 from robots.broker.hub import MAX_UNRELEASED, MESSAGE_BYTES, WINDOW, Hub
 from robots.broker.packets import Connect, PacketReader, Publish, Subscribe
-from robots.broker.permissions import ROBOT_ALLOWANCE, SERVER_ALLOWANCE, BrokerUser, Permissions, of_robot, of_server
+from robots.broker.permissions import (
+    ROBOT_ALLOWANCE,
+    SERVER_ALLOWANCE,
+    BrokerUser,
+    Permissions,
+    of_robot,
+    of_server,
+)
 
 WEB = BrokerUser("web", "hash", of_server())
 GIRAFF, RHODON = (BrokerUser(name, "hash", of_robot(name)) for name in ("giraff", "rhodon"))
@@ -36,7 +43,9 @@ class MemoryLink:
 
 def join(hub, user, client_id="c", *, clean=True, will=None, now=0.0):
     link = MemoryLink()
-    session, code, _ = hub.connect(Connect(client_id, clean, 0, user.name, "token", will), user, link, now)
+    session, code, _ = hub.connect(
+        Connect(client_id, clean, 0, user.name, "token", will), user, link, now
+    )
     assert code == packets.ACCEPTED
     return session, link
 
@@ -76,10 +85,14 @@ def test_no_more_than_a_window_is_in_flight():
 
 def bounded(**bounds):
     """A server whose sessions hold little."""
-    return BrokerUser("web", "hash", replace(of_server(), allowance=replace(SERVER_ALLOWANCE, **bounds)))
+    return BrokerUser(
+        "web", "hash", replace(of_server(), allowance=replace(SERVER_ALLOWANCE, **bounds))
+    )
 
 
-@pytest.mark.parametrize("bounds", [{"queue_messages": 2}, {"queue_bytes": 3 * (MESSAGE_BYTES + len(LEASE)) + 10}])
+@pytest.mark.parametrize(
+    "bounds", [{"queue_messages": 2}, {"queue_bytes": 3 * (MESSAGE_BYTES + len(LEASE)) + 10}]
+)
 def test_a_queue_that_is_full_refuses_the_newest(bounds):
     hub = Hub()
     user = bounded(**bounds)
@@ -103,7 +116,11 @@ def test_what_a_subscriber_never_acknowledges_is_bounded_in_count_and_bytes(payl
         hub.publish(giraff, Publish(of("giraff", "connection"), payload, qos=1, packet_id=1))
     held = [*giraff.queue, *giraff.inflight.values()]
     assert len(held) <= ROBOT_ALLOWANCE.queue_messages
-    assert giraff.held_bytes == sum(MESSAGE_BYTES + len(m.topic) + len(m.payload) for m in held) <= ROBOT_ALLOWANCE.queue_bytes
+    assert (
+        giraff.held_bytes
+        == sum(MESSAGE_BYTES + len(m.topic) + len(m.payload) for m in held)
+        <= ROBOT_ALLOWANCE.queue_bytes
+    )
     assert giraff.dropped == 3 * ROBOT_ALLOWANCE.queue_messages - len(held)
 
 
@@ -135,9 +152,9 @@ def test_a_client_that_comes_back_is_sent_again_what_it_owes_only_as_far_as_it_k
         assert again.heard == []
         again.is_ready = True
         hub.push(back)
-        assert [(message.packet_id, int(message.payload), message.dup) for message in again.heard] == [
-            (packet_id, number, True) for number, packet_id in enumerate(first_ids)
-        ]
+        assert [
+            (message.packet_id, int(message.payload), message.dup) for message in again.heard
+        ] == [(packet_id, number, True) for number, packet_id in enumerate(first_ids)]
         hub.leave(back, again, graceful=False, now=0.0)
 
 
@@ -146,26 +163,59 @@ def test_who_never_releases_what_was_received_once_is_hung_up_on():
     giraff, _ = join(hub, GIRAFF)
     for packet_id in range(1, MAX_UNRELEASED + 1):
         hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=packet_id))
-    hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=1))  # sent again: nothing new
+    # sent again: nothing new
+    hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=1))
     with pytest.raises(packets.ProtocolError):
-        hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=MAX_UNRELEASED + 1))
+        hub.receive_once(
+            giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=MAX_UNRELEASED + 1)
+        )
 
 
 @settings(max_examples=300)
 @given(
-    st.lists(st.sampled_from(["a", "b", "+", "#", "a/b", "a/+", "a/#", "+/b", "+/+", "+/#", "a/b/c", "a/+/c", "$x/#", "$x/+"]), max_size=8),
-    st.lists(st.sampled_from(["a", "b", "a/b", "b/a", "a/b/c", "a/", "$x/a", "$x"]), min_size=1, max_size=4),
+    st.lists(
+        st.sampled_from(
+            [
+                "a",
+                "b",
+                "+",
+                "#",
+                "a/b",
+                "a/+",
+                "a/#",
+                "+/b",
+                "+/+",
+                "+/#",
+                "a/b/c",
+                "a/+/c",
+                "$x/#",
+                "$x/+",
+            ]
+        ),
+        max_size=8,
+    ),
+    st.lists(
+        st.sampled_from(["a", "b", "a/b", "b/a", "a/b/c", "a/", "$x/a", "$x"]),
+        min_size=1,
+        max_size=4,
+    ),
 )
 def test_subscriptions_and_retained_messages_are_found_as_the_filters_match(filters, topics):
     everything = BrokerUser("web", "hash", Permissions(("#",), ("#", "$x/#"), SERVER_ALLOWANCE))
     hub = Hub()
     sessions = {filter_: join(hub, everything, filter_)[0] for filter_ in filters}
-    granted = {filter_ for filter_, session in sessions.items() if subscribe(hub, session, filter_) == 1}
+    granted = {
+        filter_ for filter_, session in sessions.items() if subscribe(hub, session, filter_) == 1
+    }
     for topic in topics:
         hub.retained[topic] = Publish(topic, b"x", retain=True)
-        assert {session.client_id for session, _ in hub._route(topic)} == {filter_ for filter_ in granted if matches(filter_, topic)}
+        assert {session.client_id for session, _ in hub._route(topic)} == {
+            filter_ for filter_ in granted if matches(filter_, topic)
+        }
     for filter_ in granted:
-        assert {m.topic for m in hub._retained_under(filter_)} == {topic for topic in topics if matches(filter_, topic)}
+        assert {m.topic for m in hub._retained_under(filter_)} == {
+            topic for topic in topics if matches(filter_, topic)
+        }
         hub.unsubscribe(sessions[filter_], (filter_,))
     assert not any(hub._route(topic) for topic in topics)
 
@@ -252,7 +302,12 @@ def test_a_revoked_user_is_kicked_and_its_will_published():
 
 def test_an_unnamed_client_cannot_keep_a_session():
     hub = Hub()
-    session, code, _ = hub.connect(Connect("", clean=False, keep_alive=0, user="web", password="t", will=None), WEB, MemoryLink(), 0.0)
+    session, code, _ = hub.connect(
+        Connect("", clean=False, keep_alive=0, user="web", password="t", will=None),
+        WEB,
+        MemoryLink(),
+        0.0,
+    )
     assert session is None
     assert code == packets.BAD_CLIENT_ID
 
@@ -261,4 +316,9 @@ def test_subscriptions_of_one_session_are_bounded(monkeypatch):
     monkeypatch.setattr(hub_module, "MAX_FILTERS", 2)
     hub = Hub()
     web, _ = join(hub, WEB)
-    assert [subscribe(hub, web, of(name, "state")) for name in ("a", "b", "c", "a")] == [1, 1, packets.SUBSCRIPTION_REFUSED, 1]
+    assert [subscribe(hub, web, of(name, "state")) for name in ("a", "b", "c", "a")] == [
+        1,
+        1,
+        packets.SUBSCRIPTION_REFUSED,
+        1,
+    ]

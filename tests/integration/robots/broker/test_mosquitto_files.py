@@ -1,4 +1,6 @@
-"""`manage.py mosquitto_files` beside a mosquitto that is not our child, as on a server with one of its own."""
+"""`manage.py mosquitto_files` beside a mosquitto that is not our child, as on a server with one of
+its own.
+"""
 
 import asyncio
 import contextlib
@@ -38,14 +40,27 @@ class Server:
     def __init__(self, directory):
         self.port, self.pid_file = free_port(), directory / "mosquitto.pid"
         (directory / "mosquitto.conf").write_text(
-            f"listener {self.port} 127.0.0.1\nallow_anonymous false\npassword_file {directory / 'passwords'}\nacl_file {directory / 'permissions'}\n"
-            f"pid_file {self.pid_file}\npersistence false\nuser {getpass.getuser()}\n"
+            f"listener {self.port} 127.0.0.1\nallow_anonymous false\npassword_file"
+            f" {directory / 'passwords'}\nacl_file {directory / 'permissions'}\npid_file"
+            f" {self.pid_file}\npersistence false\nuser {getpass.getuser()}\n"
         )
-        self.process = subprocess.Popen([find(), "-c", str(directory / "mosquitto.conf")], stderr=subprocess.DEVNULL)
-        wait_for(lambda: self.process.poll() is None and self.pid_file.exists() and self.pid_file.read_text().strip(), 10, "mosquitto's pid file")
+        self.process = subprocess.Popen(
+            [find(), "-c", str(directory / "mosquitto.conf")], stderr=subprocess.DEVNULL
+        )
+        wait_for(
+            lambda: (
+                self.process.poll() is None
+                and self.pid_file.exists()
+                and self.pid_file.read_text().strip()
+            ),
+            10,
+            "mosquitto's pid file",
+        )
 
     def client(self, user, password):
-        return aiomqtt.Client("127.0.0.1", self.port, username=user, password=password, timeout=SECONDS)
+        return aiomqtt.Client(
+            "127.0.0.1", self.port, username=user, password=password, timeout=SECONDS
+        )
 
     async def lets_in(self, user, password):
         with contextlib.suppress(aiomqtt.MqttError):
@@ -70,7 +85,9 @@ def mosquitto(tmp_path, db):
 
 
 async def test_a_mosquitto_of_the_system_follows_the_database(mosquitto, tmp_path):
-    again = sync_to_async(lambda: write(tmp_path, "--reload", "--pid-file", str(mosquitto.pid_file)))
+    again = sync_to_async(
+        lambda: write(tmp_path, "--reload", "--pid-file", str(mosquitto.pid_file))
+    )
     await mosquitto.until_let_in(*server_credentials("web"))
     robot = await Robot.objects.acreate(name="giraff", title="Giraff")
     key = await sync_to_async(make_credentials)(robot, timezone.now())
@@ -111,10 +128,15 @@ def test_the_files_are_for_their_owner_and_group_alone(tmp_path):
 
 
 def test_without_a_running_mosquitto_the_files_are_written_all_the_same(tmp_path):
-    assert "2 users written" in write(tmp_path, "--reload", "--pid-file", str(tmp_path / "nobody.pid"))
-    (tmp_path / "dead.pid").write_text("99999999")  # more than any system gives: that of one who has just ended may be another's by now
+    assert "2 users written" in write(
+        tmp_path, "--reload", "--pid-file", str(tmp_path / "nobody.pid")
+    )
+    # more than any system gives: that of one who has just ended may be another's by now
+    (tmp_path / "dead.pid").write_text("99999999")
     (tmp_path / "permissions").unlink()
-    assert "2 users written" in write(tmp_path, "--reload", "--pid-file", str(tmp_path / "dead.pid"))
+    assert "2 users written" in write(
+        tmp_path, "--reload", "--pid-file", str(tmp_path / "dead.pid")
+    )
 
 
 def test_what_stands_in_the_way_is_one_sentence(tmp_path):

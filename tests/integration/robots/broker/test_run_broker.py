@@ -32,21 +32,33 @@ class BrokerProcess:
     """The command on a free port, with the test's own database."""
 
     def __init__(self, *arguments):
-        environment = os.environ | {"DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}", "DJANGO_SETTINGS_MODULE": "tests.settings"}
+        environment = os.environ | {
+            "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
+            "DJANGO_SETTINGS_MODULE": "tests.settings",
+        }
         self.process = subprocess.Popen(
             [sys.executable, "manage.py", "run_broker", "--port", "0", "--poll", "0.2", *arguments],
-            cwd=settings.BASE_DIR, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            cwd=settings.BASE_DIR,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
         line = self.process.stdout.readline()
         found = re.fullmatch(r"broker listening (mqtts?)://127\.0\.0\.1:(\d+) \((\w+)\)\n", line)
         assert found, line + self.process.communicate(timeout=SECONDS)[1]
         self.scheme, self.port, self.kind = found[1], int(found[2]), found[3]
 
     def client(self, user, password, **options):
-        return aiomqtt.Client("127.0.0.1", self.port, username=user, password=password, timeout=SECONDS, **options)
+        return aiomqtt.Client(
+            "127.0.0.1", self.port, username=user, password=password, timeout=SECONDS, **options
+        )
 
     def is_answering(self):
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), timeout=1):
+        with (
+            contextlib.suppress(OSError),
+            socket.create_connection(("127.0.0.1", self.port), timeout=1),
+        ):
             return True
         return False
 
@@ -76,7 +88,8 @@ def new_robot(name):
 
 async def test_users_of_the_database_meet_and_a_revoked_one_is_thrown_out(broker):
     key = await sync_to_async(new_robot)("giraff")
-    if broker.kind == "mosquitto":  # it learns of the robot at the next look; the embedded one looks when somebody unknown knocks
+    # it learns of the robot at the next look; the embedded one looks when somebody unknown knocks
+    if broker.kind == "mosquitto":
         await until_let_in(broker, "giraff", key.token)
     async with broker.client(*server_credentials("web")) as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/+/state", qos=1)
@@ -130,11 +143,22 @@ def test_a_busy_port_is_one_clear_sentence_and_a_failure(kind):
         port = taken.getsockname()[1]
         result = subprocess.run(
             [sys.executable, "manage.py", "run_broker", "--port", str(port), "--require", kind],
-            cwd=settings.BASE_DIR, env=os.environ | {"DJANGO_SETTINGS_MODULE": "tests.settings", "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}"},
-            capture_output=True, text=True, timeout=SECONDS, check=False,
-        )  # fmt: skip
+            cwd=settings.BASE_DIR,
+            env=os.environ
+            | {
+                "DJANGO_SETTINGS_MODULE": "tests.settings",
+                "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
+            },
+            capture_output=True,
+            text=True,
+            timeout=SECONDS,
+            check=False,
+        )
     assert result.returncode != 0
-    assert f"CommandError: The broker cannot listen on 127.0.0.1:{port}: Address already in use" in result.stderr
+    assert (
+        f"CommandError: The broker cannot listen on 127.0.0.1:{port}: Address already in use"
+        in result.stderr
+    )
     assert "Traceback" not in result.stderr
 
 
@@ -145,7 +169,10 @@ async def test_with_a_certificate_it_speaks_tls(kind, tmp_path):
     try:
         assert broker.scheme == "mqtts"
         tls = aiomqtt.TLSParameters(ca_certs=str(chain))
-        async with broker.client(*server_credentials("web"), tls_params=tls) as web, ReceivedPacket(web) as heard:
+        async with (
+            broker.client(*server_credentials("web"), tls_params=tls) as web,
+            ReceivedPacket(web) as heard,
+        ):
             await web.subscribe("telepresence/v1/#", qos=1)
             await web.publish(of("giraff", "lease"), b"lease", qos=1)
             await heard.payload(of("giraff", "lease"), b"lease")

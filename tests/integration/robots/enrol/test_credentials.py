@@ -12,7 +12,15 @@ from robots.api.topics import ROBOT_NAME
 from robots.broker import mosquitto
 from robots.broker.users import read_users
 from robots.enrol import credentials
-from robots.enrol.credentials import Credentials, Verifier, hash_token, matches, new_token, server_client_id, server_credentials
+from robots.enrol.credentials import (
+    Credentials,
+    Verifier,
+    hash_token,
+    matches,
+    new_token,
+    server_client_id,
+    server_credentials,
+)
 from robots.models import Robot
 
 NOW = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
@@ -47,7 +55,17 @@ def test_the_hash_is_the_one_that_mosquitto_makes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "broken", ["", "$7$", "$7$x$AA==$AA==", "$6$101$AA==$AA==", "$7$0$AA==$AA==", "$7$101$!$!", "$7$999999999$AA==$AA==", "plain"]
+    "broken",
+    [
+        "",
+        "$7$",
+        "$7$x$AA==$AA==",
+        "$6$101$AA==$AA==",
+        "$7$0$AA==$AA==",
+        "$7$101$!$!",
+        "$7$999999999$AA==$AA==",
+        "plain",
+    ],
 )
 def test_a_malformed_hash_matches_nothing(broken):
     assert not matches("", broken)
@@ -90,8 +108,14 @@ def test_the_credentials_file_is_toml_for_its_owner_alone(tmp_path):
     path.parent.mkdir()
     path.write_text("old")
     path.chmod(0o644)
-    credentials.keep_credentials(Credentials("giraff", 'a"b\\c'), path, server="https://example.org")
-    assert tomllib.loads(path.read_text()) == {"robot": "giraff", "token": 'a"b\\c', "server": "https://example.org"}
+    credentials.keep_credentials(
+        Credentials("giraff", 'a"b\\c'), path, server="https://example.org"
+    )
+    assert tomllib.loads(path.read_text()) == {
+        "robot": "giraff",
+        "token": 'a"b\\c',
+        "server": "https://example.org",
+    }
     assert path.stat().st_mode & 0o777 == 0o600
 
 
@@ -115,7 +139,9 @@ def test_a_client_id_that_lasts_cannot_be_guessed(settings):
 async def test_the_brokers_users_are_servers_and_enabled_robots_with_credentials():
     hashes = {"giraff": hash_token("a"), "disabled": hash_token("b"), "keyless": ""}
     for name, credential_hash in hashes.items():
-        await Robot.objects.acreate(name=name, title=name, enabled=name != "disabled", credential_hash=credential_hash)
+        await Robot.objects.acreate(
+            name=name, title=name, enabled=name != "disabled", credential_hash=credential_hash
+        )
     users = await read_users()
     assert set(users) == {"giraff", "server.web", "server.session-manager"}
     assert matches(server_credentials("web")[1], users["server.web"].credential_hash)

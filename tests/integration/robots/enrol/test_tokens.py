@@ -20,7 +20,15 @@ from robots.agent.broker_link import enrolment as agent_side
 from robots.agent.broker_link.broker_discovery import ServerAwayError
 from robots.agent.config import ConfigError, load
 from robots.broker.users import _robot_users
-from robots.enrol.credentials import GRACE, ask_for_renewal, make_credentials, revoke, robot_of, rotate, users_of
+from robots.enrol.credentials import (
+    GRACE,
+    ask_for_renewal,
+    make_credentials,
+    revoke,
+    robot_of,
+    rotate,
+    users_of,
+)
 from robots.enrol.tokens import make_token, redeem
 from robots.management.commands import run_robot
 from robots.models import Enrolment, Robot
@@ -38,7 +46,7 @@ def at_the_broker() -> dict[str, str]:
     return {user.name: user.credential_hash for user in _robot_users()}
 
 
-# --- tokens ----------------------------------------------------------------------------------------------------------
+# --- tokens ---------------------------------------------------------------------------------------
 
 
 def test_a_token_works_once_and_for_its_own_robot_alone(robot):
@@ -73,7 +81,7 @@ def test_revoking_and_disabling_take_an_unused_token_along(robot):
     assert redeem("giraff", token, timezone.now()) is None
 
 
-# --- rotation --------------------------------------------------------------------------------------------------------
+# --- rotation -------------------------------------------------------------------------------------
 
 
 def test_the_old_credentials_hold_beside_the_new_ones_for_a_while(robot):
@@ -130,16 +138,21 @@ def test_no_user_at_the_broker_comes_back_so_that_whoever_holds_an_old_connectio
     """Mosquitto parts with a client whose user is gone, and not with one whose password is another."""
     users = [make_credentials(robot, timezone.now()).user or "giraff"]
     revoke(robot)
-    users += [make_credentials(robot, timezone.now()).user, make_credentials(robot, timezone.now()).user]
+    users += [
+        make_credentials(robot, timezone.now()).user,
+        make_credentials(robot, timezone.now()).user,
+    ]
     assert len(set(users)) == 3
 
 
-# --- over HTTP -------------------------------------------------------------------------------------------------------
+# --- over HTTP ------------------------------------------------------------------------------------
 
 
 def post(client, address, content, token=""):
     headers = {"Authorization": f"Bearer {token}"} if token else {}
-    return client.post(address, json.dumps(content), content_type="application/json", headers=headers)
+    return client.post(
+        address, json.dumps(content), content_type="application/json", headers=headers
+    )
 
 
 def test_a_token_is_taken_by_post_alone_and_refused_in_words(client, robot):
@@ -165,7 +178,7 @@ def test_credentials_are_renewed_only_when_somebody_wants_that(client, robot):
     assert post(client, RENEW, {}, f"giraff:{fresh['token']}").json() == {"robot": "giraff"}
 
 
-# --- the agent -------------------------------------------------------------------------------------------------------
+# --- the agent ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -173,7 +186,12 @@ def server(client, monkeypatch):
     """The site, as the agent reaches it."""
 
     def answer(url, content, headers, _ca):
-        found = client.post(url.removeprefix("https://site.example"), json.dumps(content), content_type="application/json", headers=headers)
+        found = client.post(
+            url.removeprefix("https://site.example"),
+            json.dumps(content),
+            content_type="application/json",
+            headers=headers,
+        )
         if found.status_code >= 400:
             raise ConfigError(f"the server refused: {found.json()['detail']}")
         return found.json()
@@ -183,7 +201,13 @@ def server(client, monkeypatch):
 
 
 def test_an_agent_enrols_itself_and_starts_without_the_token_from_then_on(robot, server, tmp_path):
-    given = {"robot": "giraff", "server": server, "adapter": "moos", "enrol": make_token(robot, timezone.now()), "var": tmp_path}
+    given = {
+        "robot": "giraff",
+        "server": server,
+        "adapter": "moos",
+        "enrol": make_token(robot, timezone.now()),
+        "var": tmp_path,
+    }
     agent_of(given)
     file = tmp_path / "credentials" / "giraff.toml"
     if sys.platform != "win32":
@@ -207,9 +231,18 @@ def test_an_agent_enrols_itself_and_starts_without_the_token_from_then_on(robot,
         ({"viewers": "all"}, "--viewers"),
     ],
 )
-def test_a_token_is_spent_only_by_an_agent_that_can_start_with_what_it_brings(robot, server, tmp_path, wrong, sentence):
+def test_a_token_is_spent_only_by_an_agent_that_can_start_with_what_it_brings(
+    robot, server, tmp_path, wrong, sentence
+):
     token = make_token(robot, timezone.now())
-    given = {"robot": "giraff", "server": server, "adapter": "moos", "profile": "giraff", "enrol": token, "var": tmp_path}
+    given = {
+        "robot": "giraff",
+        "server": server,
+        "adapter": "moos",
+        "profile": "giraff",
+        "enrol": token,
+        "var": tmp_path,
+    }
     with pytest.raises(ConfigError, match=sentence):
         agent_of(given | wrong)
     assert redeem("giraff", token, timezone.now()) is not None
@@ -230,20 +263,37 @@ def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_pa
     assert not list(tmp_path.rglob("*.new"))
 
 
-def test_while_it_enrols_an_agent_believes_the_certificates_that_its_environment_names(tmp_path, monkeypatch):
+def test_while_it_enrols_an_agent_believes_the_certificates_that_its_environment_names(
+    tmp_path, monkeypatch
+):
     asked = []
-    monkeypatch.setattr(agent_side, "_post", lambda _url, _content, _headers, ca: asked.append(ca) or {"robot": "giraff", "token": "t"})
-    environment = {"TELEPRESENCE_CA": "/ca.pem", "TELEPRESENCE_ADAPTER": "moos", "TELEPRESENCE_ENROL": "token"}
-    agent_side.enrol_if_asked({"robot": "giraff", "server": "https://site.example", "var": tmp_path}, environment)
+    monkeypatch.setattr(
+        agent_side,
+        "_post",
+        lambda _url, _content, _headers, ca: asked.append(ca) or {"robot": "giraff", "token": "t"},
+    )
+    environment = {
+        "TELEPRESENCE_CA": "/ca.pem",
+        "TELEPRESENCE_ADAPTER": "moos",
+        "TELEPRESENCE_ENROL": "token",
+    }
+    agent_side.enrol_if_asked(
+        {"robot": "giraff", "server": "https://site.example", "var": tmp_path}, environment
+    )
     assert asked == ["/ca.pem"]
 
 
 @pytest.mark.parametrize("said", ["command line", "environment", "nothing"])
-def test_manage_py_keeps_what_it_keeps_where_it_was_told_and_otherwise_where_the_site_does(said, settings, tmp_path, monkeypatch):
+def test_manage_py_keeps_what_it_keeps_where_it_was_told_and_otherwise_where_the_site_does(
+    said, settings, tmp_path, monkeypatch
+):
     settings.VAR_DIR, told = tmp_path / "site", tmp_path / "told"
-    monkeypatch.setattr(log_ids, "_process", {})  # the command names its robot for all lines of the process, here that of all tests
+    # the command names its robot for all lines of the process, here that of all tests
+    monkeypatch.setattr(log_ids, "_process", {})
     kept = []
-    monkeypatch.setattr(run_robot, "agent_of", lambda arguments: kept.append(Path(arguments["var"])))
+    monkeypatch.setattr(
+        run_robot, "agent_of", lambda arguments: kept.append(Path(arguments["var"]))
+    )
     monkeypatch.setattr(run_robot, "run_until_signalled", lambda _agent: None)
     if said == "environment":
         monkeypatch.setenv("TELEPRESENCE_VAR", str(told))
@@ -251,9 +301,14 @@ def test_manage_py_keeps_what_it_keeps_where_it_was_told_and_otherwise_where_the
     assert kept == [settings.VAR_DIR if said == "nothing" else told]
 
 
-def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(robot, server, tmp_path):
+def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(
+    robot, server, tmp_path
+):
     file = tmp_path / "giraff.toml"
-    file.write_text(make_credentials(robot, timezone.now()).toml(server=server) + '# mine\n[options]\nuser = "camera"\n')
+    file.write_text(
+        make_credentials(robot, timezone.now()).toml(server=server)
+        + '# mine\n[options]\nuser = "camera"\n'
+    )
     config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
     assert agent_side.renew(config) is None
     ask_for_renewal(robot, timezone.now())
@@ -266,7 +321,9 @@ def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(ro
     assert set(at_the_broker()) == {"giraff", again.user}
 
 
-def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lose(robot, server, tmp_path, monkeypatch):
+def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lose(
+    robot, server, tmp_path, monkeypatch
+):
     file = tmp_path / "giraff.toml"
     file.write_text(make_credentials(robot, timezone.now()).toml(server=server))
     config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
@@ -276,9 +333,19 @@ def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lo
     assert robot_of("giraff", config.token).renewal_asked_at is not None
 
 
-def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(robot, tmp_path, monkeypatch):
-    config = load({"robot": "giraff", "server": "https://site.example", "adapter": "moos", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "t"})
-    answers = [ServerAwayError("no network"), ConfigError("disk full"), None, {"robot": "giraff", "user": "giraff.1", "token": "new"}]
+def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(
+    robot, tmp_path, monkeypatch
+):
+    config = load(
+        {"robot": "giraff", "server": "https://site.example", "adapter": "moos", "var": tmp_path},
+        {"TELEPRESENCE_TOKEN": "t"},
+    )
+    answers = [
+        ServerAwayError("no network"),
+        ConfigError("disk full"),
+        None,
+        {"robot": "giraff", "user": "giraff.1", "token": "new"},
+    ]
     told, pauses = [], []
 
     def renew(_config):
@@ -299,33 +366,59 @@ def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(rob
     assert len(told) == 1
 
 
-@pytest.mark.parametrize("server", ["http://robots.example", "ftp://robots.example", "http://localhost.evil.example", "http://10.0.0.1:8000"])
+@pytest.mark.parametrize(
+    "server",
+    [
+        "http://robots.example",
+        "ftp://robots.example",
+        "http://localhost.evil.example",
+        "http://10.0.0.1:8000",
+    ],
+)
 def test_no_token_crosses_a_network_in_the_clear(server, tmp_path):
     with pytest.raises(ConfigError, match="https"):
         agent_side.enrol("giraff", server, "token", tmp_path / "giraff.toml")
 
 
-@pytest.mark.parametrize("server", ["http://127.0.0.1:8000", "http://localhost:8000", "http://[::1]:8000", "https://robots.example"])
+@pytest.mark.parametrize(
+    "server",
+    [
+        "http://127.0.0.1:8000",
+        "http://localhost:8000",
+        "http://[::1]:8000",
+        "https://robots.example",
+    ],
+)
 def test_to_this_very_machine_plain_http_will_do(server):
     agent_side.check_private(server)
 
 
 def test_a_token_without_a_server_is_told(tmp_path):
     with pytest.raises(ConfigError, match="--server"):
-        agent_side.enrol_if_asked({"robot": "giraff", "var": tmp_path}, {"TELEPRESENCE_ENROL": "token"})
+        agent_side.enrol_if_asked(
+            {"robot": "giraff", "var": tmp_path}, {"TELEPRESENCE_ENROL": "token"}
+        )
 
 
-# --- commands and administration -------------------------------------------------------------------------------------
+# --- commands and administration ------------------------------------------------------------------
 
 
 def test_the_command_prints_what_to_run_on_the_robot(robot):
     out = io.StringIO()
     call_command("enrol", "giraff", server="https://site.example/", stdout=out)
     command, _, token = out.getvalue().splitlines()[-1].rpartition(" ")
-    assert command == "python manage.py run_robot giraff --server https://site.example --adapter ADAPTER --profile PROFILE --enrol"
+    assert (
+        command
+        == "python manage.py run_robot giraff --server https://site.example --adapter ADAPTER"
+        " --profile PROFILE --enrol"
+    )
     assert redeem("giraff", token, timezone.now()) is not None
     server = ["--server", "https://site.example"]
-    for wrong, sentence in ((["nobody", *server], "nobody"), (["giraff", *server, "--hours", "0"], "--hours"), (["giraff"], "--server")):
+    for wrong, sentence in (
+        (["nobody", *server], "nobody"),
+        (["giraff", *server, "--hours", "0"], "--hours"),
+        (["giraff"], "--server"),
+    ):
         with pytest.raises(CommandError, match=sentence):
             call_command("enrol", *wrong)
 
@@ -350,7 +443,12 @@ def test_an_owner_makes_a_token_and_has_credentials_rotated_in_the_administratio
     page = client.post(address).content.decode()
     token = page.partition("--enrol ")[2].partition("<")[0].strip()
     assert redeem("giraff", token, timezone.now()) is not None
-    client.post("/admin/robots/robot/", {"action": "rotate_credentials", "_selected_action": [robot.pk]})
+    client.post(
+        "/admin/robots/robot/", {"action": "rotate_credentials", "_selected_action": [robot.pk]}
+    )
     assert Robot.objects.get().renewal_asked_at is not None
-    assert set(AuditEntry.objects.filter(actor=owner.pk).values_list("act", flat=True)) >= {"enrolment_made", "rotation_asked"}
+    assert set(AuditEntry.objects.filter(actor=owner.pk).values_list("act", flat=True)) >= {
+        "enrolment_made",
+        "rotation_asked",
+    }
     assert token not in str(list(AuditEntry.objects.values()))

@@ -1,4 +1,6 @@
-"""Keys of the JSON API in the administration: made and shown once, seen by whose robot it is, taken away."""
+"""Keys of the JSON API in the administration: made and shown once, seen by whose robot it is, taken
+away.
+"""
 
 import datetime
 import re
@@ -53,7 +55,9 @@ def test_an_owner_makes_a_key_which_is_shown_once_and_opens_the_robot(client, gi
     assert (entry.robot, entry.thing, entry.detail) == ("giraff", str(kept.pk), "home")
 
 
-def test_two_keys_of_a_robot_do_not_share_a_label_and_the_form_sent_again_makes_none(client, giraff):
+def test_two_keys_of_a_robot_do_not_share_a_label_and_the_form_sent_again_makes_none(
+    client, giraff
+):
     made(client, giraff)
     again = client.post(f"{LIST}add/", {"robot": giraff.pk, "label": "home"})
     assert 'id="key"' not in again.content.decode()
@@ -67,8 +71,14 @@ def test_an_owner_neither_sees_nor_makes_nor_deletes_keys_of_other_robots(client
     assert str(giraff.pk) in form
     assert str(other.pk) not in form
     assert "the lift" not in client.get(LIST).content.decode()
-    assert 'id="key"' not in client.post(f"{LIST}add/", {"robot": other.pk, "label": "x"}).content.decode()
-    client.post(LIST, {"action": "delete_selected", "_selected_action": [ApiKey.objects.get().pk], "post": "yes"})
+    assert (
+        'id="key"'
+        not in client.post(f"{LIST}add/", {"robot": other.pk, "label": "x"}).content.decode()
+    )
+    client.post(
+        LIST,
+        {"action": "delete_selected", "_selected_action": [ApiKey.objects.get().pk], "post": "yes"},
+    )
     assert ApiKey.objects.get().label == "the lift"
 
 
@@ -104,7 +114,12 @@ def test_a_key_cannot_be_changed(client, giraff):
 def test_the_list_tells_when_a_key_was_used(client, giraff):
     key = made(client, giraff)
     assert "never" in client.get(LIST).content.decode()
-    assert Client().get("/api/v1/robots/giraff/", headers={"authorization": f"Bearer {key}"}).status_code == 200
+    assert (
+        Client()
+        .get("/api/v1/robots/giraff/", headers={"authorization": f"Bearer {key}"})
+        .status_code
+        == 200
+    )
     used = ApiKey.objects.get().last_used_at
     assert timezone.now() - used < datetime.timedelta(minutes=5)
     assert "never" not in client.get(LIST).content.decode()

@@ -30,7 +30,8 @@ async def busy_database():
     await waiting
 
 
-@pytest.mark.django_db  # the consumer looks after the connections of its thread, whoever opened them
+# the consumer looks after the connections of its thread, whoever opened them
+@pytest.mark.django_db
 async def test_a_frame_is_taken_while_a_query_of_somebody_else_takes_its_time(busy_database):
     page = WebsocketCommunicator(CheckConsumer.as_asgi(), "/")
     assert await page.connect(patient(10)) == (True, None)

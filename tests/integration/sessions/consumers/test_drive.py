@@ -1,4 +1,6 @@
-"""The page's WebSocket through the whole ASGI application, with a bridge in memory and a real database."""
+"""The page's WebSocket through the whole ASGI application, with a bridge in memory and a real
+database.
+"""
 
 import asyncio
 import time
@@ -27,7 +29,14 @@ STOP = m.Stop(action_id="s1", stamp=1.0)
 
 @pytest.fixture
 def robot(db):
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now(), max_linear=0.4)
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        connection="ONLINE",
+        boot="b1",
+        last_seen_at=timezone.now(),
+        max_linear=0.4,
+    )
 
 
 @pytest.fixture
@@ -48,13 +57,18 @@ async def first(query):
     return (await rows(query))[0]
 
 
-# --- who comes in ----------------------------------------------------------------------------------------------------
+# --- who comes in ---------------------------------------------------------------------------------
 
 
 async def test_a_visitor_is_greeted_with_a_peer_of_the_servers_making(bridge, robot, ada):
     async with Page("giraff", ada) as one, Page("giraff", ada) as two:
         hello, other = await one.expect("hello"), await two.expect("hello")
-    assert (hello.robot, hello.online, hello.may_drive, hello.may_observe) == ("giraff", True, True, True)
+    assert (hello.robot, hello.online, hello.may_drive, hello.may_observe) == (
+        "giraff",
+        True,
+        True,
+        True,
+    )
     assert hello.peer != other.peer
     assert len(hello.peer) >= 16
 
@@ -66,12 +80,16 @@ async def test_nobody_comes_in_without_signing_in(bridge, robot):
     assert page.seen == []
 
 
-@pytest.mark.parametrize("origin", [None, "http://evil.example.org", "null", "http://127.0.0.1.evil.example.org"])
+@pytest.mark.parametrize(
+    "origin", [None, "http://evil.example.org", "null", "http://127.0.0.1.evil.example.org"]
+)
 async def test_a_missing_or_foreign_origin_is_refused(bridge, robot, ada, origin):
     assert not await Page("giraff", ada, origin=origin).open()
 
 
-async def test_a_visitor_has_so_many_pages_open_and_another_one_when_one_has_gone(bridge, robot, ada, bob, monkeypatch):
+async def test_a_visitor_has_so_many_pages_open_and_another_one_when_one_has_gone(
+    bridge, robot, ada, bob, monkeypatch
+):
     monkeypatch.setattr(asgi.pages, "_limit", 2)
     async with Page("giraff", ada):
         async with Page("giraff", ada):
@@ -90,7 +108,9 @@ async def test_there_is_no_page_for_a_robot_that_does_not_exist(bridge, robot, a
 
 async def test_a_robot_by_invitation_is_closed_to_others(bridge, robot, ada, bob):
     await sync_to_async(Robot.objects.update)(access=Robot.Access.INVITATION)
-    await sync_to_async(RobotPermit.objects.create)(robot=robot, user=ada, kind=RobotPermit.Kind.INVITED)
+    await sync_to_async(RobotPermit.objects.create)(
+        robot=robot, user=ada, kind=RobotPermit.Kind.INVITED
+    )
     stranger = Page("giraff", bob)
     await stranger.open()
     assert await stranger.closed() == protocol.NOT_ALLOWED
@@ -98,18 +118,26 @@ async def test_a_robot_by_invitation_is_closed_to_others(bridge, robot, ada, bob
         assert (await guest.expect("hello")).may_drive
 
 
-# --- driving ---------------------------------------------------------------------------------------------------------
+# --- driving --------------------------------------------------------------------------------------
 
 
 async def test_a_free_robot_is_granted_and_its_lease_is_published_at_once(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         (lease,) = [lease for _, lease in bridge.leases]
-    assert (lease.session, lease.epoch, lease.peer) == (granted.session, granted.epoch, granted.peer)
+    assert (lease.session, lease.epoch, lease.peer) == (
+        granted.session,
+        granted.epoch,
+        granted.peer,
+    )
     assert lease.who == "Ada L."
     assert lease.limits == granted.limits == m.LeaseLimits(linear=0.4)
     row = await first(Lease.objects)
-    assert (str(row.session_id), row.epoch, row.peer) == (granted.session, granted.epoch, granted.peer)
+    assert (str(row.session_id), row.epoch, row.peer) == (
+        granted.session,
+        granted.epoch,
+        granted.peer,
+    )
     assert (await first(Session.objects)).device["browser"] == "Firefox"
 
 
@@ -118,15 +146,32 @@ async def test_a_drivers_commands_reach_the_robot_under_the_servers_stamps(bridg
         granted = await page.take()
         await page.say("command/velocity", words.velocity(seq=3))
         await page.say("command/heartbeat", m.CommandHeartbeat(n=4, stamp=1.0, peer="forged"))
-        await page.say("command/action", m.Tilt(action_id="t1", stamp=1.0, angle=0.2, role="owner", user="Mallory"))
-        await page.say("signal", m.Offer(sdp="v=0", role="screen", session="forged", epoch=99, who="Mallory"))
+        await page.say(
+            "command/action",
+            m.Tilt(action_id="t1", stamp=1.0, angle=0.2, role="owner", user="Mallory"),
+        )
+        await page.say(
+            "signal", m.Offer(sdp="v=0", role="screen", session="forged", epoch=99, who="Mallory")
+        )
         await page.settle(bridge)
-    assert bridge.commands() == [words.velocity(seq=3, session=granted.session, epoch=granted.epoch)]
+    assert bridge.commands() == [
+        words.velocity(seq=3, session=granted.session, epoch=granted.epoch)
+    ]
     assert bridge.commands("command/heartbeat")[0].peer == granted.peer
     (tilt,) = bridge.commands("command/action")
-    assert (tilt.role, tilt.user, tilt.session, tilt.epoch) == ("driver", "Ada L.", granted.session, granted.epoch)
+    assert (tilt.role, tilt.user, tilt.session, tilt.epoch) == (
+        "driver",
+        "Ada L.",
+        granted.session,
+        granted.epoch,
+    )
     (offer,) = bridge.commands(f"signal/{granted.peer}")
-    assert (offer.role, offer.who, offer.session, offer.epoch) == ("driver", "Ada L.", granted.session, granted.epoch)
+    assert (offer.role, offer.who, offer.session, offer.epoch) == (
+        "driver",
+        "Ada L.",
+        granted.session,
+        granted.epoch,
+    )
 
 
 async def test_an_observer_watches_and_whatever_it_forges_stays_here(bridge, robot, ada, bob):
@@ -134,17 +179,34 @@ async def test_an_observer_watches_and_whatever_it_forges_stays_here(bridge, rob
         granted = await driver.take()
         await observer.say("session/observe", protocol.Observe())
         await observer.expect("session/observing")
-        await observer.say("command/velocity", words.velocity(session=granted.session, epoch=granted.epoch))
-        await observer.say("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=granted.peer))
-        await observer.say("command/action", m.Goto(action_id="g", stamp=1.0, x=1.0, y=1.0, session=granted.session, epoch=granted.epoch))
-        await observer.say("command/action", m.ClearEStop(action_id="c", stamp=1.0, role="owner", user="Ada L."))
-        await observer.say("signal", m.Offer(sdp="v=0", role="driver", session=granted.session, epoch=granted.epoch))
+        await observer.say(
+            "command/velocity", words.velocity(session=granted.session, epoch=granted.epoch)
+        )
+        await observer.say(
+            "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=granted.peer)
+        )
+        await observer.say(
+            "command/action",
+            m.Goto(
+                action_id="g", stamp=1.0, x=1.0, y=1.0, session=granted.session, epoch=granted.epoch
+            ),
+        )
+        await observer.say(
+            "command/action", m.ClearEStop(action_id="c", stamp=1.0, role="owner", user="Ada L.")
+        )
+        await observer.say(
+            "signal",
+            m.Offer(sdp="v=0", role="driver", session=granted.session, epoch=granted.epoch),
+        )
         await observer.settle(bridge)
         denials = [(await observer.expect("denied")) for _ in range(4)]
     assert [(denied.suffix, denied.reason) for denied in denials] == [
-        ("command/velocity", "observer"), ("command/heartbeat", "observer"), ("command/action", "observer"), ("command/action", "not_allowed"),
-    ]  # fmt: skip
-    ((_, suffix, offer), *_bye) = bridge.sent
+        ("command/velocity", "observer"),
+        ("command/heartbeat", "observer"),
+        ("command/action", "observer"),
+        ("command/action", "not_allowed"),
+    ]
+    (_, suffix, offer), *_bye = bridge.sent
     assert suffix.startswith("signal/")
     assert granted.peer not in suffix
     assert (offer.role, offer.session, offer.epoch) == ("observer", None, 0)
@@ -160,8 +222,12 @@ async def test_a_stop_passes_from_an_observer_and_from_who_waits(bridge, robot, 
     assert bridge.stops[0][1].role == "observer"
 
 
-async def test_the_operator_clears_an_emergency_stop_and_the_driver_does_not(bridge, robot, ada, bob):
-    await sync_to_async(RobotPermit.objects.create)(robot=robot, user=bob, kind=RobotPermit.Kind.OPERATOR)
+async def test_the_operator_clears_an_emergency_stop_and_the_driver_does_not(
+    bridge, robot, ada, bob
+):
+    await sync_to_async(RobotPermit.objects.create)(
+        robot=robot, user=bob, kind=RobotPermit.Kind.OPERATOR
+    )
     clear = m.ClearEStop(action_id="c", stamp=1.0)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as operator:
         await driver.take()
@@ -171,7 +237,8 @@ async def test_the_operator_clears_an_emergency_stop_and_the_driver_does_not(bri
         await until(lambda: bridge.commands("command/action"))
     (sent,) = bridge.commands("command/action")
     assert (sent.role, sent.user) == ("staff", "bob")
-    assert abs(sent.stamp - time.time()) < 60  # the server's clock: the robot knows no other of an operator
+    # the server's clock: the robot knows no other of an operator
+    assert abs(sent.stamp - time.time()) < 60
 
 
 async def test_a_page_in_a_hurry_is_slowed_and_a_flood_ends_it(bridge, robot, ada, monkeypatch):
@@ -179,7 +246,9 @@ async def test_a_page_in_a_hurry_is_slowed_and_a_flood_ends_it(bridge, robot, ad
 
     receive = Authorization.receive
     monkeypatch.setattr(
-        Authorization, "receive", lambda authorization, frame, lease, _now: receive(authorization, frame, lease, 1000.0)
+        Authorization,
+        "receive",
+        lambda authorization, frame, lease, _now: receive(authorization, frame, lease, 1000.0),
     )  # all at the same moment
     async with Page("giraff", ada) as page:
         await page.take()
@@ -192,10 +261,12 @@ async def test_a_page_in_a_hurry_is_slowed_and_a_flood_ends_it(bridge, robot, ad
     assert len(bridge.commands()) == 60
 
 
-# --- the queue -------------------------------------------------------------------------------------------------------
+# --- the queue ------------------------------------------------------------------------------------
 
 
-async def test_a_second_visitor_waits_and_gets_the_robot_when_the_first_leaves(bridge, robot, ada, bob):
+async def test_a_second_visitor_waits_and_gets_the_robot_when_the_first_leaves(
+    bridge, robot, ada, bob
+):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as next_one:
         granted = await driver.take()
         await next_one.say("session/take", protocol.Take())
@@ -215,24 +286,50 @@ async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, 
         granted = await driver.take()
         await waiting.say("session/take", protocol.Take())
         session = (await waiting.expect("session/queued")).session
-        bridge.publish_session(m.ServerNews(type="queue", stamp=1.0, session=session, place=1, minutes=3.5))
-        bridge.publish_session(m.ServerNews(type="granted", stamp=1.0, session=session, remaining=60.0))
-        bridge.publish_session(m.ServerNews(type="warning", stamp=1.0, session=granted.session, remaining=90.0))
-        bridge.publish_session(m.ServerNews(type="idle", stamp=1.0, session=granted.session, remaining=30.0))
+        bridge.publish_session(
+            m.ServerNews(type="queue", stamp=1.0, session=session, place=1, minutes=3.5)
+        )
+        bridge.publish_session(
+            m.ServerNews(type="granted", stamp=1.0, session=session, remaining=60.0)
+        )
+        bridge.publish_session(
+            m.ServerNews(type="warning", stamp=1.0, session=granted.session, remaining=90.0)
+        )
+        bridge.publish_session(
+            m.ServerNews(type="idle", stamp=1.0, session=granted.session, remaining=30.0)
+        )
         bridge.publish_session(m.ServerNews(type="idle", stamp=1.0, session=granted.session))
-        bridge.publish_session(m.ServerNews(type="message", stamp=1.0, session=granted.session, text="Mind the cat."))
+        bridge.publish_session(
+            m.ServerNews(type="message", stamp=1.0, session=granted.session, text="Mind the cat.")
+        )
         assert (await waiting.expect("session/queued")).minutes == 3.5
         assert (await waiting.expect("session/turn")).seconds == 60.0
         assert (await driver.expect("session/warning")).remaining == 90.0
-        assert [(await driver.expect("session/idle")).seconds, (await driver.expect("session/idle")).seconds] == [30.0, None]
+        assert [
+            (await driver.expect("session/idle")).seconds,
+            (await driver.expect("session/idle")).seconds,
+        ] == [30.0, None]
         assert (await driver.expect("notice")).text == "Mind the cat."
-    assert waiting.told("session/warning") == waiting.told("notice") == driver.told("session/turn") == []
+    assert (
+        waiting.told("session/warning")
+        == waiting.told("notice")
+        == driver.told("session/turn")
+        == []
+    )
 
 
 async def test_who_was_stopped_by_the_operator_is_told_and_drives_no_more(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
-        bridge.publish_session(m.ServerNews(type="ended", stamp=1.0, session=granted.session, outcome="stopped_by_operator", text="closing time"))
+        bridge.publish_session(
+            m.ServerNews(
+                type="ended",
+                stamp=1.0,
+                session=granted.session,
+                outcome="stopped_by_operator",
+                text="closing time",
+            )
+        )
         ended = await page.expect("session/ended")
         await page.say("command/velocity", words.velocity())
         assert (await page.expect("denied")).reason == "not_driver"
@@ -249,7 +346,9 @@ async def test_a_second_tab_is_refused_or_takes_over_and_the_first_is_told(bridg
         assert (refused.reason, refused.session) == ("elsewhere", granted.session)
         moved = await second_tab.take(session=granted.session, takeover=True)
         ended = await first_tab.expect("session/ended")
-        await first_tab.say("command/velocity", words.velocity(session=moved.session, epoch=moved.epoch))
+        await first_tab.say(
+            "command/velocity", words.velocity(session=moved.session, epoch=moved.epoch)
+        )
         assert (await first_tab.expect("denied")).reason == "not_driver"
     assert (ended.session, ended.outcome) == (granted.session, "moved")
     assert (moved.session, moved.resumed) == (granted.session, False)
@@ -277,19 +376,29 @@ async def test_a_page_that_lost_its_socket_resumes_with_its_old_peer_and_epoch(b
 async def test_a_peer_that_was_overheard_gives_nobody_the_robot(bridge, robot, ada, bob):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as thief:
         granted = await driver.take()
-        await thief.say("session/take", protocol.Take(session=granted.session, peer=granted.peer, takeover=True))
+        await thief.say(
+            "session/take", protocol.Take(session=granted.session, peer=granted.peer, takeover=True)
+        )
         assert (await thief.expect("session/refused")).reason == "ended"
-        await thief.say("command/velocity", words.velocity(session=granted.session, epoch=granted.epoch))
+        await thief.say(
+            "command/velocity", words.velocity(session=granted.session, epoch=granted.epoch)
+        )
         assert (await thief.expect("denied")).reason == "not_driver"
     assert bridge.commands() == []
 
 
-# --- what the robot says ---------------------------------------------------------------------------------------------
+# --- what the robot says --------------------------------------------------------------------------
 
 
-async def test_what_the_robot_says_reaches_every_page_of_it_and_none_of_another(bridge, robot, ada, bob):
+async def test_what_the_robot_says_reaches_every_page_of_it_and_none_of_another(
+    bridge, robot, ada, bob
+):
     await sync_to_async(Robot.objects.create)(name="rhodon", title="Rhodon")
-    async with Page("giraff", ada) as one, Page("giraff", bob) as two, Page("rhodon", bob) as elsewhere:
+    async with (
+        Page("giraff", ada) as one,
+        Page("giraff", bob) as two,
+        Page("rhodon", bob) as elsewhere,
+    ):
         for page in (one, two, elsewhere):
             await page.expect("hello")
         bridge.say("giraff", "state", words.state(seq=5))
@@ -309,7 +418,10 @@ async def test_replies_and_echoes_go_to_their_own_peer_alone(bridge, robot, ada,
     async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
         granted = await driver.take()
         own = (await observer.expect("hello")).peer
-        echoes = tuple(m.Echo(peer=peer, n=1, stamp=1.0, received=2.0) for peer in (granted.peer, own, "server"))
+        echoes = tuple(
+            m.Echo(peer=peer, n=1, stamp=1.0, received=2.0)
+            for peer in (granted.peer, own, "server")
+        )
         bridge.say("giraff", "heartbeat", m.Heartbeat(n=1, stamp=1.0, echoes=echoes))
         bridge.say("giraff", f"signal/{granted.peer}/reply", m.Answer(sdp="for ada"))
         bridge.say("giraff", f"signal/{own}/reply", m.Answer(sdp="for bob"))
@@ -323,9 +435,19 @@ async def test_everybody_sees_who_drives_and_how_many_watch_and_wait(bridge, rob
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         granted = await driver.take()
         await other.say("session/observe", protocol.Observe())
-        await until_room(driver, lambda authorization: (authorization.driver, authorization.observers, authorization.driving) == ("Ada L.", 1, False))
-        bridge.say("giraff", "state", words.state(session=granted.session, epoch=granted.epoch, viewers=4))
-        await until_room(other, lambda authorization: authorization.driving and authorization.observers == 3)
+        await until_room(
+            driver,
+            lambda authorization: (
+                (authorization.driver, authorization.observers, authorization.driving)
+                == ("Ada L.", 1, False)
+            ),
+        )
+        bridge.say(
+            "giraff", "state", words.state(session=granted.session, epoch=granted.epoch, viewers=4)
+        )
+        await until_room(
+            other, lambda authorization: authorization.driving and authorization.observers == 3
+        )
         await other.say("session/take", protocol.Take())
         await until_room(driver, lambda authorization: authorization.waiting == 1)
 
@@ -346,7 +468,9 @@ async def test_pages_are_told_when_the_robot_goes_and_a_late_will_tells_nothing(
     assert [presence.online for presence in page.told("robot")] == [False, True]
 
 
-async def test_observers_are_as_many_as_the_robot_has_viewers_less_its_drivers_place(bridge, robot, ada, bob):
+async def test_observers_are_as_many_as_the_robot_has_viewers_less_its_drivers_place(
+    bridge, robot, ada, bob
+):
     bridge.stored["giraff", "factsheet"] = msgspec.json.encode(words.factsheet(viewers=2))
     async with Page("giraff", ada) as one, Page("giraff", bob) as two:
         await one.say("session/observe", protocol.Observe())
@@ -366,7 +490,9 @@ async def test_a_robot_without_observers_is_only_driven(bridge, robot, ada):
         assert (await page.expect("session/refused")).reason == "not_allowed"
 
 
-async def test_a_driver_chooses_how_much_the_robot_helps_and_nobody_else_does(bridge, robot, ada, bob):
+async def test_a_driver_chooses_how_much_the_robot_helps_and_nobody_else_does(
+    bridge, robot, ada, bob
+):
     async with Page("giraff", ada) as page, Page("giraff", bob) as other:
         granted = await page.take()
         await page.say("session/assist", protocol.Assist(level="steer"))
@@ -378,16 +504,23 @@ async def test_a_driver_chooses_how_much_the_robot_helps_and_nobody_else_does(br
     assert session.assist == "steer"
 
 
-# --- going -----------------------------------------------------------------------------------------------------------
+# --- going ----------------------------------------------------------------------------------------
 
 
-async def test_a_socket_that_closes_mid_drive_stops_the_robot_once_and_the_visit_goes_on(bridge, robot, ada):
+async def test_a_socket_that_closes_mid_drive_stops_the_robot_once_and_the_visit_goes_on(
+    bridge, robot, ada
+):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         await page.say("command/velocity", words.velocity(seq=21))
         await page.settle(bridge)
     ((_, stop),) = bridge.stops
-    assert (stop.role, stop.session, stop.epoch, stop.seq) == ("driver", granted.session, granted.epoch, 21)
+    assert (stop.role, stop.session, stop.epoch, stop.seq) == (
+        "driver",
+        granted.session,
+        granted.epoch,
+        21,
+    )
     session = await first(Session.objects)
     assert session.state != "ended"
     assert session.seen_at is None
@@ -401,7 +534,9 @@ async def test_a_socket_that_closes_while_the_data_channel_drives_stops_nothing(
     assert bridge.stops == []
 
 
-async def test_a_page_that_closes_during_a_take_leaves_a_visit_whose_page_is_gone(bridge, robot, ada):
+async def test_a_page_that_closes_during_a_take_leaves_a_visit_whose_page_is_gone(
+    bridge, robot, ada
+):
     page = Page("giraff", ada)
     await page.open()
     await page.expect("hello")
@@ -412,7 +547,9 @@ async def test_a_page_that_closes_during_a_take_leaves_a_visit_whose_page_is_gon
     assert bridge.leases[0][1].session == str(session.pk)
 
 
-async def test_a_visit_that_was_left_while_the_page_had_no_connection_ends_when_it_is_back(bridge, robot, ada):
+async def test_a_visit_that_was_left_while_the_page_had_no_connection_ends_when_it_is_back(
+    bridge, robot, ada
+):
     async with Page("giraff", ada) as page:
         granted = await page.take()
     async with Page("giraff", ada) as back:
@@ -425,13 +562,19 @@ async def test_a_visit_that_was_left_while_the_page_had_no_connection_ends_when_
     assert bridge.leases[-1] == ("giraff", None)
 
 
-async def test_a_late_leave_ends_neither_what_moved_to_another_page_nor_the_visit_of_another(bridge, robot, ada, bob):
+async def test_a_late_leave_ends_neither_what_moved_to_another_page_nor_the_visit_of_another(
+    bridge, robot, ada, bob
+):
     async with Page("giraff", ada) as page, Page("giraff", bob) as foreign:
         granted = await page.take()
-        await foreign.say("session/leave", protocol.Leave(session=granted.session, peer=granted.peer))
+        await foreign.say(
+            "session/leave", protocol.Leave(session=granted.session, peer=granted.peer)
+        )
         assert (await foreign.expect("denied")).reason == "not_yours"
         async with Page("giraff", ada) as other:
-            await other.say("session/leave", protocol.Leave(session=granted.session, peer="someone-else"))
+            await other.say(
+                "session/leave", protocol.Leave(session=granted.session, peer="someone-else")
+            )
             assert (await other.expect("session/ended")).outcome == "moved"
     (session,) = await rows(Session.objects)
     assert not session.outcome
@@ -459,10 +602,12 @@ async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada,
         assert bridge.delivery._followers == {}
 
 
-# --- the broker is away ----------------------------------------------------------------------------------------------
+# --- the broker is away ---------------------------------------------------------------------------
 
 
-async def test_without_a_broker_commands_are_dropped_and_what_is_wanted_is_denied(bridge, robot, ada):
+async def test_without_a_broker_commands_are_dropped_and_what_is_wanted_is_denied(
+    bridge, robot, ada
+):
     async with Page("giraff", ada) as page:
         await page.take()
         bridge.lose_broker()
@@ -489,7 +634,9 @@ async def test_an_offline_robot_is_said_to_be_unreachable(bridge, robot, ada):
     assert bridge.sent == []
 
 
-async def test_the_lease_of_a_live_session_is_published_again_when_the_broker_is_back(bridge, robot, ada):
+async def test_the_lease_of_a_live_session_is_published_again_when_the_broker_is_back(
+    bridge, robot, ada
+):
     async with Page("giraff", ada) as page:
         granted = await page.take()
         bridge.say("giraff", "lease", msgspec.structs.replace(bridge.leases[0][1], renewal=6))
@@ -497,10 +644,17 @@ async def test_the_lease_of_a_live_session_is_published_again_when_the_broker_is
         bridge.find_broker()
         await until(lambda: len(bridge.leases) == 2)
     again = bridge.leases[1][1]
-    assert (again.session, again.epoch, again.peer, again.renewal) == (granted.session, granted.epoch, granted.peer, 6)
+    assert (again.session, again.epoch, again.peer, again.renewal) == (
+        granted.session,
+        granted.epoch,
+        granted.peer,
+        6,
+    )
 
 
-async def test_a_session_that_ended_while_the_broker_was_away_is_told_and_its_lease_is_not_revived(bridge, robot, ada):
+async def test_a_session_that_ended_while_the_broker_was_away_is_told_and_its_lease_is_not_revived(
+    bridge, robot, ada
+):
     from sessions.leases import store
 
     async with Page("giraff", ada) as page:
@@ -524,7 +678,9 @@ async def test_an_empty_lease_that_comes_late_takes_the_robot_from_nobody(bridge
     assert bridge.commands()[0].epoch == granted.epoch
 
 
-async def test_an_offered_turn_that_was_announced_while_the_broker_was_away_is_announced_again(bridge, robot, ada, bob):
+async def test_an_offered_turn_that_was_announced_while_the_broker_was_away_is_announced_again(
+    bridge, robot, ada, bob
+):
     async with Page("giraff", ada) as driver, Page("giraff", bob) as waiting:
         await driver.take()
         await waiting.say("session/take", protocol.Take())
@@ -535,7 +691,7 @@ async def test_an_offered_turn_that_was_announced_while_the_broker_was_away_is_a
         assert 0.0 < (await waiting.expect("session/turn")).seconds <= 60.0
 
 
-# --- whoever may not stay --------------------------------------------------------------------------------------------
+# --- whoever may not stay -------------------------------------------------------------------------
 
 
 async def sign_out(page):
@@ -556,11 +712,15 @@ async def test_a_visitor_who_has_signed_out_in_another_tab_takes_nothing(bridge,
 
 
 @pytest.mark.parametrize("lost", ["session", "permit", "account"])
-async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(bridge, robot, ada, monkeypatch, lost):
+async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(
+    bridge, robot, ada, monkeypatch, lost
+):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
     await sync_to_async(Robot.objects.update)(access=Robot.Access.TRAINED)
-    permit = await sync_to_async(RobotPermit.objects.create)(robot=robot, user=ada, kind=RobotPermit.Kind.TRAINED)
+    permit = await sync_to_async(RobotPermit.objects.create)(
+        robot=robot, user=ada, kind=RobotPermit.Kind.TRAINED
+    )
     async with Page("giraff", ada) as page:
         granted = await page.take()
         if lost == "session":
@@ -569,7 +729,9 @@ async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(bridge, 
             await sync_to_async(permit.delete)()
         else:
             await sync_to_async(get_user_model().objects.update)(is_active=False)
-        assert await page.closed() == (protocol.NOT_ALLOWED if lost == "permit" else protocol.SIGNED_OUT)
+        assert await page.closed() == (
+            protocol.NOT_ALLOWED if lost == "permit" else protocol.SIGNED_OUT
+        )
     assert bridge.leases[-1] == ("giraff", None)
     assert bridge.commands(f"signal/{granted.peer}") == [m.Bye(reason="left")]
     session = await first(Session.objects)
@@ -582,7 +744,9 @@ def signals(bridge) -> list[m.Message]:
 
 
 async def test_who_watches_does_so_no_longer_than_their_socket_lives(bridge, robot, ada, bob):
-    """The connection to the robot needs no socket: without a word of the server it would go on for ever."""
+    """The connection to the robot needs no socket: without a word of the server it would go on for
+    ever.
+    """
     async with Page("giraff", ada) as driver:
         granted = await driver.take()
         async with Page("giraff", bob) as observer:
@@ -594,7 +758,9 @@ async def test_who_watches_does_so_no_longer_than_their_socket_lives(bridge, rob
     assert signals(bridge) == [m.Bye(reason="left")], "the lease looks after who drives"
 
 
-async def test_the_server_speaks_for_who_watches_and_for_nobody_else(bridge, robot, ada, bob, monkeypatch):
+async def test_the_server_speaks_for_who_watches_and_for_nobody_else(
+    bridge, robot, ada, bob, monkeypatch
+):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.0)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
@@ -605,7 +771,9 @@ async def test_the_server_speaks_for_who_watches_and_for_nobody_else(bridge, rob
         assert bridge.commands(f"signal/{granted.peer}") == []
 
 
-async def test_who_may_watch_no_more_is_shown_no_more_within_the_minute(bridge, robot, ada, monkeypatch):
+async def test_who_may_watch_no_more_is_shown_no_more_within_the_minute(
+    bridge, robot, ada, monkeypatch
+):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
     async with Page("giraff", ada) as page:
@@ -619,8 +787,12 @@ async def test_who_may_watch_no_more_is_shown_no_more_within_the_minute(bridge, 
         assert (await page.take()).session, "and may drive, as everybody"
 
 
-async def test_who_operates_the_robot_no_more_clears_no_stop_from_a_page_that_is_open_still(bridge, robot, ada):
-    permit = await sync_to_async(RobotPermit.objects.create)(robot=robot, user=ada, kind=RobotPermit.Kind.OPERATOR)
+async def test_who_operates_the_robot_no_more_clears_no_stop_from_a_page_that_is_open_still(
+    bridge, robot, ada
+):
+    permit = await sync_to_async(RobotPermit.objects.create)(
+        robot=robot, user=ada, kind=RobotPermit.Kind.OPERATOR
+    )
     clear = m.ClearEStop(action_id="c", stamp=1.0)
     async with Page("giraff", ada) as page:
         await page.say("command/action", clear)
@@ -631,7 +803,9 @@ async def test_who_operates_the_robot_no_more_clears_no_stop_from_a_page_that_is
     assert len(bridge.commands("command/action")) == 1
 
 
-async def test_an_open_page_is_seen_and_learns_that_its_session_is_over(bridge, robot, ada, monkeypatch):
+async def test_an_open_page_is_seen_and_learns_that_its_session_is_over(
+    bridge, robot, ada, monkeypatch
+):
     from sessions.leases import store
 
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.05)
@@ -641,11 +815,15 @@ async def test_an_open_page_is_seen_and_learns_that_its_session_is_over(bridge, 
         async with asyncio.timeout(patient(5)):
             while (await first(Session.objects)).seen_at == before:
                 await asyncio.sleep(0.02)
-        await sync_to_async(store.end)(granted.session, "robot_fault", "robot_offline", timezone.now())
+        await sync_to_async(store.end)(
+            granted.session, "robot_fault", "robot_offline", timezone.now()
+        )
         assert (await page.expect("session/ended")).outcome == "robot_fault"
 
 
-async def test_a_page_that_closes_while_it_is_about_to_be_seen_is_gone(bridge, robot, ada, monkeypatch):
+async def test_a_page_that_closes_while_it_is_about_to_be_seen_is_gone(
+    bridge, robot, ada, monkeypatch
+):
     monkeypatch.setattr(drive, "PAGE_SEEN_EVERY", 0.01)
     monkeypatch.setattr(last_seen, "GATHER_SECONDS", 0.3)
     async with Page("giraff", ada) as page:
@@ -655,7 +833,9 @@ async def test_a_page_that_closes_while_it_is_about_to_be_seen_is_gone(bridge, r
     assert (await first(Session.objects)).seen_at is None
 
 
-async def test_a_database_that_does_not_answer_is_said_and_the_page_stays(bridge, robot, ada, monkeypatch):
+async def test_a_database_that_does_not_answer_is_said_and_the_page_stays(
+    bridge, robot, ada, monkeypatch
+):
     from django.db import OperationalError
 
     from sessions.consumers import queries
@@ -672,26 +852,34 @@ async def test_a_database_that_does_not_answer_is_said_and_the_page_stays(bridge
         await page.take()
 
 
-# --- the record ------------------------------------------------------------------------------------------------------
+# --- the record -----------------------------------------------------------------------------------
 
 
 async def test_what_the_page_reports_travels_to_the_session_manager(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
-        await page.say("page/network", protocol.PageNetwork(stamp=1.0, way="datachannel", round_trip=0.01))
+        await page.say(
+            "page/network", protocol.PageNetwork(stamp=1.0, way="datachannel", round_trip=0.01)
+        )
         await page.settle(bridge)
     ((topic, report),) = bridge.reports
     assert topic == f"telepresence/v1/server/page/{granted.session}"
     assert msgspec.json.decode(report.message, type=protocol.PageNetwork).round_trip == 0.01
 
 
-# --- pictures through the server -------------------------------------------------------------------------------------
+# --- pictures through the server ------------------------------------------------------------------
 
 JPEG = b"\xff\xd8\xff\xe0 a picture \xff\xd9"
 
 
-async def test_a_picture_goes_to_the_pages_that_asked_for_it_and_to_nobody_else(bridge, robot, ada, bob):
-    async with Page("giraff", ada) as driver, Page("giraff", bob) as watcher, Page("giraff", bob) as guest:
+async def test_a_picture_goes_to_the_pages_that_asked_for_it_and_to_nobody_else(
+    bridge, robot, ada, bob
+):
+    async with (
+        Page("giraff", ada) as driver,
+        Page("giraff", bob) as watcher,
+        Page("giraff", bob) as guest,
+    ):
         await driver.take()
         await watcher.say("session/observe", protocol.Observe())
         await watcher.expect("session/observing")
@@ -738,7 +926,9 @@ async def test_a_picture_of_another_robot_and_one_that_is_none_reach_nobody(brid
         await until(lambda: bridge.commands("command/picture"))
         bridge.say_picture("rhodon", 5.0, JPEG)
         with pytest.raises(Rejection):
-            bridge.delivery.arrive("telepresence/v1/giraff/picture", b"no picture at all", time.monotonic())
+            bridge.delivery.arrive(
+                "telepresence/v1/giraff/picture", b"no picture at all", time.monotonic()
+            )
         with pytest.raises(Rejection):
             bridge.say_picture("giraff", 5.0, JPEG[:-2] + b"x" * 50_000 + JPEG[-2:])
         bridge.say_picture("giraff", 6.0, JPEG)
@@ -758,10 +948,12 @@ async def test_after_the_visit_no_picture_comes_any_more(bridge, robot, ada):
     assert page.told("picture") == []
 
 
-# --- what lines of the log are about ---------------------------------------------------------------------------------
+# --- what lines of the log are about --------------------------------------------------------------
 
 
-async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_it_is_the_robot_that_speaks(bridge, robot, ada, monkeypatch):
+async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_it_is_the_robot_that_speaks(
+    bridge, robot, ada, monkeypatch
+):
     monkeypatch.setattr(log_ids, "_process", {})  # whatever this process is said to be about
     about, hear = [], drive.RobotConsumer._hear
 

@@ -30,7 +30,9 @@ def after(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000), max_linear=0.3)
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000), max_linear=0.3
+    )
 
 
 @pytest.fixture
@@ -45,10 +47,25 @@ def ben():
 
 def test_a_grant_names_everything_that_page_and_robot_need(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", device={"os": "Linux"}, now=NOW)
-    assert (granted.epoch, granted.peer, granted.resumed, granted.turn_seconds) == (1, "peer-1", False, None)
-    assert (granted.lease.who, granted.lease.ttl, granted.lease.limits.linear, granted.lease.epoch) == ("Ana", 10.0, 0.3, 1)
+    assert (granted.epoch, granted.peer, granted.resumed, granted.turn_seconds) == (
+        1,
+        "peer-1",
+        False,
+        None,
+    )
+    assert (
+        granted.lease.who,
+        granted.lease.ttl,
+        granted.lease.limits.linear,
+        granted.lease.epoch,
+    ) == ("Ana", 10.0, 0.3, 1)
     row = Session.objects.get(pk=granted.session)
-    assert (row.state, row.granted_at, row.seen_at, row.device) == ("connecting", NOW, NOW, {"os": "Linux"})
+    assert (row.state, row.granted_at, row.seen_at, row.device) == (
+        "connecting",
+        NOW,
+        NOW,
+        {"os": "Linux"},
+    )
 
 
 def test_who_asked_before_the_robot_was_free_has_it_from_when_it_was(giraff, ana, ben):
@@ -63,7 +80,9 @@ def test_who_asked_before_the_robot_was_free_has_it_from_when_it_was(giraff, ana
 def test_the_same_page_resumes_with_the_lease_as_it_is(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     Lease.objects.update(renewal=17)
-    again = store.take(giraff, ana, "peer-2", session=first.session, old_peer="peer-1", now=after(1))
+    again = store.take(
+        giraff, ana, "peer-2", session=first.session, old_peer="peer-1", now=after(1)
+    )
     assert (again.resumed, again.epoch, again.peer, again.lease.renewal) == (True, 1, "peer-1", 17)
 
 
@@ -91,7 +110,13 @@ def test_leaving_completes_a_drive_and_frees_the_robot(giraff, ana, ben):
     Session.objects.update(first_motion_at=after(1))
     assert store.leave(granted.session, peer="peer-1", now=after(9))
     row = Session.objects.get()
-    assert (row.state, row.outcome, row.outcome_reason, row.ended_at, row.live_key) == ("ended", "completed", "left", after(9), granted.session)
+    assert (row.state, row.outcome, row.outcome_reason, row.ended_at, row.live_key) == (
+        "ended",
+        "completed",
+        "left",
+        after(9),
+        granted.session,
+    )
     assert Lease.objects.get().session is None
     assert not store.leave(granted.session, peer="peer-1", now=after(10))
     assert store.take(giraff, ben, "peer-3", now=after(10)).epoch == 3
@@ -125,13 +150,25 @@ def test_a_page_that_waits_and_is_back_is_not_lost(giraff, ana, ben):
     assert store.seen({queued.session}, after(4)) == set()
 
 
-def test_many_pages_are_seen_with_two_questions_and_those_that_are_over_are_left_alone(giraff, ana, ben, django_assert_num_queries):
+def test_many_pages_are_seen_with_two_questions_and_those_that_are_over_are_left_alone(
+    giraff, ana, ben, django_assert_num_queries
+):
     over = store.take(giraff, ana, "peer-1", now=NOW)
     store.leave(over.session, peer="peer-1", now=after(1))
-    first, queued = store.take(giraff, ana, "peer-1", now=after(2)), store.take(giraff, ben, "peer-2", now=after(2))
+    first, queued = (
+        store.take(giraff, ana, "peer-1", now=after(2)),
+        store.take(giraff, ben, "peer-2", now=after(2)),
+    )
     with django_assert_num_queries(2):
-        assert store.seen({over.session, first.session, queued.session}, after(9)) == {first.session, queued.session}
-    assert {str(row.pk): row.seen_at == after(9) for row in Session.objects.all()} == {over.session: False, first.session: True, queued.session: True}
+        assert store.seen({over.session, first.session, queued.session}, after(9)) == {
+            first.session,
+            queued.session,
+        }
+    assert {str(row.pk): row.seen_at == after(9) for row in Session.objects.all()} == {
+        over.session: False,
+        first.session: True,
+        queued.session: True,
+    }
 
 
 def test_the_turn_is_limited_in_the_grant_when_others_wait(giraff, ana, ben):
@@ -149,12 +186,17 @@ def test_an_offline_robot_is_refused_by_its_row(giraff, ana):
 
 def test_ending_twice_happens_once(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
-    assert [store.end(granted.session, "stopped_by_operator", "x", after(n)) for n in range(2)] == [True, False]
+    assert [store.end(granted.session, "stopped_by_operator", "x", after(n)) for n in range(2)] == [
+        True,
+        False,
+    ]
     assert Session.objects.get().ended_at == after(0)
 
 
 def test_a_visitor_who_came_back_is_not_ended_by_an_older_decision(giraff, ana, monkeypatch):
-    """The session manager reads, decides that the grace is over, and the visitor returns before it acts."""
+    """The session manager reads, decides that the grace is over, and the visitor returns before it
+    acts.
+    """
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="reconnecting", lost_at=NOW)
     load = store.load_scene
@@ -162,26 +204,42 @@ def test_a_visitor_who_came_back_is_not_ended_by_an_older_decision(giraff, ana, 
     def then_the_visitor_returns(robot, now):
         scene = load(robot, now)
         monkeypatch.setattr("sessions.leases.expiry.load_scene", load)
-        assert isinstance(store.take(robot, ana, "peer-2", session=granted.session, now=after(100)), store.Granted)
+        assert isinstance(
+            store.take(robot, ana, "peer-2", session=granted.session, now=after(100)), store.Granted
+        )
         return scene
 
     monkeypatch.setattr("sessions.leases.expiry.load_scene", then_the_visitor_returns)
-    link = Link(since=NOW.timestamp(), last_received_at=after(100).timestamp(), state_at=after(100).timestamp())
+    link = Link(
+        since=NOW.timestamp(),
+        last_received_at=after(100).timestamp(),
+        state_at=after(100).timestamp(),
+    )
     assert tick(giraff, link, after(100)) == ()
     assert Session.objects.get().state == "reconnecting"
 
 
 def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monkeypatch):
     """It is made twice a second, beside whatever else the computer does."""
-    monkeypatch.setattr("sessions.manager.scheduler.random.random", lambda: 0.0)  # no renewal comes early
+    # no renewal comes early
+    monkeypatch.setattr("sessions.manager.scheduler.random.random", lambda: 0.0)
 
     def queries(robots: int) -> int:
         for number in range(Robot.objects.count(), robots):
-            made = Robot.objects.create(name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000))
+            made = Robot.objects.create(
+                name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)
+            )
             assert isinstance(store.take(made, ana, f"peer-{number}", now=NOW), store.Granted)
         Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
         links = {
-            robot.name: Link(NOW.timestamp(), after(1).timestamp(), after(1).timestamp(), str(robot.lease.session_id), 1, 0.1)
+            robot.name: Link(
+                NOW.timestamp(),
+                after(1).timestamp(),
+                after(1).timestamp(),
+                str(robot.lease.session_id),
+                1,
+                0.1,
+            )
             for robot in Robot.objects.all()
         }
         keeper = Scheduler()
@@ -197,13 +255,23 @@ def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monk
     assert queries(12) == few <= 10
 
 
-def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(giraff, ana, monkeypatch, settings):
+def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(
+    giraff, ana, monkeypatch, settings
+):
     settings.IDLE_SECONDS = 60.0
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW, seen_at=after(100))
     signs, asked = {}, (granted.session, after(61).timestamp())
     heard = {"heard_at": after(100).timestamp(), "state_at": after(100).timestamp()}
-    link = Link(since=NOW.timestamp(), **heard, session=granted.session, epoch=1, silence=0.1, asked=asked, signs=signs)
+    link = Link(
+        since=NOW.timestamp(),
+        **heard,
+        session=granted.session,
+        epoch=1,
+        silence=0.1,
+        asked=asked,
+        signs=signs,
+    )
 
     def then_the_sign_comes(*known):
         acts = decide_tick(*known)
@@ -223,14 +291,20 @@ def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana,
     Session.objects.update(state="waiting")
     link = Link(since=NOW.timestamp(), last_received_at=NOW.timestamp())
     assert tick(giraff, link, after(1)) == (Move(granted.session, "connecting"),)
-    Session.objects.update(state="ended", live_key="x", outcome="cancelled")  # and its end, without the lease
+    # and its end, without the lease
+    Session.objects.update(state="ended", live_key="x", outcome="cancelled")
     assert tick(giraff, link, after(2)) == (Free(1),)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(3)), store.Granted)
 
 
 def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana, monkeypatch):
     monkeypatch.setattr("sessions.manager.scheduler.random.random", random.Random(1).random)
-    robots = [Robot.objects.create(name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)) for number in range(12)]
+    robots = [
+        Robot.objects.create(
+            name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)
+        )
+        for number in range(12)
+    ]
     for robot in robots:
         assert isinstance(store.take(robot, ana, f"peer-{robot.name}", now=NOW), store.Granted)
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
@@ -244,7 +318,11 @@ def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana,
                 told[robot].append(seconds)
             keeper.outbox.clear()
     assert all(at[0] == 0.0 for at in told.values())
-    assert all(0.0 < later - at <= settings.LEASE_RENEWAL_SECONDS for moments in told.values() for at, later in pairwise(moments))
+    assert all(
+        0.0 < later - at <= settings.LEASE_RENEWAL_SECONDS
+        for moments in told.values()
+        for at, later in pairwise(moments)
+    )
     assert len({tuple(moments) for moments in told.values()}) > 1, "all at once for ever"
 
 
@@ -262,7 +340,9 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert topics.session_news(granted.session) in [letter.topic for letter in others]
 
 
-def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(giraff, ana, monkeypatch):
+def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(
+    giraff, ana, monkeypatch
+):
     objects = Session.objects.filter
     began = []
 

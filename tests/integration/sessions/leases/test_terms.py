@@ -25,9 +25,18 @@ from tests.support.pages import Page
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
 STUDY = terms.Terms(
-    label="A tour", linear=0.2, assist="off", actions=("photo",), controllers=("keyboard",), control_way="mqtt", turn_seconds=300.0,
-    grace_seconds=120.0, interface="plain", leaving_completes=False, study={"slug": "tour"},
-)  # fmt: skip
+    label="A tour",
+    linear=0.2,
+    assist="off",
+    actions=("photo",),
+    controllers=("keyboard",),
+    control_way="mqtt",
+    turn_seconds=300.0,
+    grace_seconds=120.0,
+    interface="plain",
+    leaving_completes=False,
+    study={"slug": "tour"},
+)
 
 
 def after(seconds: float) -> datetime.datetime:
@@ -42,8 +51,16 @@ def provider():
 
 @pytest.fixture
 def giraff():
-    heard = timezone.now() + datetime.timedelta(hours=1)  # not NOW: between that and the test lie all tests before it
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=heard, max_linear=0.3, max_angular=0.5)
+    # not NOW: between that and the test lie all tests before it
+    heard = timezone.now() + datetime.timedelta(hours=1)
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        connection="ONLINE",
+        last_seen_at=heard,
+        max_linear=0.3,
+        max_angular=0.5,
+    )
 
 
 @pytest.fixture
@@ -56,7 +73,9 @@ def ben():
     return User.objects.create(username="ben")
 
 
-def take(robot: Robot, user: User, peer: str = "peer-1", *, at: float = 0.0, **words_of_the_page) -> store.Taken:
+def take(
+    robot: Robot, user: User, peer: str = "peer-1", *, at: float = 0.0, **words_of_the_page
+) -> store.Taken:
     return store.take(robot, user, peer, now=after(at), **words_of_the_page)
 
 
@@ -79,7 +98,11 @@ def test_the_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana
     keeper = Scheduler()
     keeper.begin()
     assert keeper.renew(after(1))
-    leases = [msgspec.json.decode(letter.payload, type=m.Lease) for letter in keeper.outbox if letter.topic.endswith("/lease") and letter.payload]
+    leases = [
+        msgspec.json.decode(letter.payload, type=m.Lease)
+        for letter in keeper.outbox
+        if letter.topic.endswith("/lease") and letter.payload
+    ]
     assert [(lease.methods, lease.limits.linear) for lease in leases] == [(("keyboard",), 0.2)]
 
 
@@ -103,9 +126,21 @@ def test_a_visit_that_must_not_begin_is_ended_and_says_why(provider, giraff, ana
     assert msgspec.convert({"reason": "full"}, protocol.Refused)
 
 
-def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_come_back(provider, giraff, ana, ben):
+def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_come_back(
+    provider, giraff, ana, ben
+):
     def ask(user: User, **more) -> store.Taken:
-        return queries.take(giraff, user, f"peer-{user}", session=None, old_peer=None, takeover=False, device={}, now=after(1), **more)
+        return queries.take(
+            giraff,
+            user,
+            f"peer-{user}",
+            session=None,
+            old_peer=None,
+            takeover=False,
+            device={},
+            now=after(1),
+            **more,
+        )
 
     granted = take(giraff, ana, "peer-ana")
     provider.reason = "closed"
@@ -114,36 +149,51 @@ def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_com
     assert ask(ana).session == granted.session
 
 
-def test_terms_that_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the_robot_hears_of_it(provider, giraff, ana):
-    """The web process died between the lease and the grant: the lease names a session that still waits."""
+def test_terms_that_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the_robot_hears_of_it(
+    provider, giraff, ana
+):
+    """The web process died between the lease and the grant: the lease names a session that still
+    waits.
+    """
     provider.terms = STUDY
-    session = Session.objects.create(robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW)
+    session = Session.objects.create(
+        robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW
+    )
     Lease.objects.create(robot=giraff, epoch=1, session=session, peer="p1", changed_at=NOW)
     keeper = Scheduler()
     keeper.renew(NOW)
     assert not keeper.outbox
-    assert tick(giraff, Link(since=NOW.timestamp()), after(1)) == (Move(str(session.pk), "connecting"),)
+    assert tick(giraff, Link(since=NOW.timestamp()), after(1)) == (
+        Move(str(session.pk), "connecting"),
+    )
     session.refresh_from_db()
     assert (session.state, terms.of(session)) == ("connecting", STUDY)
 
 
 def test_a_dead_process_grants_nothing_that_must_not_begin(provider, giraff, ana):
     provider.refusal = "closed"
-    session = Session.objects.create(robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW)
+    session = Session.objects.create(
+        robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW
+    )
     Lease.objects.create(robot=giraff, epoch=1, session=session, peer="p1", changed_at=NOW)
     assert tick(giraff, Link(since=NOW.timestamp()), after(1)) == ()
     session.refresh_from_db()
     assert (session.state, session.outcome_reason) == ("ended", "closed")
 
 
-# --- time ------------------------------------------------------------------------------------------------------------
+# --- time -----------------------------------------------------------------------------------------
 
 
 def test_the_turn_and_the_grace_of_the_terms_are_obeyed(provider, giraff, ana, ben):
     provider.terms = STUDY
     session = take(giraff, ana).session
     Session.objects.update(state="reconnecting", lost_at=after(1), driving_at=NOW, granted_at=NOW)
-    link = Link(since=NOW.timestamp() - 100, last_received_at=after(400).timestamp(), state_at=after(400).timestamp(), silence=60.0)
+    link = Link(
+        since=NOW.timestamp() - 100,
+        last_received_at=after(400).timestamp(),
+        state_at=after(400).timestamp(),
+        silence=60.0,
+    )
     assert tick(giraff, link, after(120)) == ()
     assert tick(giraff, link, after(121.5)) == (End(session, "connection_lost", "visitor_silent"),)
 
@@ -165,16 +215,20 @@ def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana
     take(giraff, ben, "peer-ben", at=100)
     Session.objects.filter(visitor=ben).update(seen_at=after(299))
     acts = tick(giraff, link, after(150))
-    assert [act.ends_at for act in acts if type(act).__name__ == "SetTurn"] == [pytest.approx(after(300).timestamp())]
+    assert [act.ends_at for act in acts if type(act).__name__ == "SetTurn"] == [
+        pytest.approx(after(300).timestamp())
+    ]
 
 
-# --- what was chosen, and how it is left -----------------------------------------------------------------------------
+# --- what was chosen, and how it is left ----------------------------------------------------------
 
 
 def test_a_fixed_level_of_assistance_cannot_be_changed(provider, giraff, ana):
     provider.terms = STUDY
     session = take(giraff, ana).session
-    assert queries.choose_assist(giraff, ana, session, "steer", peer="peer-1", now=after(1)) == "fixed"
+    assert (
+        queries.choose_assist(giraff, ana, session, "steer", peer="peer-1", now=after(1)) == "fixed"
+    )
     assert Session.objects.get().assist == ""
 
 
@@ -183,11 +237,18 @@ def test_a_free_level_of_assistance_keeps_the_other_terms(provider, giraff, ana)
     session = take(giraff, ana).session
     lease = queries.choose_assist(giraff, ana, session, "steer", peer="peer-1", now=after(1))
     assert (lease.assist, lease.methods) == ("steer", ("keyboard",))
-    assert queries.choose_assist(giraff, ana, session, "off", peer="another", now=after(1)) == "not_driver"
+    assert (
+        queries.choose_assist(giraff, ana, session, "off", peer="another", now=after(1))
+        == "not_driver"
+    )
 
 
-@pytest.mark.parametrize(("fixed", "outcome"), [(STUDY, "cancelled"), (terms.Terms(label="Practice"), "completed")])
-def test_leaving_a_drive_completes_it_only_where_its_terms_ask_for_no_more(provider, giraff, ana, fixed, outcome):
+@pytest.mark.parametrize(
+    ("fixed", "outcome"), [(STUDY, "cancelled"), (terms.Terms(label="Practice"), "completed")]
+)
+def test_leaving_a_drive_completes_it_only_where_its_terms_ask_for_no_more(
+    provider, giraff, ana, fixed, outcome
+):
     provider.terms = fixed
     session = take(giraff, ana).session
     Session.objects.update(first_motion_at=after(1))
@@ -195,7 +256,7 @@ def test_leaving_a_drive_completes_it_only_where_its_terms_ask_for_no_more(provi
     assert Session.objects.get().outcome == outcome
 
 
-# --- the page --------------------------------------------------------------------------------------------------------
+# --- the page -------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -208,22 +269,50 @@ def bridge():
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_a_page_is_told_the_terms_and_where_the_task_stands_whenever_it_takes_the_session(bridge, provider, giraff, ana):
-    provider.terms, provider.task = STUDY, {"cue": "go_to_checkpoint", "number": 1, "x": 2.0, "y": 1.0}
+async def test_a_page_is_told_the_terms_and_where_the_task_stands_whenever_it_takes_the_session(
+    bridge, provider, giraff, ana
+):
+    provider.terms, provider.task = (
+        STUDY,
+        {"cue": "go_to_checkpoint", "number": 1, "x": 2.0, "y": 1.0},
+    )
     async with Page("giraff", ana) as page:
         await page.expect("hello")
         await page.say("session/take", protocol.Take())
         granted, task = await page.expect("session/granted"), await page.expect("session/task")
         await page.say("session/assist", protocol.Assist(level="steer"))
         denied = await page.expect("denied")
-    assert (granted.terms.controllers, granted.terms.control_way, granted.terms.interface) == (("keyboard",), "mqtt", "plain")
-    assert (task.session, task.cue, task.number, task.window) == (granted.session, "go_to_checkpoint", 1, "shut")
+    assert (granted.terms.controllers, granted.terms.control_way, granted.terms.interface) == (
+        ("keyboard",),
+        "mqtt",
+        "plain",
+    )
+    assert (task.session, task.cue, task.number, task.window) == (
+        granted.session,
+        "go_to_checkpoint",
+        1,
+        "shut",
+    )
     assert (denied.suffix, denied.reason) == ("session/assist", "fixed")
     assert {lease.assist for _, lease in bridge.leases} == {"off"}
 
 
 def test_news_of_a_task_reach_the_page_and_nonsense_does_not():
-    news = m.ServerNews(type="task", stamp=5.0, session="s1", data={"cue": "dock_now", "passed": [1, 2], "remaining": 30.5})
+    news = m.ServerNews(
+        type="task",
+        stamp=5.0,
+        session="s1",
+        data={"cue": "dock_now", "passed": [1, 2], "remaining": 30.5},
+    )
     suffix, task = relay.told(news, 60.0)
-    assert (suffix, task.stamp, task.passed, task.remaining, task.outcome) == ("session/task", 5.0, (1, 2), 30.5, "")
-    assert relay.told(m.ServerNews(type="task", stamp=5.0, session="s1", data={"passed": "all"}), 60.0) is None
+    assert (suffix, task.stamp, task.passed, task.remaining, task.outcome) == (
+        "session/task",
+        5.0,
+        (1, 2),
+        30.5,
+        "",
+    )
+    assert (
+        relay.told(m.ServerNews(type="task", stamp=5.0, session="s1", data={"passed": "all"}), 60.0)
+        is None
+    )

@@ -18,18 +18,34 @@ NOW = timezone.now()
 @pytest.fixture
 def office():
     return FloorPlan.objects.create(
-        name="office", title="Office", resolution=0.05, origin_x=0.0, origin_y=0.0, width=1, height=1, image=b"png", sha256="a" * 64
-    )  # fmt: skip
+        name="office",
+        title="Office",
+        resolution=0.05,
+        origin_x=0.0,
+        origin_y=0.0,
+        width=1,
+        height=1,
+        image=b"png",
+        sha256="a" * 64,
+    )
 
 
 @pytest.fixture
 def giraff(office):
-    return Robot.objects.create(name="giraff", title="Giraff", floor_plan=office, assist="slow", doors={"lab-door": "closed"})
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        floor_plan=office,
+        assist="slow",
+        doors={"lab-door": "closed"},
+    )
 
 
 def said(outbound_messages):
     found = {
-        outbound.topic.rpartition("/")[2]: codec.decode(outbound.topic.rpartition("/")[2], outbound.payload, "to_robot")
+        outbound.topic.rpartition("/")[2]: codec.decode(
+            outbound.topic.rpartition("/")[2], outbound.payload, "to_robot"
+        )
         for outbound in outbound_messages
     }
     assert all(outbound.retain for outbound in outbound_messages)
@@ -61,29 +77,51 @@ def test_a_robot_without_a_map_is_told_the_rest(giraff):
 def visit(robot: Robot, **fixed) -> str:
     Robot.objects.update(connection="ONLINE", last_seen_at=NOW)
     robot.refresh_from_db()
-    session = store.take(robot, User.objects.create(username=f"user-{User.objects.count()}"), "p1", now=NOW).session
-    Session.objects.filter(pk=session).update(terms=terms.stored(terms.Terms(**fixed)), state="driving")
+    session = store.take(
+        robot, User.objects.create(username=f"user-{User.objects.count()}"), "p1", now=NOW
+    ).session
+    Session.objects.filter(pk=session).update(
+        terms=terms.stored(terms.Terms(**fixed)), state="driving"
+    )
     return session
 
 
-def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is_over(giraff, office):
-    FloorPlan.objects.update(plan={"doors": [{"name": "lounge-door"}, {"name": "store-door", "state": "closed"}]})
+def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is_over(
+    giraff, office
+):
+    FloorPlan.objects.update(
+        plan={"doors": [{"name": "lounge-door"}, {"name": "store-door", "state": "closed"}]}
+    )
     orders = DesiredState()
     orders.look(NOW)
     slow = NetworkLab(delay=0.2)
-    session = visit(giraff, assist="off", doors={"lounge-door": "closed", "store-door": "open", "lab-door": "open"}, control_network=slow)
+    session = visit(
+        giraff,
+        assist="off",
+        doors={"lounge-door": "closed", "store-door": "open", "lab-door": "open"},
+        control_network=slow,
+    )
     during = said(orders.look(NOW))["config"]
     assert (during.assist, during.control_network, during.video_network) == ("off", slow, None)
-    assert during.network_session == session, "nobody else gets it, however late the next word comes"
+    assert during.network_session == session, (
+        "nobody else gets it, however late the next word comes"
+    )
     assert during.doors == {"lounge-door": "closed", "store-door": "open", "lab-door": "open"}
     assert orders.look(NOW) == []
     store.end(session, "cancelled", "left", NOW)
     afterwards = said(orders.look(NOW))["config"]
-    assert (afterwards.assist, afterwards.control_network, afterwards.network_session) == ("slow", None, None)
+    assert (afterwards.assist, afterwards.control_network, afterwards.network_session) == (
+        "slow",
+        None,
+        None,
+    )
     assert afterwards.doors == {"lounge-door": "open", "store-door": "closed", "lab-door": "closed"}
 
 
 def test_a_session_manager_that_was_away_when_a_visit_ended_undoes_its_doors(giraff):
     session = visit(giraff, doors={"lounge-door": "closed"})
     store.end(session, "cancelled", "left", NOW)
-    assert said(DesiredState().look(NOW))["config"].doors == {"lounge-door": "open", "lab-door": "closed"}
+    assert said(DesiredState().look(NOW))["config"].doors == {
+        "lounge-door": "open",
+        "lab-door": "closed",
+    }

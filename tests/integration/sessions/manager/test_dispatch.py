@@ -31,7 +31,12 @@ class Kept(list):
 @pytest.fixture
 def session():
     robot = Robot.objects.create(name="giraff", title="Giraff")
-    made = Session.objects.create(robot=robot, visitor=User.objects.create(username="ana"), live_key="x", queued_at="2026-01-01T00:00Z")
+    made = Session.objects.create(
+        robot=robot,
+        visitor=User.objects.create(username="ana"),
+        live_key="x",
+        queued_at="2026-01-01T00:00Z",
+    )
     return str(made.pk)
 
 
@@ -41,7 +46,9 @@ def intake():
 
 
 def hears(intake: Intake, topic: str, message: m.Message) -> None:
-    intake.receive(Message(Topic(topic), codec.encode(message), 1, retain=False, mid=1, properties=None))
+    intake.receive(
+        Message(Topic(topic), codec.encode(message), 1, retain=False, mid=1, properties=None)
+    )
 
 
 def from_robot(intake: Intake, suffix: str, message: m.Message) -> None:
@@ -51,19 +58,29 @@ def from_robot(intake: Intake, suffix: str, message: m.Message) -> None:
 @pytest.fixture
 def told():
     heard = []
-    receiver = lambda **news: heard.append((news["robot"], news["session"], news["message"], news["received_at"]))  # noqa: E731 -- a handle
+    receiver = lambda **news: heard.append(
+        (news["robot"], news["session"], news["message"], news["received_at"])
+    )  # noqa: E731 -- a handle
     signals.message_received.connect(receiver, weak=False, dispatch_uid="test")
     yield heard
     signals.message_received.disconnect(dispatch_uid="test")
 
 
-def test_an_action_that_has_ended_belongs_to_the_session_that_the_robot_is_in(intake, session, told):
-    failed = m.ActionStatus(action_id="a1", status="FAILED", stamp=NOW, type="photo", reason="no_picture")
+def test_an_action_that_has_ended_belongs_to_the_session_that_the_robot_is_in(
+    intake, session, told
+):
+    failed = m.ActionStatus(
+        action_id="a1", status="FAILED", stamp=NOW, type="photo", reason="no_picture"
+    )
     from_robot(intake, "action", failed)  # no session yet
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
-    from_robot(intake, "action", m.ActionStatus(action_id="a1", status="RUNNING", stamp=NOW, type="photo"))
+    from_robot(
+        intake, "action", m.ActionStatus(action_id="a1", status="RUNNING", stamp=NOW, type="photo")
+    )
     from_robot(intake, "action", failed)
-    assert [item for item in intake._recorder if isinstance(item, ActionItem)] == [ActionItem("giraff", session, failed, NOW)]
+    assert [item for item in intake._recorder if isinstance(item, ActionItem)] == [
+        ActionItem("giraff", session, failed, NOW)
+    ]
     send_all(intake.fresh(), {})
     assert told == [("giraff", session, failed, NOW)]
 
@@ -71,22 +88,52 @@ def test_an_action_that_has_ended_belongs_to_the_session_that_the_robot_is_in(in
 def test_a_picture_that_only_showed_that_the_camera_works_is_not_kept(intake, session):
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
     for action in ("home-1", "p1"):
-        from_robot(intake, "event", m.Event(stamp=NOW, boot="b1", seq=2, session=session, epoch=1, type="photo", action_id=action, sha256="ab"))
-        intake.receive(Message(Topic(topics.of("giraff", f"photo/{action}")), b"\xff\xd8", 1, retain=False, mid=1, properties=None))
+        from_robot(
+            intake,
+            "event",
+            m.Event(
+                stamp=NOW,
+                boot="b1",
+                seq=2,
+                session=session,
+                epoch=1,
+                type="photo",
+                action_id=action,
+                sha256="ab",
+            ),
+        )
+        intake.receive(
+            Message(
+                Topic(topics.of("giraff", f"photo/{action}")),
+                b"\xff\xd8",
+                1,
+                retain=False,
+                mid=1,
+                properties=None,
+            )
+        )
     kept = [item for item in intake._recorder if isinstance(item, EventItem | PhotoItem)]
-    assert [item.event.action_id if isinstance(item, EventItem) else item.action_id for item in kept] == ["p1", "p1"]
+    assert [
+        item.event.action_id if isinstance(item, EventItem) else item.action_id for item in kept
+    ] == ["p1", "p1"]
 
 
 def test_what_is_repeated_many_times_a_second_is_not_recorded_as_an_action(intake, session):
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
     for kind in ("stop", "estop", "resend_states", ""):
-        from_robot(intake, "action", m.ActionStatus(action_id="a1", status="FINISHED", stamp=NOW, type=kind))
+        from_robot(
+            intake,
+            "action",
+            m.ActionStatus(action_id="a1", status="FINISHED", stamp=NOW, type=kind),
+        )
     assert not [item for item in intake._recorder if isinstance(item, ActionItem)]
 
 
 def test_an_ended_action_stands_once_in_the_record(session):
     builder, store = RecordBuilder(RecordStore(), lambda *_: None), RecordStore()
-    status = m.ActionStatus(action_id="g1", status="CANCELLED", stamp=NOW, type="goto", reason="manual\0")
+    status = m.ActionStatus(
+        action_id="g1", status="CANCELLED", stamp=NOW, type="goto", reason="manual\0"
+    )
     for _ in range(2):
         builder.take(ActionItem("giraff", session, status, NOW))
     builder.take(ActionItem("rhodon", session, status, NOW))  # another robot has no say
@@ -96,13 +143,23 @@ def test_an_ended_action_stands_once_in_the_record(session):
     assert row.data == {"actionId": "g1", "status": "CANCELLED", "type": "goto", "reason": "manual"}
 
 
-def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(intake, session, told):
+def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(
+    intake, session, told
+):
     event = protocol.PageEvent(stamp=1.0, type="first_frame")
     for message in (event, protocol.PageNetwork(stamp=1.0, way="mqtt")):
         suffix = "page/event" if message is event else "page/network"
-        report = protocol.PageReport(suffix=suffix, session=session, message=msgspec.Raw(codec.encode(message)))
+        report = protocol.PageReport(
+            suffix=suffix, session=session, message=msgspec.Raw(codec.encode(message))
+        )
         hears(intake, protocol.page_reports(session), report)
-    hears(intake, protocol.page_reports(session), protocol.PageReport(suffix="page/event", session=session, message=msgspec.Raw(b'{"stamp":1}')))
+    hears(
+        intake,
+        protocol.page_reports(session),
+        protocol.PageReport(
+            suffix="page/event", session=session, message=msgspec.Raw(b'{"stamp":1}')
+        ),
+    )
     photo = m.Event(stamp=2.0, boot="b1", seq=2, session=session, type="photo", action_id="a1")
     from_robot(intake, "event", photo)
     from_robot(intake, "event", m.Event(stamp=2.0, boot="b1", seq=3, type="docked"))
@@ -113,7 +170,10 @@ def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(in
 
 def test_a_state_that_comes_late_is_told_as_such(intake, session):
     seen = []
-    receivers = {name: lambda name=name, **news: seen.append((name, news["state"].seq)) for name in ("state_received", "state_recovered")}
+    receivers = {
+        name: lambda name=name, **news: seen.append((name, news["state"].seq))
+        for name in ("state_received", "state_recovered")
+    }
     for name, receiver in receivers.items():
         getattr(signals, name).connect(receiver, weak=False, dispatch_uid="late")
     try:
@@ -123,7 +183,12 @@ def test_a_state_that_comes_late_is_told_as_such(intake, session):
     finally:
         for name in receivers:
             getattr(signals, name).disconnect(dispatch_uid="late")
-    assert seen == [("state_received", 1), ("state_received", 4), ("state_recovered", 2), ("state_recovered", 4)]
+    assert seen == [
+        ("state_received", 1),
+        ("state_received", 4),
+        ("state_recovered", 2),
+        ("state_recovered", 4),
+    ]
 
 
 def test_what_is_told_of_a_task_waits_for_the_next_look():
@@ -141,7 +206,9 @@ def test_driving_a_call_a_way_of_its_own_and_a_touch_of_the_page_are_signs_of_th
     intake = Intake(Kept(), lambda: now[0], wake_signals=lambda: None, wake_clockwork=lambda: None)
 
     def last_sign():
-        return max(intake.heard["giraff"].link(0.0).active_at or 0.0, intake.signs.get(session, 0.0))
+        return max(
+            intake.heard["giraff"].link(0.0).active_at or 0.0, intake.signs.get(session, 0.0)
+        )
 
     def sign_after(suffix, message):
         now[0] += 10.0
@@ -150,14 +217,18 @@ def test_driving_a_call_a_way_of_its_own_and_a_touch_of_the_page_are_signs_of_th
             hears(
                 intake,
                 protocol.page_reports(session),
-                protocol.PageReport(suffix="page/event", session=session, message=msgspec.Raw(codec.encode(message))),
+                protocol.PageReport(
+                    suffix="page/event", session=session, message=msgspec.Raw(codec.encode(message))
+                ),
             )
         else:
             from_robot(intake, suffix, message)
         return last_sign() == now[0] != before
 
     said = {"session": session, "epoch": 1}
-    command = m.AppliedCommand(seq=1, stamp=1.0, method="keyboard", way="mqtt", age=0.1, linear=0.2, angular=0.0)
+    command = m.AppliedCommand(
+        seq=1, stamp=1.0, method="keyboard", way="mqtt", age=0.1, linear=0.2, angular=0.0
+    )
     from_robot(intake, "state", words.state(1))
     assert sign_after("state", words.state(2, **said))  # a page has come
     assert not sign_after("state", words.state(3, **said))
@@ -168,6 +239,9 @@ def test_driving_a_call_a_way_of_its_own_and_a_touch_of_the_page_are_signs_of_th
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE))
     assert not sign_after("page", protocol.PageEvent(stamp=1.0, type="blur"))
     assert not sign_after("state", words.state(8))  # its lease lapsed
-    assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE)), "whatever the robot says of the visit just now"
+    assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE)), (
+        "whatever the robot says of the visit just now"
+    )
     assert not sign_after("state", words.state(9, **said))
-    assert sign_after("state", words.state(10, session=session, epoch=2))  # the page was loaded again
+    # the page was loaded again
+    assert sign_after("state", words.state(10, session=session, epoch=2))

@@ -26,7 +26,12 @@ sys.stdin.read()
 
 @contextlib.contextmanager
 def holder(path):
-    process = subprocess.Popen([sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     try:
         assert (process.stdout.readline(), process.stdout.readline()) == ("''\n", "signed\n")
         yield process

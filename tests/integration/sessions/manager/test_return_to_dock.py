@@ -1,4 +1,6 @@
-"""Robots that are brought home between two visits: what is ordered, who may drive meanwhile, and what stands in the database."""
+"""Robots that are brought home between two visits: what is ordered, who may drive meanwhile, and
+what stands in the database.
+"""
 
 import datetime
 
@@ -20,7 +22,11 @@ from tests.support import words
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
-FACTS = {"series": "giraff", "capabilities": ["velocity", "dock", "tilt"], "tilt": {"minimum": -0.5, "maximum": 0.9, "home": 0.28, "speed": 0.8}}
+FACTS = {
+    "series": "giraff",
+    "capabilities": ["velocity", "dock", "tilt"],
+    "tilt": {"minimum": -0.5, "maximum": 0.9, "home": 0.28, "speed": 0.8},
+}
 
 
 def after(seconds: float) -> datetime.datetime:
@@ -29,7 +35,13 @@ def after(seconds: float) -> datetime.datetime:
 
 @pytest.fixture
 def giraff():
-    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000), factsheet=FACTS)
+    return Robot.objects.create(
+        name="giraff",
+        title="Giraff",
+        connection="ONLINE",
+        last_seen_at=after(1000),
+        factsheet=FACTS,
+    )
 
 
 @pytest.fixture
@@ -54,10 +66,15 @@ class Situation:
         self.heard.take(words.state(self.seq, **{"tilt": 0.28, **changes}), now.timestamp())
         sent = now.timestamp() - trip
         echo = m.Echo(peer="server", n=self.seq, stamp=sent, received=sent + trip / 2)
-        self.heard.heartbeat(m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)), now.timestamp())
+        self.heard.heartbeat(
+            m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)), now.timestamp()
+        )
 
     def look(self, now):
-        return [codec.decode("command/action", outbound.payload, "to_robot") for outbound in self.return_to_dock.look({"giraff": self.heard}, now)]
+        return [
+            codec.decode("command/action", outbound.payload, "to_robot")
+            for outbound in self.return_to_dock.look({"giraff": self.heard}, now)
+        ]
 
 
 @pytest.fixture
@@ -88,7 +105,9 @@ def test_a_robot_that_was_left_somewhere_is_sent_home_by_the_server(giraff, ana,
     assert SystemLog.objects.filter(event="robot_ready").count() == 1
 
 
-def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(giraff, ana, ben, situation):
+def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
+    giraff, ana, ben, situation
+):
     robot = a_visit_ends(giraff, ana)
     queued = store.take(robot, ben, "p2", now=after(1))
     assert isinstance(queued, store.Queued)
@@ -112,7 +131,9 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
     assert any(isinstance(act, Withdraw) for act in tick(Robot.objects.get(), Link(), after(3)))
 
 
-def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(giraff, ana, ben, situation):
+def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(
+    giraff, ana, ben, situation
+):
     robot = a_visit_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
@@ -123,12 +144,21 @@ def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_take
     assert Robot.objects.get().turnaround == "ready"
 
 
-def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried_again(giraff, ana, situation):
+def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried_again(
+    giraff, ana, situation
+):
     a_visit_ends(giraff, ana)
     for second in range(1, 60):
         situation.says(after(second), docked=False)
         for action in situation.look(after(second)):
-            situation.heard.answer(m.ActionStatus(action_id=action.action_id, status="FAILED", stamp=1.0, reason="the door is closed"))
+            situation.heard.answer(
+                m.ActionStatus(
+                    action_id=action.action_id,
+                    status="FAILED",
+                    stamp=1.0,
+                    reason="the door is closed",
+                )
+            )
     robot = Robot.objects.get()
     assert (robot.turnaround, robot.turnaround_reason) == ("paused", "the door is closed")
     assert SystemLog.objects.get(event="queue_paused").fields["reason"] == "the door is closed"
@@ -144,7 +174,9 @@ def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff
     assert [type(action) for action in situation.look(after(2))] == [m.Dock]
 
 
-@pytest.mark.parametrize("change", [{"returns_home": False}, {"factsheet": {"capabilities": ["velocity"]}}])
+@pytest.mark.parametrize(
+    "change", [{"returns_home": False}, {"factsheet": {"capabilities": ["velocity"]}}]
+)
 def test_a_robot_that_need_not_or_cannot_go_home_is_free_at_once(giraff, ana, ben, change):
     Robot.objects.update(**change)
     giraff.refresh_from_db()
@@ -153,9 +185,13 @@ def test_a_robot_that_need_not_or_cannot_go_home_is_free_at_once(giraff, ana, be
     assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.Granted)
 
 
-def test_the_same_page_that_comes_back_to_a_living_visit_does_not_send_the_robot_home(giraff, ana, situation):
+def test_the_same_page_that_comes_back_to_a_living_visit_does_not_send_the_robot_home(
+    giraff, ana, situation
+):
     granted = store.take(giraff, ana, "p1", now=NOW)
-    again = store.take(giraff, ana, "p2", session=granted.session, old_peer="p1", takeover=True, now=after(1))
+    again = store.take(
+        giraff, ana, "p2", session=granted.session, old_peer="p1", takeover=True, now=after(1)
+    )
     assert isinstance(again, store.Granted)
     assert Robot.objects.get().turnaround == "ready"
 
@@ -164,10 +200,16 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
     Robot.objects.update(factsheet={**FACTS, "capabilities": ["velocity", "dock", "tilt", "photo"]})
     a_visit_ends(giraff, ana)
     situation.says(after(1), docked=True, session="s1")
-    assert situation.look(after(1)) == [], "it still has its last driver, whose record the picture would be in"
+    assert situation.look(after(1)) == [], (
+        "it still has its last driver, whose record the picture would be in"
+    )
     situation.says(after(2), docked=True)
     (photo,) = situation.look(after(2))
-    assert (type(photo), photo.role, photo.action_id[: len(ORDERED)]) == (m.Photo, "server", ORDERED)
+    assert (type(photo), photo.role, photo.action_id[: len(ORDERED)]) == (
+        m.Photo,
+        "server",
+        ORDERED,
+    )
     assert store.pause_of(giraff) == "returning: picture"
     situation.says(after(3), docked=True)
     situation.heard.answer(m.ActionStatus(action_id=photo.action_id, status="FINISHED", stamp=1.0))
@@ -175,7 +217,9 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
     assert Robot.objects.get().turnaround == "ready"
 
 
-def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_better(giraff, ana, situation):
+def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_better(
+    giraff, ana, situation
+):
     a_visit_ends(giraff, ana)
     for second in (1, 2, 2 + LATE):
         situation.says(after(second), docked=True, trip=0.9)

@@ -20,10 +20,25 @@ from robots.cancellation import cancel
 from robots.models import Robot
 from sessions import protocol, signals
 from sessions.leases import store
-from sessions.models import Lease, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
+from sessions.models import (
+    Lease,
+    NetworkSample,
+    Session,
+    SessionEvent,
+    Snapshot,
+    StateChunk,
+    SystemLog,
+)
 from tests.support.host_jitter import watched
 from tests.support.patience import patient
-from tests.support.recorder_rig import HOST, ManagerProcess, ScriptedRobot, running_manager, running_mosquitto, wait_for
+from tests.support.recorder_rig import (
+    HOST,
+    ManagerProcess,
+    ScriptedRobot,
+    running_manager,
+    running_mosquitto,
+    wait_for,
+)
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.broker]
 
@@ -52,20 +67,29 @@ def take(visitor: User, peer: str = "", **words) -> store.Taken:
 
 async def drive(visitor: User, robot: ScriptedRobot) -> str:
     """Take the robot and wait until the session drives."""
-    await wait_for(lambda: Robot.objects.get(name="giraff").is_online(timezone.now()), what="the robot's presence")
+    await wait_for(
+        lambda: Robot.objects.get(name="giraff").is_online(timezone.now()),
+        what="the robot's presence",
+    )
     session = (await take(visitor)).session
     await state_of(session, "driving")
     return session
 
 
 async def state_of(session: str, state: str, within: float = 15.0) -> Session:
-    return await wait_for(lambda: Session.objects.filter(pk=session, state=state).select_related("robot").first(), within, f"the state {state}")
+    return await wait_for(
+        lambda: Session.objects.filter(pk=session, state=state).select_related("robot").first(),
+        within,
+        f"the state {state}",
+    )
 
 
 def stored_seqs(session: str) -> list[int]:
     seqs = []
     for chunk in StateChunk.objects.filter(session=session).order_by("first_seq"):
-        assert [state["seq"] for state in chunk.states] == list(range(chunk.first_seq, chunk.last_seq + 1))
+        assert [state["seq"] for state in chunk.states] == list(
+            range(chunk.first_seq, chunk.last_seq + 1)
+        )
         assert len(chunk.states) == chunk.count
         seqs += [state["seq"] for state in chunk.states]
     return seqs
@@ -73,7 +97,9 @@ def stored_seqs(session: str) -> list[int]:
 
 async def complete(session: str, robot: ScriptedRobot, within: float = 20.0) -> None:
     """Wait until exactly the states that the robot sent are stored."""
-    await wait_for(lambda: sorted(stored_seqs(session)) == sorted(robot.sent[session]), within, "every state")
+    await wait_for(
+        lambda: sorted(stored_seqs(session)) == sorted(robot.sent[session]), within, "every state"
+    )
 
 
 @sync_to_async
@@ -86,35 +112,49 @@ def set_rules(**fields) -> None:
     Robot.objects.filter(name="giraff").update(**fields)
 
 
-# --- a drive -----------------------------------------------------------------------------------------------------------
+# --- a drive --------------------------------------------------------------------------------------
 
 
 async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         robot.drives = True
         session = await drive(visitors["ana"], robot)
-        await wait_for(lambda: Session.objects.get(pk=session).first_motion_at, what="the first motion")
+        await wait_for(
+            lambda: Session.objects.get(pk=session).first_motion_at, what="the first motion"
+        )
         assert await leave(session, visitors["ana"])
         await complete(session, robot)
         # A state that came late has the record closed anew.
         whole = len(robot.sent[session])
         closed = await wait_for(
-            lambda: Session.objects.filter(pk=session, closed_at__isnull=False, summary__states=whole).first(), 15, "the closed record"
+            lambda: Session.objects.filter(
+                pk=session, closed_at__isnull=False, summary__states=whole
+            ).first(),
+            15,
+            "the closed record",
         )
         assert closed.outcome == "completed"
         assert closed.summary["missing"] == 0
         assert closed.summary["methods"]["keyboard"] > 0
-        assert closed.summary["distance"] == pytest.approx(0.01 * (len(robot.sent[session]) - 1), abs=0.02)
+        assert closed.summary["distance"] == pytest.approx(
+            0.01 * (len(robot.sent[session]) - 1), abs=0.02
+        )
         assert robot.asked == []
 
 
-async def test_the_lease_is_renewed_with_a_growing_number_and_empty_when_nobody_drives(broker, giraff, visitors):
+async def test_the_lease_is_renewed_with_a_growing_number_and_empty_when_nobody_drives(
+    broker, giraff, visitors
+):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
-        await wait_for(lambda: len([lease for lease in robot.leases if lease]) >= 3, 10, "three renewals")
+        await wait_for(
+            lambda: len([lease for lease in robot.leases if lease]) >= 3, 10, "three renewals"
+        )
         renewals = [lease.renewal for lease in robot.leases if lease]
         assert renewals == sorted(set(renewals))
-        assert {(lease.session, lease.peer, lease.ttl) for lease in robot.leases if lease} == {(session, "peer-ana", 10.0)}
+        assert {(lease.session, lease.peer, lease.ttl) for lease in robot.leases if lease} == {
+            (session, "peer-ana", 10.0)
+        }
         await leave(session, visitors["ana"])
         await wait_for(lambda: robot.leases[-1] is None, what="the empty lease")
         assert robot.session is None
@@ -129,16 +169,32 @@ async def test_the_limits_of_the_robots_row_travel_in_the_lease(broker, giraff, 
 
 async def test_presence_follows_the_robot(broker, giraff):
     changes = []
-    signals.presence_changed.connect(lambda **news: changes.append((news["robot"].name, news["online"])), weak=False, dispatch_uid="test")
+    signals.presence_changed.connect(
+        lambda **news: changes.append((news["robot"].name, news["online"])),
+        weak=False,
+        dispatch_uid="test",
+    )
     try:
         async with running_manager(broker.url):
             async with ScriptedRobot("giraff", broker.url) as robot:
-                await wait_for(lambda: Robot.objects.get(name="giraff").is_online(timezone.now()), what="presence")
-                await robot.publish("connection", messages.Connection(boot="boot-0", state="CONNECTIONBROKEN", stamp=1.0))
-                await robot.publish("connection", messages.Connection(boot="boot-1", state="OFFLINE", stamp=1.0))
-                await wait_for(lambda: Robot.objects.get(name="giraff").connection == "OFFLINE", what="absence")
+                await wait_for(
+                    lambda: Robot.objects.get(name="giraff").is_online(timezone.now()),
+                    what="presence",
+                )
+                await robot.publish(
+                    "connection",
+                    messages.Connection(boot="boot-0", state="CONNECTIONBROKEN", stamp=1.0),
+                )
+                await robot.publish(
+                    "connection", messages.Connection(boot="boot-1", state="OFFLINE", stamp=1.0)
+                )
+                await wait_for(
+                    lambda: Robot.objects.get(name="giraff").connection == "OFFLINE", what="absence"
+                )
             assert await wait_for(lambda: changes == [("giraff", True), ("giraff", False)])
-            assert await sync_to_async(lambda: list(SystemLog.objects.order_by("at").values_list("event", flat=True)))() == [
+            assert await sync_to_async(
+                lambda: list(SystemLog.objects.order_by("at").values_list("event", flat=True))
+            )() == [
                 "robot_online",
                 "robot_offline",
             ]
@@ -148,7 +204,11 @@ async def test_presence_follows_the_robot(broker, giraff):
 
 async def test_states_reach_the_signal_once_and_in_order(broker, giraff, visitors):
     seen = []
-    signals.state_received.connect(lambda **news: seen.append((news["session"], news["state"].seq)), weak=False, dispatch_uid="test")
+    signals.state_received.connect(
+        lambda **news: seen.append((news["session"], news["state"].seq)),
+        weak=False,
+        dispatch_uid="test",
+    )
     try:
         async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
             session = await drive(visitors["ana"], robot)
@@ -161,17 +221,25 @@ async def test_states_reach_the_signal_once_and_in_order(broker, giraff, visitor
     assert seen == [(session, seq) for seq in range(seen[0][1], seen[0][1] + len(seen))]
 
 
-async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(broker, giraff, visitors):
-    """Busy computers take seconds for it, and that nobody drove when the manager came is old news by then."""
+async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
+    broker, giraff, visitors
+):
+    """Busy computers take seconds for it, and that nobody drove when the manager came is old news
+    by then.
+    """
     first = iter([True])
 
     def takes(**_news):
         if next(first, False):
-            taken = store.take(Robot.objects.get(name="giraff"), visitors["ana"], "peer-ana", now=timezone.now())
+            taken = store.take(
+                Robot.objects.get(name="giraff"), visitors["ana"], "peer-ana", now=timezone.now()
+            )
             assert isinstance(taken, store.Granted)
 
     async with ScriptedRobot("giraff", broker.url) as robot:
-        await sync_to_async(Robot.objects.filter(name="giraff").update)(connection="ONLINE", last_seen_at=timezone.now())
+        await sync_to_async(Robot.objects.filter(name="giraff").update)(
+            connection="ONLINE", last_seen_at=timezone.now()
+        )
         signals.looked.connect(takes, weak=False, dispatch_uid="test")
         try:
             async with running_manager(broker.url):
@@ -183,14 +251,18 @@ async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(broke
     assert given == sorted(given), "the lease was taken away again"
 
 
-async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(broker, giraff, visitors):
+async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(
+    broker, giraff, visitors
+):
     seen = []
 
     def raises(**_news):
         raise KeyError("a bug of somebody else")
 
     signals.state_received.connect(raises, weak=False, dispatch_uid="raises")
-    signals.state_received.connect(lambda **news: seen.append(news["state"].seq), weak=False, dispatch_uid="test")
+    signals.state_received.connect(
+        lambda **news: seen.append(news["state"].seq), weak=False, dispatch_uid="test"
+    )
     try:
         async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
             session = await drive(visitors["ana"], robot)
@@ -200,7 +272,9 @@ async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(br
         signals.state_received.disconnect(dispatch_uid="test")
 
 
-async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartbeat(broker, giraff, visitors, monkeypatch):
+async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartbeat(
+    broker, giraff, visitors, monkeypatch
+):
     answers, asked, told = threading.Event(), threading.Event(), {"faults": (), "count": 0}
     answers.set()
     room = DiskSpace.state
@@ -218,7 +292,11 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
             status = msgspec.json.decode(message.payload, type=messages.ManagerStatus)
             told.update(faults=status.faults, count=told["count"] + 1)
 
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot, aiomqtt.Client(HOST, broker.port) as client:
+    async with (
+        running_manager(broker.url),
+        ScriptedRobot("giraff", broker.url) as robot,
+        aiomqtt.Client(HOST, broker.port) as client,
+    ):
         await client.subscribe(topics.MANAGER_STATUS)
         listening = asyncio.create_task(listen(client))
         await drive(visitors["ana"], robot)
@@ -226,14 +304,17 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
         try:
             await wait_for(asked.is_set, what="the question")
             heard, leases = told["count"], len(robot.leases)
-            await wait_for(lambda: told["count"] > heard + 3 and len(robot.leases) > leases + 1, what="beats and renewals")
+            await wait_for(
+                lambda: told["count"] > heard + 3 and len(robot.leases) > leases + 1,
+                what="beats and renewals",
+            )
             assert told["faults"] == ()
         finally:
             answers.set()
         await cancel(listening)
 
 
-# --- nothing is missing ------------------------------------------------------------------------------------------------
+# --- nothing is missing ---------------------------------------------------------------------------
 
 
 async def test_states_that_the_broker_never_had_are_asked_for_again(broker, giraff, visitors):
@@ -277,19 +358,29 @@ async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, gir
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
         first = robot.seq + 2
-        robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False  # however soon it is asked, it is killed before it answers
+        # however soon it is asked, it is killed before it answers
+        robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False
         await wait_for(lambda: robot.seq > first + 6)
         robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and is back
         robot.loses, robot.answers = (lambda _seq: False), True
-        missing = await wait_for(lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(), what="the loss")
+        missing = await wait_for(
+            lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(),
+            what="the loss",
+        )
         assert missing.data == {"boot": "boot-1", "ranges": [[first, first + 3]], "count": 4}
         await leave(session, visitors["ana"])
-        closed = await wait_for(lambda: Session.objects.filter(pk=session, closed_at__isnull=False).first(), 15, "the closed record")
+        closed = await wait_for(
+            lambda: Session.objects.filter(pk=session, closed_at__isnull=False).first(),
+            15,
+            "the closed record",
+        )
         assert closed.summary["missing"] == 4
 
 
 @pytest.mark.parametrize("how", ["kill", "stop"])
-async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_drive_goes_on(broker, giraff, visitors, how):
+async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_drive_goes_on(
+    broker, giraff, visitors, how
+):
     with ManagerProcess(broker.url) as first:
         async with ScriptedRobot("giraff", broker.url) as robot:
             await first.connected()
@@ -307,18 +398,30 @@ async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_d
                 await leave(session, visitors["ana"])
                 await wait_for(lambda: robot.session is None)
                 await complete(session, robot)
-                closed = await wait_for(lambda: Session.objects.filter(pk=session, closed_at__isnull=False).first(), 15, "the closed record")
+                closed = await wait_for(
+                    lambda: Session.objects.filter(pk=session, closed_at__isnull=False).first(),
+                    15,
+                    "the closed record",
+                )
             assert (closed.outcome, closed.summary["missing"]) == ("completed", 0)
-            assert await sync_to_async(SessionEvent.objects.filter(session=session, type="ended").count)() == 1
+            assert (
+                await sync_to_async(
+                    SessionEvent.objects.filter(session=session, type="ended").count
+                )()
+                == 1
+            )
 
 
 @pytest.mark.parametrize("forget", [False, True])
-async def test_a_restarted_broker_gets_the_lease_again_and_no_state_is_missing(broker, giraff, visitors, forget):
+async def test_a_restarted_broker_gets_the_lease_again_and_no_state_is_missing(
+    broker, giraff, visitors, forget
+):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
         await wait_for(lambda: len(robot.sent[session]) > 20)
         broker.stop()
-        robot.speaks = False  # the agent keeps states while it is offline; this script only stops counting
+        # the agent keeps states while it is offline; this script only stops counting
+        robot.speaks = False
         broker.start(forget=forget)
         before = len(robot.leases)
         await wait_for(lambda: len(robot.leases) > before + 1, 15, "the lease after the restart")
@@ -355,7 +458,7 @@ async def test_a_second_session_manager_waits_and_takes_over(broker, giraff, vis
                 assert robot.session == session
 
 
-# --- outcomes, queue, turns, grace -------------------------------------------------------------------------------------
+# --- outcomes, queue, turns, grace ----------------------------------------------------------------
 
 
 async def test_leaving_without_having_moved_the_robot_is_cancelled(broker, giraff, visitors):
@@ -365,7 +468,9 @@ async def test_leaving_without_having_moved_the_robot_is_cancelled(broker, giraf
         assert (await state_of(session, "ended")).outcome == "cancelled"
 
 
-async def test_a_visitor_who_never_connects_is_refused_by_the_connection(broker, giraff, visitors, settings):
+async def test_a_visitor_who_never_connects_is_refused_by_the_connection(
+    broker, giraff, visitors, settings
+):
     settings.START_SECONDS = 1.5
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         robot.silence = None
@@ -375,7 +480,9 @@ async def test_a_visitor_who_never_connects_is_refused_by_the_connection(broker,
         await wait_for(lambda: robot.session is None)
 
 
-async def test_a_lost_visitor_has_the_grace_period_and_then_connection_lost(broker, giraff, visitors, settings):
+async def test_a_lost_visitor_has_the_grace_period_and_then_connection_lost(
+    broker, giraff, visitors, settings
+):
     settings.GRACE_SECONDS = 2.0
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
@@ -387,7 +494,8 @@ async def test_a_lost_visitor_has_the_grace_period_and_then_connection_lost(brok
         ended = await state_of(session, "ended")
         assert (ended.outcome, ended.outcome_reason) == ("connection_lost", "visitor_silent")
         events = SessionEvent.objects.filter(session=session, source="server")
-        await wait_for(lambda: events.filter(type="ended").exists(), what="the note that it ended")  # written after the session's row
+        # written after the session's row
+        await wait_for(lambda: events.filter(type="ended").exists(), what="the note that it ended")
         types = await sync_to_async(lambda: list(events.values_list("type", flat=True)))()
         assert types == ["driving", "reconnecting", "driving", "reconnecting", "ended"]
 
@@ -400,13 +508,20 @@ async def test_a_robot_that_stays_away_is_a_robot_fault(broker, giraff, visitors
         ended = await state_of(session, "ended")
         assert ended.outcome == "robot_fault"
         log = await wait_for(lambda: SystemLog.objects.filter(event="session_broken_off").first())
-        assert (str(log.session_id), log.fields) == (session, {"outcome": "robot_fault", "reason": "robot_offline"})
+        assert (str(log.session_id), log.fields) == (
+            session,
+            {"outcome": "robot_fault", "reason": "robot_offline"},
+        )
 
 
-async def test_the_operators_stop_ends_the_session_and_takes_the_lease_back(broker, giraff, visitors):
+async def test_the_operators_stop_ends_the_session_and_takes_the_lease_back(
+    broker, giraff, visitors
+):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
-        assert await sync_to_async(store.end)(session, Session.Outcome.STOPPED_BY_OPERATOR, "by staff", timezone.now())
+        assert await sync_to_async(store.end)(
+            session, Session.Outcome.STOPPED_BY_OPERATOR, "by staff", timezone.now()
+        )
         await wait_for(lambda: robot.session is None, 5, "the end of the lease")
         assert (await state_of(session, "ended")).outcome == "stopped_by_operator"
 
@@ -419,7 +534,11 @@ class News:
         self._heard: list[messages.ServerNews] = []
 
     async def of(
-        self, session: str, kind: str, is_right: Callable[[messages.ServerNews], bool] = lambda _: True, within: float = 10.0
+        self,
+        session: str,
+        kind: str,
+        is_right: Callable[[messages.ServerNews], bool] = lambda _: True,
+        within: float = 10.0,
     ) -> messages.ServerNews:
         """Return the first news of this kind of a visit, heard before or yet to come."""
 
@@ -428,11 +547,17 @@ class News:
 
         async with asyncio.timeout(patient(within)):
             while (found := next(filter(is_it, self._heard), None)) is None:
-                self._heard.append(msgspec.json.decode((await anext(self._client.messages)).payload, type=messages.ServerNews))
+                self._heard.append(
+                    msgspec.json.decode(
+                        (await anext(self._client.messages)).payload, type=messages.ServerNews
+                    )
+                )
         return found
 
 
-async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked(broker, giraff, visitors, settings):
+async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked(
+    broker, giraff, visitors, settings
+):
     settings.TURN_WARNING_SECONDS = 2.5  # several looks at the clock, of which one may come late
     await set_rules(turn_minutes=4.0 / 60.0)
     async with (
@@ -457,7 +582,9 @@ async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked
         await news.of(cem.session, "queue", lambda told: told.place == 1)
 
 
-async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(broker, giraff, visitors, settings, monkeypatch):
+async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
+    broker, giraff, visitors, settings, monkeypatch
+):
     settings.IDLE_SECONDS = 1.0
     monkeypatch.setattr("sessions.leases.transitions.ANSWER_SECONDS", 1.0)
     monkeypatch.setattr("sessions.leases.transitions.ON_THE_WAY", 0.5)
@@ -479,22 +606,40 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(b
         assert await sync_to_async(asked.count)() == 1
 
 
-# --- what else belongs into the record ---------------------------------------------------------------------------------
+# --- what else belongs into the record ------------------------------------------------------------
 
 
 async def test_the_clock_offset_of_the_robot_stands_beside_its_states(broker, giraff, visitors):
     begun = time.time()
     with watched() as computer:
-        async with running_manager(broker.url), ScriptedRobot("giraff", broker.url, clock_ahead=3600.0) as robot:
+        async with (
+            running_manager(broker.url),
+            ScriptedRobot("giraff", broker.url, clock_ahead=3600.0) as robot,
+        ):
             session = await drive(visitors["ana"], robot)
-            chunk = await wait_for(lambda: StateChunk.objects.filter(session=session, clock_offset__isnull=False).order_by("-first_seq").first())
-            late = computer.excuse(begun, time.time())  # a beat or a state was under way for so much longer
+            chunk = await wait_for(
+                lambda: (
+                    StateChunk.objects.filter(session=session, clock_offset__isnull=False)
+                    .order_by("-first_seq")
+                    .first()
+                )
+            )
+            # a beat or a state was under way for so much longer
+            late = computer.excuse(begun, time.time())
     assert chunk.clock_offset == pytest.approx(3600.0, abs=0.25 + late)
-    assert chunk.first_stamp - chunk.clock_offset == pytest.approx(chunk.received_at, abs=0.5 + late)
+    assert chunk.first_stamp - chunk.clock_offset == pytest.approx(
+        chunk.received_at, abs=0.5 + late
+    )
 
 
-async def test_events_page_reports_network_samples_and_photos_are_kept_once(broker, giraff, visitors):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot, aiomqtt.Client(HOST, broker.port) as web:
+async def test_events_page_reports_network_samples_and_photos_are_kept_once(
+    broker, giraff, visitors
+):
+    async with (
+        running_manager(broker.url),
+        ScriptedRobot("giraff", broker.url) as robot,
+        aiomqtt.Client(HOST, broker.port) as web,
+    ):
         session = await drive(visitors["ana"], robot)
         event = await robot.event("collision", detail="left front")
         await robot.publish("event", event)
@@ -503,28 +648,52 @@ async def test_events_page_reports_network_samples_and_photos_are_kept_once(brok
         await robot.event("photo", action_id="p1", sha256=hashlib.sha256(jpeg).hexdigest())
         await robot.event("photo", action_id="p2", sha256=hashlib.sha256(jpeg).hexdigest())
         await robot.publish("photo/p2", jpeg + b"damaged")
-        clicked = protocol.PageEvent(stamp=5.0, type="controller", data={"method": "keyboard", "nul": "a\0b"})
+        clicked = protocol.PageEvent(
+            stamp=5.0, type="controller", data={"method": "keyboard", "nul": "a\0b"}
+        )
         sample = protocol.PageNetwork(stamp=6.0, way="datachannel", round_trip=0.02, fps=30.0)
-        for suffix, message in (("page/event", clicked), ("page/network", sample), ("page/network", sample)):
-            report = protocol.PageReport(suffix=suffix, session=session, message=msgspec.Raw(codec.encode(message)))
+        for suffix, message in (
+            ("page/event", clicked),
+            ("page/network", sample),
+            ("page/network", sample),
+        ):
+            report = protocol.PageReport(
+                suffix=suffix, session=session, message=msgspec.Raw(codec.encode(message))
+            )
             await web.publish(protocol.page_reports(session), codec.encode(report), 1)
-        await wait_for(lambda: NetworkSample.objects.filter(session=session).exists() and SystemLog.objects.filter(event="photo_damaged").exists())
+        await wait_for(
+            lambda: (
+                NetworkSample.objects.filter(session=session).exists()
+                and SystemLog.objects.filter(event="photo_damaged").exists()
+            )
+        )
 
         @sync_to_async
         def found():
             kept = SessionEvent.objects.filter(session=session)
             return (
-                kept.filter(type="collision").count(), kept.get(source="page").data, NetworkSample.objects.get(session=session).data,
-                [(snapshot.action_id, bytes(snapshot.jpeg)) for snapshot in Snapshot.objects.filter(session=session)],
-            )  # fmt: skip
+                kept.filter(type="collision").count(),
+                kept.get(source="page").data,
+                NetworkSample.objects.get(session=session).data,
+                [
+                    (snapshot.action_id, bytes(snapshot.jpeg))
+                    for snapshot in Snapshot.objects.filter(session=session)
+                ],
+            )
 
         network = {"way": "datachannel", "roundTrip": 0.02, "fps": 30.0}
         assert await found() == (1, {"method": "keyboard", "nul": "ab"}, network, [("p1", jpeg)])
 
 
-async def test_a_robot_cannot_write_into_the_record_of_another_robots_session(broker, giraff, visitors):
+async def test_a_robot_cannot_write_into_the_record_of_another_robots_session(
+    broker, giraff, visitors
+):
     await sync_to_async(Robot.objects.create)(name="rogue", title="Rogue")
-    async with running_manager(broker.url) as manager, ScriptedRobot("giraff", broker.url) as robot, ScriptedRobot("rogue", broker.url) as rogue:
+    async with (
+        running_manager(broker.url) as manager,
+        ScriptedRobot("giraff", broker.url) as robot,
+        ScriptedRobot("rogue", broker.url) as rogue,
+    ):
         session = await drive(visitors["ana"], robot)
         rogue.session, rogue.epoch = session, 1
         await rogue.event("collision")
@@ -538,8 +707,21 @@ async def test_a_robot_cannot_write_into_the_record_of_another_robots_session(br
 
 
 async def test_bytes_that_are_no_message_are_counted_and_harm_nothing(broker, giraff, visitors):
-    junk = [b"", b"{", b"[]", b'{"seq": NaN}', b"\xff\xfe", b'{"boot": 1}', b"[" * 20_000, b"x" * 40_000]
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot, aiomqtt.Client(HOST, broker.port) as anybody:
+    junk = [
+        b"",
+        b"{",
+        b"[]",
+        b'{"seq": NaN}',
+        b"\xff\xfe",
+        b'{"boot": 1}',
+        b"[" * 20_000,
+        b"x" * 40_000,
+    ]
+    async with (
+        running_manager(broker.url),
+        ScriptedRobot("giraff", broker.url) as robot,
+        aiomqtt.Client(HOST, broker.port) as anybody,
+    ):
         session = await drive(visitors["ana"], robot)
         for payload in junk:
             for suffix in ("state", "event", "heartbeat", "connection", "factsheet", "action"):
@@ -553,9 +735,13 @@ async def test_bytes_that_are_no_message_are_counted_and_harm_nothing(broker, gi
         await complete(session, robot)
 
 
-async def test_a_session_that_ended_while_no_session_manager_ran_is_told_and_closed_by_the_next(broker, giraff, visitors):
+async def test_a_session_that_ended_while_no_session_manager_ran_is_told_and_closed_by_the_next(
+    broker, giraff, visitors
+):
     told = []
-    signals.session_ended.connect(lambda **news: told.append(str(news["session"].pk)), weak=False, dispatch_uid="test")
+    signals.session_ended.connect(
+        lambda **news: told.append(str(news["session"].pk)), weak=False, dispatch_uid="test"
+    )
     try:
         async with ScriptedRobot("giraff", broker.url) as robot:
             async with running_manager(broker.url):
@@ -573,7 +759,10 @@ async def test_a_session_that_ended_while_no_session_manager_ran_is_told_and_clo
 
 async def test_received_stamps_are_the_recorders_own(broker, giraff, visitors):
     begun = datetime.datetime.now(datetime.UTC).timestamp()
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url, clock_ahead=-500.0) as robot:
+    async with (
+        running_manager(broker.url),
+        ScriptedRobot("giraff", broker.url, clock_ahead=-500.0) as robot,
+    ):
         session = await drive(visitors["ana"], robot)
         chunk = await wait_for(lambda: StateChunk.objects.filter(session=session).first())
         assert begun <= chunk.received_at <= datetime.datetime.now(datetime.UTC).timestamp()

@@ -28,24 +28,47 @@ NOW = 1_700_000_000.0
 def session() -> Session:
     robot = Robot.objects.create(name="giraff", title="Giraff")
     visitor = User.objects.create(username="ana")
-    return Session.objects.create(robot=robot, visitor=visitor, state="driving", live_key="k", queued_at=timezone.now())
+    return Session.objects.create(
+        robot=robot, visitor=visitor, state="driving", live_key="k", queued_at=timezone.now()
+    )
 
 
-def state_item(session, seq: int, *, boot: str = "b", robot: str = "giraff", payload: bytes | None = None, **changes) -> StateItem:
+def state_item(
+    session,
+    seq: int,
+    *,
+    boot: str = "b",
+    robot: str = "giraff",
+    payload: bytes | None = None,
+    **changes,
+) -> StateItem:
     state = messages.State(
-        stamp=NOW + seq * 0.25, boot=boot, seq=seq, session=None if session is None else str(session.pk), epoch=1, pose=messages.Pose(x=0, y=0, theta=0),
-        velocity=messages.Velocity(linear=0, angular=0), battery=messages.Battery(charge=1), **changes,
-    )  # fmt: skip
+        stamp=NOW + seq * 0.25,
+        boot=boot,
+        seq=seq,
+        session=None if session is None else str(session.pk),
+        epoch=1,
+        pose=messages.Pose(x=0, y=0, theta=0),
+        velocity=messages.Velocity(linear=0, angular=0),
+        battery=messages.Battery(charge=1),
+        **changes,
+    )
     return StateItem(robot, state, payload or codec.encode(state), NOW + seq * 0.25, 0.01)
 
 
 def event_item(session, kind: str, seq: int = 1, **fields) -> EventItem:
-    event = messages.Event(stamp=NOW, boot="b", seq=seq, session=str(session.pk), epoch=1, type=kind, **fields)
+    event = messages.Event(
+        stamp=NOW, boot="b", seq=seq, session=str(session.pk), epoch=1, type=kind, **fields
+    )
     return EventItem("giraff", event, NOW)
 
 
 def stored(session) -> list[int]:
-    return [state["seq"] for chunk in StateChunk.objects.filter(session=session).order_by("first_seq") for state in chunk.states]
+    return [
+        state["seq"]
+        for chunk in StateChunk.objects.filter(session=session).order_by("first_seq")
+        for state in chunk.states
+    ]
 
 
 def builder() -> RecordBuilder:
@@ -134,7 +157,9 @@ def test_a_session_manager_that_was_held_up_while_another_took_over_doubles_noth
     assert sorted(stored(session)) == list(range(1, 31))
 
 
-def test_a_batch_that_was_committed_although_it_seemed_to_fail_is_not_written_twice(session, monkeypatch):
+def test_a_batch_that_was_committed_although_it_seemed_to_fail_is_not_written_twice(
+    session, monkeypatch
+):
     record = builder()
     for seq in range(1, 9):
         record.take(state_item(session, seq))
@@ -170,7 +195,11 @@ def test_a_restarted_recorder_knows_what_is_stored(session):
 
 def test_a_session_that_was_deleted_meanwhile_spoils_nobody_elses_rows(session):
     other = Session.objects.create(
-        robot=session.robot, visitor=User.objects.create(username="ben"), state="driving", live_key="k2", queued_at=timezone.now()
+        robot=session.robot,
+        visitor=User.objects.create(username="ben"),
+        state="driving",
+        live_key="k2",
+        queued_at=timezone.now(),
     )
     record = builder()
     for seq in range(1, 5):
@@ -180,7 +209,9 @@ def test_a_session_that_was_deleted_meanwhile_spoils_nobody_elses_rows(session):
     record.close_all()
     record.write()
     assert stored(other) == [11, 12, 13, 14]
-    assert StateChunk.objects.count() == len({chunk.pk for chunk in StateChunk.objects.filter(session=other)})
+    assert StateChunk.objects.count() == len(
+        {chunk.pk for chunk in StateChunk.objects.filter(session=other)}
+    )
 
 
 def test_states_of_a_session_of_another_robot_or_of_none_are_not_recorded(session):
@@ -196,7 +227,10 @@ def test_states_of_a_session_of_another_robot_or_of_none_are_not_recorded(sessio
 
 
 def test_fields_that_nobody_knows_yet_are_kept_and_nul_characters_are_not(session):
-    payload = codec.encode(state_item(session, 1).state)[:-1] + b',"newer":{"a\\u0000b":"c\\u0000d","n":[1]}}'
+    payload = (
+        codec.encode(state_item(session, 1).state)[:-1]
+        + b',"newer":{"a\\u0000b":"c\\u0000d","n":[1]}}'
+    )
     assert isinstance(codec.decode("state", payload), messages.State)
     record = builder()
     record.take(state_item(session, 1, payload=payload))
@@ -226,10 +260,22 @@ def test_events_that_come_twice_also_across_a_restart_are_one_row(session):
 def test_what_matters_beyond_a_session_is_in_the_system_log_too(session):
     record = builder()
     record.take(event_item(session, "estop", detail="button"))
-    record.take(EventItem("giraff", messages.Event(stamp=NOW, boot="b", seq=2, type="adapter_lost", detail="no ROS master"), NOW))
+    record.take(
+        EventItem(
+            "giraff",
+            messages.Event(stamp=NOW, boot="b", seq=2, type="adapter_lost", detail="no ROS master"),
+            NOW,
+        )
+    )
     record.write()
-    logged = {entry.event: (entry.level, entry.session_id, entry.fields["detail"]) for entry in SystemLog.objects.all()}
-    assert logged == {"estop": ("warning", session.pk, "button"), "adapter_lost": ("error", None, "no ROS master")}
+    logged = {
+        entry.event: (entry.level, entry.session_id, entry.fields["detail"])
+        for entry in SystemLog.objects.all()
+    }
+    assert logged == {
+        "estop": ("warning", session.pk, "button"),
+        "adapter_lost": ("error", None, "no ROS master"),
+    }
     assert SessionEvent.objects.get().type == "estop"
 
 
@@ -328,7 +374,11 @@ def test_a_row_that_no_database_takes_is_counted_and_dropped(session, monkeypatc
         save(row, **words)
 
     monkeypatch.setattr(SessionEvent, "save", picky)
-    monkeypatch.setattr(type(SessionEvent.objects), "bulk_create", lambda *_, **__: (_ for _ in ()).throw(IntegrityError("a batch")))
+    monkeypatch.setattr(
+        type(SessionEvent.objects),
+        "bulk_create",
+        lambda *_, **__: (_ for _ in ()).throw(IntegrityError("a batch")),
+    )
     record.write()
     assert [event.type for event in SessionEvent.objects.all()] == ["docked"]
     assert "record_row_refused" in caplog.text

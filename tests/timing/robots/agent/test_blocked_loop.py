@@ -1,4 +1,6 @@
-"""A control loop that is stuck, with the simulated robot in its own process: the base's watchdog stops it, and nothing starts it again."""
+"""A control loop that is stuck, with the simulated robot in its own process: the base's watchdog
+stops it, and nothing starts it again.
+"""
 
 import time
 
@@ -41,10 +43,14 @@ def test_a_loop_that_is_blocked_for_two_seconds_leaves_the_stopping_to_the_base(
         history = [row for row in truth.history(5) if row.stamp > blocked_at]
         brakes = next(row for row in history if row.linear < 0.38)
         stands = next(row for row in history if abs(row.linear) < 1e-3)
-        late = computer.excuse(blocked_at, stands.stamp) + min(pauses((row.stamp for row in history), STEP), 1.5)
+        late = computer.excuse(blocked_at, stands.stamp) + min(
+            pauses((row.stamp for row in history), STEP), 1.5
+        )
         assert brakes.stamp - blocked_at <= WATCHDOG + 2 * STEP + LOADED + late
         assert stands.stamp - brakes.stamp <= 0.4 / BRAKING + 2 * STEP + late
         rig.link.wait("state", lambda s: s.refused.get("stale"), within=10)
         rig.wait(lambda: time.time() > blocked_at + 3.0)
-        assert all(abs(row.linear) < 1e-3 for row in truth.history(1.0)), "commands of before moved the robot"
+        assert all(abs(row.linear) < 1e-3 for row in truth.history(1.0)), (
+            "commands of before moved the robot"
+        )
         truth.close()

@@ -1,4 +1,6 @@
-"""The control loop in its thread, in real time: how soon, how late, and what a thread that is stuck leaves behind."""
+"""The control loop in its thread, in real time: how soon, how late, and what a thread that is stuck
+leaves behind.
+"""
 
 import asyncio
 import sys
@@ -68,10 +70,15 @@ def test_a_loop_that_is_blocked_is_stopped_by_the_watchdog_and_does_not_start_th
     rig.wait(lambda: rig.robot.velocities(blocked_at + 1.5) and rig.robot.told == ZERO)
     after = [v.linear for _, v in rig.robot.velocities(blocked_at + 0.5)]
     assert rig.robot.base_at(blocked_at + WATCHDOG + 0.3) == ZERO
-    assert max(after) < 0.5 - 1e-6, "commands that waited are stale and nothing goes on from the old speed"
+    assert max(after) < 0.5 - 1e-6, (
+        "commands that waited are stale and nothing goes on from the old speed"
+    )
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux gives each thread a priority of its own")
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"),
+    reason="only Linux gives each thread a priority of its own",
+)
 def test_the_control_thread_goes_first_and_what_it_starts_beside_does_not(rig):
     seen = {}
 

@@ -1,4 +1,6 @@
-"""`run_robot NAME --check` as its owner runs it: on the simulated robot, on one of ROS 1, and interrupted."""
+"""`run_robot NAME --check` as its owner runs it: on the simulated robot, on one of ROS 1, and
+interrupted.
+"""
 
 import asyncio
 import signal
@@ -18,8 +20,21 @@ AGENT = [sys.executable, "-m", "robots.agent", "giraff", "--check", "--adapter",
 
 
 def test_the_simulated_robot_passes_and_the_process_says_so(tmp_path):
-    command = [sys.executable, "manage.py", "run_robot", "giraff", "--check", "--yes", "--adapter", "simulator", "--var", str(tmp_path)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=patient(60.0))
+    command = [
+        sys.executable,
+        "manage.py",
+        "run_robot",
+        "giraff",
+        "--check",
+        "--yes",
+        "--adapter",
+        "simulator",
+        "--var",
+        str(tmp_path),
+    ]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=patient(60.0)
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "it keeps the watchdog of 0.3 s" in done.stdout
     assert "Laser: yes." in done.stdout
@@ -28,7 +43,13 @@ def test_the_simulated_robot_passes_and_the_process_says_so(tmp_path):
 
 def test_without_a_yes_nothing_moves(tmp_path):
     done = subprocess.run(
-        [*AGENT, "--var", str(tmp_path)], cwd=ROOT, input="no\n", capture_output=True, text=True, check=False, timeout=patient(30.0)
+        [*AGENT, "--var", str(tmp_path)],
+        cwd=ROOT,
+        input="no\n",
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=patient(30.0),
     )
     assert done.returncode == 1
     assert "Nothing was moved" in done.stderr
@@ -43,9 +64,13 @@ def test_a_robot_whose_kind_is_not_told_is_not_tried(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_though_it_was_started_with_signals_ignored(tmp_path, number):
     child = subprocess.Popen(
-        [*AGENT, "--yes", "--var", str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [*AGENT, "--yes", "--var", str(tmp_path)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),  # noqa: PLW1509 -- as a shell does for its background
-    )  # fmt: skip
+    )
     try:
         assert any("Driving" in line for line in child.stdout)
         child.send_signal(number)

@@ -14,7 +14,9 @@ from tests.support import words
 AHEAD = Speed(0.3, 0.1)
 
 
-@pytest.mark.parametrize(("inhibited", "steers"), [(None, AHEAD), ("stopped", STAND), ("no_lease", AHEAD)])
+@pytest.mark.parametrize(
+    ("inhibited", "steers"), [(None, AHEAD), ("stopped", STAND), ("no_lease", AHEAD)]
+)
 def test_a_bot_lets_go_where_the_robot_waits_for_that(inhibited, steers):
     view = View(state=words.state(safety=m.Safety(inhibited=inhibited)))
     bot = SimpleNamespace(view=view, ending=Ending.COMPLETES)

@@ -35,7 +35,9 @@ class Rig:
         self.engine = TaskEngine(lay_out(STUDY, condition, self.plan))
         track = self.engine.track
         stops = {stop.number: (stop.x, stop.y) for stop in track.stops}
-        guide = Guide(track.dock, stops, track.photo.stop.number if track.photo is not None else None)
+        guide = Guide(
+            track.dock, stops, track.photo.stop.number if track.photo is not None else None
+        )
         fastest = Speed(0.9 * self.model.limits.linear, 0.9 * self.model.limits.angular)
         self.driver = Driver(self.plan, guide, fastest, skips_photo=skips, docks_early=early)
         self.view = View(localized=True, laser=Pose2D(self.model.laser.x, 0.0, 0.0))
@@ -61,7 +63,11 @@ class Rig:
     def feed_state(self):
         pose, motion, contact = self.sim.pose, self.sim.motion, self.sim.docked
         released = self.sim.commanded == STILL
-        self.dock = follow(DOCKED, self.dock, DockReading(at=self.now, contact=contact, linear=motion.linear, released=released))
+        self.dock = follow(
+            DOCKED,
+            self.dock,
+            DockReading(at=self.now, contact=contact, linear=motion.linear, released=released),
+        )
         self.engine.feed(
             Seen(
                 self.now,
@@ -83,14 +89,22 @@ class Rig:
         ranges = tuple(float(r) if r < laser.range_max else None for r in self.sim.scan())
         self.view.scan_pose = self.sim.pose
         self.view.scan = Scan(
-            stamp=self.now, angle_min=laser.angle_min, angle_increment=laser.angle_increment, range_max=laser.range_max, ranges=ranges
+            stamp=self.now,
+            angle_min=laser.angle_min,
+            angle_increment=laser.angle_increment,
+            range_max=laser.range_max,
+            ranges=ranges,
         )
 
     def think(self):
         cue = self.engine.cue
         x, y = cue.target or (None, None)
         self.view.task = Task(session="s", stamp=self.now, cue=cue.key, number=cue.number, x=x, y=y)
-        self.view.pose, self.view.docked, self.view.contact = self.sim.pose, self.dock.docked, self.sim.docked
+        self.view.pose, self.view.docked, self.view.contact = (
+            self.sim.pose,
+            self.dock.docked,
+            self.sim.docked,
+        )
         intent = self.driver.decide(self.view, self.now)
         self.sim.command(intent.speed.linear, intent.speed.angular)
         if intent.take:
@@ -106,7 +120,13 @@ def test_a_bot_completes_every_condition_of_the_papers_study_without_touching_an
     condition = STUDY.condition(key)
     rig = Rig(condition)
     result = rig.run(600.0)
-    assert result.outcome == "completed", (rig.now, rig.view.pose, rig.engine.cue, rig.driver.closed, rig.driver.no_way)
+    assert result.outcome == "completed", (
+        rig.now,
+        rig.view.pose,
+        rig.engine.cue,
+        rig.driver.closed,
+        rig.driver.no_way,
+    )
     assert len(result.checkpoints) == 4
     assert not result.doors_missed
     assert rig.sim.contacts == 0
@@ -126,14 +146,21 @@ def test_a_bot_that_docks_too_early_is_told_so_and_drives_the_course_after_all()
     rig = Rig(STUDY.condition("giraff_open"), early=True)
     result = rig.run(600.0)
     assert (result.outcome, len(result.checkpoints)) == ("completed", 4)
-    assert any(event.type == "docked_early" for event in rig.engine.events), {event.type for event in rig.engine.events}
+    assert any(event.type == "docked_early" for event in rig.engine.events), {
+        event.type for event in rig.engine.events
+    }
 
 
 def test_a_bot_stands_until_it_is_told_what_to_do_and_where_it_is():
     rig = Rig(STUDY.condition("giraff_open"))
     lost = dataclasses.replace(
-        rig.view, localized=False, pose=rig.sim.pose, task=Task(session="s", stamp=0.0, cue="leave_station", number=1, x=2.0, y=1.0)
+        rig.view,
+        localized=False,
+        pose=rig.sim.pose,
+        task=Task(session="s", stamp=0.0, cue="leave_station", number=1, x=2.0, y=1.0),
     )
     assert rig.driver.decide(lost, 0.0).speed.is_zero
-    waiting = dataclasses.replace(rig.view, pose=rig.sim.pose, task=Task(session="s", stamp=0.0, cue="wait_for_picture"))
+    waiting = dataclasses.replace(
+        rig.view, pose=rig.sim.pose, task=Task(session="s", stamp=0.0, cue="wait_for_picture")
+    )
     assert rig.driver.decide(waiting, 0.0).speed.is_zero

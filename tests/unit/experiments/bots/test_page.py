@@ -22,7 +22,9 @@ def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
     page = read(CONSENT)
     (form,) = page.main_forms()
     assert form.hidden == [("csrfmiddlewaretoken", "t"), ("place", "1.0.consent")]
-    assert {name: (field.kind, field.label, field.required) for name, field in form.fields.items()} == {
+    assert {
+        name: (field.kind, field.label, field.required) for name, field in form.fields.items()
+    } == {
         "age": ("number", "Your age", True),
         "agree": ("checkbox", "", True),
     }

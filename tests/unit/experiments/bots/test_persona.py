@@ -10,7 +10,9 @@ SHARE = 0.05
 
 
 def opinions(item, circumstances, *effects, bots=400):
-    return np.array([Persona(number, 7, effects).opinion(item, circumstances) for number in range(bots)])
+    return np.array(
+        [Persona(number, 7, effects).opinion(item, circumstances) for number in range(bots)]
+    )
 
 
 def test_the_same_seed_makes_the_same_person_and_another_number_another_one():
@@ -31,7 +33,10 @@ def test_a_planted_effect_is_found_where_it_was_planted_and_nowhere_else():
     helped, alone = opinions("easy", HELPED, planted), opinions("easy", ALONE, planted)
     assert (helped.mean() - alone.mean()) == pytest.approx(0.8, abs=0.2)
     assert stats.ttest_rel(helped, alone).pvalue < 1e-6
-    assert stats.ttest_rel(opinions("fun", HELPED, planted), opinions("fun", ALONE, planted)).pvalue > 0.001
+    assert (
+        stats.ttest_rel(opinions("fun", HELPED, planted), opinions("fun", ALONE, planted)).pvalue
+        > 0.001
+    )
 
 
 def test_a_planted_null_is_significant_as_often_as_chance_makes_it():
@@ -39,7 +44,9 @@ def test_a_planted_null_is_significant_as_often_as_chance_makes_it():
     found = 0
     for study in range(400):
         helped = [Persona(number, study, [null]).opinion("easy", HELPED) for number in range(12)]
-        alone = [Persona(100 + number, study, [null]).opinion("easy", ALONE) for number in range(12)]
+        alone = [
+            Persona(100 + number, study, [null]).opinion("easy", ALONE) for number in range(12)
+        ]
         found += stats.ttest_ind(helped, alone).pvalue < SHARE
     assert 400 * 0.02 <= found <= 400 * 0.09
 
@@ -50,7 +57,12 @@ def test_without_effects_every_point_of_a_scale_is_as_likely_as_any_other():
 
 
 def test_those_who_explore_choose_every_option_in_turn():
-    assert [Persona(number, 7, explore=number).option("gender", 3) for number in range(4)] == [0, 1, 2, 0]
+    assert [Persona(number, 7, explore=number).option("gender", 3) for number in range(4)] == [
+        0,
+        1,
+        2,
+        0,
+    ]
 
 
 def test_an_effect_is_read_as_it_is_written():
@@ -58,7 +70,9 @@ def test_an_effect_is_read_as_it_is_written():
     assert effect("pace:-0.5") == Effect("pace", -0.5)
 
 
-@pytest.mark.parametrize("text", ["", "easy", "easy:", "easy@assist:0.8", "easy@assist=steer", "Easy:1", "easy:much"])
+@pytest.mark.parametrize(
+    "text", ["", "easy", "easy:", "easy@assist:0.8", "easy@assist=steer", "Easy:1", "easy:much"]
+)
 def test_what_is_no_effect_is_refused_with_an_example(text):
     with pytest.raises(EffectError, match="such as"):
         effect(text)

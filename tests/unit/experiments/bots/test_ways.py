@@ -18,7 +18,9 @@ def length(way):
     return sum(math.dist(a, b) for a, b in pairwise(way))
 
 
-def test_the_way_goes_through_the_door_while_it_is_open_and_round_by_the_other_one_when_it_is_not(plan):
+def test_the_way_goes_through_the_door_while_it_is_open_and_round_by_the_other_one_when_it_is_not(
+    plan,
+):
     direct = RouteGrid(plan).way(DOCK, OUTSIDE_LAB)
     assert RouteGrid(plan).door_on(direct, 20.0) == "lab-door"
     round_about = RouteGrid(plan, ["lab-door"]).way(DOCK, OUTSIDE_LAB)
@@ -30,7 +32,10 @@ def test_a_way_keeps_off_everything_that_stands_there(plan):
     way = RouteGrid(plan).way(OUTSIDE_LAB, LOUNGE)
     for piece in plan.furniture:
         if piece.shape == "cylinder":
-            assert min(math.dist((piece.x, piece.y), point) for point in way) > piece.width / 2.0 + 0.28
+            assert (
+                min(math.dist((piece.x, piece.y), point) for point in way)
+                > piece.width / 2.0 + 0.28
+            )
 
 
 def test_a_way_ends_where_it_should(plan):

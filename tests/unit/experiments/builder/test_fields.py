@@ -61,7 +61,17 @@ def test_every_part_of_the_shipped_studies_goes_through_its_form_unchanged(slug)
 
 def test_the_whole_study_goes_through_its_form_unchanged():
     study = shipped()["exploration"]
-    only = ("title", "intro", "source", "licence", "languages", "allocation", "refill", "quality", "analysis")
+    only = (
+        "title",
+        "intro",
+        "source",
+        "licence",
+        "languages",
+        "allocation",
+        "refill",
+        "quality",
+        "analysis",
+    )
     document = msgspec.to_builtins(study)
     told = builder.read(Study, sent(builder.ask(Study, document, BOTH, only=only)), only=only)
     rest = {key: value for key, value in document.items() if key not in only}
@@ -69,7 +79,9 @@ def test_the_whole_study_goes_through_its_form_unchanged():
 
 
 def task(**changes: str) -> QueryDict:
-    return sent(builder.ask(Task, {"kind": "task", "key": "task", "title": {"en": "Task"}}, BOTH), **changes)
+    return sent(
+        builder.ask(Task, {"kind": "task", "key": "task", "title": {"en": "Task"}}, BOTH), **changes
+    )
 
 
 def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
@@ -79,7 +91,10 @@ def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
     assert ">= 0.0" in told["last_minutes"]
     form = builder.ask(Task, document, Asking(("en",), errors=told))
     shown = {one.name: one for one in fields(form)}
-    assert (shown["minutes"].value, shown["minutes"].error) == ("a quarter", "This is not a number.")
+    assert (shown["minutes"].value, shown["minutes"].error) == (
+        "a quarter",
+        "This is not a number.",
+    )
     assert form.has_error
 
 
@@ -90,7 +105,10 @@ def test_numbers_that_are_no_lengths_of_time_are_refused(text):
 
 def test_an_empty_field_has_the_value_that_the_class_says():
     assert builder.read(Task, task(minutes="")).get("minutes") is None
-    assert msgspec.convert({"kind": "task", **builder.read(Task, task(minutes=""))}, Task).minutes == 15.0
+    assert (
+        msgspec.convert({"kind": "task", **builder.read(Task, task(minutes=""))}, Task).minutes
+        == 15.0
+    )
 
 
 def test_a_comma_is_read_as_a_decimal_point():
@@ -98,34 +116,56 @@ def test_a_comma_is_read_as_a_decimal_point():
 
 
 def test_texts_in_other_languages_are_shown_until_somebody_empties_them():
-    form = builder.ask(Task, {"key": "task", "title": {"en": "Task", "fr": "Tâche"}}, Asking(("en",)))
+    form = builder.ask(
+        Task, {"key": "task", "title": {"en": "Task", "fr": "Tâche"}}, Asking(("en",))
+    )
     assert [one.language for one in fields(form) if one.key == "title"] == ["en", "fr"]
     assert builder.read(Task, sent(form, title__fr=""))["title"] == {"en": "Task"}
 
 
 def test_what_may_be_chosen_is_offered_and_what_was_chosen_stays():
     document = msgspec.to_builtins(shipped()["exploration"].conditions[1])
-    form = builder.ask(Condition, document, Asking(("en",), offered={"robot": ["rhodon"], "doors_closed": ["lounge-door"]}))
+    form = builder.ask(
+        Condition,
+        document,
+        Asking(("en",), offered={"robot": ["rhodon"], "doors_closed": ["lounge-door"]}),
+    )
     shown = {one.name: one for one in fields(form)}
     assert (shown["robot"].widget, shown["robot"].choices) == ("choice", ("rhodon", "giraff"))
-    assert (shown["doors_closed"].widget, shown["doors_closed"].choices) == ("choices", ("lounge-door", "lab-door"))
+    assert (shown["doors_closed"].widget, shown["doors_closed"].choices) == (
+        "choices",
+        ("lounge-door", "lab-door"),
+    )
     assert shown["actions"].choices == ("places", "map", "follow", "dock", "undock", "tilt")
 
 
 def test_an_optional_part_is_switched_on_and_off():
     document = msgspec.to_builtins(shipped()["exploration"].conditions[0])
     form = builder.ask(Condition, document, BOTH)
-    assert {group.switch: group.is_on for group in groups(form) if group.switch} == {"network.control.on": False, "network.video.on": False}
-    on = builder.read(Condition, sent(form, network__control__on="on", network__control__delay="0.2"))
+    assert {group.switch: group.is_on for group in groups(form) if group.switch} == {
+        "network.control.on": False,
+        "network.video.on": False,
+    }
+    on = builder.read(
+        Condition, sent(form, network__control__on="on", network__control__delay="0.2")
+    )
     assert on["network"]["control"]["delay"] == 0.2
     assert "video" not in on["network"]
 
 
 @pytest.mark.parametrize("path", ["1", "1 2 3", "1 2\nx y", "[[1,2]]"])
 def test_points_that_are_none_are_told_and_kept(path):
-    document = builder.read(Course, sent(builder.ask(Course, {"robot": "giraff", "site": "office", "checkpoints": []}, BOTH), path=path))
+    document = builder.read(
+        Course,
+        sent(
+            builder.ask(Course, {"robot": "giraff", "site": "office", "checkpoints": []}, BOTH),
+            path=path,
+        ),
+    )
     assert document["path"] == path
-    assert builder.errors(Course, document) == {"path": "Write one point a line: x and y in metres."}
+    assert builder.errors(Course, document) == {
+        "path": "Write one point a line: x and y in metres."
+    }
 
 
 def test_errors_inside_lists_say_which_part():
@@ -146,12 +186,20 @@ def test_parts_of_a_list_are_moved_copied_and_removed():
 
 
 def test_the_photo_stays_with_its_checkpoint_when_checkpoints_move():
-    course = {"checkpoints": [{"number": 0}, {"number": 2}, {"number": 1}], "photo": {"checkpoint": 2}}
-    assert builder.renumber(course) == {"checkpoints": [{"number": 0}, {"number": 1}, {"number": 2}], "photo": {"checkpoint": 1}}
+    course = {
+        "checkpoints": [{"number": 0}, {"number": 2}, {"number": 1}],
+        "photo": {"checkpoint": 2},
+    }
+    assert builder.renumber(course) == {
+        "checkpoints": [{"number": 0}, {"number": 1}, {"number": 2}],
+        "photo": {"checkpoint": 1},
+    }
 
 
 def test_the_photo_of_a_checkpoint_that_is_gone_is_left_for_the_check_to_tell():
-    assert builder.renumber({"checkpoints": [{"number": 0}], "photo": {"checkpoint": 2}})["photo"] == {"checkpoint": 2}
+    assert builder.renumber({"checkpoints": [{"number": 0}], "photo": {"checkpoint": 2}})[
+        "photo"
+    ] == {"checkpoint": 2}
 
 
 def test_no_number_of_a_checkpoint_is_asked_for():
@@ -161,7 +209,9 @@ def test_no_number_of_a_checkpoint_is_asked_for():
 def test_leaving_a_language_takes_its_texts_everywhere():
     study = msgspec.to_builtins(shipped()["exploration"])
     assert '"es":' not in msgspec.json.encode(builder.in_languages(Study, study, ["en"])).decode()
-    assert msgspec.json.encode(builder.in_languages(Study, study, ["en", "es"])) == msgspec.json.encode(study)
+    assert msgspec.json.encode(
+        builder.in_languages(Study, study, ["en", "es"])
+    ) == msgspec.json.encode(study)
 
 
 def test_a_click_on_the_map_is_a_point_and_anything_else_is_not():

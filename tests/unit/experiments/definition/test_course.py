@@ -16,7 +16,10 @@ metres = st.floats(-5.0, 5.0)
 points = st.tuples(metres, metres)
 
 
-@pytest.mark.parametrize(("series", "doors"), [("giraff", ["lab-door", "lounge-door"]), ("rhodon", ["lab-door", "lounge-door"])])
+@pytest.mark.parametrize(
+    ("series", "doors"),
+    [("giraff", ["lab-door", "lounge-door"]), ("rhodon", ["lab-door", "lounge-door"])],
+)
 def test_who_follows_the_papers_suggested_path_completes_its_task(series, doors):
     study, plan = shipped()["exploration"], load_plan("office")[0]
     condition = study.condition(f"{series}_open")
@@ -35,8 +38,12 @@ def test_who_follows_the_papers_suggested_path_completes_its_task(series, doors)
 
 def test_doors_that_a_condition_closes_are_not_required():
     study = small_study()
-    assert [door.required for door in lay_out(study, study.condition("all_open"), cabin()).doorways] == [True]
-    assert [door.required for door in lay_out(study, study.condition("shut"), cabin()).doorways] == [False]
+    assert [
+        door.required for door in lay_out(study, study.condition("all_open"), cabin()).doorways
+    ] == [True]
+    assert [
+        door.required for door in lay_out(study, study.condition("shut"), cabin()).doorways
+    ] == [False]
 
 
 def test_a_course_that_does_not_fit_the_plan_is_an_error():
@@ -49,7 +56,8 @@ def test_a_course_that_does_not_fit_the_plan_is_an_error():
 def test_the_mirror_is_where_ones_reflection_stands(start, end, x, y, theta):
     assume(math.dist(start, end) > 0.5)
     sight = PhotoSpot(Stop(1, 0.0, 0.0, 1.0), 1.0, 0.6, start, end).sight(Pose2D(x, y, theta))
-    # The reflection of the point, by complex numbers: z' = a + conj((z - a) / d) d with d along the mirror.
+    # The reflection of the point, by complex numbers: z' = a + conj((z - a) / d) d with d along the
+    # mirror.
     a, d = complex(*start), complex(*end) - complex(*start)
     d /= abs(d)
     reflection = a + ((complex(x, y) - a) / d).conjugate() * d

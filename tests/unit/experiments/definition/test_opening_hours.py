@@ -23,7 +23,13 @@ def test_without_hours_a_study_is_always_open():
 
 @pytest.mark.parametrize(
     ("when", "open_"),
-    [("2026-03-06 08:59", False), ("2026-03-06 09:00", True), ("2026-03-06 16:59", True), ("2026-03-06 17:00", False), ("2026-03-07 12:00", False)],
+    [
+        ("2026-03-06 08:59", False),
+        ("2026-03-06 09:00", True),
+        ("2026-03-06 16:59", True),
+        ("2026-03-06 17:00", False),
+        ("2026-03-07 12:00", False),
+    ],
 )
 def test_a_span_holds_from_its_start_to_just_before_its_end_on_its_days(when, open_):
     assert is_open(OFFICE, MADRID, at(when)) is open_
@@ -50,7 +56,8 @@ def test_a_span_may_pass_midnight_and_fill_whole_days():
 def test_nine_o_clock_stays_nine_o_clock_when_the_clocks_change():
     daily = [{"days": list(range(7)), "start": "09:00", "end": "10:00"}]
     assert opens_at(daily, MADRID, at("2026-03-28 11:00")) == at("2026-03-29 09:00")
-    assert at("2026-03-29 09:00") - at("2026-03-28 09:00") == datetime.timedelta(days=1)  # by the wall
+    # by the wall
+    assert at("2026-03-29 09:00") - at("2026-03-28 09:00") == datetime.timedelta(days=1)
     assert is_open(daily, MADRID, datetime.datetime(2026, 3, 29, 7, 30, tzinfo=datetime.UTC))
     assert is_open(daily, MADRID, datetime.datetime(2026, 3, 28, 8, 30, tzinfo=datetime.UTC))
 
@@ -58,14 +65,21 @@ def test_nine_o_clock_stays_nine_o_clock_when_the_clocks_change():
 @given(
     st.lists(
         st.builds(
-            lambda days, start, end: {"days": sorted(days), "start": f"{start:02d}:00", "end": f"{end:02d}:30"},
-            st.sets(st.integers(0, 6), min_size=1), st.integers(0, 23), st.integers(0, 23),
+            lambda days, start, end: {
+                "days": sorted(days),
+                "start": f"{start:02d}:00",
+                "end": f"{end:02d}:30",
+            },
+            st.sets(st.integers(0, 6), min_size=1),
+            st.integers(0, 23),
+            st.integers(0, 23),
         ),
-        min_size=1, max_size=4,
+        min_size=1,
+        max_size=4,
     ),
     st.sampled_from(["UTC", MADRID, "America/New_York", "Australia/Lord_Howe"]),
     st.integers(1_767_225_600, 1_798_761_600),  # the year 2026
-)  # fmt: skip
+)
 def test_a_study_is_open_when_it_says_it_opens_and_shut_until_then(hours, zone, moment):
     now = datetime.datetime.fromtimestamp(moment, datetime.UTC)
     assert list(problems(hours, zone)) == []
@@ -80,11 +94,19 @@ def test_a_study_is_open_when_it_says_it_opens_and_shut_until_then(hours, zone, 
 @pytest.mark.parametrize(
     ("hours", "zone"),
     [
-        (OFFICE, "Mars/Olympus"), (OFFICE, ""), (OFFICE, "../etc"), ("always", "UTC"), ([{}], "UTC"), ([{"days": [], "start": "09:00", "end": "10:00"}], "UTC"),
-        ([{"days": [7], "start": "09:00", "end": "10:00"}], "UTC"), ([{"days": [True], "start": "09:00", "end": "10:00"}], "UTC"),
-        ([{"days": [1], "start": "9:00", "end": "10:00"}], "UTC"), ([{"days": [1], "start": "09:00", "end": "24:00"}], "UTC"), ([{"days": [1], "start": 9, "end": "10:00"}], "UTC"),
+        (OFFICE, "Mars/Olympus"),
+        (OFFICE, ""),
+        (OFFICE, "../etc"),
+        ("always", "UTC"),
+        ([{}], "UTC"),
+        ([{"days": [], "start": "09:00", "end": "10:00"}], "UTC"),
+        ([{"days": [7], "start": "09:00", "end": "10:00"}], "UTC"),
+        ([{"days": [True], "start": "09:00", "end": "10:00"}], "UTC"),
+        ([{"days": [1], "start": "9:00", "end": "10:00"}], "UTC"),
+        ([{"days": [1], "start": "09:00", "end": "24:00"}], "UTC"),
+        ([{"days": [1], "start": 9, "end": "10:00"}], "UTC"),
         (OFFICE * 51, "UTC"),
     ],
-)  # fmt: skip
+)
 def test_hours_that_cannot_be_meant_are_told(hours, zone):
     assert list(problems(hours, zone))

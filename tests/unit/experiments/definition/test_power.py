@@ -6,7 +6,9 @@ from experiments.definition.power import participants_needed, power
 
 
 # Cohen 1988, table 2.3.5, and what G*Power 3.1 gives for two-sided t tests at 5 % and 80 %.
-@pytest.mark.parametrize(("effect", "between", "within"), [(0.2, 394, 199), (0.5, 64, 34), (0.8, 26, 15)])
+@pytest.mark.parametrize(
+    ("effect", "between", "within"), [(0.2, 394, 199), (0.5, 64, 34), (0.8, 26, 15)]
+)
 def test_the_numbers_are_those_of_the_tables(effect, between, within):
     assert participants_needed(effect, "between").per_group == between
     assert participants_needed(effect, "between").total == 2 * between
@@ -20,7 +22,10 @@ def test_without_an_effect_the_chance_is_that_of_an_error():
 
 def test_the_chance_is_what_many_studies_show():
     rng = np.random.default_rng(5)
-    found = sum(stats.ttest_ind(rng.normal(0.6, 1, 25), rng.normal(0, 1, 25)).pvalue < 0.05 for _ in range(2000))
+    found = sum(
+        stats.ttest_ind(rng.normal(0.6, 1, 25), rng.normal(0, 1, 25)).pvalue < 0.05
+        for _ in range(2000)
+    )
     assert found / 2000 == pytest.approx(power(0.6, 25, "between"), abs=0.035)
 
 

@@ -12,13 +12,26 @@ ALL = (1, 2, 3, 4)
 
 
 def diary(number, key, *, seconds=150.0, passed=ALL, outcome="completed", **more):
-    leg = Leg(seconds=seconds, outcome=outcome, passed=passed, session=f"s{number}", closed=STUDY.condition(key).doors_closed)
-    entries = [Entry("About you", "/q/", 0.0, 3.0, words=200, questions=6), Entry("Exploration", "/drive/", 0.0, seconds)]
+    leg = Leg(
+        seconds=seconds,
+        outcome=outcome,
+        passed=passed,
+        session=f"s{number}",
+        closed=STUDY.condition(key).doors_closed,
+    )
+    entries = [
+        Entry("About you", "/q/", 0.0, 3.0, words=200, questions=6),
+        Entry("Exploration", "/drive/", 0.0, seconds),
+    ]
     return Diary(number, "completes", code="ABCD", entries=entries, legs=[leg], **more)
 
 
 def played(*diaries, **more):
-    records = {one.legs[0].session: Record(KEYS[one.number % len(KEYS)], one.legs[0].outcome) for one in diaries if one.legs}
+    records = {
+        one.legs[0].session: Record(KEYS[one.number % len(KEYS)], one.legs[0].outcome)
+        for one in diaries
+        if one.legs
+    }
     return judge(STUDY, diaries, Findings(records, **more))
 
 
@@ -51,7 +64,11 @@ def test_a_checkpoint_that_nobody_passes_stands_in_the_way():
 
 def test_a_condition_in_which_nobody_drove_stands_in_the_way():
     report = played(*everybody()[:-1])
-    assert [problem for problem in report.problems if KEYS[-1] in problem and "none was completed" in problem]
+    assert [
+        problem
+        for problem in report.problems
+        if KEYS[-1] in problem and "none was completed" in problem
+    ]
 
 
 def test_a_time_limit_that_leaves_people_no_time_is_told_with_one_that_does():
@@ -74,19 +91,31 @@ def test_a_bot_that_got_no_code_is_a_problem():
 
 def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
     bots = everybody()
-    records = {one.legs[0].session: Record(KEYS[one.number], "completed", mismatches=("assist",) if one.number == 0 else ()) for one in bots}
-    assert judge(STUDY, bots, Findings(records)).problems == [f"Condition {KEYS[0]}: in force was something else than assigned: assist."]
+    records = {
+        one.legs[0].session: Record(
+            KEYS[one.number], "completed", mismatches=("assist",) if one.number == 0 else ()
+        )
+        for one in bots
+    }
+    assert judge(STUDY, bots, Findings(records)).problems == [
+        f"Condition {KEYS[0]}: in force was something else than assigned: assist."
+    ]
 
 
 def test_columns_that_stay_empty_and_what_was_not_drawn_are_told_apart():
-    report = played(*everybody(), empty_columns=("ict.use",), not_drawn=("figure_7, because of an error",))
+    report = played(
+        *everybody(), empty_columns=("ict.use",), not_drawn=("figure_7, because of an error",)
+    )
     assert "No bot gave a value for ict.use." in report.notes
     assert report.problems == ["Not drawn: figure_7, because of an error."]
 
 
 def test_practice_counts_as_no_drive_of_the_condition():
     bots = everybody()
-    records = {one.legs[0].session: Record(KEYS[one.number], "completed", practice=one.number == 0) for one in bots}
+    records = {
+        one.legs[0].session: Record(KEYS[one.number], "completed", practice=one.number == 0)
+        for one in bots
+    }
     assert judge(STUDY, bots, Findings(records)).conditions[0].drives == 0
 
 
@@ -101,4 +130,11 @@ def test_nobody_at_all_is_no_rehearsal():
 
 
 def test_a_drive_whose_record_gives_something_else_than_is_stored_stands_in_the_way():
-    assert played(*everybody(), discrepancies=("Session s1: told again it is cancelled, stored is completed.",)).problems[-1].startswith("Session s1")
+    assert (
+        played(
+            *everybody(),
+            discrepancies=("Session s1: told again it is cancelled, stored is completed.",),
+        )
+        .problems[-1]
+        .startswith("Session s1")
+    )

@@ -44,13 +44,23 @@ def test_the_digest_changes_with_any_field_and_with_no_other_spelling():
     study = small_study()
     assert digest(study) == digest(parse(to_json(study).replace(b"\n", b"\n\n")))
     written_out = {"speed": {}, "assist": "off", "network": {"control": None}, "doors_closed": []}
-    assert digest(study) == digest(small_study(**changed("conditions", 0, **written_out), allocation={"design": "between"}, intro={}))
-    others = [small_study(**changed("conditions", 0, assist="slow")), small_study(version=2), small_study(quality={"longest_gap": 3.0})]
+    assert digest(study) == digest(
+        small_study(
+            **changed("conditions", 0, **written_out), allocation={"design": "between"}, intro={}
+        )
+    )
+    others = [
+        small_study(**changed("conditions", 0, assist="slow")),
+        small_study(version=2),
+        small_study(quality={"longest_gap": 3.0}),
+    ]
     assert len({digest(study), *map(digest, others)}) == 4
 
 
 def test_the_shipped_studies_can_be_run_in_the_office():
-    questionnaires = frozenset((d.slug, d.version) for d in shipped_questionnaires().values() if not d.template)
+    questionnaires = frozenset(
+        (d.slug, d.version) for d in shipped_questionnaires().values() if not d.template
+    )
     robots = {name: RobotFacts(ALL, model.limits.linear) for name, model in MODELS.items()}
     sites = {"office": load_plan("office")[0]}
     assert set(shipped()) == {"exploration", "assistance"}
@@ -73,8 +83,13 @@ def test_the_papers_study_has_no_assistance_and_no_autonomy_and_asks_giraffs_dri
     study = shipped()["exploration"]
     assert {condition.assist for condition in study.conditions} == {"off"}
     assert {action for condition in study.conditions for action in condition.actions} == {"tilt"}
-    assert {condition.access for condition in study.conditions if condition.robot == "rhodon"} == {"invitation"}
-    assert [(course.robot, course.photo is not None) for course in study.courses] == [("giraff", True), ("rhodon", False)]
+    assert {condition.access for condition in study.conditions if condition.robot == "rhodon"} == {
+        "invitation"
+    }
+    assert [(course.robot, course.photo is not None) for course in study.courses] == [
+        ("giraff", True),
+        ("rhodon", False),
+    ]
     assert study.task.minutes == 15.0
     assert study.analysis.interval == "normal"
 
@@ -82,33 +97,88 @@ def test_the_papers_study_has_no_assistance_and_no_autonomy_and_asks_giraffs_dri
 def test_the_second_study_has_everybody_drive_with_and_without_assistance():
     study = shipped()["assistance"]
     assert study.allocation.design == "within"
-    assert {condition.key: condition.assist for condition in study.conditions} == {"alone": "off", "assisted": "steer"}
+    assert {condition.key: condition.assist for condition in study.conditions} == {
+        "alone": "off",
+        "assisted": "steer",
+    }
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
         ({"courses": [{**STUDY["courses"][0], "checkpoints": []}]}, "there is no checkpoint"),
-        ({"courses": [{**STUDY["courses"][0], "checkpoints": STUDY["courses"][0]["checkpoints"][:1]}]}, "no checkpoint beside"),
+        (
+            {
+                "courses": [
+                    {**STUDY["courses"][0], "checkpoints": STUDY["courses"][0]["checkpoints"][:1]}
+                ]
+            },
+            "no checkpoint beside",
+        ),
         ({"courses": []}, "there is no course for giraff at cabin"),
         ({"courses": STUDY["courses"] * 2}, "course of giraff at cabin stands 2 times"),
-        (changed("courses", 0, checkpoints=STUDY["courses"][0]["checkpoints"][::-1]), "numbered [2, 1, 0]"),
-        (changed("courses", 0, photo={"checkpoint": 7, "mirror": "mirror"}), "checkpoint 7, which is not there"),
+        (
+            changed("courses", 0, checkpoints=STUDY["courses"][0]["checkpoints"][::-1]),
+            "numbered [2, 1, 0]",
+        ),
+        (
+            changed("courses", 0, photo={"checkpoint": 7, "mirror": "mirror"}),
+            "checkpoint 7, which is not there",
+        ),
         (changed("courses", 0, site="elsewhere"), "no condition uses it"),
         (changed("conditions", 1, key="all_open"), "condition all_open stands 2 times"),
         (changed("conditions", 0, controllers=[]), "nobody could drive"),
-        (changed("conditions", 0, speed={"linear": 0.01}), "takes longer than the task's 5 minutes"),
-        (changed("conditions", 0, network={"control": {"delay": 0.1, "jitter": 0.2}}), "towards the robot, the jitter is greater than the delay"),
-        (changed("conditions", 0, network={"video": {"loss": 0.6}}), "back from the camera, more than 50% of the packets would be lost"),
-        (changed("conditions", 0, network={"control": {"bitrate": 9000}}), "towards the robot, the bit rate is below 50 kbit/s"),
-        (changed("conditions", 0, network={"video": {"bitrate": 100_000}}), "back from the camera, the bit rate is below 150 kbit/s"),
+        (
+            changed("conditions", 0, speed={"linear": 0.01}),
+            "takes longer than the task's 5 minutes",
+        ),
+        (
+            changed("conditions", 0, network={"control": {"delay": 0.1, "jitter": 0.2}}),
+            "towards the robot, the jitter is greater than the delay",
+        ),
+        (
+            changed("conditions", 0, network={"video": {"loss": 0.6}}),
+            "back from the camera, more than 50% of the packets would be lost",
+        ),
+        (
+            changed("conditions", 0, network={"control": {"bitrate": 9000}}),
+            "towards the robot, the bit rate is below 50 kbit/s",
+        ),
+        (
+            changed("conditions", 0, network={"video": {"bitrate": 100_000}}),
+            "back from the camera, the bit rate is below 150 kbit/s",
+        ),
         ({"conditions": []}, "There is no condition"),
         ({"steps": STUDY["steps"][1:]}, "There are 0 task steps"),
         ({"steps": [STUDY["steps"][0], *STUDY["steps"]]}, "There are 2 task steps"),
         ({"steps": STUDY["steps"][:1]}, "statements of the analysis, experience, are not among"),
-        ({"steps": [*STUDY["steps"], {"kind": "consent", "key": "c", "title": {"en": "C"}, "text": {"en": "yes?"}}]}, "not the first step"),
-        ({"steps": [{"kind": "debrief", "key": "d", "title": {"en": "D"}, "text": {"en": "bye"}}, *STUDY["steps"]]}, "not the last step"),
-        ({"steps": [*STUDY["steps"], {"kind": "instructions", "key": "i", "title": {"en": "I"}, "leaves": []}]}, "nothing to read"),
+        (
+            {
+                "steps": [
+                    *STUDY["steps"],
+                    {"kind": "consent", "key": "c", "title": {"en": "C"}, "text": {"en": "yes?"}},
+                ]
+            },
+            "not the first step",
+        ),
+        (
+            {
+                "steps": [
+                    {"kind": "debrief", "key": "d", "title": {"en": "D"}, "text": {"en": "bye"}},
+                    *STUDY["steps"],
+                ]
+            },
+            "not the last step",
+        ),
+        (
+            {
+                "steps": [
+                    *STUDY["steps"],
+                    {"kind": "instructions", "key": "i", "title": {"en": "I"}, "leaves": []},
+                ]
+            },
+            "nothing to read",
+        ),
         ({"allocation": {"design": "within"}}, "the task is not repeated"),
         ({"refill": {"outcomes": ["robot_fault"]}}, "needs both outcomes and a number"),
         ({"refill": {"outcomes": ["completed"], "most": 1}}, "may not refill"),
@@ -127,7 +197,9 @@ def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(
 def test_five_conditions_are_too_many_for_one_participant():
     conditions = [{**STUDY["conditions"][0], "key": f"c{n}"} for n in range(5)]
     steps = [{**STUDY["steps"][0], "repeat": True}, STUDY["steps"][1]]
-    found = list(problems(small_study(conditions=conditions, steps=steps, allocation={"design": "within"})))
+    found = list(
+        problems(small_study(conditions=conditions, steps=steps, allocation={"design": "within"}))
+    )
     assert found == ["5 conditions within one participant; at most 4 can be ordered."]
 
 
@@ -140,9 +212,22 @@ def test_five_conditions_are_too_many_for_one_participant():
         (b"{}", "missing required field"),
         (json.dumps({**STUDY, "stepz": []}).encode(), "unknown field `stepz`"),
         (json.dumps({**STUDY, "format": 2}).encode(), "$.format"),
-        (json.dumps({**STUDY, **changed("conditions", 0, assist="much")}).encode(), "$.conditions[0].assist"),
-        (json.dumps({**STUDY, **changed("conditions", 0, network={"control": {"dealy": 1}})}).encode(), "unknown field `dealy`"),
-        (json.dumps({**STUDY, **changed("conditions", 0, network={"control": {"loss": 2}})}).encode(), "network.control.loss"),
+        (
+            json.dumps({**STUDY, **changed("conditions", 0, assist="much")}).encode(),
+            "$.conditions[0].assist",
+        ),
+        (
+            json.dumps(
+                {**STUDY, **changed("conditions", 0, network={"control": {"dealy": 1}})}
+            ).encode(),
+            "unknown field `dealy`",
+        ),
+        (
+            json.dumps(
+                {**STUDY, **changed("conditions", 0, network={"control": {"loss": 2}})}
+            ).encode(),
+            "network.control.loss",
+        ),
         (json.dumps({**STUDY, **changed("steps", 0, minutes=-1)}).encode(), "$.steps[0].minutes"),
         (b" " * (MAX_BYTES + 1), "larger than 1024 kB"),
     ],
@@ -162,7 +247,10 @@ def plan_with(**changes) -> FloorPlan:
     [
         (changed("courses", 0, dock="nowhere"), "no charging station nowhere"),
         (changed("courses", 0, doors=["gate"]), "there is no door gate"),
-        (changed("courses", 0, photo={"checkpoint": 2, "mirror": "pond"}), "there is no mirror pond"),
+        (
+            changed("courses", 0, photo={"checkpoint": 2, "mirror": "pond"}),
+            "there is no mirror pond",
+        ),
         (changed("conditions", 1, doors_closed=["gate"]), "there is no door gate to close"),
         (changed("conditions", 1, interface="fancy"), "no interface profile fancy"),
         (changed("steps", 1, questionnaire="sus"), "no usable questionnaire sus, version 1"),
@@ -175,21 +263,35 @@ def test_a_study_about_things_that_are_not_there_is_impossible(changes, said):
 def test_two_charging_stations_for_one_robot_are_one_too_many_until_the_course_names_its_own():
     second = {**PLAN["docks"][0], "name": "second", "y": 3.2}
     plan = plan_with(docks=[*PLAN["docks"], second])
-    assert any("there are 2 charging stations for giraff" in problem for problem in here(small_study(), plan=plan))
+    assert any(
+        "there are 2 charging stations for giraff" in problem
+        for problem in here(small_study(), plan=plan)
+    )
     assert not here(small_study(**changed("courses", 0, dock="home")), plan=plan)
 
 
 def test_a_station_of_another_robot_and_a_start_elsewhere_are_told():
     other = plan_with(docks=[{**PLAN["docks"][0], "type": "rhodon"}])
-    assert any("no charging station there is one for giraff" in problem for problem in here(small_study(), plan=other))
+    assert any(
+        "no charging station there is one for giraff" in problem
+        for problem in here(small_study(), plan=other)
+    )
     far = plan_with(docks=[{**PLAN["docks"][0], "y": 3.2}])
-    assert any("checkpoint 0 does not lie at the charging station home" in problem for problem in here(small_study(), plan=far))
+    assert any(
+        "checkpoint 0 does not lie at the charging station home" in problem
+        for problem in here(small_study(), plan=far)
+    )
 
 
 def test_a_checkpoint_behind_the_only_door_cannot_be_reached_when_that_is_closed():
     # With the archway walled up the door is the only way.
-    plan = plan_with(walls=[*PLAN["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}], passages=[])
-    assert here(small_study(), plan=plan) == ["Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."]
+    plan = plan_with(
+        walls=[*PLAN["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}],
+        passages=[],
+    )
+    assert here(small_study(), plan=plan) == [
+        "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."
+    ]
 
 
 def test_a_checkpoint_outside_of_the_rooms_is_told():
@@ -209,7 +311,10 @@ def test_a_robot_that_cannot_do_what_a_condition_allows_is_told():
 
 
 def test_a_robot_too_slow_for_the_time_limit_is_told():
-    assert any("the most of giraff, the course takes longer" in problem for problem in here(small_study(), robot=RobotFacts(ALL, 0.02)))
+    assert any(
+        "the most of giraff, the course takes longer" in problem
+        for problem in here(small_study(), robot=RobotFacts(ALL, 0.02))
+    )
 
 
 def test_a_site_that_is_not_there_is_told_and_does_not_end_the_search():

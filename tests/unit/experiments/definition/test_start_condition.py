@@ -1,4 +1,6 @@
-"""Whether a robot is as a study wants it before a participant gets it: decided on what it last said."""
+"""Whether a robot is as a study wants it before a participant gets it: decided on what it last
+said.
+"""
 
 from dataclasses import replace
 
@@ -39,6 +41,17 @@ def test_what_a_robot_said_is_read_as_it_is_stored():
     found = snapshot(state)
     assert found == RobotSnapshot(docked=True, pose=Pose2D(1.0, 2.0, 0.1), charge=0.4)
     assert found.as_stored() == {"docked": True, "x": 1.0, "y": 2.0, "theta": 0.1, "charge": 0.4}
-    lost = snapshot({"pose": {"x": 1.0, "y": 2.0, "theta": 0.1, "localized": False}, "battery": {"charge": None}})
+    lost = snapshot(
+        {
+            "pose": {"x": 1.0, "y": 2.0, "theta": 0.1, "localized": False},
+            "battery": {"charge": None},
+        }
+    )
     assert lost == RobotSnapshot()
-    assert snapshot({}).as_stored() == {"docked": False, "x": None, "y": None, "theta": None, "charge": None}
+    assert snapshot({}).as_stored() == {
+        "docked": False,
+        "x": None,
+        "y": None,
+        "theta": None,
+        "charge": None,
+    }

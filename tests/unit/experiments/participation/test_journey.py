@@ -10,16 +10,46 @@ from tests.support.studies import STUDY
 
 def study(*steps: str, within: bool = False) -> Study:
     """A study of steps that are written `kind:key`, with `*` where they are repeated."""
-    needs = {"task": {"minutes": 5}, "questionnaire": {"questionnaire": "experience"}, "form": {"questionnaire": "ict"}}
+    needs = {
+        "task": {"minutes": 5},
+        "questionnaire": {"questionnaire": "experience"},
+        "form": {"questionnaire": "ict"},
+    }
     written = []
     for step in steps:
         kind, key = step.removesuffix("*").split(":")
-        more = {"text": {"en": "x"}} if kind in {"consent", "debrief"} else {"leaves": [{"text": {"en": "x"}}]} if kind == "instructions" else {}
-        written.append({"kind": kind, "key": key, "title": {"en": key}, "repeat": step.endswith("*"), **needs.get(kind, {}), **more})
-    return msgspec.convert({**STUDY, "steps": written, "allocation": {"design": "within" if within else "between"}}, Study)
+        more = (
+            {"text": {"en": "x"}}
+            if kind in {"consent", "debrief"}
+            else {"leaves": [{"text": {"en": "x"}}]}
+            if kind == "instructions"
+            else {}
+        )
+        written.append(
+            {
+                "kind": kind,
+                "key": key,
+                "title": {"en": key},
+                "repeat": step.endswith("*"),
+                **needs.get(kind, {}),
+                **more,
+            }
+        )
+    return msgspec.convert(
+        {**STUDY, "steps": written, "allocation": {"design": "within" if within else "between"}},
+        Study,
+    )
 
 
-TWICE = study("consent:consent", "form:you", "instructions:read*", "task:task*", "questionnaire:after*", "debrief:thanks", within=True)
+TWICE = study(
+    "consent:consent",
+    "form:you",
+    "instructions:read*",
+    "task:task*",
+    "questionnaire:after*",
+    "debrief:thanks",
+    within=True,
+)
 
 
 def words(way) -> str:
@@ -27,7 +57,10 @@ def words(way) -> str:
 
 
 def test_repeated_steps_are_gone_through_once_for_each_condition():
-    assert words(journey.route(TWICE, 2, 1)) == "1.0.consent 1.0.you 1.0.read 1.0.task 1.0.after 1.1.read 1.1.task 1.1.after 1.1.thanks"
+    assert (
+        words(journey.route(TWICE, 2, 1))
+        == "1.0.consent 1.0.you 1.0.read 1.0.task 1.0.after 1.1.read 1.1.task 1.1.after 1.1.thanks"
+    )
 
 
 def test_a_study_without_repeats_has_one_round_whatever_is_asked():

@@ -6,28 +6,73 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.tasks.engine import TaskEngine
-from experiments.tasks.records import Ended, FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Seen, identity, order, seen
+from experiments.tasks.records import (
+    Ended,
+    FirstFrame,
+    PhotoAnswer,
+    PhotoFailed,
+    PhotoTaken,
+    Seen,
+    identity,
+    order,
+    seen,
+)
 from robots.api.messages import Battery, Pose, State, Velocity
-from tests.support.task_drives import BACK, BY_ARCHWAY, BY_DOOR, FIRST, HOME, SECOND, START, THERE, Drive, cues, run, told, track, whole_drive
+from tests.support.task_drives import (
+    BACK,
+    BY_ARCHWAY,
+    BY_DOOR,
+    FIRST,
+    HOME,
+    SECOND,
+    START,
+    THERE,
+    Drive,
+    cues,
+    run,
+    told,
+    track,
+    whole_drive,
+)
 
 
 def test_the_whole_task_is_told_from_states_and_the_first_picture_alone():
     engine = run(whole_drive().records)
     assert told(engine) == [
-        ("task_started", None), ("left_station", 0), ("checkpoint", 1), ("door_passed", "door"), ("checkpoint", 2), ("photo_prompt", 2),
-        ("dock_contact", 1), ("docked", 0), ("task_ended", "completed"),
-    ]  # fmt: skip
+        ("task_started", None),
+        ("left_station", 0),
+        ("checkpoint", 1),
+        ("door_passed", "door"),
+        ("checkpoint", 2),
+        ("photo_prompt", 2),
+        ("dock_contact", 1),
+        ("docked", 0),
+        ("task_ended", "completed"),
+    ]
     result = engine.result
-    assert (result.outcome, result.photo, result.doors, result.doors_missed) == ("completed", "", ("door",), ())
+    assert (result.outcome, result.photo, result.doors, result.doors_missed) == (
+        "completed",
+        "",
+        ("door",),
+        (),
+    )
     assert len(result.checkpoints) == 2
     assert result.started == pytest.approx(START + 0.25)
 
 
 def test_the_visitor_is_led_from_step_to_step():
     assert cues(run(whole_drive().records)) == [
-        "leave_station", "go_to_checkpoint", "go_to_checkpoint", "photo_ready", "photo_turn_right", "photo_move", "return_home", "dock_now",
-        "dock_hold", "completed",
-    ]  # fmt: skip
+        "leave_station",
+        "go_to_checkpoint",
+        "go_to_checkpoint",
+        "photo_ready",
+        "photo_turn_right",
+        "photo_move",
+        "return_home",
+        "dock_now",
+        "dock_hold",
+        "completed",
+    ]
 
 
 def test_docking_ends_the_task_without_the_photo_and_with_a_door_missed():
@@ -74,7 +119,12 @@ def test_a_later_checkpoint_is_told_once_a_visit_and_counts_for_nothing():
 
 
 def test_a_checkpoint_is_not_passed_through_a_wall():
-    near = track(stops=(track().stops[0].__class__(1, 4.5, 2.0, 0.8, track().stops[1].room), track().stops[1]))
+    near = track(
+        stops=(
+            track().stops[0].__class__(1, 4.5, 2.0, 0.8, track().stops[1].room),
+            track().stops[1],
+        )
+    )
     assert run(Drive().go((3.8, 2.0)).records, near).result.checkpoints == ()
     assert len(run(Drive().go(*BY_ARCHWAY, (4.6, 2.0)).records, near).result.checkpoints) == 1
 
@@ -82,7 +132,10 @@ def test_a_checkpoint_is_not_passed_through_a_wall():
 def test_a_checkpoint_between_two_states_is_passed():
     drive = Drive()
     drive.speed = 1.9
-    engine = run(drive.go((3.5, 1.3)).records, track(stops=(track().stops[0].__class__(1, 2.0, 1.66, 0.1), track().stops[1])))
+    engine = run(
+        drive.go((3.5, 1.3)).records,
+        track(stops=(track().stops[0].__class__(1, 2.0, 1.66, 0.1), track().stops[1])),
+    )
     assert len(engine.result.checkpoints) == 1
 
 
@@ -95,7 +148,9 @@ def test_a_robot_that_is_put_elsewhere_has_passed_no_door_on_the_way():
 def test_a_robot_that_turns_round_in_the_doorway_has_not_passed_the_door():
     engine = run(Drive().go(BY_DOOR[0], (4.2, 0.9), BY_DOOR[0]).records)
     assert ("door_passed", "door") not in told(engine)
-    trembling = Drive().go(BY_DOOR[0], (4.05, 0.9), (4.15, 0.9), (4.05, 0.9), (4.15, 0.9), BY_DOOR[1])
+    trembling = Drive().go(
+        BY_DOOR[0], (4.05, 0.9), (4.15, 0.9), (4.05, 0.9), (4.15, 0.9), BY_DOOR[1]
+    )
     assert told(run(trembling.records)).count(("door_passed", "door")) == 1
 
 
@@ -109,7 +164,7 @@ def test_a_place_of_which_the_robot_is_not_sure_passes_nothing():
     assert engine.cue.key == "lost"
 
 
-# --- the photo ---------------------------------------------------------------------------------------------------------
+# --- the photo ------------------------------------------------------------------------------------
 
 
 def at_the_mirror() -> Drive:
@@ -162,7 +217,9 @@ def test_again_asks_for_another_photo_and_skip_ends_the_asking():
 
 def test_nothing_can_be_kept_before_a_photo_was_taken_nor_skipped_before_it_was_asked_for():
     drive = Drive()
-    drive.say(PhotoAnswer(drive.at, "early", "skip")).go(*THERE).say(PhotoAnswer(drive.at, "keep", "keep")).see()
+    drive.say(PhotoAnswer(drive.at, "early", "skip")).go(*THERE).say(
+        PhotoAnswer(drive.at, "keep", "keep")
+    ).see()
     engine = run(drive.records)
     assert engine.result.photo == ""
     assert not any(event.type in {"photo_kept", "photo_skipped"} for event in engine.events)
@@ -190,7 +247,7 @@ def test_a_course_without_a_mirror_asks_for_no_photo():
     assert not any(event.type == "photo_prompt" for event in engine.events)
 
 
-# --- time and ends -----------------------------------------------------------------------------------------------------
+# --- time and ends --------------------------------------------------------------------------------
 
 
 def test_the_time_counts_from_the_first_picture_and_a_page_that_is_loaded_again_does_not_begin_anew():
@@ -223,7 +280,10 @@ def test_what_comes_after_the_limit_is_too_late():
     assert engine.result.ended == pytest.approx(START + 300.25)
 
 
-@pytest.mark.parametrize("outcome", ["connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost"])
+@pytest.mark.parametrize(
+    "outcome",
+    ["connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost"],
+)
 def test_an_end_from_outside_is_the_tasks_outcome_and_nothing_after_it_counts(outcome):
     drive = Drive().go(FIRST)
     drive.say(Ended(drive.at, "end", outcome)).go(*THERE[1:], *BACK).dock()
@@ -244,14 +304,18 @@ def test_an_engine_that_was_fed_with_nothing_waits():
     assert (engine.events, engine.result.outcome, engine.cue.key) == ((), None, "wait_for_picture")
 
 
-# --- the same in any order ---------------------------------------------------------------------------------------------
+# --- the same in any order ------------------------------------------------------------------------
 
 
 def busy_drive() -> Drive:
     """A drive in which about everything happens."""
     drive = Drive().go(*BY_ARCHWAY, SECOND, *BACK).dock().go(*THERE).turn(-1.0)
-    drive.say(PhotoTaken(drive.at, "one")).see().say(PhotoAnswer(drive.at, "again", "again")).turn(0.1)
-    drive.say(PhotoTaken(drive.at, "two")).see().say(PhotoAnswer(drive.at, "keep", "keep")).see(localized=False)
+    drive.say(PhotoTaken(drive.at, "one")).see().say(PhotoAnswer(drive.at, "again", "again")).turn(
+        0.1
+    )
+    drive.say(PhotoTaken(drive.at, "two")).see().say(PhotoAnswer(drive.at, "keep", "keep")).see(
+        localized=False
+    )
     return drive.go(*BACK).dock()
 
 
@@ -261,13 +325,22 @@ EXPECTED = run(BUSY)
 
 def test_the_busy_drive_is_as_busy_as_it_should_be():
     types = {event for event, _ in told(EXPECTED)}
-    assert types >= {"out_of_order", "docked_early", "photo_again", "photo_kept", "door_passed", "task_ended"}
+    assert types >= {
+        "out_of_order",
+        "docked_early",
+        "photo_again",
+        "photo_kept",
+        "door_passed",
+        "task_ended",
+    }
     assert EXPECTED.result.outcome == "completed"
 
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), copies=st.integers(0, 200), held_back=st.integers(0, 120))
-def test_records_that_come_twice_late_and_out_of_order_give_the_same_events_and_outcome(seed, copies, held_back):
+def test_records_that_come_twice_late_and_out_of_order_give_the_same_events_and_outcome(
+    seed, copies, held_back
+):
     rng = random.Random(seed)
     arriving = list(BUSY) + rng.choices(BUSY, k=copies)
     late = rng.randrange(len(arriving))
@@ -294,9 +367,18 @@ def test_records_in_any_order_at_all_give_the_same_events_and_outcome(rng):
 @given(data=st.data())
 def test_lost_states_never_bring_a_checkpoint_forward_nor_undo_the_order(data):
     kept = data.draw(st.lists(st.booleans(), min_size=len(BUSY), max_size=len(BUSY)))
-    engine = run([record for record, keep in zip(BUSY, kept, strict=True) if keep or not isinstance(record, Seen)])
+    engine = run(
+        [
+            record
+            for record, keep in zip(BUSY, kept, strict=True)
+            if keep or not isinstance(record, Seen)
+        ]
+    )
     assert list(engine.result.checkpoints) == sorted(engine.result.checkpoints)
-    assert all(late >= early for late, early in zip(engine.result.checkpoints, EXPECTED.result.checkpoints, strict=False))
+    assert all(
+        late >= early
+        for late, early in zip(engine.result.checkpoints, EXPECTED.result.checkpoints, strict=False)
+    )
     stamps = [event.at for event in engine.events]
     assert stamps == sorted(stamps)
 
@@ -312,7 +394,11 @@ def test_every_drive_ends_at_most_once_and_never_after_its_limit(data):
         if data.draw(st.booleans()):
             drive.dock()
         if data.draw(st.booleans()):
-            drive.say(PhotoAnswer(drive.at, str(drive.seq), data.draw(st.sampled_from(["keep", "again", "skip"]))))
+            drive.say(
+                PhotoAnswer(
+                    drive.at, str(drive.seq), data.draw(st.sampled_from(["keep", "again", "skip"]))
+                )
+            )
     engine = run(drive.records, until=START + 1e4)
     assert [event.type for event in engine.events].count("task_ended") == 1
     assert engine.result.ended <= engine.result.started + engine.track.limit
@@ -345,10 +431,17 @@ def test_of_two_copies_with_different_times_the_earlier_counts_whichever_came_fi
 
 def test_a_state_is_put_on_the_servers_clock():
     state = State(
-        stamp=105.5, boot="b", seq=3, pose=Pose(x=1.0, y=2.0, theta=0.5, localized=False), velocity=Velocity(linear=0.0, angular=0.0),
-        battery=Battery(charge=1.0), docked=True,
-    )  # fmt: skip
-    assert seen(state, 5.0) == Seen(100.5, "b", 3, 1.0, 2.0, 0.5, localized=False, docked=True, contact=True)
+        stamp=105.5,
+        boot="b",
+        seq=3,
+        pose=Pose(x=1.0, y=2.0, theta=0.5, localized=False),
+        velocity=Velocity(linear=0.0, angular=0.0),
+        battery=Battery(charge=1.0),
+        docked=True,
+    )
+    assert seen(state, 5.0) == Seen(
+        100.5, "b", 3, 1.0, 2.0, 0.5, localized=False, docked=True, contact=True
+    )
     assert identity(seen(state, 5.0)) == identity(seen(state, 4.0))
 
 

@@ -30,14 +30,25 @@ def guide(study=None, *keys, language="en", **changes):
 
 def participant(step="task", **changes):
     study = small_study(**changes)
-    row = StudyRow(slug=study.slug, version=1, title="Cabin", definition=msgspec.to_builtins(study), sha256=schema.digest(study), created_at=NOW)
-    return Participant(study=row, user=User(username="ana"), slot="s", step=step, created_at=NOW, seen_at=NOW)
+    row = StudyRow(
+        slug=study.slug,
+        version=1,
+        title="Cabin",
+        definition=msgspec.to_builtins(study),
+        sha256=schema.digest(study),
+        created_at=NOW,
+    )
+    return Participant(
+        study=row, user=User(username="ana"), slot="s", step=step, created_at=NOW, seen_at=NOW
+    )
 
 
 def test_the_page_is_told_the_course_with_the_docks_own_place_and_where_the_study_goes_on():
     told = guide()
     assert told["kind"] == "task"
-    assert [(stop["number"], stop["x"], stop["y"], stop["radius"]) for stop in told["checkpoints"]] == [
+    assert [
+        (stop["number"], stop["x"], stop["y"], stop["radius"]) for stop in told["checkpoints"]
+    ] == [
         (0, 0.5, 2, 0.6),
         (1, 3, 1, 0.6),
         (2, 7, 2, 0.6),
@@ -52,13 +63,27 @@ def test_the_page_is_told_the_course_with_the_docks_own_place_and_where_the_stud
 def test_all_of_it_can_be_written_into_the_page():
     for study in shipped().values():
         for condition in study.conditions:
-            told = page.guide(study, study.task, [condition], load_plan(condition.site)[0], language="es", step_url=STEP)
+            told = page.guide(
+                study,
+                study.task,
+                [condition],
+                load_plan(condition.site)[0],
+                language="es",
+                step_url=STEP,
+            )
             assert json.loads(json.dumps(told, cls=DjangoJSONEncoder))["controllers"]
 
 
 def test_texts_are_in_the_participants_language():
     study = shipped()["exploration"]
-    told = page.guide(study, study.task, [study.condition("giraff_open")], load_plan("office")[0], language="es", step_url=STEP)
+    told = page.guide(
+        study,
+        study.task,
+        [study.condition("giraff_open")],
+        load_plan("office")[0],
+        language="es",
+        step_url=STEP,
+    )
     assert told["title"] == "Exploración"
     assert told["checkpoints"][4]["title"] == "Delante del espejo"
     assert [zone["title"] for zone in told["zones"]] == ["Pasillo", "Laboratorio", "Sala de estar"]
@@ -66,14 +91,22 @@ def test_texts_are_in_the_participants_language():
 
 def test_a_condition_says_what_may_be_used_and_stopping_or_taking_a_photo_is_never_kept_from_anybody():
     told = guide()
-    assert (told["controllers"], told["ownActions"], told["assist"], told["interface"]) == (["keyboard"], [], "off", "standard")
+    assert (told["controllers"], told["ownActions"], told["assist"], told["interface"]) == (
+        ["keyboard"],
+        [],
+        "off",
+        "standard",
+    )
     assert {"stop", "estop", "photo", "relocalize"} <= set(told["actions"])
     assert not {"goto", "dock", "undock"} & set(told["actions"])
 
 
 def test_before_the_assignment_the_page_offers_what_any_condition_allows_and_fixes_what_all_have_alike():
     first, second = STUDY["conditions"]
-    conditions = [{**first, "actions": ["places"]}, {**second, "controllers": ["stick"], "assist": "slow"}]
+    conditions = [
+        {**first, "actions": ["places"]},
+        {**second, "controllers": ["stick"], "assist": "slow"},
+    ]
     told = guide(None, "all_open", "shut", conditions=conditions)
     assert told["controllers"] == ["keyboard", "stick"]
     assert told["ownActions"] == ["places"]
@@ -84,15 +117,30 @@ def test_before_the_assignment_the_page_offers_what_any_condition_allows_and_fix
 
 def test_a_practice_drive_has_no_checkpoints_and_no_photo():
     study = small_study()
-    told = page.guide(study, Practice(key="try", title={"en": "Try it"}), [study.conditions[0]], cabin(), language="en", step_url=STEP)
-    assert (told["kind"], told["minutes"], told["checkpoints"], told["photo"], told["dock"]) == ("practice", 3.0, [], None, None)
+    told = page.guide(
+        study,
+        Practice(key="try", title={"en": "Try it"}),
+        [study.conditions[0]],
+        cabin(),
+        language="en",
+        step_url=STEP,
+    )
+    assert (told["kind"], told["minutes"], told["checkpoints"], told["photo"], told["dock"]) == (
+        "practice",
+        3.0,
+        [],
+        None,
+        None,
+    )
 
 
 def test_a_drive_gives_its_own_condition():
     drive = Drive(condition="shut")
     told = page.config(participant(), drive, cabin(), step_url=STEP)
     assert told["title"] == "Task"
-    assert told == page.config(participant(), small_study().condition("shut"), cabin(), step_url=STEP)
+    assert told == page.config(
+        participant(), small_study().condition("shut"), cabin(), step_url=STEP
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""What an adapter raises, where it hangs and what nonsense it returns is its own fault: the robot brakes, the reason is told, and it drives again."""
+"""What an adapter raises, where it hangs and what nonsense it returns is its own fault: the robot
+brakes, the reason is told, and it drives again.
+"""
 
 import asyncio
 import contextlib
@@ -50,7 +52,9 @@ class FaultyRobot(NavigatingRobot):
         async for reading in super().states():
             await self._maybe("states")
             if self.faulty == "states" and self.fault == "returns nonsense":
-                yield reading.__class__(**{**vars(reading), "velocity": m.Velocity(linear=math.nan, angular=0.0)})
+                yield reading.__class__(
+                    **{**vars(reading), "velocity": m.Velocity(linear=math.nan, angular=0.0)}
+                )
             else:
                 yield reading
 
@@ -78,13 +82,20 @@ def drives_again(rig):
 
 @pytest.mark.parametrize(
     ("call", "fault"),
-    [("apply", "raises"), ("apply", "returns nonsense"), ("states", "raises"), ("states", "hangs"), ("states", "returns nonsense")],
+    [
+        ("apply", "raises"),
+        ("apply", "returns nonsense"),
+        ("states", "raises"),
+        ("states", "hangs"),
+        ("states", "returns nonsense"),
+    ],
 )
 def test_a_fault_while_driving_stops_the_robot_is_named_and_passes(rig, call, fault):
     rig.drive(0.5)
     rig.robot.faulty, rig.robot.fault = call, fault
     begun = rig.now()
-    # A silent or nonsensical robot is lost after two seconds; until then its driver stays in command.
+    # A silent or nonsensical robot is lost after two seconds; until then its driver stays in
+    # command.
     with contextlib.suppress(AssertionError):
         rig.drive(0.5, until=lambda: rig.kernel.fault is not None, within=4.0)
     assert rig.kernel.fault == "adapter_lost"
@@ -131,7 +142,12 @@ def test_a_connection_that_raises_or_hangs_is_tried_again(rig, fault):
     rig.robot.lost = "the cable is out"
     rig.wait(lambda: rig.kernel.fault is not None)
     rig.robot.lost = ""
-    (why,) = rig.link.wait("state", lambda s: any("cable" not in error for error in s.errors), since=rig.link.count, within=60.0).errors
+    (why,) = rig.link.wait(
+        "state",
+        lambda s: any("cable" not in error for error in s.errors),
+        since=rig.link.count,
+        within=60.0,
+    ).errors
     assert (REASONS["raises"] if fault == "raises" else "no answer within 30 s") in why
     drives_again(rig)
 
@@ -162,7 +178,9 @@ def test_a_cancel_that_raises_is_named_and_tried_again(rig):
 
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
-def test_a_message_that_cannot_be_dealt_with_stops_the_robot_on_either_way_and_the_next_is_heard(rig, way, monkeypatch):
+def test_a_message_that_cannot_be_dealt_with_stops_the_robot_on_either_way_and_the_next_is_heard(
+    rig, way, monkeypatch
+):
     rig.drive(0.5)
     with monkeypatch.context() as broken:
         broken.setattr(rig.kernel, "permit", lambda *_, **__: 1 / 0)
@@ -183,10 +201,14 @@ class SensingRobot(NavigatingRobot):
             yield dataclasses.replace(reading, **self.nonsense)
 
 
-SENSING = dataclasses.replace(PROFILE, laser=m.Laser(x=0.0), sonars=(Sonar(0.2, 0.0, 0.0),), bumper=True)
+SENSING = dataclasses.replace(
+    PROFILE, laser=m.Laser(x=0.0), sonars=(Sonar(0.2, 0.0, 0.0),), bumper=True
+)
 NONSENSE = {
     "beams that all go one way": {
-        "scan": m.Scan(stamp=1.0, angle_min=0.0, angle_increment=0.0, range_max=8.0, ranges=(1.0, 2.0)),
+        "scan": m.Scan(
+            stamp=1.0, angle_min=0.0, angle_increment=0.0, range_max=8.0, ranges=(1.0, 2.0)
+        ),
     },
     "an echo without a time": {"sonar": (SonarEcho(0, None, 1.0),)},
     "an echo of letters": {"sonar": (SonarEcho(0, 1.0, "x"),)},

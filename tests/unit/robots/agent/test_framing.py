@@ -18,7 +18,9 @@ NOTES = msgspec.msgpack.Decoder(Note)
 
 
 @given(st.lists(st.text(max_size=30), max_size=6), st.integers(1, 9))
-def test_messages_arrive_whole_and_in_order_however_the_stream_is_cut(texts: list[str], piece: int) -> None:
+def test_messages_arrive_whole_and_in_order_however_the_stream_is_cut(
+    texts: list[str], piece: int
+) -> None:
     stream = b"".join(framing.pack(Note(text)) for text in texts)
     buffer, got = bytearray(), []
     for start in range(0, len(stream), piece):
@@ -62,7 +64,11 @@ async def test_messages_that_come_in_pieces_or_together_are_yielded_one_by_one()
     reader.feed_data(stream[:5])
     reader.feed_eof()
     heard = framing.bodies(reader)
-    assert [framing.unpack(NOTES, await anext(heard)).text for _ in range(3)] == ["one", "two", "three"]
+    assert [framing.unpack(NOTES, await anext(heard)).text for _ in range(3)] == [
+        "one",
+        "two",
+        "three",
+    ]
     with pytest.raises(asyncio.IncompleteReadError):
         await anext(heard)
 

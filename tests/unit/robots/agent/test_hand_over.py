@@ -1,4 +1,6 @@
-"""Between a driver and an architecture that drives by itself the robot stands, as measured, and a cancel is done when it does."""
+"""Between a driver and an architecture that drives by itself the robot stands, as measured, and a
+cancel is done when it does.
+"""
 
 from itertools import pairwise
 
@@ -67,8 +69,12 @@ def test_a_contact_ends_what_an_architecture_does_by_itself_unless_it_docks(rig,
         assert rig.link.wait("event", lambda e: e.type == "collision")
 
 
-@pytest.mark.parametrize("how", ["cancel", "lease_changed", "no_lease", "heartbeat_lost", "stopped", "manual"])
-def test_however_navigation_ends_zeros_flow_until_the_robot_stands_and_only_then_it_is_cancelled(rig, how):
+@pytest.mark.parametrize(
+    "how", ["cancel", "lease_changed", "no_lease", "heartbeat_lost", "stopped", "manual"]
+)
+def test_however_navigation_ends_zeros_flow_until_the_robot_stands_and_only_then_it_is_cancelled(
+    rig, how
+):
     rig.robot.ignores_cancel = True
     goes(rig)
     begun = rig.now()
@@ -88,9 +94,13 @@ def test_however_navigation_ends_zeros_flow_until_the_robot_stands_and_only_then
     told = told_since(rig, braking)
     assert len(told) > 400, "zeros flow for as long as the robot moves"
     assert told[-300:] == [ZERO] * 300
-    assert not any(a.action_id == "a1" and a.status == "CANCELLED" for a in rig.link.all("action")), "the robot still drives"
+    assert not any(
+        a.action_id == "a1" and a.status == "CANCELLED" for a in rig.link.all("action")
+    ), "the robot still drives"
     assert not any(a.action_id == "c1" and a.status == "FINISHED" for a in rig.link.all("action"))
-    assert any(error.startswith("runs_on") for error in rig.link.wait("state", since=rig.link.count).errors)
+    assert any(
+        error.startswith("runs_on") for error in rig.link.wait("state", since=rig.link.count).errors
+    )
     rig.robot.halt()
     ended = rig.status("a1", "CANCELLED")
     assert ended.reason == ("cancelled" if how == "cancel" else how)
@@ -116,21 +126,29 @@ def test_a_driver_who_takes_over_drives_when_the_robot_stands(rig):
     assert rig.status("a1", "CANCELLED").reason == "manual"
     told = told_since(rig, begun)
     first = next(index for index, velocity in enumerate(told) if velocity == ZERO)
-    assert all(earlier.linear >= later.linear for earlier, later in pairwise(told[: first + 1])), "it brakes first"
+    assert all(earlier.linear >= later.linear for earlier, later in pairwise(told[: first + 1])), (
+        "it brakes first"
+    )
     assert rig.robot.told.linear == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("fault", ["hangs", "fails"])
 def test_a_cancel_that_hangs_or_fails_takes_no_zero_from_the_base_and_is_named(rig, fault):
     goes(rig)
-    rig.robot.cancel_hangs, rig.robot.cancel_fails = fault == "hangs", "out of order" if fault == "fails" else ""
+    rig.robot.cancel_hangs, rig.robot.cancel_fails = (
+        fault == "hangs",
+        "out of order" if fault == "fails" else "",
+    )
     stopped = rig.now()
     rig.act(stamped(m.Stop, "stop-1"), way="datachannel", peer="p2")
     rig.sleep(11.0)
     assert rig.kernel.fault is None, "the base can be told what to do all the time"
     moments = [at for at, _ in rig.robot.velocities(stopped)]
     assert max(later - earlier for earlier, later in pairwise(moments)) < 0.05
-    assert any(error.startswith("cancel: ") for error in rig.link.wait("state", since=rig.link.count).errors)
+    assert any(
+        error.startswith("cancel: ")
+        for error in rig.link.wait("state", since=rig.link.count).errors
+    )
     rig.robot.cancel_hangs, rig.robot.cancel_fails = False, ""
     rig.status("a1", "CANCELLED", within=20.0)
     rig.link.wait("state", lambda s: not s.errors, since=rig.link.count)

@@ -11,11 +11,17 @@ BOOT = "not hexadecimal"  # so that no random id can hold it by chance
 
 
 def link(**identity: str) -> MqttLink:
-    return MqttLink(Endpoint.of("mqtt://127.0.0.1:1", **identity), words.factsheet(boot=BOOT), rng=random.Random(1))
+    return MqttLink(
+        Endpoint.of("mqtt://127.0.0.1:1", **identity),
+        words.factsheet(boot=BOOT),
+        rng=random.Random(1),
+    )
 
 
 async def test_a_client_id_is_random_and_tells_nothing_that_others_hear():
-    """With Mosquitto whoever knows it takes the connection over, and the boot is told to every page."""
+    """With Mosquitto whoever knows it takes the connection over, and the boot is told to every
+    page.
+    """
     ids = {client.identifier for client in (link()._client(), link()._client())}
     assert len(ids) == 2
     assert not [name for name in ids if BOOT in name]
@@ -33,8 +39,20 @@ async def test_new_credentials_are_shown_from_the_next_connection_on():
     assert (fresh._username, fresh._password) == (b"giraff.1", b"new")
 
 
-async def test_an_agent_that_got_new_credentials_shows_them_to_the_broker_now_and_after_a_restart(tmp_path):
-    agent = Agent(load({"robot": "giraff", "server": "https://site.example", "adapter": "simulator", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "old"}))
+async def test_an_agent_that_got_new_credentials_shows_them_to_the_broker_now_and_after_a_restart(
+    tmp_path,
+):
+    agent = Agent(
+        load(
+            {
+                "robot": "giraff",
+                "server": "https://site.example",
+                "adapter": "simulator",
+                "var": tmp_path,
+            },
+            {"TELEPRESENCE_TOKEN": "old"},
+        )
+    )
     assert agent._endpoint("mqtt://127.0.0.1:1").username == "giraff"
     agent._link = link(username="giraff", password="old")
     agent._renewed({"robot": "giraff", "user": "giraff.1", "token": "new"})

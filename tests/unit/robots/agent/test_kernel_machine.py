@@ -1,7 +1,9 @@
-"""The safety kernel against a model of the world: whatever happens in whatever order, its promises hold.
+"""The safety kernel against a model of the world: whatever happens in whatever order, its promises
+hold.
 
-A base that does what it was told last, or what its own architecture tells it, is measured and driven; a much simpler account of who may
-do what is kept beside the kernel. `pytest --hypothesis-profile=search` looks for sequences that nobody has tried yet.
+A base that does what it was told last, or what its own architecture tells it, is measured and
+driven; a much simpler account of who may do what is kept beside the kernel. `pytest
+--hypothesis-profile=search` looks for sequences that nobody has tried yet.
 """
 
 import math
@@ -38,7 +40,9 @@ def moves(velocity):
 
 
 class Walls:
-    """A collision monitor of a world in which the test puts things: so fast may the robot go ahead and back, and so much would it be turned."""
+    """A collision monitor of a world in which the test puts things: so fast may the robot go ahead
+    and back, and so much would it be turned.
+    """
 
     def __init__(self):
         self.ahead = self.back = math.inf
@@ -76,18 +80,33 @@ class KernelMachine(RuleBasedStateMachine):
     def now(self):
         return self.bench.now
 
-    @initialize(level=levels, angular=st.sampled_from([0.2, None]), ahead=speeds_allowed, back=speeds_allowed, turn=turns)
+    @initialize(
+        level=levels,
+        angular=st.sampled_from([0.2, None]),
+        ahead=speeds_allowed,
+        back=speeds_allowed,
+        turn=turns,
+    )
     def begins(self, level, angular, ahead, back, turn):
         self.grants(known=True, angular=angular)
         self.is_helped(level)
         self.things_stand_about(ahead, back, turn)
         self.lets_go()
 
-    # --- who drives --------------------------------------------------------------------------------------------------
+    # --- who drives -------------------------------------------------------------------------------
 
-    @rule(known=st.just(True), ttl=st.sampled_from([0.3, 10.0]), linear=st.sampled_from([None, 0.2]), angular=st.sampled_from([None, 0.2]))
+    @rule(
+        known=st.just(True),
+        ttl=st.sampled_from([0.3, 10.0]),
+        linear=st.sampled_from([None, 0.2]),
+        angular=st.sampled_from([None, 0.2]),
+    )
     def grants(self, known, ttl=10.0, linear=None, angular=None):
-        self.epoch, self.renewal, self.caps = self.epoch + 1, 0, m.LeaseLimits(linear=linear, angular=angular)
+        self.epoch, self.renewal, self.caps = (
+            self.epoch + 1,
+            0,
+            m.LeaseLimits(linear=linear, angular=angular),
+        )
         self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, ttl=ttl, limits=self.caps)
         if known:
             self.bench.know_clock()
@@ -98,13 +117,20 @@ class KernelMachine(RuleBasedStateMachine):
     @rule(linear=st.sampled_from([None, 0.1, 0.5]))
     def renews(self, linear):
         self.renewal, self.caps = self.renewal + 1, m.LeaseLimits(linear=linear)
-        self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps)
+        self.bench.lease(
+            session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps
+        )
 
     @rule(linear=st.sampled_from([0.05, 0.15]))
     def lowers(self, linear):
         if self.kernel.leases.live(self.now) is not None:
             self.caps = m.LeaseLimits(linear=min(linear, self.caps.linear or math.inf))
-        self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=m.LeaseLimits(linear=linear))
+        self.bench.lease(
+            session=f"s{self.epoch}",
+            epoch=self.epoch,
+            renewal=self.renewal,
+            limits=m.LeaseLimits(linear=linear),
+        )
 
     @rule(back=st.integers(1, 3), retained=st.booleans())
     def an_old_lease_comes(self, back, retained):
@@ -136,17 +162,29 @@ class KernelMachine(RuleBasedStateMachine):
             self.passes(10)
             self.beats(self.now, way)
 
-    # --- velocities --------------------------------------------------------------------------------------------------
+    # --- velocities -------------------------------------------------------------------------------
 
-    @rule(linear=speeds, angular=speeds, way=ways, late=st.sampled_from([0.0, 0.0, 0.2, 0.4]), times=st.integers(1, 8))
+    @rule(
+        linear=speeds,
+        angular=speeds,
+        way=ways,
+        late=st.sampled_from([0.0, 0.0, 0.2, 0.4]),
+        times=st.integers(1, 8),
+    )
     def drives(self, linear, angular, way, late, times):
         for _ in range(times):
-            command = self.bench.command(linear, angular, age=late, session=f"s{self.epoch}", epoch=self.epoch)
+            command = self.bench.command(
+                linear, angular, age=late, session=f"s{self.epoch}", epoch=self.epoch
+            )
             moving = bool(linear or angular)
-            verdict = self.kernel.velocity(command, Sender(way, "p1"), now=self.now, unix=self.bench.unix)
+            verdict = self.kernel.velocity(
+                command, Sender(way, "p1"), now=self.now, unix=self.bench.unix
+            )
             if moving:
                 self.quiet_since = self.now
-                assert verdict.reason is not None or not self.held, "a key that was held all the time moves the robot"
+                assert verdict.reason is not None or not self.held, (
+                    "a key that was held all the time moves the robot"
+                )
             elif verdict.reason in {None, "navigating", "estop", "fault"}:
                 self.held = False
             if verdict.reason in {None, "navigating", "estop", "fault", "stopped"}:
@@ -161,13 +199,20 @@ class KernelMachine(RuleBasedStateMachine):
     def an_old_copy_comes(self, linear, peer, back):
         if self.taken < back and peer == "p1":
             return
-        command = self.bench.command(linear, session=f"s{self.epoch}", epoch=self.epoch, seq=max(0, self.taken - back))
-        assert self.kernel.velocity(command, Sender("datachannel", peer), now=self.now, unix=self.bench.unix).reason is not None
+        command = self.bench.command(
+            linear, session=f"s{self.epoch}", epoch=self.epoch, seq=max(0, self.taken - back)
+        )
+        assert (
+            self.kernel.velocity(
+                command, Sender("datachannel", peer), now=self.now, unix=self.bench.unix
+            ).reason
+            is not None
+        )
 
     def lets_go(self):
         self.drives(0.0, 0.0, "datachannel", 0.0, 1)
 
-    # --- help --------------------------------------------------------------------------------------------------------
+    # --- help -------------------------------------------------------------------------------------
 
     @rule(level=levels)
     def is_helped(self, level):
@@ -177,15 +222,26 @@ class KernelMachine(RuleBasedStateMachine):
     def things_stand_about(self, ahead, back, turn):
         self.walls.ahead, self.walls.back, self.walls.turn = ahead, back, turn
 
-    # --- stops -------------------------------------------------------------------------------------------------------
+    # --- stops ------------------------------------------------------------------------------------
 
-    @rule(way=ways, peer=st.sampled_from(["p1", "p2"]), role=st.sampled_from(["driver", "observer", "staff"]), number=numbers)
+    @rule(
+        way=ways,
+        peer=st.sampled_from(["p1", "p2"]),
+        role=st.sampled_from(["driver", "observer", "staff"]),
+        number=numbers,
+    )
     def stops(self, way, peer, role, number):
         own = (way == "datachannel" and peer == "p1") or (way == "mqtt" and role == "driver")
         own = own and self.kernel.leases.live(self.now) is not None
         self.bench.seq += 1
         obeyed = self.bench.stop(
-            action_id=f"id-{number}", seq=self.bench.seq, way=way, peer=peer, role=role, session=f"s{self.epoch}", epoch=self.epoch
+            action_id=f"id-{number}",
+            seq=self.bench.seq,
+            way=way,
+            peer=peer,
+            role=role,
+            session=f"s{self.epoch}",
+            epoch=self.epoch,
         )
         assert self.kernel.stop_id == f"id-{number}"
         if obeyed:
@@ -206,7 +262,9 @@ class KernelMachine(RuleBasedStateMachine):
                 self.pressed_at[number] = self.now
             self.navigation_is_over()
         elif not watches:
-            assert self.now - self.pressed_at.get(number, -math.inf) < SAME_STOP, "an e-stop that repeats none was not obeyed"
+            assert self.now - self.pressed_at.get(number, -math.inf) < SAME_STOP, (
+                "an e-stop that repeats none was not obeyed"
+            )
         self.sees(self.bench.outputs[-1][1])
 
     @rule(pressed=st.booleans())
@@ -215,10 +273,16 @@ class KernelMachine(RuleBasedStateMachine):
             self.latched = True
             self.navigation_is_over()
 
-    @rule(role=st.sampled_from(["driver", "observer", "screen", "staff", "owner"]), user=st.sampled_from(["", "ops"]))
+    @rule(
+        role=st.sampled_from(["driver", "observer", "screen", "staff", "owner"]),
+        user=st.sampled_from(["", "ops"]),
+    )
     def somebody_clears(self, role, user):
         latch, pressed = self.kernel.latch, self.kernel.button_pressed
-        if self.bench.ask(m.ClearEStop(action_id="c", stamp=self.bench.unix, role=role, user=user)) is not None:
+        if (
+            self.bench.ask(m.ClearEStop(action_id="c", stamp=self.bench.unix, role=role, user=user))
+            is not None
+        ):
             return
         assert not pressed
         assert role in {"screen", "staff", "owner"}
@@ -234,7 +298,7 @@ class KernelMachine(RuleBasedStateMachine):
             self.held = True
             self.quiet_since = self.beat_at = self.now
 
-    # --- what drives by itself ---------------------------------------------------------------------------------------
+    # --- what drives by itself --------------------------------------------------------------------
 
     @rule(own=st.booleans(), obeys=st.booleans(), server=st.booleans())
     def is_sent_somewhere(self, own, obeys, server):
@@ -269,7 +333,7 @@ class KernelMachine(RuleBasedStateMachine):
         if self.obeys:
             self.goes = False
 
-    # --- faults ------------------------------------------------------------------------------------------------------
+    # --- faults -----------------------------------------------------------------------------------
 
     @rule(broken=st.booleans())
     def its_base_is(self, broken):
@@ -289,10 +353,19 @@ class KernelMachine(RuleBasedStateMachine):
     @rule()
     def its_agent_begins_anew(self):
         lease, latch = self.kernel.leases.newest, self.kernel.latch
-        newest = None if lease is None else Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
+        newest = (
+            None
+            if lease is None
+            else Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
+        )
         level = self.kernel.assist.level
         self.bench.kernel = self.kernel = Kernel(
-            LIMITS, self.bench.watchdog, self.bench.capabilities, latch=latch, newest_lease=newest, monitor=self.walls
+            LIMITS,
+            self.bench.watchdog,
+            self.bench.capabilities,
+            latch=latch,
+            newest_lease=newest,
+            monitor=self.walls,
         )
         self.kernel.assist.level = level
         assert (self.kernel.latch is not None) == self.latched
@@ -302,7 +375,9 @@ class KernelMachine(RuleBasedStateMachine):
         self.told, self.told_at, self.held, self.taken = ZERO, -math.inf, False, -1
         self.pressed_at = {}
         self.renewal += 1
-        self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps)
+        self.bench.lease(
+            session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps
+        )
         self.bench.know_clock()
         self.is_held()
 
@@ -310,7 +385,12 @@ class KernelMachine(RuleBasedStateMachine):
     def the_clock_of_a_page_steps(self, step):
         beat = self.kernel.clocks.beat(self.now, self.bench.unix)
         there = self.bench.unix + DRIVER_CLOCK + step
-        answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer="p1", echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there))
+        answer = m.CommandHeartbeat(
+            n=beat.n,
+            stamp=there,
+            peer="p1",
+            echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there),
+        )
         self.kernel.clocks.heard("p1", "mqtt", answer, now=self.now, unix=self.bench.unix)
 
     @rule(seconds=st.sampled_from([0.05, 0.29, 0.6, 1.05, 3.0]))
@@ -338,14 +418,16 @@ class KernelMachine(RuleBasedStateMachine):
         if self.kernel.leases.live(self.now) is None:
             self.held = False
 
-    # --- what is promised --------------------------------------------------------------------------------------------
+    # --- what is promised -------------------------------------------------------------------------
 
     def sees(self, decision):
         """Judge what the base is told, and pass it on."""
         velocity, running = decision.velocity, self.kernel.navigation
         if velocity is None:
             handed_over = running is not None and running.may_begin and self.bench.wanted is None
-            assert handed_over or not moves(self.base), f"nobody drives, and the robot is left moving: {decision.why}"
+            assert handed_over or not moves(self.base), (
+                f"nobody drives, and the robot is left moving: {decision.why}"
+            )
             if handed_over and not self.goes:
                 assert not moves(self.base), "an architecture begins with a moving robot"
                 self.goes = True
@@ -365,27 +447,52 @@ class KernelMachine(RuleBasedStateMachine):
             if drives:
                 assert abs(new) <= abs(old) + up * MAX_STEP + SLACK
             else:
-                assert abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
+                assert (
+                    abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
+                )
                 assert new * old >= 0.0
         if self.latched or self.faulty or self.held:
             assert not drives
-        if drives and self.caps.linear is not None and self.kernel.leases.live(self.now) is not None:
+        if (
+            drives
+            and self.caps.linear is not None
+            and self.kernel.leases.live(self.now) is not None
+        ):
             braking = LIMITS.linear_braking * TICK
-            assert abs(velocity.linear) <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
-        if drives and self.caps.angular is not None and self.kernel.leases.live(self.now) is not None:
+            assert (
+                abs(velocity.linear)
+                <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
+            )
+        if (
+            drives
+            and self.caps.angular is not None
+            and self.kernel.leases.live(self.now) is not None
+        ):
             braking = LIMITS.angular_braking * TICK
-            assert abs(velocity.angular) <= max(self.caps.angular, abs(before.angular) - braking * 0.5) + SLACK
-        if decision.why == "driving" and self.kernel.assist.level != "off" and self.now > self.told_at and velocity.linear * before.linear >= 0.0:
+            assert (
+                abs(velocity.angular)
+                <= max(self.caps.angular, abs(before.angular) - braking * 0.5) + SLACK
+            )
+        if (
+            decision.why == "driving"
+            and self.kernel.assist.level != "off"
+            and self.now > self.told_at
+            and velocity.linear * before.linear >= 0.0
+        ):
             allowed = self.walls.ahead if velocity.linear > 0.0 else self.walls.back
             braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
-            assert abs(velocity.linear) <= max(allowed, abs(before.linear) - braking * 0.5) + SLACK, "faster towards something than is allowed"
+            assert (
+                abs(velocity.linear) <= max(allowed, abs(before.linear) - braking * 0.5) + SLACK
+            ), "faster towards something than is allowed"
         if drives:
             towards = {"ahead": velocity.linear, "behind": -velocity.linear}
             was = {"ahead": before.linear, "behind": -before.linear}
             braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
             between = CREEP if {"ahead", "behind"} <= set(self.kernel.contacts.sides) else 0.0
             for side in towards.keys() & set(self.kernel.contacts.sides):
-                assert towards[side] <= max(between, was[side] - braking * 0.5) + SLACK, "further towards what was touched"
+                assert towards[side] <= max(between, was[side] - braking * 0.5) + SLACK, (
+                    "further towards what was touched"
+                )
         self.told, self.told_at = velocity, self.now
         self.kernel.applied(velocity)
 
@@ -400,10 +507,14 @@ class KernelMachine(RuleBasedStateMachine):
 
 
 class DrivenMachine(KernelMachine):
-    """The same without what ends a drive for long, so that most of what happens is driving: help, limits, contacts, stops."""
+    """The same without what ends a drive for long, so that most of what happens is driving: help,
+    limits, contacts, stops.
+    """
 
     is_stopped_for_good = a_button = its_base_is = takes_the_lease_back = an_old_lease_comes = None
-    its_agent_begins_anew = nobody_gets_to_anything = the_clock_of_a_page_steps = is_sent_somewhere = wishes = None
+    its_agent_begins_anew = nobody_gets_to_anything = the_clock_of_a_page_steps = (
+        is_sent_somewhere
+    ) = wishes = None
 
     @rule(linear=st.sampled_from([0.7, 0.7, -0.4]), angular=speeds, times=st.integers(4, 12))
     def goes_on(self, linear, angular, times):
@@ -411,6 +522,8 @@ class DrivenMachine(KernelMachine):
 
 
 TestKernelMachine = KernelMachine.TestCase
-TestKernelMachine.settings = settings(max_examples=2000 if SEARCH else 200, stateful_step_count=100 if SEARCH else 50)
+TestKernelMachine.settings = settings(
+    max_examples=2000 if SEARCH else 200, stateful_step_count=100 if SEARCH else 50
+)
 TestDrivenMachine = DrivenMachine.TestCase
 TestDrivenMachine.settings = settings(max_examples=1000 if SEARCH else 100, stateful_step_count=30)

@@ -1,7 +1,8 @@
-"""Whatever arrives, in whatever order: the kernel never raises, never exceeds a limit, never moves without a live lease.
+"""Whatever arrives, in whatever order: the kernel never raises, never exceeds a limit, never moves
+without a live lease.
 
-Programs of random events with random gaps run against the kernel while an independent, much simpler account of what was
-permitted is kept beside it.
+Programs of random events with random gaps run against the kernel while an independent, much simpler
+account of what was permitted is kept beside it.
 """
 
 import math
@@ -22,7 +23,9 @@ SLACK = 1e-9
 
 
 def cases(number):
-    return settings(max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    return settings(
+        max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck)
+    )
 
 
 epochs = st.integers(0, 3)
@@ -44,9 +47,22 @@ leases = st.tuples(
     st.floats(0.1, 12.0),
     st.sampled_from(["required", "none"]),
 )
-velocities = st.tuples(st.just("velocity"), sessions, epochs, peers, ways, st.integers(-3, 3), speeds, speeds, st.floats(-1, 1.5), st.floats(-1, 4))
+velocities = st.tuples(
+    st.just("velocity"),
+    sessions,
+    epochs,
+    peers,
+    ways,
+    st.integers(-3, 3),
+    speeds,
+    speeds,
+    st.floats(-1, 1.5),
+    st.floats(-1, 4),
+)
 good_velocities = st.tuples(st.just("good"), speeds, speeds)
-stops = st.tuples(st.just("stop"), ways, peers, roles, sessions, epochs, st.integers(0, 50), st.integers(0, 9))
+stops = st.tuples(
+    st.just("stop"), ways, peers, roles, sessions, epochs, st.integers(0, 50), st.integers(0, 9)
+)
 estops = st.tuples(st.just("estop"), ways, peers, roles, st.integers(0, 9))
 others = st.one_of(
     st.tuples(st.just("empty")),
@@ -59,14 +75,27 @@ others = st.one_of(
     st.tuples(st.just("grant"), st.sampled_from([0.05, 0.2, 10.0])),
 )
 gaps = st.sampled_from([0.0, 0.001, 0.02, 0.02, 0.02, 0.05, 0.29, 0.31])
-programs = st.lists(st.tuples(gaps, st.one_of(good_velocities, good_velocities, velocities, leases, stops, estops, others)), max_size=30)
+programs = st.lists(
+    st.tuples(
+        gaps, st.one_of(good_velocities, good_velocities, velocities, leases, stops, estops, others)
+    ),
+    max_size=30,
+)
 
 
 class Account:
-    """What must hold, kept without looking into the kernel: time of the last accepted command and of the live lease's end."""
+    """What must hold, kept without looking into the kernel: time of the last accepted command and
+    of the live lease's end.
+    """
 
     def __init__(self, bench):
-        self.bench, self.last, self.last_at, self.accepted_at, self.lease_until = bench, ZERO, -math.inf, -math.inf, -math.inf
+        self.bench, self.last, self.last_at, self.accepted_at, self.lease_until = (
+            bench,
+            ZERO,
+            -math.inf,
+            -math.inf,
+            -math.inf,
+        )
         self.latched = False
 
     def check(self):
@@ -83,24 +112,44 @@ class Account:
             (self.last.angular, velocity.angular, LIMITS.angular_acceleration),
         ):
             grows = abs(after) > abs(before) or before * after < 0
-            assert not grows or abs(after) <= (abs(before) if before * after > 0 else 0.0) + up * min(dt, MAX_STEP) + SLACK
-        permitted = bench.now < self.accepted_at + LIMITS.deadman and bench.now < self.lease_until and not self.latched
+            assert (
+                not grows
+                or abs(after)
+                <= (abs(before) if before * after > 0 else 0.0) + up * min(dt, MAX_STEP) + SLACK
+            )
+        permitted = (
+            bench.now < self.accepted_at + LIMITS.deadman
+            and bench.now < self.lease_until
+            and not self.latched
+        )
         if not permitted:
             assert abs(velocity.linear) <= abs(self.last.linear) + SLACK
             assert abs(velocity.angular) <= abs(self.last.angular) + SLACK
             if dt >= 0.0199 and self.last.linear != 0.0:
-                assert abs(velocity.linear) <= max(0.0, abs(self.last.linear) - LIMITS.linear_braking * min(dt, 0.0199)) + SLACK
+                assert (
+                    abs(velocity.linear)
+                    <= max(0.0, abs(self.last.linear) - LIMITS.linear_braking * min(dt, 0.0199))
+                    + SLACK
+                )
         self.last, self.last_at = velocity, bench.now
 
 
-# --- what may happen: one function an event, with the account of what it permits --------------------------------------
+# --- what may happen: one function an event, with the account of what it permits ------------------
 
 
 def _lease(bench, account, session, epoch, peer, renewal, retained, limit, ttl, video):  # noqa: PLR0917 -- as the event has them
     limits = m.LeaseLimits(linear=limit)
     lease = m.Lease(
-        session=session, epoch=epoch, peer=peer, who="x", renewal=renewal, stamp=bench.unix, ttl=ttl, video=video, limits=limits
-    )  # fmt: skip
+        session=session,
+        epoch=epoch,
+        peer=peer,
+        who="x",
+        renewal=renewal,
+        stamp=bench.unix,
+        ttl=ttl,
+        video=video,
+        limits=limits,
+    )
     if bench.kernel.take_lease(lease, retained=retained, now=bench.now):
         if not retained:
             account.lease_until = bench.now + ttl
@@ -120,7 +169,15 @@ def _empty(bench, account):
 
 
 def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, age, frame_age):  # noqa: PLR0917 -- as above
-    command = bench.command(linear, angular, age=age, frame_age=frame_age, session=session, epoch=epoch, seq=max(0, bench.seq + step))
+    command = bench.command(
+        linear,
+        angular,
+        age=age,
+        frame_age=frame_age,
+        session=session,
+        epoch=epoch,
+        seq=max(0, bench.seq + step),
+    )
     verdict = bench.kernel.velocity(command, Sender(way, peer), now=bench.now, unix=bench.unix)
     assert bench.now < account.lease_until or verdict.reason
     if verdict.reason is None:
@@ -129,7 +186,9 @@ def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, 
 
 def _good(bench, account, linear, angular):
     lease = bench.kernel.leases.live(bench.now)
-    command = bench.command(linear, angular, session=lease.session if lease else "s1", epoch=lease.epoch if lease else 1)
+    command = bench.command(
+        linear, angular, session=lease.session if lease else "s1", epoch=lease.epoch if lease else 1
+    )
     verdict = bench.kernel.velocity(command, Sender("mqtt"), now=bench.now, unix=bench.unix)
     assert (bench.now < account.lease_until and not account.latched) or verdict.reason
     if verdict.reason is None:
@@ -137,7 +196,15 @@ def _good(bench, account, linear, angular):
 
 
 def _stop(bench, _account, way, peer, role, session, epoch, seq, number):  # noqa: PLR0917 -- as above
-    bench.stop(action_id=f"stop-{number}", seq=seq, way=way, peer=peer, role=role, session=session, epoch=epoch)
+    bench.stop(
+        action_id=f"stop-{number}",
+        seq=seq,
+        way=way,
+        peer=peer,
+        role=role,
+        session=session,
+        epoch=epoch,
+    )
     assert bench.kernel.stop_id == f"stop-{number}"
 
 
@@ -159,10 +226,17 @@ def _estop(bench, account, way, peer, role, number):  # noqa: PLR0917 -- as abov
 
 def _clear(bench, account, way, role, user):
     latch = bench.kernel.latch
-    if bench.ask(m.ClearEStop(action_id="c", stamp=bench.unix, role=role, user=user), way=way, peer="p1") is None:
+    if (
+        bench.ask(
+            m.ClearEStop(action_id="c", stamp=bench.unix, role=role, user=user), way=way, peer="p1"
+        )
+        is None
+    ):
         assert way == "mqtt"
         # People at the robot's screen let go of what was pressed there, and of nothing else.
-        assert role in {"staff", "owner"} or (role == "screen" and latch is not None and latch.source == "screen")
+        assert role in {"staff", "owner"} or (
+            role == "screen" and latch is not None and latch.source == "screen"
+        )
         assert user
         bench.kernel.clear_estop(bench.now)
         account.latched = False
@@ -194,9 +268,20 @@ def _wait(bench, _account, seconds):
 
 
 HAPPENINGS = {
-    "lease": _lease, "grant": _grant, "empty": _empty, "velocity": _velocity, "good": _good, "stop": _stop, "estop": _estop, "clear": _clear,
-    "button": _button, "fault": _fault, "clock": _clock, "navigate": _navigate, "wait": _wait,
-}  # fmt: skip
+    "lease": _lease,
+    "grant": _grant,
+    "empty": _empty,
+    "velocity": _velocity,
+    "good": _good,
+    "stop": _stop,
+    "estop": _estop,
+    "clear": _clear,
+    "button": _button,
+    "fault": _fault,
+    "clock": _clock,
+    "navigate": _navigate,
+    "wait": _wait,
+}
 
 
 def perform(bench, account, event):
@@ -207,7 +292,9 @@ def perform(bench, account, event):
 @seed(1)
 @cases(2000)
 @given(programs, st.booleans())
-def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_should_not(program, driving):
+def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_should_not(
+    program, driving
+):
     bench = Bench()
     account = Account(bench)
     bench.lease()
@@ -215,7 +302,11 @@ def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_sh
     bench.know_clock()
     if driving:
         bench.run(1.6, every=0.1, linear=0.6, angular=-0.6)
-        account.last, account.last_at, account.accepted_at = bench.kernel.commanded, bench.now, bench.now
+        account.last, account.last_at, account.accepted_at = (
+            bench.kernel.commanded,
+            bench.now,
+            bench.now,
+        )
     for gap, event in program:
         bench.now += gap
         perform(bench, account, event)
@@ -240,7 +331,11 @@ def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
     assert bench.kernel.stop_id == "the-stop"
     assert bench.kernel.navigation is None
     bench.run(0.06)
-    assert driven == ZERO or abs(bench.speed) < abs(driven.linear) or abs(bench.kernel.commanded.angular) < abs(driven.angular)
+    assert (
+        driven == ZERO
+        or abs(bench.speed) < abs(driven.linear)
+        or abs(bench.kernel.commanded.angular) < abs(driven.angular)
+    )
     bench.run(2.0)
     assert bench.kernel.commanded == ZERO
     assert bench.estop(action_id="the-estop", way=way, peer=peer, role=role)
@@ -253,7 +348,9 @@ def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
 @seed(4)
 @cases(1000)
 @given(programs, speeds, speeds)
-def test_whatever_navigation_wants_it_gets_no_more_than_the_limits_and_nothing_while_the_robot_may_not_move(program, linear, angular):
+def test_whatever_navigation_wants_it_gets_no_more_than_the_limits_and_nothing_while_the_robot_may_not_move(
+    program, linear, angular
+):
     bench = Bench(wanted=m.Velocity(linear=linear, angular=angular))
     bench.lease()
     bench.know_clock()
@@ -281,8 +378,13 @@ class Permissive(Account):
 
 @seed(3)
 @cases(1500)
-@given(st.floats(0.001, 0.4), st.lists(st.tuples(st.floats(0.001, 0.25), speeds, speeds), min_size=1, max_size=30))
-def test_after_the_last_accepted_command_the_robot_stands_within_deadman_and_braking_time(first_gap, commands):
+@given(
+    st.floats(0.001, 0.4),
+    st.lists(st.tuples(st.floats(0.001, 0.25), speeds, speeds), min_size=1, max_size=30),
+)
+def test_after_the_last_accepted_command_the_robot_stands_within_deadman_and_braking_time(
+    first_gap, commands
+):
     bench = Bench()
     bench.lease()
     bench.know_clock()
@@ -291,8 +393,13 @@ def test_after_the_last_accepted_command_the_robot_stands_within_deadman_and_bra
         bench.now += gap
         bench.drive(linear, angular)
     last = bench.now
-    braking = max(abs(bench.speed) + LIMITS.linear_acceleration * LIMITS.deadman, 0.0) / LIMITS.linear_braking
-    turning = (abs(bench.kernel.commanded.angular) + LIMITS.angular_acceleration * LIMITS.deadman) / LIMITS.angular_braking
+    braking = (
+        max(abs(bench.speed) + LIMITS.linear_acceleration * LIMITS.deadman, 0.0)
+        / LIMITS.linear_braking
+    )
+    turning = (
+        abs(bench.kernel.commanded.angular) + LIMITS.angular_acceleration * LIMITS.deadman
+    ) / LIMITS.angular_braking
     while bench.now < last + LIMITS.deadman + max(braking, turning) + 0.03:
         bench.now += 0.02
         bench.tick()

@@ -1,4 +1,6 @@
-"""A robot whose navigation runs in the agent, or whose RCA assists by itself: the kernel rules them, and pages hear of them."""
+"""A robot whose navigation runs in the agent, or whose RCA assists by itself: the kernel rules
+them, and pages hear of them.
+"""
 
 from dataclasses import replace
 
@@ -32,12 +34,16 @@ def test_only_an_adapter_that_offers_all_of_it_drives_by_itself():
     assert not isinstance(ScriptedRobot(), Navigating)
 
 
-def test_what_navigation_wants_reaches_the_wheels_within_the_leases_limits_and_a_visitor_takes_over(rig):
+def test_what_navigation_wants_reaches_the_wheels_within_the_leases_limits_and_a_visitor_takes_over(
+    rig,
+):
     rig.grant(limits=m.LeaseLimits(linear=0.25))
     rig.robot.wish = m.Velocity(linear=0.6, angular=0.0)
     rig.act(goto())
     rig.wait(lambda: rig.robot.told == m.Velocity(linear=0.25, angular=0.0))
-    rig.drive(0.1, until=lambda: any(status.status == "CANCELLED" for status in rig.link.all("action")))
+    rig.drive(
+        0.1, until=lambda: any(status.status == "CANCELLED" for status in rig.link.all("action"))
+    )
     assert rig.status("g1", "CANCELLED").reason == "manual"
     assert rig.robot.told.linear > 0.0, "it did not have to stand for that"
     rig.drive(0.2)
@@ -69,7 +75,12 @@ def test_the_servers_map_is_handed_to_the_adapter(rig):
 
 
 def test_pages_hear_what_the_assistance_minds_and_which_way_the_robot_goes(rig):
-    rig.robot.reading = replace(rig.robot.reading, assist_why="obstacle", assist_point=(0.5, 0.1), path=((0.0, 0.0), (1.0, 1.0)))
+    rig.robot.reading = replace(
+        rig.robot.reading,
+        assist_why="obstacle",
+        assist_point=(0.5, 0.1),
+        path=((0.0, 0.0), (1.0, 1.0)),
+    )
     assert rig.link.wait("state", lambda s: s.assist_why == "obstacle").assist_point == (0.5, 0.1)
     assert rig.link.wait("path").points == ((0.0, 0.0), (1.0, 1.0))
     again = rig.link.count
@@ -78,7 +89,14 @@ def test_pages_hear_what_the_assistance_minds_and_which_way_the_robot_goes(rig):
     rig.link.wait("path", lambda p: p.points == ())
 
 
-@pytest.mark.parametrize("nonsense", [{"odometry": Pose2D(float("nan"), 0.0, 0.0)}, {"path": ((float("inf"), 0.0),)}, {"assist_point": (1e9, 0.0)}])
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        {"odometry": Pose2D(float("nan"), 0.0, 0.0)},
+        {"path": ((float("inf"), 0.0),)},
+        {"assist_point": (1e9, 0.0)},
+    ],
+)
 def test_odometry_paths_and_points_that_cannot_be_are_nonsense(rig, nonsense):
     rig.robot.reading = replace(rig.robot.reading, **nonsense)
     assert "nonsense" in rig.link.wait("event", lambda e: e.type == "adapter_lost").detail

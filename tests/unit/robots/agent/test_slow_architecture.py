@@ -32,7 +32,9 @@ class Listener:
 
 
 @on_virtual_time
-async def test_the_first_reading_may_come_late_and_the_next_may_not(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_first_reading_may_come_late_and_the_next_may_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(supervised_adapter, "SILENCE", 0.2)
     robot, listener = ScriptedRobot(silent=True), Listener()
     link = AdapterLink(robot, rng=random.Random(1))
@@ -55,7 +57,9 @@ async def test_the_first_reading_may_come_late_and_the_next_may_not(monkeypatch:
 
 
 @on_virtual_time
-async def test_nonsense_from_the_start_is_no_better_than_silence_between_two_readings(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_nonsense_from_the_start_is_no_better_than_silence_between_two_readings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(supervised_adapter, "SILENCE", 0.1)
     monkeypatch.setattr(supervised_adapter, "sound", nonsense)
     listener = Listener()

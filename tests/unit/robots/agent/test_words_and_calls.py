@@ -34,7 +34,13 @@ def test_what_the_driver_says_goes_out_in_the_drivers_name(rig):
     rig.act(m.Say(**asked(1, user="Mallory"), text="Hello"), way="datachannel")
     assert outcome(rig, 1) == ("FINISHED", "")
     words = rig.link.all("words")[-1]
-    assert (words.by, words.who, words.text, words.aloud, words.session) == ("driver", "Ada", "Hello", True, "s1")
+    assert (words.by, words.who, words.text, words.aloud, words.session) == (
+        "driver",
+        "Ada",
+        "Hello",
+        True,
+        "s1",
+    )
 
 
 def test_what_somebody_at_the_screen_writes_is_shown_and_never_spoken(rig):
@@ -45,8 +51,12 @@ def test_what_somebody_at_the_screen_writes_is_shown_and_never_spoken(rig):
 
 
 @pytest.mark.parametrize("kind", [m.Say, m.Call])
-@pytest.mark.parametrize(("way", "role"), [("datachannel", "driver"), ("datachannel", "screen"), ("mqtt", "observer")])
-def test_somebody_who_watches_neither_speaks_nor_calls_whatever_role_they_claim(rig, kind, way, role):
+@pytest.mark.parametrize(
+    ("way", "role"), [("datachannel", "driver"), ("datachannel", "screen"), ("mqtt", "observer")]
+)
+def test_somebody_who_watches_neither_speaks_nor_calls_whatever_role_they_claim(
+    rig, kind, way, role
+):
     fields = {"text": "I am the driver"} if kind is m.Say else {"audio": True}
     rig.act(kind(**asked(2, role=role), **fields), way=way, peer="somebody")
     assert outcome(rig, 2) == ("FAILED", "observer")
@@ -58,7 +68,11 @@ def test_a_call_goes_through_at_once_unless_the_owner_wants_it_answered(rig):
     rig.act(m.Call(**asked(1), audio=True, volume=0.5), way="datachannel")
     rig.wait(lambda: rig.media.passing)
     assert rig.media.passing == [{"audio": True, "video": False, "volume": 0.5}]
-    rig.wait(lambda: rig.link.all("state")[-1].call == m.CallState(status="accepted", audio=True, volume=0.5))
+    rig.wait(
+        lambda: (
+            rig.link.all("state")[-1].call == m.CallState(status="accepted", audio=True, volume=0.5)
+        )
+    )
 
 
 def test_somebody_at_the_screen_lets_a_visitor_through_and_hangs_up(rig):
@@ -99,11 +113,21 @@ def test_a_screen_does_not_drive(rig):
     assert outcome(rig, 1) == ("FAILED", "observer")
 
 
-# --- dots on what the driver shares ------------------------------------------------------------------------------------
+# --- dots on what the driver shares ---------------------------------------------------------------
 
 
 def point(rig, stamp, *, way="datachannel", peer="p1", role="driver", **fields):
-    command = m.PointCommand(**{"stamp": stamp, "at": (0.25, 0.75), "session": "s1", "epoch": 1, "peer": peer, "role": role, **fields})
+    command = m.PointCommand(
+        **{
+            "stamp": stamp,
+            "at": (0.25, 0.75),
+            "session": "s1",
+            "epoch": 1,
+            "peer": peer,
+            "role": role,
+            **fields,
+        }
+    )
     if way == "mqtt":
         rig.link.say("command/point", command)
     else:
@@ -122,17 +146,31 @@ def dots(rig):
 
 def test_what_each_side_points_at_goes_to_the_server_and_to_the_pages_and_moves_nothing(rig):
     shares(rig)
-    rig.wait(lambda: rig.link.all("state")[-1].call == m.CallState(status="accepted", video=True, shares=True))
+    rig.wait(
+        lambda: (
+            rig.link.all("state")[-1].call
+            == m.CallState(status="accepted", video=True, shares=True)
+        )
+    )
     point(rig, 10.0)
     point(rig, 10.1, at=None)
     rig.wait(lambda: len(rig.media.pointed) == 2)
-    point(rig, 5.0, way="mqtt", peer="screen-1", role="screen", at=(1.0, 0.0), session=None, epoch=0)
+    point(
+        rig, 5.0, way="mqtt", peer="screen-1", role="screen", at=(1.0, 0.0), session=None, epoch=0
+    )
     rig.wait(lambda: len(rig.media.pointed) == 3)
     point(rig, 5.1, peer="screen-1", role="screen", at=(0.0, 0.0), session=None, epoch=0)
-    wanted = [("driver", (0.25, 0.75)), ("driver", None), ("screen", (1.0, 0.0)), ("screen", (0.0, 0.0))]
+    wanted = [
+        ("driver", (0.25, 0.75)),
+        ("driver", None),
+        ("screen", (1.0, 0.0)),
+        ("screen", (0.0, 0.0)),
+    ]
     rig.wait(lambda: [(dot.by, dot.at) for dot in rig.media.pointed] == wanted)
     assert dots(rig) == wanted
-    assert all(abs(dot.stamp - rig.unix()) < 60.0 for dot in rig.media.pointed), "by the robot's own clock"
+    assert all(abs(dot.stamp - rig.unix()) < 60.0 for dot in rig.media.pointed), (
+        "by the robot's own clock"
+    )
     assert "pointer" not in {suffix for suffix, _ in rig.media.told}, "what goes to everybody"
     assert all(velocity.linear == velocity.angular == 0.0 for _, velocity in rig.robot.velocities())
 
@@ -157,7 +195,11 @@ def test_nobody_points_at_a_face_or_at_what_nobody_has_let_through(rig):
 def test_dots_of_those_who_watch_and_stored_ones_go_nowhere_and_are_no_refused_commands(rig):
     shares(rig)
     point(rig, 10.0, peer="somebody", role="observer")
-    rig.link.say("command/point", m.PointCommand(stamp=10.0, at=(0.1, 0.1), session="s1", epoch=1, peer="p1"), retained=True)
+    rig.link.say(
+        "command/point",
+        m.PointCommand(stamp=10.0, at=(0.1, 0.1), session="s1", epoch=1, peer="p1"),
+        retained=True,
+    )
     point(rig, 11.0)
     rig.wait(lambda: dots(rig))
     assert dots(rig) == [("driver", (0.25, 0.75))]

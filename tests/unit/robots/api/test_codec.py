@@ -14,10 +14,22 @@ from robots.api.errors import Rejection
 
 SAMPLES = {
     "connection": m.Connection(boot="b", state="ONLINE", stamp=1.0),
-    "command/velocity": m.VelocityCommand(session="s", epoch=1, seq=2, stamp=3.0, linear=0.5, angular=-0.1, method="keyboard"),
-    "command/heartbeat": m.CommandHeartbeat(n=1, stamp=2.0, echo=m.Echo(peer="robot", n=1, stamp=1.0, received=1.5)),
+    "command/velocity": m.VelocityCommand(
+        session="s", epoch=1, seq=2, stamp=3.0, linear=0.5, angular=-0.1, method="keyboard"
+    ),
+    "command/heartbeat": m.CommandHeartbeat(
+        n=1, stamp=2.0, echo=m.Echo(peer="robot", n=1, stamp=1.0, received=1.5)
+    ),
     "command/action": m.Goto(action_id="a", stamp=1.0, x=1.0, y=2.0),
-    "lease": m.Lease(session="s", epoch=1, peer="p", who="Ada", renewal=3, stamp=1.0, limits=m.LeaseLimits(linear=0.3)),
+    "lease": m.Lease(
+        session="s",
+        epoch=1,
+        peer="p",
+        who="Ada",
+        renewal=3,
+        stamp=1.0,
+        limits=m.LeaseLimits(linear=0.3),
+    ),
     "state": m.State(
         stamp=1.0,
         boot="b",
@@ -25,7 +37,11 @@ SAMPLES = {
         pose=m.Pose(x=1.0, y=2.0, theta=0.5, covariance=(0.1, 0.0, 0.0, 0.1, 0.0, 0.2)),
         velocity=m.Velocity(linear=0.1, angular=0.0),
         battery=m.Battery(charge=0.5),
-        applied=(m.AppliedCommand(seq=1, stamp=1.0, method="touch", way="mqtt", age=0.1, linear=0.2, angular=0.0),),
+        applied=(
+            m.AppliedCommand(
+                seq=1, stamp=1.0, method="touch", way="mqtt", age=0.1, linear=0.2, angular=0.0
+            ),
+        ),
         refused={"stale": 3},
     ),
     "event": m.Event(stamp=1.0, boot="b", seq=3, type="session_closed", last_seq=2),
@@ -34,13 +50,23 @@ SAMPLES = {
     "config": m.Config(stamp=1.0, doors={"north": "open"}),
 }
 
-scalars = st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | st.text(max_size=20)
-json_values = scalars | st.lists(scalars, max_size=3) | st.dictionaries(st.text(max_size=8), scalars, max_size=2)
-suffixes = st.sampled_from([topic.suffix.replace("+", "p1") for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)])
+scalars = (
+    st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | st.text(max_size=20)
+)
+json_values = (
+    scalars
+    | st.lists(scalars, max_size=3)
+    | st.dictionaries(st.text(max_size=8), scalars, max_size=2)
+)
+suffixes = st.sampled_from(
+    [topic.suffix.replace("+", "p1") for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)]
+)
 
 
 def cases(number):
-    return settings(max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    return settings(
+        max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck)
+    )
 
 
 def survives(suffix, payload):
@@ -73,7 +99,9 @@ def test_a_message_comes_back_as_it_went(suffix):
 
 def test_every_line_of_the_topic_table_can_be_decoded():
     for topic in topics.TABLE:
-        with pytest.raises(Rejection) if topic.suffix != "photo/+" else pytest.MonkeyPatch.context():
+        with (
+            pytest.raises(Rejection) if topic.suffix != "photo/+" else pytest.MonkeyPatch.context()
+        ):
             codec.decode(topic.suffix.replace("+", "p1"), b"[]")
 
 
@@ -121,7 +149,17 @@ def test_a_frame_of_any_kind_is_decoded_or_rejected(frame):
 @cases(500)
 @given(st.floats(), st.floats(), st.integers(-(2**64), 2**64))
 def test_a_velocity_that_passes_is_finite_in_range_and_counted_exactly(linear, angular, seq):
-    payload = json.dumps({"session": "s", "epoch": 1, "seq": seq, "stamp": 1.0, "linear": linear, "angular": angular, "method": "script"})
+    payload = json.dumps(
+        {
+            "session": "s",
+            "epoch": 1,
+            "seq": seq,
+            "stamp": 1.0,
+            "linear": linear,
+            "angular": angular,
+            "method": "script",
+        }
+    )
     inside = abs(linear) <= 10 and abs(angular) <= 20 and 0 <= seq < 2**53
     if inside:
         assert codec.decode("command/velocity", payload).seq == seq
@@ -130,10 +168,17 @@ def test_a_velocity_that_passes_is_finite_in_range_and_counted_exactly(linear, a
             codec.decode("command/velocity", payload)
 
 
-@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity", "1e999", '"0.5"', "true", "null", "[0.5]"])
+@pytest.mark.parametrize(
+    "word", ["NaN", "Infinity", "-Infinity", "1e999", '"0.5"', "true", "null", "[0.5]"]
+)
 def test_a_speed_that_is_no_number_is_rejected(word):
     with pytest.raises(Rejection, match="malformed"):
-        codec.decode("command/velocity", '{"session":"s","epoch":1,"seq":1,"stamp":1,"angular":0,"method":"script","linear":' + word + "}")
+        codec.decode(
+            "command/velocity",
+            '{"session":"s","epoch":1,"seq":1,"stamp":1,"angular":0,"method":"script","linear":'
+            + word
+            + "}",
+        )
 
 
 def test_what_is_larger_than_its_topic_allows_is_rejected_before_it_is_parsed():

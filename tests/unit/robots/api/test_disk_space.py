@@ -8,9 +8,14 @@ from robots.api import disk_space
 from robots.api.disk_space import MIB, DiskSpace
 
 
-@pytest.mark.parametrize(("free", "word"), [(600, "ok"), (500, "ok"), (499, "low"), (2, "low"), (1.9, "full"), (0, "full")])
+@pytest.mark.parametrize(
+    ("free", "word"),
+    [(600, "ok"), (500, "ok"), (499, "low"), (2, "low"), (1.9, "full"), (0, "full")],
+)
 def test_a_word_for_what_is_free(monkeypatch, tmp_path, free, word):
-    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=int(free * MIB)))
+    monkeypatch.setattr(
+        disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=int(free * MIB))
+    )
     assert DiskSpace(tmp_path, 500).state() == word
 
 

@@ -1,4 +1,6 @@
-"""When a robot is docked: contact, standstill and released controls, without a break, for as long as the rule says."""
+"""When a robot is docked: contact, standstill and released controls, without a break, for as long
+as the rule says.
+"""
 
 from dataclasses import replace
 
@@ -16,7 +18,9 @@ def after(*spans, before=APART, period=PERIOD):
     state, at = before, 0.0 if before.at is None else before.at + period
     for seconds, contact, *fields in spans:
         for _ in range(round(seconds / period)):
-            state = follow(DOCKED, state, DockReading(at=at, contact=contact, **(fields[0] if fields else {})))
+            state = follow(
+                DOCKED, state, DockReading(at=at, contact=contact, **(fields[0] if fields else {}))
+            )
             at += period
     return state
 
@@ -58,7 +62,12 @@ def test_four_states_a_second_are_enough_to_tell():
     assert not after((2.0, True), period=0.25).docked
 
 
-READING = st.tuples(st.sampled_from([0.02, 0.25, 0.5, 1.5]), st.booleans(), st.sampled_from([0.0, 0.02, 0.2]), st.booleans())
+READING = st.tuples(
+    st.sampled_from([0.02, 0.25, 0.5, 1.5]),
+    st.booleans(),
+    st.sampled_from([0.0, 0.02, 0.2]),
+    st.booleans(),
+)
 
 
 @given(readings=st.lists(READING, max_size=60), seconds=st.sampled_from([0.5, 1.0, 2.0]))
@@ -67,7 +76,9 @@ def test_no_robot_is_docked_that_has_not_rested_without_a_break(readings, second
     for step, contact, linear, released in readings:
         at += step
         was = state.docked
-        state = follow(rule, state, DockReading(at=at, contact=contact, linear=linear, released=released))
+        state = follow(
+            rule, state, DockReading(at=at, contact=contact, linear=linear, released=released)
+        )
         rests = contact and linear <= rule.linear and released
         rested = None if not rests else at if rested is None or at - last > rule.gap else rested
         last = at

@@ -29,9 +29,33 @@ def hut() -> dict[str, Any]:
             {"start": [3, 0], "end": [3, 1]},
             {"start": [3, 2], "end": [3, 3]},
         ],
-        "doors": [{"name": "door", "title": "Door", "start": [3, 1], "end": [3, 2], "swing": 1.57, "connects": ["west", "east"]}],
-        "docks": [{"name": "dock", "title": "Dock", "type": "giraff", "x": 1, "y": 1, "theta": 0, "station": {"distance": 0.4}}],
-        "routes": [{"type": "giraff", "checkpoints": [{"number": 0, "x": 1, "y": 1}, {"number": 1, "x": 5, "y": 1}]}],
+        "doors": [
+            {
+                "name": "door",
+                "title": "Door",
+                "start": [3, 1],
+                "end": [3, 2],
+                "swing": 1.57,
+                "connects": ["west", "east"],
+            }
+        ],
+        "docks": [
+            {
+                "name": "dock",
+                "title": "Dock",
+                "type": "giraff",
+                "x": 1,
+                "y": 1,
+                "theta": 0,
+                "station": {"distance": 0.4},
+            }
+        ],
+        "routes": [
+            {
+                "type": "giraff",
+                "checkpoints": [{"number": 0, "x": 1, "y": 1}, {"number": 1, "x": 5, "y": 1}],
+            }
+        ],
     }
 
 
@@ -72,7 +96,9 @@ def test_a_plan_says_what_it_holds() -> None:
         (("routes", 0, "checkpoints", 1, "x"), 50, "checkpoint 1 of 'giraff'"),
     ],
 )
-def test_a_plan_that_cannot_be_a_place_is_refused_with_a_sentence(path: tuple[Any, ...], value: Any, words: str) -> None:
+def test_a_plan_that_cannot_be_a_place_is_refused_with_a_sentence(
+    path: tuple[Any, ...], value: Any, words: str
+) -> None:
     plan = hut()
     target: Any = plan
     for step in path[:-1]:
@@ -100,7 +126,16 @@ def test_a_decoration_hangs_on_a_wall() -> None:
 
 def test_a_mirror_without_a_surface_is_refused() -> None:
     plan = hut()
-    plan["mirrors"] = [{"name": "m", "title": "M", "start": [0.075, 1], "end": [0.075, 2], "bottom": 1.0, "top": 0.5}]
+    plan["mirrors"] = [
+        {
+            "name": "m",
+            "title": "M",
+            "start": [0.075, 1],
+            "end": [0.075, 2],
+            "bottom": 1.0,
+            "top": 0.5,
+        }
+    ]
     assert "mirror 'm' has no surface" in refused(plan)
 
 
@@ -119,7 +154,12 @@ def test_bytes_that_are_no_plan_are_refused_and_nothing_else(data: bytes) -> Non
         floorplan.decode(data)
 
 
-@given(st.recursive(st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(max_size=5), lambda x: st.lists(x, max_size=3)))
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(max_size=5),
+        lambda x: st.lists(x, max_size=3),
+    )
+)
 def test_a_list_of_docks_that_holds_anything_but_docks_is_refused(value: Any) -> None:
     plan = hut()
     plan["docks"] = value

@@ -38,7 +38,9 @@ def test_composition_is_associative(a: Pose2D, b: Pose2D, c: Pose2D) -> None:
 
 
 @given(poses, poses, metres, metres)
-def test_applying_a_composition_is_applying_one_after_the_other(a: Pose2D, b: Pose2D, x: float, y: float) -> None:
+def test_applying_a_composition_is_applying_one_after_the_other(
+    a: Pose2D, b: Pose2D, x: float, y: float
+) -> None:
     once = a.compose(b).apply(x, y)
     twice = a.apply(*b.apply(x, y))
     assert math.dist(once, twice) < 1e-6
@@ -50,7 +52,9 @@ def test_a_point_comes_back_from_its_pixel(transform: MapTransform, x: float, y:
 
 
 @given(transforms, metres, metres)
-def test_a_centimetre_in_the_world_is_a_centimetre_in_the_image(transform: MapTransform, x: float, y: float) -> None:
+def test_a_centimetre_in_the_world_is_a_centimetre_in_the_image(
+    transform: MapTransform, x: float, y: float
+) -> None:
     a, b = transform.to_pixel(x, y), transform.to_pixel(x + 0.01, y)
     assert math.isclose(math.dist(a, b) * transform.resolution, 0.01, abs_tol=1e-7)
 
@@ -68,7 +72,9 @@ def test_a_turned_map_turns_its_axes() -> None:
     assert transform.to_world(10.0, 50.0) == pytest.approx((1.0, 3.0))
 
 
-@pytest.mark.parametrize(("resolution", "height"), [(0.0, 10), (-0.05, 10), (math.nan, 10), (math.inf, 10), (0.05, 0)])
+@pytest.mark.parametrize(
+    ("resolution", "height"), [(0.0, 10), (-0.05, 10), (math.nan, 10), (math.inf, 10), (0.05, 0)]
+)
 def test_a_map_without_a_scale_is_refused(resolution: float, height: int) -> None:
     with pytest.raises(ValueError, match="positive resolution"):
         MapTransform(resolution, Pose2D(0.0, 0.0, 0.0), height)

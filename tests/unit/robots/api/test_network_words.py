@@ -13,17 +13,27 @@ def test_words_are_milliseconds_percent_and_kbit_a_second():
 
 
 @given(
-    st.integers(0, 10_000), st.floats(0.0, 1.0), st.integers(0, 100), st.integers(0, 100), st.none() | st.integers(1, 100_000)
-)  # fmt: skip
+    st.integers(0, 10_000),
+    st.floats(0.0, 1.0),
+    st.integers(0, 100),
+    st.integers(0, 100),
+    st.none() | st.integers(1, 100_000),
+)
 def test_what_is_spelled_is_read_again(delay, share, loss, reorder, rate):
     lab = NetworkLab(
-        delay=delay / 1000, jitter=int(delay * share) / 1000, loss=loss / 100, reorder=reorder / 100, bitrate=None if rate is None else rate * 1000.0
+        delay=delay / 1000,
+        jitter=int(delay * share) / 1000,
+        loss=loss / 100,
+        reorder=reorder / 100,
+        bitrate=None if rate is None else rate * 1000.0,
     )
     words = spell(lab)
     read = parse(words) if words else NetworkLab()
     assert spell(read) == words
     for name in ("delay", "jitter", "loss", "reorder", "bitrate"):
-        assert getattr(read, name) == pytest.approx(getattr(lab, name)) or getattr(lab, name) is None
+        assert (
+            getattr(read, name) == pytest.approx(getattr(lab, name)) or getattr(lab, name) is None
+        )
 
 
 def test_a_clean_network_has_no_words():
@@ -34,7 +44,13 @@ def test_a_clean_network_has_no_words():
     ("words", "said"),
     [
         ("fast", "'fast' says nothing about a network"),
-        ("speed=3", "says nothing about a network: write delay=150,jitter=30,loss=2, with delay, jitter, loss, reorder, rate"),
+        (
+            "speed=3",
+            (
+                "says nothing about a network: write delay=150,jitter=30,loss=2, with delay,"
+                " jitter, loss, reorder, rate"
+            ),
+        ),
         ("delay=soon", "delay is a number of milliseconds from 0 to 10000, not 'soon'"),
         ("delay=nan", "delay is a number of milliseconds"),
         ("loss=101", "loss is a number of percent from 0 to 100, not '101'"),

@@ -1,4 +1,6 @@
-"""A picture on the wire: what is one passes unchanged, what is not is refused before anybody shows it."""
+"""A picture on the wire: what is one passes unchanged, what is not is refused before anybody shows
+it.
+"""
 
 import struct
 
@@ -14,7 +16,9 @@ LIMIT = topics.find("picture").limit
 
 
 def test_a_picture_comes_back_from_the_wire_as_it_went():
-    assert picture.unpack(codec.decode("picture", picture.pack(1766000000.25, JPEG), "from_robot")) == (1766000000.25, JPEG)
+    assert picture.unpack(
+        codec.decode("picture", picture.pack(1766000000.25, JPEG), "from_robot")
+    ) == (1766000000.25, JPEG)
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,15 @@ def validator(suffix):
 
 def test_the_schema_is_a_valid_schema_and_names_every_topic():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    assert set(SCHEMA["topics"]) == {t.suffix for t in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) if t.content is not bytes}
+    assert set(SCHEMA["topics"]) == {
+        t.suffix for t in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) if t.content is not bytes
+    }
 
 
-@pytest.mark.parametrize(("suffix", "name"), [(suffix, name) for suffix, examples in EXAMPLES.items() for name in examples])
+@pytest.mark.parametrize(
+    ("suffix", "name"),
+    [(suffix, name) for suffix, examples in EXAMPLES.items() for name in examples],
+)
 def test_every_golden_message_is_valid_by_the_schema(suffix, name):
     validator(suffix).validate(json.loads(encode(EXAMPLES[suffix][name])))
 

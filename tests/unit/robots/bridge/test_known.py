@@ -91,7 +91,9 @@ def test_an_address_says_where_how_and_as_whom(url, address):
     assert parse(url) == address
 
 
-@pytest.mark.parametrize("url", ["", "127.0.0.1:1883", "http://h", "mqtt://", "mqtt://h:99999", "mqtt://h:x"])
+@pytest.mark.parametrize(
+    "url", ["", "127.0.0.1:1883", "http://h", "mqtt://", "mqtt://h:99999", "mqtt://h:x"]
+)
 def test_an_address_that_cannot_be_used_is_named(url):
     with pytest.raises(BadAddress, match="broker's address"):
         parse(url)

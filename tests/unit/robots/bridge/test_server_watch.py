@@ -10,7 +10,9 @@ STEP = 0.05
 
 
 class Server:
-    """A broker, a session manager and a robot that each can be stopped, and a web process that watches; times are virtual."""
+    """A broker, a session manager and a robot that each can be stopped, and a web process that
+    watches; times are virtual.
+    """
 
     def __init__(self):
         self.now = 100.0
@@ -32,7 +34,9 @@ class Server:
                 self.robot.take("heartbeat", None, self.now)
             if self.asked and BROKER in self.lives:
                 self.watch.answered()
-            self.asked = self.watch.wants_probe(self.now) or (self.asked and BROKER not in self.lives)
+            self.asked = self.watch.wants_probe(self.now) or (
+                self.asked and BROKER not in self.lives
+            )
         return self.watch.faults(self.robot, self.now)
 
     def until(self, expected):
@@ -51,7 +55,9 @@ def server():
 
 
 @pytest.mark.parametrize("part", [SESSION_MANAGER, BROKER, ROBOT])
-def test_a_part_that_is_stopped_is_named_within_two_seconds_and_forgotten_when_it_goes_on(server, part):
+def test_a_part_that_is_stopped_is_named_within_two_seconds_and_forgotten_when_it_goes_on(
+    server, part
+):
     for _ in range(2):
         server.lives.remove(part)
         assert server.until((part,)) < 1.8

@@ -38,11 +38,22 @@ def test_a_stranger_whose_connect_is_looked_at_stays_longer_than_an_idle_one(adm
 
 def test_a_crowd_displaces_itself_and_nobody_at_other_addresses(admission):
     arrive(admission, ("quiet", "2.2.2.2"), *((f"s{n}", "1.1.1.1") for n in range(3)))
-    assert arrive(admission, ("other", "3.3.3.3"), *((f"t{n}", "1.1.1.1") for n in range(3))) == ["s0", "s1", "s2", "t0"]
+    assert arrive(admission, ("other", "3.3.3.3"), *((f"t{n}", "1.1.1.1") for n in range(3))) == [
+        "s0",
+        "s1",
+        "s2",
+        "t0",
+    ]
 
 
 def test_a_crowd_of_a_64_counts_as_one_and_in_it_the_busiest_address_loses(admission):
-    arrive(admission, ("neighbour", "2001:db8::1"), ("far", "2001:db8:1::1"), ("s0", "2001:db8::2"), ("s1", "2001:db8::2"))
+    arrive(
+        admission,
+        ("neighbour", "2001:db8::1"),
+        ("far", "2001:db8:1::1"),
+        ("s0", "2001:db8::2"),
+        ("s1", "2001:db8::2"),
+    )
     assert arrive(admission, ("s2", "2001:db8::2"), ("s3", "2001:db8::2")) == ["s0", "s1"]
 
 

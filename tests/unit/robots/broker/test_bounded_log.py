@@ -50,7 +50,10 @@ def test_how_many_were_left_out_is_said_after_each_period_also_when_nobody_write
         journal.bounded.flush()
         assert journal.lines[(LINES_OF_SUBJECT + 1) * period :] == [
             *["broker_publish_refused user=hostile"] * LINES_OF_SUBJECT,
-            f"broker_log_left_out event=broker_publish_refused lines={100 - LINES_OF_SUBJECT} seconds=60",
+            (
+                f"broker_log_left_out event=broker_publish_refused lines={100 - LINES_OF_SUBJECT}"
+                " seconds=60"
+            ),
         ]
 
 

@@ -19,11 +19,25 @@ def filters(draw):
 @pytest.mark.parametrize(
     ("filter_", "topic", "expected"),
     [
-        ("a/b", "a/b", True), ("a/b", "a/c", False), ("a/+", "a/b", True), ("a/+", "a", False), ("a/+", "a/b/c", False), ("a/+", "a/", True),
-        ("a/#", "a", True), ("a/#", "a/b/c", True), ("a/#", "ab", False), ("#", "a/b", True), ("+/b", "a/b", True), ("+/+", "/a", True), ("+", "/a", False),
-        ("#", "$SYS/x", False), ("+/x", "$SYS/x", False), ("$SYS/#", "$SYS/x", True), ("a", "a/", False),
+        ("a/b", "a/b", True),
+        ("a/b", "a/c", False),
+        ("a/+", "a/b", True),
+        ("a/+", "a", False),
+        ("a/+", "a/b/c", False),
+        ("a/+", "a/", True),
+        ("a/#", "a", True),
+        ("a/#", "a/b/c", True),
+        ("a/#", "ab", False),
+        ("#", "a/b", True),
+        ("+/b", "a/b", True),
+        ("+/+", "/a", True),
+        ("+", "/a", False),
+        ("#", "$SYS/x", False),
+        ("+/x", "$SYS/x", False),
+        ("$SYS/#", "$SYS/x", True),
+        ("a", "a/", False),
     ],
-)  # fmt: skip
+)
 def test_a_filter_matches_as_the_standard_says(filter_, topic, expected):
     assert matches(filter_, topic) is expected
 
@@ -33,7 +47,9 @@ def test_well_formed_filters_are_filters(good):
     assert is_filter(good)
 
 
-@pytest.mark.parametrize("bad", ["", "a#", "#/a", "a/#/b", "a+", "a/b+/c", "a\0", "a" * (MAX_LENGTH + 1), "/" * 40])
+@pytest.mark.parametrize(
+    "bad", ["", "a#", "#/a", "a/#/b", "a+", "a/b+/c", "a\0", "a" * (MAX_LENGTH + 1), "/" * 40]
+)
 def test_malformed_filters_are_none(bad):
     assert not is_filter(bad)
 
@@ -53,10 +69,18 @@ def test_what_a_permission_covers_it_matches_too(permission, filter_, topic):
 def test_a_permission_that_does_not_cover_a_filter_leaves_out_a_topic_of_it(permission, data):
     filter_ = data.draw(filters())
     if not covers(permission, filter_):
-        witness = [filter_.replace("+", word).replace("#", tail) for word in ("z", "a", "b", "") for tail in ("y/y/y/y/y", "a", "")]
+        witness = [
+            filter_.replace("+", word).replace("#", tail)
+            for word in ("z", "a", "b", "")
+            for tail in ("y/y/y/y/y", "a", "")
+        ]
         witness += [filter_.removesuffix("/#").replace("+", word) for word in ("z", "a", "b", "")]
         # The empty topic is none, but it alone tells "/#" from what is below it.
-        assert any(matches(filter_, topic) and not matches(permission, topic) for topic in witness if is_topic(topic) or not topic)
+        assert any(
+            matches(filter_, topic) and not matches(permission, topic)
+            for topic in witness
+            if is_topic(topic) or not topic
+        )
 
 
 @given(filters())

@@ -5,15 +5,34 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.broker import packets
-from robots.broker.packets import Acknowledgement, Connect, Disconnect, PacketReader, PingRequest, ProtocolError, Publish, Subscribe, Unsubscribe
+from robots.broker.packets import (
+    Acknowledgement,
+    Connect,
+    Disconnect,
+    PacketReader,
+    PingRequest,
+    ProtocolError,
+    Publish,
+    Subscribe,
+    Unsubscribe,
+)
 from tests.support.broker_rig import connect_packet, framed, subscribe_packet, text
 
 LIMIT = 4096
-TOPIC = st.text(st.characters(blacklist_characters="+#\0", blacklist_categories=["Cs"]), min_size=1, max_size=40).filter(lambda t: t.count("/") < 32)
+TOPIC = st.text(
+    st.characters(blacklist_characters="+#\0", blacklist_categories=["Cs"]), min_size=1, max_size=40
+).filter(lambda t: t.count("/") < 32)
 MESSAGE = st.builds(
-    lambda topic, payload, qos, retain, packet_id, dup: Publish(topic, payload, qos, retain, packet_id if qos else 0, dup),
-    TOPIC, st.binary(max_size=2000), st.integers(0, 2), st.booleans(), st.integers(1, 0xFFFF), st.booleans(),
-)  # fmt: skip
+    lambda topic, payload, qos, retain, packet_id, dup: Publish(
+        topic, payload, qos, retain, packet_id if qos else 0, dup
+    ),
+    TOPIC,
+    st.binary(max_size=2000),
+    st.integers(0, 2),
+    st.booleans(),
+    st.integers(1, 0xFFFF),
+    st.booleans(),
+)
 
 
 def read(data, limit=LIMIT):
@@ -50,13 +69,30 @@ def test_random_bodies_are_packets_or_a_protocol_error(kind, flags, body):
 
 
 def test_every_packet_of_a_client_is_read():
-    assert read(connect_packet("c1", "giraff", "token", clean=False, keep_alive=5, will=("a/b", "gone", 1, True))) == [
-        Connect("c1", clean=False, keep_alive=5, user="giraff", password="token", will=Publish("a/b", b"gone", 1, retain=True))
+    assert read(
+        connect_packet(
+            "c1", "giraff", "token", clean=False, keep_alive=5, will=("a/b", "gone", 1, True)
+        )
+    ) == [
+        Connect(
+            "c1",
+            clean=False,
+            keep_alive=5,
+            user="giraff",
+            password="token",
+            will=Publish("a/b", b"gone", 1, retain=True),
+        )
     ]
-    assert read(connect_packet("")) == [Connect("", clean=True, keep_alive=60, user=None, password=None, will=None)]
+    assert read(connect_packet("")) == [
+        Connect("", clean=True, keep_alive=60, user=None, password=None, will=None)
+    ]
     assert read(subscribe_packet(7, ("a/+", 1), ("b", 0))) == [Subscribe(7, (("a/+", 1), ("b", 0)))]
     assert read(framed(0xA2, b"\x00\x07" + text("a"))) == [Unsubscribe(7, ("a",))]
-    assert read(b"\x40\x02\x00\x07\xc0\x00\xe0\x00") == [Acknowledgement(packets.PUBACK, 7), PingRequest(), Disconnect()]
+    assert read(b"\x40\x02\x00\x07\xc0\x00\xe0\x00") == [
+        Acknowledgement(packets.PUBACK, 7),
+        PingRequest(),
+        Disconnect(),
+    ]
     assert read(b"\x62\x02\x00\x07") == [Acknowledgement(packets.PUBREL, 7)]
 
 
@@ -93,7 +129,11 @@ def test_a_will_without_its_flag_is_refused():
 
 @given(st.data())
 def test_who_reads_what_is_missing_reads_a_connect_and_nothing_behind_it(data):
-    connect = connect_packet(data.draw(st.text("ab", max_size=40)), data.draw(st.sampled_from([None, "giraff"])), will=("a/b", "x" * 200, 1, True))
+    connect = connect_packet(
+        data.draw(st.text("ab", max_size=40)),
+        data.draw(st.sampled_from([None, "giraff"])),
+        will=("a/b", "x" * 200, 1, True),
+    )
     stream, reader, read_bytes = connect + b"\xc0\x00" * 50, PacketReader(LIMIT), 0
     while not reader.size:
         count = data.draw(st.integers(1, reader.missing))

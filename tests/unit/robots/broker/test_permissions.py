@@ -31,7 +31,15 @@ def test_a_robot_has_nothing_to_do_with_another_robots_topics(topic):
 
 
 @pytest.mark.parametrize(
-    "filter_", ["#", "+/#", "telepresence/v1/#", "telepresence/v1/giraff/#", "telepresence/v1/+/lease", "telepresence/v1/giraff/+"]
+    "filter_",
+    [
+        "#",
+        "+/#",
+        "telepresence/v1/#",
+        "telepresence/v1/giraff/#",
+        "telepresence/v1/+/lease",
+        "telepresence/v1/giraff/+",
+    ],
 )
 def test_a_robot_cannot_widen_what_it_reads_by_wildcards(filter_):
     assert not GIRAFF.may_subscribe(filter_)

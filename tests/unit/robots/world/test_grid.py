@@ -46,10 +46,17 @@ def test_a_pgm_as_map_saver_writes_it_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"image": "gone.png"}, {"image": "-"}, {"resolution": "-"}, {"resolution": "0"}, {"resolution": "wide"}, {"resolution": ".nan"},
-        {"origin": "[0, 0]"}, {"origin": "[0, 0, north]"}, {"origin": "7"},
+        {"image": "gone.png"},
+        {"image": "-"},
+        {"resolution": "-"},
+        {"resolution": "0"},
+        {"resolution": "wide"},
+        {"resolution": ".nan"},
+        {"origin": "[0, 0]"},
+        {"origin": "[0, 0, north]"},
+        {"origin": "7"},
     ],
-)  # fmt: skip
+)
 def test_a_broken_file_is_refused_with_its_name(tmp_path: Path, changes: dict[str, str]) -> None:
     with pytest.raises(MapError, match=str(tmp_path)):
         load_grid(write(tmp_path, IMAGE, **changes))
@@ -77,17 +84,32 @@ def test_a_png_comes_back_as_it_was(tmp_path: Path) -> None:
 
 
 def chunk(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    return (
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+    )
 
 
 def png_of(width: int, height: int, data: bytes = b"", first: bytes = b"") -> bytes:
     """Return a PNG that says it is so large; `first` are chunks in front of its header."""
     header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    return PNG + first + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+    return (
+        PNG
+        + first
+        + chunk(b"IHDR", header)
+        + chunk(b"IDAT", zlib.compress(data))
+        + chunk(b"IEND", b"")
+    )
 
 
-@pytest.mark.parametrize("image", [png_of(16_000, 16_000), b"P5\n# a map\n20000 20000\n255\n", b"P2 9000 1 255\n"])
-def test_a_picture_that_says_it_is_too_large_is_never_unpacked(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "image", [png_of(16_000, 16_000), b"P5\n# a map\n20000 20000\n255\n", b"P2 9000 1 255\n"]
+)
+def test_a_picture_that_says_it_is_too_large_is_never_unpacked(
+    image: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("robots.world.grid.av.open", lambda *_: pytest.fail("it was opened"))
     with pytest.raises(MapError, match="at most 8192"):
         decode_grey(io.BytesIO(image), "the map")
@@ -96,11 +118,17 @@ def test_a_picture_that_says_it_is_too_large_is_never_unpacked(image: bytes, mon
 @pytest.mark.parametrize(
     "image",
     [
-        png_of(16_000, 16_000, first=chunk(b"tEXt", b"size\0" + bytes(11))), PNG, b"P5\n#" + b"-" * 5000 + b"\n20000 20000\n255\n",
-        b"P5 1 00000000020000\n255\n", b"P6\n20000 20000\n255\n", b"BM" + struct.pack("<IIIIii", 54, 0, 54, 40, 20_000, 20_000) + bytes(28),
+        png_of(16_000, 16_000, first=chunk(b"tEXt", b"size\0" + bytes(11))),
+        PNG,
+        b"P5\n#" + b"-" * 5000 + b"\n20000 20000\n255\n",
+        b"P5 1 00000000020000\n255\n",
+        b"P6\n20000 20000\n255\n",
+        b"BM" + struct.pack("<IIIIii", 54, 0, 54, 40, 20_000, 20_000) + bytes(28),
     ],
-)  # fmt: skip
-def test_a_picture_that_does_not_say_how_large_it_is_is_never_unpacked(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+)
+def test_a_picture_that_does_not_say_how_large_it_is_is_never_unpacked(
+    image: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("robots.world.grid.av.open", lambda *_: pytest.fail("it was opened"))
     with pytest.raises(MapError, match="the map: cannot be read"):
         decode_grey(io.BytesIO(image), "the map")

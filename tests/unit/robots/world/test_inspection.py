@@ -7,7 +7,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from robots.api.floorplan import Dock, Door, FloorPlan, Furniture, Place, Room, Route, Station, Wall, decode, encode
+from robots.api.floorplan import (
+    Dock,
+    Door,
+    FloorPlan,
+    Furniture,
+    Place,
+    Room,
+    Route,
+    Station,
+    Wall,
+    decode,
+    encode,
+)
 from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import OCCUPIED, OccupancyGrid
 from robots.world.inspection import inspect_site
@@ -15,7 +27,12 @@ from robots.world.render_plan import rasterise
 from robots.world.sites import load_site
 
 # Two rooms of 4 m x 4 m side by side, a door in the wall between them, a dock in the left one.
-WALLS = [((-0.1, -0.1), (8.2, -0.1)), ((8.2, -0.1), (8.2, 4.1)), ((8.2, 4.1), (-0.1, 4.1)), ((-0.1, 4.1), (-0.1, -0.1))]
+WALLS = [
+    ((-0.1, -0.1), (8.2, -0.1)),
+    ((8.2, -0.1), (8.2, 4.1)),
+    ((8.2, 4.1), (-0.1, 4.1)),
+    ((-0.1, 4.1), (-0.1, -0.1)),
+]
 BETWEEN = [((4.05, 0.0), (4.05, 1.5)), ((4.05, 2.5), (4.05, 4.0))]
 PLAN = FloorPlan(
     map_id="two-rooms",
@@ -24,9 +41,30 @@ PLAN = FloorPlan(
         Room(name="left", title="Left", polygon=((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))),
         Room(name="right", title="Right", polygon=((4.1, 0.0), (8.1, 0.0), (8.1, 4.0), (4.1, 4.0))),
     ),
-    walls=tuple(Wall(start=a, end=b, thickness=0.2) for a, b in WALLS) + tuple(Wall(start=a, end=b, thickness=0.1) for a, b in BETWEEN),
-    doors=(Door(name="door", title="Door", start=(4.05, 1.5), end=(4.05, 2.5), swing=-1.57, thickness=0.1, connects=("left", "right")),),
-    docks=(Dock(name="dock", title="Dock", type="giraff", x=0.5, y=2.0, theta=3.14159, station=Station(distance=0.38)),),
+    walls=tuple(Wall(start=a, end=b, thickness=0.2) for a, b in WALLS)
+    + tuple(Wall(start=a, end=b, thickness=0.1) for a, b in BETWEEN),
+    doors=(
+        Door(
+            name="door",
+            title="Door",
+            start=(4.05, 1.5),
+            end=(4.05, 2.5),
+            swing=-1.57,
+            thickness=0.1,
+            connects=("left", "right"),
+        ),
+    ),
+    docks=(
+        Dock(
+            name="dock",
+            title="Dock",
+            type="giraff",
+            x=0.5,
+            y=2.0,
+            theta=3.14159,
+            station=Station(distance=0.38),
+        ),
+    ),
     places=(Place(name="desk", title="Desk", x=6.5, y=2.0),),
 )
 
@@ -37,7 +75,8 @@ def furniture(x: float, y: float, width: float = 0.6, depth: float = 0.6) -> Fur
 
 def changed(**parts: Any) -> FloorPlan:
     plan = msgspec.structs.replace(PLAN, **parts)
-    assert decode(encode(plan)) == plan  # well-formed: nothing that the plan's own checks would find
+    # well-formed: nothing that the plan's own checks would find
+    assert decode(encode(plan)) == plan
     return plan
 
 
@@ -56,13 +95,19 @@ def test_a_map_from_a_robot_with_gaps_and_specks_is_good_enough() -> None:
     rng = np.random.default_rng(1)
     image = np.where(rng.random(grid.image.shape) < 0.15, 205, grid.image).astype(np.uint8)
     image[grid.free()] = 254
-    moved = MapTransform(0.05, Pose2D(grid.transform.origin.x + 0.04, grid.transform.origin.y - 0.03, 0.0), image.shape[0])
+    moved = MapTransform(
+        0.05,
+        Pose2D(grid.transform.origin.x + 0.04, grid.transform.origin.y - 0.03, 0.0),
+        image.shape[0],
+    )
     assert inspect_site(PLAN, OccupancyGrid(image, moved)) == ()
 
 
 def test_a_map_without_free_floor_is_found() -> None:
     grid = rasterise(PLAN)
-    assert "no free cell" in only(PLAN, dataclasses.replace(grid, image=np.full_like(grid.image, OCCUPIED)))
+    assert "no free cell" in only(
+        PLAN, dataclasses.replace(grid, image=np.full_like(grid.image, OCCUPIED))
+    )
 
 
 @pytest.mark.parametrize(
@@ -75,11 +120,20 @@ def test_a_map_without_free_floor_is_found() -> None:
         (0.05, 100.0, "the map only covers"),
     ],
 )
-def test_a_map_of_another_scale_or_place_than_the_plan_is_found(resolution: float, shift: float, words: str) -> None:
+def test_a_map_of_another_scale_or_place_than_the_plan_is_found(
+    resolution: float, shift: float, words: str
+) -> None:
     grid = rasterise(PLAN)
     origin = Pose2D(grid.transform.origin.x + shift, grid.transform.origin.y, 0.0)
     with pytest.raises(AssertionError, match=words):
-        raise AssertionError(only(PLAN, dataclasses.replace(grid, transform=MapTransform(resolution, origin, grid.image.shape[0]))))
+        raise AssertionError(
+            only(
+                PLAN,
+                dataclasses.replace(
+                    grid, transform=MapTransform(resolution, origin, grid.image.shape[0])
+                ),
+            )
+        )
 
 
 def test_a_map_that_is_a_tenth_too_large_is_found() -> None:
@@ -95,11 +149,22 @@ def test_a_turned_map_that_fits_is_taken() -> None:
     height, width = grid.image.shape
     corner = grid.transform.to_world(width, height)
     turned = np.rot90(grid.image, -1)  # its lower left corner is what was the lower right one
-    assert inspect_site(PLAN, OccupancyGrid(np.ascontiguousarray(turned), MapTransform(0.05, Pose2D(*corner, np.pi / 2), width))) == ()
+    assert (
+        inspect_site(
+            PLAN,
+            OccupancyGrid(
+                np.ascontiguousarray(turned), MapTransform(0.05, Pose2D(*corner, np.pi / 2), width)
+            ),
+        )
+        == ()
+    )
 
 
 def test_a_place_in_furniture_or_too_near_to_it_is_found() -> None:
-    assert only(changed(furniture=(furniture(6.5, 2.0),))) == "place 'desk' lies in a wall or in furniture on the map"
+    assert (
+        only(changed(furniture=(furniture(6.5, 2.0),)))
+        == "place 'desk' lies in a wall or in furniture on the map"
+    )
     assert "place 'desk' is too near" in only(changed(furniture=(furniture(6.5, 2.45),)))
 
 
@@ -114,18 +179,30 @@ def test_furniture_that_the_map_does_not_show_is_found_in_the_plan() -> None:
 
 
 def test_a_door_that_is_walled_up_on_the_map_is_found() -> None:
-    walled = msgspec.structs.replace(PLAN, walls=(*PLAN.walls, Wall(start=(4.05, 1.4), end=(4.05, 2.6), thickness=0.1)))
-    assert "'door' is walled up or too narrow for a robot on the map" in inspect_site(PLAN, rasterise(walled))
+    walled = msgspec.structs.replace(
+        PLAN, walls=(*PLAN.walls, Wall(start=(4.05, 1.4), end=(4.05, 2.6), thickness=0.1))
+    )
+    assert "'door' is walled up or too narrow for a robot on the map" in inspect_site(
+        PLAN, rasterise(walled)
+    )
 
 
 def test_a_dock_that_is_not_free_or_cannot_be_reached_is_found() -> None:
-    assert "dock 'dock' is not free on the map: something stands at" in only(changed(furniture=(furniture(1.3, 2.0, 0.3),)))
+    assert "dock 'dock' is not free on the map: something stands at" in only(
+        changed(furniture=(furniture(1.3, 2.0, 0.3),))
+    )
     pen = (furniture(1.9, 2.0, 0.1, 4.0),)
     assert only(changed(furniture=pen)) == "dock 'dock' cannot be reached on the map"
 
 
 def test_a_checkpoint_that_cannot_be_reached_is_found() -> None:
-    route = {"type": "giraff", "checkpoints": [{"number": 0, "x": 0.5, "y": 2.0}, {"number": 1, "x": 7.9, "y": 2.0, "radius": 0.1}]}
+    route = {
+        "type": "giraff",
+        "checkpoints": [
+            {"number": 0, "x": 0.5, "y": 2.0},
+            {"number": 1, "x": 7.9, "y": 2.0, "radius": 0.1},
+        ],
+    }
     found = only(changed(routes=(msgspec.convert(route, Route),)))
     assert found.startswith("checkpoint 1 of 'giraff' is too near to a wall")
 
@@ -134,13 +211,19 @@ def test_a_site_where_no_robot_fits_is_found() -> None:
     grid = rasterise(PLAN)
     image = grid.image.copy()
     image[::8] = OCCUPIED  # a bar every 40 cm
-    assert only(changed(docks=(), places=()), dataclasses.replace(grid, image=image)) == "nowhere on the map is enough room for a robot"
+    assert (
+        only(changed(docks=(), places=()), dataclasses.replace(grid, image=image))
+        == "nowhere on the map is enough room for a robot"
+    )
 
 
 def test_a_plan_as_large_as_a_district_takes_no_more_memory_than_a_large_map() -> None:
     far = 5000.0
     square = ((0.0, 0.0), (far, 0.0), (far, far), (0.0, far))
     room = Room(name="field", title="Field", polygon=square)
-    sides = tuple(Wall(start=a, end=b, thickness=20.0) for a, b in zip(square, (*square[1:], square[0]), strict=True))
+    sides = tuple(
+        Wall(start=a, end=b, thickness=20.0)
+        for a, b in zip(square, (*square[1:], square[0]), strict=True)
+    )
     plan = FloorPlan(map_id="field", title="Field", rooms=(room,), walls=sides)
     assert inspect_site(plan, rasterise(plan, 10.0)) == ()

@@ -12,9 +12,13 @@ from robots.world.solids import edges, fixed_solids, inside
 
 SOLIDS = fixed_solids(load_plan("office")[0])
 OFFICE = edges(SOLIDS)
-beams = st.tuples(st.floats(-9, 9), st.integers(1, 400), st.floats(0.01, 1.0)).map(lambda b: (b[0], b[2] * math.tau / b[1], b[1]))
+beams = st.tuples(st.floats(-9, 9), st.integers(1, 400), st.floats(0.01, 1.0)).map(
+    lambda b: (b[0], b[2] * math.tau / b[1], b[1])
+)
 coordinate = st.floats(-20, 20).map(lambda value: round(value, 3))
-segment = st.tuples(coordinate, coordinate, coordinate, coordinate).filter(lambda s: math.dist(s[:2], s[2:]) > 0.05)
+segment = st.tuples(coordinate, coordinate, coordinate, coordinate).filter(
+    lambda s: math.dist(s[:2], s[2:]) > 0.05
+)
 
 
 def one_ray(x: float, y: float, angle: float, s: tuple[float, float, float, float]) -> float:
@@ -29,7 +33,9 @@ def one_ray(x: float, y: float, angle: float, s: tuple[float, float, float, floa
 
 
 def grazes(x: float, y: float, angle: float, s: tuple[float, float, float, float]) -> bool:
-    """Tell whether a ray runs along a segment, through one of its ends, or begins on it: there rounding decides."""
+    """Tell whether a ray runs along a segment, through one of its ends, or begins on it: there
+    rounding decides.
+    """
     parallel = abs(math.sin(angle) * (s[2] - s[0]) - math.cos(angle) * (s[3] - s[1])) < 1e-9
     ends = [(px - x) * math.sin(angle) - (py - y) * math.cos(angle) for px, py in (s[:2], s[2:])]
     aside = abs((s[2] - s[0]) * (y - s[1]) - (s[3] - s[1]) * (x - s[0]))
@@ -37,14 +43,23 @@ def grazes(x: float, y: float, angle: float, s: tuple[float, float, float, float
 
 
 @settings(max_examples=150)
-@given(st.lists(segment, min_size=1, max_size=12), coordinate, coordinate, st.lists(st.floats(-4, 4), min_size=1, max_size=20))
-def test_all_rays_at_once_find_what_one_at_a_time_finds(segments: list, x: float, y: float, angles: list) -> None:
+@given(
+    st.lists(segment, min_size=1, max_size=12),
+    coordinate,
+    coordinate,
+    st.lists(st.floats(-4, 4), min_size=1, max_size=20),
+)
+def test_all_rays_at_once_find_what_one_at_a_time_finds(
+    segments: list, x: float, y: float, angles: list
+) -> None:
     ranges, which = cast(np.array(segments), x, y, np.array(angles))
     for angle, distance, index in zip(angles, ranges, which, strict=True):
         each = [one_ray(x, y, angle, s) for s in segments]
         if any(grazes(x, y, angle, s) for s in segments):
             continue
-        assert math.isclose(distance, min(each), rel_tol=1e-6, abs_tol=1e-6) or (math.isinf(distance) and math.isinf(min(each)))
+        assert math.isclose(distance, min(each), rel_tol=1e-6, abs_tol=1e-6) or (
+            math.isinf(distance) and math.isinf(min(each))
+        )
         assert (index == -1) == math.isinf(distance)
 
 
@@ -63,14 +78,19 @@ def test_the_nearest_of_two_walls_stops_the_ray() -> None:
 
 @settings(max_examples=150)
 @given(st.floats(-2, 14), st.floats(-2, 9), beams)
-def test_a_sweep_finds_what_single_rays_find(x: float, y: float, fan: tuple[float, float, int]) -> None:
+def test_a_sweep_finds_what_single_rays_find(
+    x: float, y: float, fan: tuple[float, float, int]
+) -> None:
     if any(inside(solid.outline, np.array(x), np.array(y)) for solid in SOLIDS):
         return
     start, step, count = fan
     angles = start + step * np.arange(count)
     expected, _ = cast(OFFICE, x, y, angles)
     ends = np.arctan2(OFFICE[:, 1] - y, OFFICE[:, 0] - x)
-    clear = np.array([np.abs((ends - angle + math.pi) % math.tau - math.pi).min() > 1e-5 for angle in angles])  # at corners rounding decides
+    # at corners rounding decides
+    clear = np.array(
+        [np.abs((ends - angle + math.pi) % math.tau - math.pi).min() > 1e-5 for angle in angles]
+    )
     assert np.allclose(sweep(OFFICE, x, y, start, step, count)[clear], expected[clear], rtol=1e-6)
 
 

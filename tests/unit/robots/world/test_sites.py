@@ -22,7 +22,9 @@ each_site = pytest.mark.parametrize("site", SITES, ids=lambda site: site.plan.ma
 
 
 def rooms_apart(site: sites.Site, closed: set[str], radius: float = 0.33) -> np.ndarray:
-    """Return labels of the places that a robot of `radius` can reach from each other with some doors closed."""
+    """Return labels of the places that a robot of `radius` can reach from each other with some
+    doors closed.
+    """
     grid = site.grid
     free = grid.free().copy()
     rows, columns = np.indices(free.shape)
@@ -33,7 +35,9 @@ def rooms_apart(site: sites.Site, closed: set[str], radius: float = 0.33) -> np.
         outline = leaf_solid(door, state).outline
         low, high = outline.min(axis=0) - 0.02, outline.max(axis=0) + 0.02
         free[(x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])] = False
-    return ndimage.label(ndimage.distance_transform_edt(free) * grid.transform.resolution > radius)[0]
+    return ndimage.label(ndimage.distance_transform_edt(free) * grid.transform.resolution > radius)[
+        0
+    ]
 
 
 def label_at(site: sites.Site, labels: np.ndarray, x: float, y: float) -> int:
@@ -68,7 +72,9 @@ def test_a_map_can_be_drawn_and_read_back(tmp_path: Path) -> None:
 def test_with_any_one_door_closed_every_place_is_still_reached(site: sites.Site) -> None:
     for closed in [set(), *({door.name} for door in site.plan.doors)]:
         labels = rooms_apart(site, closed)
-        assert len({label_at(site, labels, place.x, place.y) for place in site.plan.places}) == 1, closed
+        assert len({label_at(site, labels, place.x, place.y) for place in site.plan.places}) == 1, (
+            closed
+        )
         assert label_at(site, labels, site.plan.places[0].x, site.plan.places[0].y) > 0
 
 
@@ -81,7 +87,10 @@ def test_both_doors_of_the_office_lie_on_every_suggested_path() -> None:
     for route in PLAN.routes:
         for door in PLAN.doors:
             x, y = (door.start[0] + door.end[0]) / 2, (door.start[1] + door.end[1]) / 2
-            assert any(min(a[1], b[1]) <= y <= max(a[1], b[1]) and abs((a[0] + b[0]) / 2 - x) < 0.3 for a, b in pairwise(route.path)), door.name
+            assert any(
+                min(a[1], b[1]) <= y <= max(a[1], b[1]) and abs((a[0] + b[0]) / 2 - x) < 0.3
+                for a, b in pairwise(route.path)
+            ), door.name
 
 
 @each_site
@@ -103,7 +112,10 @@ def test_every_robot_has_a_dock_five_checkpoints_and_a_path_between_them(site: s
         assert [c.number for c in route.checkpoints] == [0, 1, 2, 3, 4]
         assert (route.checkpoints[0].x, route.checkpoints[0].y) == (dock.x, dock.y)
         for checkpoint in route.checkpoints:
-            assert min(np.hypot(x - checkpoint.x, y - checkpoint.y) for x, y in route.path) < checkpoint.radius
+            assert (
+                min(np.hypot(x - checkpoint.x, y - checkpoint.y) for x, y in route.path)
+                < checkpoint.radius
+            )
 
 
 @each_site
@@ -123,12 +135,15 @@ def test_giraffs_fourth_checkpoint_is_before_the_mirror(site: sites.Site) -> Non
     assert abs(last.x - mirror.start[0]) < 2.0
     assert min(mirror.start[1], mirror.end[1]) < last.y < max(mirror.start[1], mirror.end[1])
     glass = np.subtract(mirror.end, mirror.start)
-    assert glass[0] * (last.y - mirror.start[1]) - glass[1] * (last.x - mirror.start[0]) > 0.0  # on its left side
+    # on its left side
+    assert glass[0] * (last.y - mirror.start[1]) - glass[1] * (last.x - mirror.start[0]) > 0.0
 
 
 @each_site
 @pytest.mark.parametrize("model", MODELS.values(), ids=lambda model: model.series)
-def test_every_robot_can_stand_in_its_dock_and_at_every_start_and_place(site: sites.Site, model: RobotModel) -> None:
+def test_every_robot_can_stand_in_its_dock_and_at_every_start_and_place(
+    site: sites.Site, model: RobotModel
+) -> None:
     assert Simulation(model, site.plan, seed=1).docked
     for place in (*site.plan.starts, *site.plan.places):
         Simulation(model, site.plan, seed=1, start=place.name)
@@ -150,4 +165,7 @@ def test_a_site_with_a_bad_plan_or_no_map_is_refused(tmp_path: Path) -> None:
 
 def test_doors_are_as_the_plan_has_them_unless_said_otherwise() -> None:
     assert sites.with_doors(PLAN, {}) == {"lab-door": "open", "lounge-door": "open"}
-    assert sites.with_doors(PLAN, {"lab-door": "closed", "barn": "open"}) == {"lab-door": "closed", "lounge-door": "open"}
+    assert sites.with_doors(PLAN, {"lab-door": "closed", "barn": "open"}) == {
+        "lab-door": "closed",
+        "lounge-door": "open",
+    }

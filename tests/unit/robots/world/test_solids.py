@@ -7,7 +7,17 @@ import pytest
 
 from robots.api.geometry import Pose2D
 from robots.world.sites import load_plan
-from robots.world.solids import bar, disc, edges, fixed_solids, inside, leaf_end, leaf_solid, rectangle, station_solid
+from robots.world.solids import (
+    bar,
+    disc,
+    edges,
+    fixed_solids,
+    inside,
+    leaf_end,
+    leaf_solid,
+    rectangle,
+    station_solid,
+)
 
 PLAN, _ = load_plan("office")
 
@@ -18,7 +28,10 @@ def area(outline: np.ndarray) -> float:
 
 
 def test_every_outline_of_the_office_is_convex_and_counter_clockwise() -> None:
-    for solid in (*fixed_solids(PLAN), *(leaf_solid(door, state) for door in PLAN.doors for state in ("open", "closed"))):
+    for solid in (
+        *fixed_solids(PLAN),
+        *(leaf_solid(door, state) for door in PLAN.doors for state in ("open", "closed")),
+    ):
         along = np.roll(solid.outline, -1, axis=0) - solid.outline
         turn = along[:, 0] * np.roll(along[:, 1], -1) - along[:, 1] * np.roll(along[:, 0], -1)
         assert (turn > 0).all(), solid.name
@@ -31,15 +44,22 @@ def test_a_wall_has_its_length_and_thickness() -> None:
 
 def test_a_cylinder_hides_its_whole_circle() -> None:
     angles = np.linspace(0, 2 * math.pi, 100)
-    assert inside(disc(2.0, 3.0, 0.6), 2.0 + 0.299 * np.cos(angles), 3.0 + 0.299 * np.sin(angles)).all()
+    assert inside(
+        disc(2.0, 3.0, 0.6), 2.0 + 0.299 * np.cos(angles), 3.0 + 0.299 * np.sin(angles)
+    ).all()
 
 
 def test_a_closed_door_fills_its_opening_and_an_open_one_leaves_it() -> None:
     for door in PLAN.doors:
-        middle = np.array([(door.start[0] + door.end[0]) / 2]), np.array([(door.start[1] + door.end[1]) / 2])
+        middle = (
+            np.array([(door.start[0] + door.end[0]) / 2]),
+            np.array([(door.start[1] + door.end[1]) / 2]),
+        )
         assert inside(leaf_solid(door, "closed").outline, *middle)[0]
         assert not inside(leaf_solid(door, "open").outline, *middle)[0]
-        assert math.dist(leaf_end(door, "open"), door.start) == pytest.approx(math.dist(door.end, door.start))
+        assert math.dist(leaf_end(door, "open"), door.start) == pytest.approx(
+            math.dist(door.end, door.start)
+        )
 
 
 def test_a_station_stands_before_the_nose_of_the_docked_robot() -> None:

@@ -40,9 +40,17 @@ def action(kind, **fields):
 
 
 DRIVERS_ACTIONS = [
-    action(m.Goto, x=1.0, y=2.0), action(m.Follow, points=((0.0, 0.0),)), action(m.Dock), action(m.Undock), action(m.Cancel), action(m.Tilt, angle=0.1),
-    action(m.Photo), action(m.Relocalize), action(m.Say, text="hello"), action(m.Call),
-]  # fmt: skip
+    action(m.Goto, x=1.0, y=2.0),
+    action(m.Follow, points=((0.0, 0.0),)),
+    action(m.Dock),
+    action(m.Undock),
+    action(m.Cancel),
+    action(m.Tilt, angle=0.1),
+    action(m.Photo),
+    action(m.Relocalize),
+    action(m.Say, text="hello"),
+    action(m.Call),
+]
 
 
 def test_a_drivers_velocity_carries_the_session_and_epoch_of_the_grant():
@@ -52,7 +60,9 @@ def test_a_drivers_velocity_carries_the_session_and_epoch_of_the_grant():
 
 
 def test_a_heartbeat_carries_the_peer_that_the_server_made():
-    (effect,) = say(driver(), "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer="somebody-else"))
+    (effect,) = say(
+        driver(), "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer="somebody-else")
+    )
     assert effect.message.peer == PEER
 
 
@@ -60,7 +70,10 @@ def test_a_heartbeat_carries_the_peer_that_the_server_made():
 def test_a_drivers_action_is_stamped_with_role_session_epoch_and_user(asked):
     forged = msgspec.structs.replace(asked, role="owner", user="Mallory", **FORGED)
     (effect,) = say(driver(), "command/action", forged)
-    assert effect == Publish("command/action", msgspec.structs.replace(asked, role="driver", user="Ada", session=SESSION, epoch=7))
+    assert effect == Publish(
+        "command/action",
+        msgspec.structs.replace(asked, role="driver", user="Ada", session=SESSION, epoch=7),
+    )
 
 
 @pytest.mark.parametrize("asked", DRIVERS_ACTIONS, ids=lambda asked: type(asked).__name__)
@@ -69,8 +82,12 @@ def test_an_observers_action_is_refused(asked):
 
 
 def test_an_observers_velocity_and_heartbeat_are_refused():
-    assert say(observer(), "command/velocity", words.velocity(session=SESSION, epoch=7)) == (Deny("command/velocity", "observer"),)
-    assert say(observer(), "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=PEER)) == (Deny("command/heartbeat", "observer"),)
+    assert say(observer(), "command/velocity", words.velocity(session=SESSION, epoch=7)) == (
+        Deny("command/velocity", "observer"),
+    )
+    assert say(observer(), "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=PEER)) == (
+        Deny("command/heartbeat", "observer"),
+    )
 
 
 @pytest.mark.parametrize(
@@ -85,18 +102,30 @@ def test_an_observers_velocity_and_heartbeat_are_refused():
 )
 def test_a_driver_without_the_lease_in_force_may_stop_and_nothing_else(lease):
     authorization = driver()
-    assert say(authorization, "command/velocity", words.velocity(), lease) == (Deny("command/velocity", "not_driver"),)
-    assert say(authorization, "command/action", action(m.Goto, x=0.0, y=0.0), lease) == (Deny("command/action", "not_driver"),)
-    assert say(authorization, "signal", m.Offer(sdp="v=0"), lease) == (Deny("signal", "not_driver"),)
+    assert say(authorization, "command/velocity", words.velocity(), lease) == (
+        Deny("command/velocity", "not_driver"),
+    )
+    assert say(authorization, "command/action", action(m.Goto, x=0.0, y=0.0), lease) == (
+        Deny("command/action", "not_driver"),
+    )
+    assert say(authorization, "signal", m.Offer(sdp="v=0"), lease) == (
+        Deny("signal", "not_driver"),
+    )
     assert isinstance(say(authorization, "command/action", action(m.Stop), lease)[0], Halt)
 
 
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-@pytest.mark.parametrize("make", [driver, observer, lambda: Authorization("p", "Eve")], ids=["driver", "observer", "guest"])
+@pytest.mark.parametrize(
+    "make",
+    [driver, observer, lambda: Authorization("p", "Eve")],
+    ids=["driver", "observer", "guest"],
+)
 def test_stop_and_estop_pass_from_everybody_under_their_own_name(make, kind):
     (effect,) = say(make(), "command/action", action(kind, role="owner", user="Mallory", **FORGED))
     drives = make is driver
-    assert (effect.message.role, effect.message.user) == (("driver", "Ada") if drives else ("observer", make().who))
+    assert (effect.message.role, effect.message.user) == (
+        ("driver", "Ada") if drives else ("observer", make().who)
+    )
     assert (effect.message.session, effect.message.epoch) == ((SESSION, 7) if drives else (None, 0))
 
 
@@ -106,11 +135,20 @@ def test_the_number_of_a_stop_is_believed_from_the_driver_alone():
 
 
 def test_an_emergency_stop_is_cleared_by_operators_only_and_under_their_own_role():
-    assert say(driver(), "command/action", action(m.ClearEStop, role="owner", user="Ada")) == (Deny("command/action", "not_allowed"),)
-    assert say(observer(), "command/action", action(m.ClearEStop, role="staff", user="Ada")) == (Deny("command/action", "not_allowed"),)
+    assert say(driver(), "command/action", action(m.ClearEStop, role="owner", user="Ada")) == (
+        Deny("command/action", "not_allowed"),
+    )
+    assert say(observer(), "command/action", action(m.ClearEStop, role="staff", user="Ada")) == (
+        Deny("command/action", "not_allowed"),
+    )
     for authorization in (driver(operator="staff"), observer(operator="owner")):
-        (effect,) = say(authorization, "command/action", action(m.ClearEStop, role="server", user="Mallory"))
-        assert (effect.message.role, effect.message.user) == (authorization.operator, authorization.who)
+        (effect,) = say(
+            authorization, "command/action", action(m.ClearEStop, role="server", user="Mallory")
+        )
+        assert (effect.message.role, effect.message.user) == (
+            authorization.operator,
+            authorization.who,
+        )
 
 
 @pytest.mark.parametrize("kind", [m.Photo, m.Relocalize, m.Cancel])
@@ -120,28 +158,47 @@ def test_an_operator_needs_no_lease_for_what_a_role_allows(kind):
 
 
 def test_an_operator_without_the_lease_does_not_drive():
-    assert say(observer(operator="owner"), "command/action", action(m.Goto, x=0.0, y=0.0)) == (Deny("command/action", "observer"),)
+    assert say(observer(operator="owner"), "command/action", action(m.Goto, x=0.0, y=0.0)) == (
+        Deny("command/action", "observer"),
+    )
 
 
 def test_no_page_asks_for_states_again():
     asked = action(m.ResendStates, boot="b", first=1, last=2, role="server")
-    assert say(driver(operator="owner"), "command/action", asked) == (Deny("command/action", "not_allowed"),)
+    assert say(driver(operator="owner"), "command/action", asked) == (
+        Deny("command/action", "not_allowed"),
+    )
 
 
 def test_a_drivers_offer_is_made_anew_by_the_server():
-    forged = m.Offer(sdp="v=0", role="screen", who="Mallory", ice_servers=(m.IceServer(urls=("turn:evil.example.org",)),), **FORGED)
+    forged = m.Offer(
+        sdp="v=0",
+        role="screen",
+        who="Mallory",
+        ice_servers=(m.IceServer(urls=("turn:evil.example.org",)),),
+        **FORGED,
+    )
     assert say(driver(), "signal", forged) == (
-        Publish(f"signal/{PEER}", m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7, who="Ada", ice_servers=ICE)),
+        Publish(
+            f"signal/{PEER}",
+            m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7, who="Ada", ice_servers=ICE),
+        ),
     )
 
 
 def test_an_observers_offer_says_observer_whatever_the_page_says():
-    (effect,) = say(observer(), "signal", m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7))
-    assert effect == Publish("signal/peer-2", m.Offer(sdp="v=0", role="observer", who="Bob", ice_servers=ICE))
+    (effect,) = say(
+        observer(), "signal", m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7)
+    )
+    assert effect == Publish(
+        "signal/peer-2", m.Offer(sdp="v=0", role="observer", who="Bob", ice_servers=ICE)
+    )
 
 
 def test_who_neither_drives_nor_watches_signals_nothing():
-    assert say(Authorization("p", "Eve"), "signal", m.Offer(sdp="v=0")) == (Deny("signal", "no_role"),)
+    assert say(Authorization("p", "Eve"), "signal", m.Offer(sdp="v=0")) == (
+        Deny("signal", "no_role"),
+    )
 
 
 def test_who_waits_may_watch_meanwhile_and_drives_as_nobody():
@@ -150,7 +207,9 @@ def test_who_waits_may_watch_meanwhile_and_drives_as_nobody():
     authorization.observe()
     (effect,) = say(authorization, "signal", m.Offer(sdp="v=0", role="driver"))
     assert effect.message.role == "observer"
-    assert say(authorization, "command/velocity", words.velocity()) == (Deny("command/velocity", "observer"),)
+    assert say(authorization, "command/velocity", words.velocity()) == (
+        Deny("command/velocity", "observer"),
+    )
 
 
 def test_a_granted_page_no_longer_watches():
@@ -161,7 +220,19 @@ def test_a_granted_page_no_longer_watches():
 
 
 @pytest.mark.parametrize(
-    "suffix", ["lease", "config", "floorplan", "state", "connection", "signal/peer-9", "signal/peer-9/reply", "hello", "", "command/velocity/x"]
+    "suffix",
+    [
+        "lease",
+        "config",
+        "floorplan",
+        "state",
+        "connection",
+        "signal/peer-9",
+        "signal/peer-9/reply",
+        "hello",
+        "",
+        "command/velocity/x",
+    ],
 )
 def test_a_page_uses_no_suffix_but_its_own(suffix):
     (effect,) = driver().receive(f"{suffix}\n{{}}", LEASE, 0.0)
@@ -175,9 +246,18 @@ def test_a_page_uses_no_suffix_but_its_own(suffix):
         ("no newline", "malformed"),
         ("command/velocity\n", "malformed"),
         ("command/velocity\n[]", "malformed"),
-        ('command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,"linear":NaN,"angular":0,"method":"keyboard"}', "malformed"),
-        ('command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,"linear":1e9,"angular":0,"method":"keyboard"}', "malformed"),
-        ('command/velocity\n{"session":"s","epoch":0,"seq":-1,"stamp":1,"linear":0,"angular":0,"method":"keyboard"}', "malformed"),
+        (
+            'command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,"linear":NaN,"angular":0,"method":"keyboard"}',
+            "malformed",
+        ),
+        (
+            'command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,"linear":1e9,"angular":0,"method":"keyboard"}',
+            "malformed",
+        ),
+        (
+            'command/velocity\n{"session":"s","epoch":0,"seq":-1,"stamp":1,"linear":0,"angular":0,"method":"keyboard"}',
+            "malformed",
+        ),
         ('command/action\n{"type":"fly","actionId":"a","stamp":1}', "malformed"),
         ("session/take\n" + "[" * 40_000, "malformed"),
         ("command/velocity\n" + " " * 2000, "oversized"),
@@ -195,42 +275,94 @@ def test_what_is_no_message_is_refused_with_its_reason(frame, reason):
 
 def test_verbs_go_to_the_database_and_reports_to_the_record():
     authorization = driver()
-    assert say(authorization, "session/take", protocol.Take(takeover=True)) == (Verb(protocol.Take(takeover=True)),)
+    assert say(authorization, "session/take", protocol.Take(takeover=True)) == (
+        Verb(protocol.Take(takeover=True)),
+    )
     event = protocol.PageEvent(stamp=1.0, type="tab_hidden", data={"seconds": 2.0})
     (report,) = say(authorization, "page/event", event)
-    assert report == Report(protocol.PageReport(suffix="page/event", session=SESSION, message=msgspec.Raw(codec.encode(event))))
+    assert report == Report(
+        protocol.PageReport(
+            suffix="page/event", session=SESSION, message=msgspec.Raw(codec.encode(event))
+        )
+    )
 
 
 def test_a_page_without_a_session_has_nothing_to_report():
-    assert say(observer(), "page/event", protocol.PageEvent(stamp=1.0, type="x")) == (Deny("page/event", "no_session"),)
+    assert say(observer(), "page/event", protocol.PageEvent(stamp=1.0, type="x")) == (
+        Deny("page/event", "no_session"),
+    )
 
 
 def test_the_same_refusal_is_told_once_a_second_and_counted_every_time():
     authorization = observer()
-    told = [say(authorization, "command/velocity", words.velocity(), now=tick / 20) for tick in range(41)]
+    told = [
+        say(authorization, "command/velocity", words.velocity(), now=tick / 20)
+        for tick in range(41)
+    ]
     assert sum(map(len, told)) == 3
     assert authorization.refused == {"observer": 41}
 
 
 @pytest.mark.parametrize(
-    "data", [{"word": "x" * 201}, {f"word-{n}": "x" * 100 for n in range(16)}, {f"word-{n}": None for n in range(17)}, {"x" * 121: 1.0}]
+    "data",
+    [
+        {"word": "x" * 201},
+        {f"word-{n}": "x" * 100 for n in range(16)},
+        {f"word-{n}": None for n in range(17)},
+        {"x" * 121: 1.0},
+    ],
 )
 def test_what_would_fill_the_record_is_refused(data):
-    (effect,) = say(driver(), "page/event", protocol.PageEvent(stamp=1.0, type="cue_shown", data=data))
+    (effect,) = say(
+        driver(), "page/event", protocol.PageEvent(stamp=1.0, type="cue_shown", data=data)
+    )
     assert isinstance(effect, Deny)
 
 
 def test_the_longest_that_a_page_says_for_the_record_passes():
     layout = {
-        "interface": "technical", "layout": "upright", "width": 1280.5, "height": 719.3333129882812, "screen_width": 2560.0, "screen_height": 1440.0,
-        "density": 1.3333333730697632, "touch": False, "bot": True,
-    }  # fmt: skip
-    check = dict.fromkeys(("server", "browser", "picture", "way", "detour", "microphone", "camera", "gamepad", "overall", "app"), "unsupported")
+        "interface": "technical",
+        "layout": "upright",
+        "width": 1280.5,
+        "height": 719.3333129882812,
+        "screen_width": 2560.0,
+        "screen_height": 1440.0,
+        "density": 1.3333333730697632,
+        "touch": False,
+        "bot": True,
+    }
+    check = dict.fromkeys(
+        (
+            "server",
+            "browser",
+            "picture",
+            "way",
+            "detour",
+            "microphone",
+            "camera",
+            "gamepad",
+            "overall",
+            "app",
+        ),
+        "unsupported",
+    )
     answer = {"id": "answer-" + "0" * 24, "choice": "again", "photo": "p" * 64}
-    network = protocol.PageNetwork(stamp=1.7e9 + 1 / 3, way="datachannel", path="host/udp", **dict.fromkeys(
-        ("round_trip", "loss", "jitter", "fps", "freezes", "bitrate", "frame_age"), 1 / 3))  # fmt: skip
-    events = [protocol.PageEvent(stamp=1.7e9 + 1 / 3, type="layout", data=data) for data in (layout, check | {"roundTrip": 1 / 3}, answer)]
-    for suffix, message in (("page/network", network), *(("page/event", event) for event in events)):
+    network = protocol.PageNetwork(
+        stamp=1.7e9 + 1 / 3,
+        way="datachannel",
+        path="host/udp",
+        **dict.fromkeys(
+            ("round_trip", "loss", "jitter", "fps", "freezes", "bitrate", "frame_age"), 1 / 3
+        ),
+    )
+    events = [
+        protocol.PageEvent(stamp=1.7e9 + 1 / 3, type="layout", data=data)
+        for data in (layout, check | {"roundTrip": 1 / 3}, answer)
+    ]
+    for suffix, message in (
+        ("page/network", network),
+        *(("page/event", event) for event in events),
+    ):
         (effect,) = say(driver(), suffix, message)
         assert isinstance(effect, Report)
         assert len(effect.message.message) < protocol.MAX_REPORT / 2
@@ -238,13 +370,19 @@ def test_the_longest_that_a_page_says_for_the_record_passes():
 
 @pytest.mark.parametrize(
     ("suffix", "message", "rate", "burst"),
-    [("command/velocity", words.velocity(), 60, 60), ("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0), 30, 60), ("command/action", action(m.Stop), 60, 60),
-     ("page/event", protocol.PageEvent(stamp=1.0, type="x"), 3, 60)],
-)  # fmt: skip
+    [
+        ("command/velocity", words.velocity(), 60, 60),
+        ("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0), 30, 60),
+        ("command/action", action(m.Stop), 60, 60),
+        ("page/event", protocol.PageEvent(stamp=1.0, type="x"), 3, 60),
+    ],
+)
 def test_more_than_a_page_needs_is_refused(suffix, message, rate, burst):
     authorization = driver()
     passed = sum(
-        isinstance(effect, Publish | Halt | Report) for tick in range(2000) for effect in say(authorization, suffix, message, now=tick / 200)
+        isinstance(effect, Publish | Halt | Report)
+        for tick in range(2000)
+        for effect in say(authorization, suffix, message, now=tick / 200)
     )
     assert burst + 10 * rate - 1 <= passed <= burst + 10 * rate + 1
 
@@ -259,9 +397,13 @@ def test_a_stop_passes_when_everything_else_has_been_used_up():
 
 def test_a_flood_ends_the_connection_and_mere_haste_does_not():
     authorization = driver()
-    effects = [effect for _ in range(400) for effect in authorization.receive("nonsense", LEASE, 0.0)]
+    effects = [
+        effect for _ in range(400) for effect in authorization.receive("nonsense", LEASE, 0.0)
+    ]
     assert not any(isinstance(effect, Close) for effect in effects)
-    effects = [effect for _ in range(400) for effect in authorization.receive("nonsense", LEASE, 0.0)]
+    effects = [
+        effect for _ in range(400) for effect in authorization.receive("nonsense", LEASE, 0.0)
+    ]
     assert effects[-1] == Close(protocol.FLOODED)
 
 
@@ -270,38 +412,83 @@ def test_a_page_that_drove_over_its_socket_leaves_a_stop_behind_and_no_other_doe
     assert authorization.parting_stop("a", 5.0, LEASE, 0.0) is None
     say(authorization, "command/velocity", words.velocity(seq=17), now=10.0)
     stop = authorization.parting_stop("a", 5.0, LEASE, 10.5)
-    assert stop == m.Stop(action_id="a", stamp=5.0, session=SESSION, epoch=7, role="driver", user="Ada", seq=17)
+    assert stop == m.Stop(
+        action_id="a", stamp=5.0, session=SESSION, epoch=7, role="driver", user="Ada", seq=17
+    )
     assert authorization.parting_stop("a", 5.0, LEASE, 12.0) is None
     assert authorization.parting_stop("a", 5.0, None, 10.5) is None
     assert observer().parting_stop("a", 5.0, LEASE, 0.0) is None
 
 
-# --- whatever a page says --------------------------------------------------------------------------------------------
+# --- whatever a page says -------------------------------------------------------------------------
 
 SUFFIXES = st.sampled_from(
-    ["command/velocity", "command/heartbeat", "command/action", "command/point", "signal", "session/take", "page/event", "lease", ""]
+    [
+        "command/velocity",
+        "command/heartbeat",
+        "command/action",
+        "command/point",
+        "signal",
+        "session/take",
+        "page/event",
+        "lease",
+        "",
+    ]
 ) | st.text(max_size=20)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["type", "session", "epoch", "seq", "role", "sdp", "x", "at", "stamp"]), inner, max_size=6),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(["type", "session", "epoch", "seq", "role", "sdp", "x", "at", "stamp"]),
+            inner,
+            max_size=6,
+        )
+    ),
     max_leaves=12,
-)  # fmt: skip
+)
 FRAMES = (
     st.text(max_size=200)
     | st.binary(max_size=200)
-    | st.builds(lambda suffix, value: f"{suffix}\n{msgspec.json.encode(value).decode()}", SUFFIXES, JSON)
+    | st.builds(
+        lambda suffix, value: f"{suffix}\n{msgspec.json.encode(value).decode()}", SUFFIXES, JSON
+    )
 )
 MESSAGES = st.one_of(
-    st.builds(lambda seq, linear, session, epoch: ("command/velocity", words.velocity(seq=seq, linear=linear, session=session, epoch=epoch)),
-              st.integers(0, 2**40), st.floats(-10, 10), st.sampled_from(["session-1", "x"]), st.integers(0, 20)),
-    st.builds(lambda asked, role, user: ("command/action", msgspec.structs.replace(asked, role=role, user=user)),
-              st.sampled_from([*DRIVERS_ACTIONS, action(m.Stop), action(m.EStop), action(m.ClearEStop)]),
-              st.sampled_from(["driver", "observer", "screen", "staff", "owner", "server"]), st.sampled_from(["", "Mallory"])),
-    st.builds(lambda role, session, peer: ("command/point", m.PointCommand(stamp=1.0, role=role, session=session, peer=peer)),
-              st.sampled_from(["driver", "screen"]), st.sampled_from([None, "session-1"]), st.sampled_from(["peer-1", "x"])),
-    st.builds(lambda role, session: ("signal", m.Offer(sdp="v=0", role=role, session=session)),
-              st.sampled_from(["driver", "observer", "screen"]), st.sampled_from([None, "session-1"])),
-)  # fmt: skip
+    st.builds(
+        lambda seq, linear, session, epoch: (
+            "command/velocity",
+            words.velocity(seq=seq, linear=linear, session=session, epoch=epoch),
+        ),
+        st.integers(0, 2**40),
+        st.floats(-10, 10),
+        st.sampled_from(["session-1", "x"]),
+        st.integers(0, 20),
+    ),
+    st.builds(
+        lambda asked, role, user: (
+            "command/action",
+            msgspec.structs.replace(asked, role=role, user=user),
+        ),
+        st.sampled_from([*DRIVERS_ACTIONS, action(m.Stop), action(m.EStop), action(m.ClearEStop)]),
+        st.sampled_from(["driver", "observer", "screen", "staff", "owner", "server"]),
+        st.sampled_from(["", "Mallory"]),
+    ),
+    st.builds(
+        lambda role, session, peer: (
+            "command/point",
+            m.PointCommand(stamp=1.0, role=role, session=session, peer=peer),
+        ),
+        st.sampled_from(["driver", "screen"]),
+        st.sampled_from([None, "session-1"]),
+        st.sampled_from(["peer-1", "x"]),
+    ),
+    st.builds(
+        lambda role, session: ("signal", m.Offer(sdp="v=0", role=role, session=session)),
+        st.sampled_from(["driver", "observer", "screen"]),
+        st.sampled_from([None, "session-1"]),
+    ),
+)
 
 
 @settings(max_examples=1500, deadline=None)
@@ -311,16 +498,27 @@ def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drive
     for effect in authorization.receive(frame, LEASE, 0.0):
         assert isinstance(effect, Deny | Publish | Halt | Verb | Report)
         if isinstance(effect, Publish | Halt):
-            codec.decode("command/action" if isinstance(effect, Halt) else effect.suffix, codec.encode(effect.message), "to_robot")
+            codec.decode(
+                "command/action" if isinstance(effect, Halt) else effect.suffix,
+                codec.encode(effect.message),
+                "to_robot",
+            )
 
 
 @settings(max_examples=1500, deadline=None)
-@given(said=MESSAGES, place=st.sampled_from(["driver", "observer", "guest", "late"]), operator=st.sampled_from([None, "staff", "owner"]))
+@given(
+    said=MESSAGES,
+    place=st.sampled_from(["driver", "observer", "guest", "late"]),
+    operator=st.sampled_from([None, "staff", "owner"]),
+)
 def test_nothing_that_a_page_says_of_itself_reaches_the_robot(said, place, operator):
     suffix, message = said
-    authorization = {"driver": driver, "late": driver, "observer": observer, "guest": lambda **options: Authorization("peer-4", "Eve", **options)}[
-        place
-    ](operator=operator)
+    authorization = {
+        "driver": driver,
+        "late": driver,
+        "observer": observer,
+        "guest": lambda **options: Authorization("peer-4", "Eve", **options),
+    }[place](operator=operator)
     lease = msgspec.structs.replace(LEASE, epoch=8) if place == "late" else LEASE
     for effect in say(authorization, suffix, message, lease):
         if not isinstance(effect, Publish | Halt):
@@ -331,15 +529,26 @@ def test_nothing_that_a_page_says_of_itself_reaches_the_robot(said, place, opera
             assert (sent.session, sent.epoch) == (SESSION, 7)
             assert math.isfinite(sent.linear)
         elif isinstance(sent, m.PointCommand):
-            assert (place, sent.role, sent.peer, sent.session, sent.epoch) == ("driver", "driver", PEER, SESSION, 7)
+            assert (place, sent.role, sent.peer, sent.session, sent.epoch) == (
+                "driver",
+                "driver",
+                PEER,
+                SESSION,
+                7,
+            )
         else:
-            assert (sent.session, sent.epoch) == ((SESSION, 7) if sent.role == "driver" else (None, 0))
-            assert sent.role in {"driver" if place == "driver" else "observer", operator or "observer"}
+            assert (sent.session, sent.epoch) == (
+                (SESSION, 7) if sent.role == "driver" else (None, 0)
+            )
+            assert sent.role in {
+                "driver" if place == "driver" else "observer",
+                operator or "observer",
+            }
         if isinstance(sent, m.Action):
             assert sent.user == authorization.who
 
 
-# --- pictures through the server -------------------------------------------------------------------------------------
+# --- pictures through the server ------------------------------------------------------------------
 
 WANTED = m.PictureRequest(stamp=1.0, peer="somebody-else", seen=0.5, round_trip=0.02)
 
@@ -348,7 +557,11 @@ WANTED = m.PictureRequest(stamp=1.0, peer="somebody-else", seen=0.5, round_trip=
 def test_who_drives_or_watches_may_ask_for_a_picture_and_the_server_says_who_asks(make):
     authorization = make()
     assert say(authorization, "command/picture", WANTED) == (
-        Publish("command/picture", msgspec.structs.replace(WANTED, peer=authorization.peer), wanted=False),
+        Publish(
+            "command/picture",
+            msgspec.structs.replace(WANTED, peer=authorization.peer),
+            wanted=False,
+        ),
     )
 
 
@@ -377,7 +590,9 @@ def test_a_driver_whose_lease_has_gone_to_somebody_else_gets_no_picture():
     authorization = driver()
     say(authorization, "command/picture", WANTED)
     assert not authorization.may_see_picture(msgspec.structs.replace(LEASE, epoch=8, peer="peer-9"))
-    assert say(authorization, "command/picture", WANTED, lease=None) == (Deny("command/picture", "not_driver"),)
+    assert say(authorization, "command/picture", WANTED, lease=None) == (
+        Deny("command/picture", "not_driver"),
+    )
 
 
 def test_the_picture_that_was_on_its_way_is_not_for_a_page_that_has_left():
@@ -389,36 +604,52 @@ def test_the_picture_that_was_on_its_way_is_not_for_a_page_that_has_left():
 
 def test_a_flood_of_requests_is_cut():
     authorization = observer()
-    effects = [effect for _ in range(1000) for effect in say(authorization, "command/picture", WANTED)]
+    effects = [
+        effect for _ in range(1000) for effect in say(authorization, "command/picture", WANTED)
+    ]
     assert sum(isinstance(effect, Publish) for effect in effects) <= 60
     assert isinstance(effects[-1], Close)
 
 
 def test_photos_which_are_kept_for_good_are_few_and_a_stop_still_passes():
     authorization = driver()
-    taken = [say(authorization, "command/action", action(m.Photo, action_id=f"p{n}"), now=n * 0.1)[:1] for n in range(30)]
+    taken = [
+        say(authorization, "command/action", action(m.Photo, action_id=f"p{n}"), now=n * 0.1)[:1]
+        for n in range(30)
+    ]
     assert sum(isinstance(effects[0], Publish) for effects in taken if effects) == 11
     assert isinstance(say(authorization, "command/action", action(m.Stop, seq=1), now=3.0)[0], Halt)
-    assert isinstance(say(authorization, "command/action", action(m.Photo, action_id="later"), now=10.0)[0], Publish)
+    assert isinstance(
+        say(authorization, "command/action", action(m.Photo, action_id="later"), now=10.0)[0],
+        Publish,
+    )
 
 
-# --- dots on what the driver shares ----------------------------------------------------------------------------------
+# --- dots on what the driver shares ---------------------------------------------------------------
 
 DOT = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="screen", peer="somebody-else", **FORGED)
 
 
 def test_a_drivers_dot_carries_what_the_server_knows():
-    wanted = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="driver", peer=PEER, session=SESSION, epoch=7)
+    wanted = m.PointCommand(
+        stamp=5.0, at=(0.5, 0.25), role="driver", peer=PEER, session=SESSION, epoch=7
+    )
     assert say(driver(), "command/point", DOT) == (Publish("command/point", wanted, wanted=False),)
 
 
 def test_nobody_points_without_driving():
     assert say(observer(), "command/point", DOT) == (Deny("command/point", "observer"),)
-    assert say(Authorization("peer-3", "Eve"), "command/point", DOT) == (Deny("command/point", "not_driver"),)
-    assert say(driver(), "command/point", DOT, msgspec.structs.replace(LEASE, epoch=8)) == (Deny("command/point", "not_driver"),)
+    assert say(Authorization("peer-3", "Eve"), "command/point", DOT) == (
+        Deny("command/point", "not_driver"),
+    )
+    assert say(driver(), "command/point", DOT, msgspec.structs.replace(LEASE, epoch=8)) == (
+        Deny("command/point", "not_driver"),
+    )
 
 
-@pytest.mark.parametrize("at", ["[1.5,0.5]", "[-0.1,0.5]", "[NaN,0.5]", "[0.5]", "0.5", '{"x":0.5,"y":0.5}'])
+@pytest.mark.parametrize(
+    "at", ["[1.5,0.5]", "[-0.1,0.5]", "[NaN,0.5]", "[0.5]", "0.5", '{"x":0.5,"y":0.5}']
+)
 def test_a_dot_that_is_not_on_the_picture_reaches_nobody(at):
     frame = f'command/point\n{{"stamp":5.0,"at":{at}}}'
     assert driver().receive(frame, LEASE, 0.0) == (Deny("command/point", "malformed"),)
@@ -426,11 +657,34 @@ def test_a_dot_that_is_not_on_the_picture_reaches_nobody(at):
 
 def test_twenty_dots_a_second_pass_and_none_of_them_takes_the_room_of_a_stop_or_of_words():
     authorization = driver()
-    effects = [say(authorization, "command/point", msgspec.structs.replace(DOT, stamp=5.0 + n / 50), now=n / 50)[:1] for n in range(500)]
-    assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(210, abs=2)
-    assert isinstance(say(authorization, "command/action", action(m.Stop, seq=1), now=10.0)[0], Halt)
+    effects = [
+        say(
+            authorization,
+            "command/point",
+            msgspec.structs.replace(DOT, stamp=5.0 + n / 50),
+            now=n / 50,
+        )[:1]
+        for n in range(500)
+    ]
+    assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(
+        210, abs=2
+    )
+    assert isinstance(
+        say(authorization, "command/action", action(m.Stop, seq=1), now=10.0)[0], Halt
+    )
     assert all(
-        isinstance(say(authorization, "command/action", action(m.Say, text="hello", action_id=f"s{n}"), now=10.0)[0], Publish) for n in range(60)
+        isinstance(
+            say(
+                authorization,
+                "command/action",
+                action(m.Say, text="hello", action_id=f"s{n}"),
+                now=10.0,
+            )[0],
+            Publish,
+        )
+        for n in range(60)
     )
     steady = driver()
-    assert all(isinstance(say(steady, "command/point", DOT, now=n / 15)[0], Publish) for n in range(300))
+    assert all(
+        isinstance(say(steady, "command/point", DOT, now=n / 15)[0], Publish) for n in range(300)
+    )

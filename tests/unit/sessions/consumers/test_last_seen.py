@@ -22,14 +22,19 @@ def asked(monkeypatch):
         return sessions - {"over"}
 
     monkeypatch.setattr(last_seen.store, "seen", seen)
-    monkeypatch.setattr(last_seen, "database_sync_to_async", sync_to_async)  # no connection is looked after, as none is used
+    # no connection is looked after, as none is used
+    monkeypatch.setattr(last_seen, "database_sync_to_async", sync_to_async)
     monkeypatch.setattr(last_seen, "GATHER_SECONDS", 0.05)
     return found
 
 
 async def test_many_pages_are_one_question_and_each_gets_its_own_answer(asked):
     pages = LastSeenBatcher()
-    assert await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b"))) == [True, False, True]
+    assert await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b"))) == [
+        True,
+        False,
+        True,
+    ]
     assert await pages.seen("a")
     assert asked == [{"a", "over", "b"}, {"a"}]
 

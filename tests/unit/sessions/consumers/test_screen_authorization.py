@@ -29,10 +29,14 @@ def asked(kind, **fields):
 
 
 @pytest.mark.parametrize(
-    "message", [asked(m.Say, text="hello"), asked(m.AnswerCall, accept=True), asked(m.ClearEStop)], ids=lambda m: type(m).__name__
+    "message",
+    [asked(m.Say, text="hello"), asked(m.AnswerCall, accept=True), asked(m.ClearEStop)],
+    ids=lambda m: type(m).__name__,
 )
 def test_what_a_screen_says_is_said_as_the_screen(authorization, message):
-    forged = type(message)(**{**{name: getattr(message, name) for name in message.__struct_fields__}, **FORGED})
+    forged = type(message)(
+        **{**{name: getattr(message, name) for name in message.__struct_fields__}, **FORGED}
+    )
     effect = say(authorization, "command/action", forged)
     assert isinstance(effect, Publish)
     assert {name: getattr(effect.message, name) for name in STAMPED} == STAMPED
@@ -50,16 +54,31 @@ def test_the_number_of_a_screens_stop_kills_no_command_of_the_driver(authorizati
 
 
 def test_an_offer_of_a_screen_is_an_offer_of_a_screen(authorization):
-    effect = say(authorization, "signal", m.Offer(sdp="v=0", role="driver", session="s", epoch=9, who="Mallory"))
-    assert effect == Publish("signal/peer-1", m.Offer(sdp="v=0", role="screen", who="Giraff", ice_servers=ICE))
+    effect = say(
+        authorization,
+        "signal",
+        m.Offer(sdp="v=0", role="driver", session="s", epoch=9, who="Mallory"),
+    )
+    assert effect == Publish(
+        "signal/peer-1", m.Offer(sdp="v=0", role="screen", who="Giraff", ice_servers=ICE)
+    )
 
 
 def test_a_screen_points_as_the_screen_and_twenty_times_a_second(authorization):
-    forged = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="driver", peer="p1", session="s", epoch=9)
+    forged = m.PointCommand(
+        stamp=5.0, at=(0.5, 0.25), role="driver", peer="p1", session="s", epoch=9
+    )
     stamped = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="screen", peer="peer-1")
-    assert say(authorization, "command/point", forged) == Publish("command/point", stamped, wanted=False)
-    effects = [authorization.receive(codec.encode_frame("command/point", forged), None, 1.0 + n / 50) for n in range(500)]
-    assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(210, abs=2)
+    assert say(authorization, "command/point", forged) == Publish(
+        "command/point", stamped, wanted=False
+    )
+    effects = [
+        authorization.receive(codec.encode_frame("command/point", forged), None, 1.0 + n / 50)
+        for n in range(500)
+    ]
+    assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(
+        210, abs=2
+    )
 
 
 @pytest.mark.parametrize(

@@ -26,8 +26,14 @@ async def test_the_oldest_telemetry_goes_and_nothing_else():
         queue.put(f"state {number}", droppable=True)
         queue.put(f"event {number}", droppable=False)
     frames = [await queue.take() for _ in range(13)]
-    assert [frame for frame in frames if frame.startswith("state")] == ["state 7", "state 8", "state 9"]
-    assert [frame for frame in frames if frame.startswith("event")] == [f"event {number}" for number in range(10)]
+    assert [frame for frame in frames if frame.startswith("state")] == [
+        "state 7",
+        "state 8",
+        "state 9",
+    ]
+    assert [frame for frame in frames if frame.startswith("event")] == [
+        f"event {number}" for number in range(10)
+    ]
     assert frames[-2:] == ["state 9", "event 9"]
     assert queue.dropped == 7
 

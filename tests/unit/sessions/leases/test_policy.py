@@ -50,10 +50,14 @@ def test_a_double_click_is_not_a_second_tab(world):
 def test_a_wrong_old_peer_is_not_resumed(world):
     world.take("ana", peer="first")
     session = world.visit_of("ana").id
-    assert world.take("ana", peer="second", session=session, old_peer="guess") == Deny("elsewhere", session)
+    assert world.take("ana", peer="second", session=session, old_peer="guess") == Deny(
+        "elsewhere", session
+    )
 
 
-def test_a_second_tab_is_refused_while_the_first_is_open_and_gets_a_new_epoch_when_it_takes_over(world):
+def test_a_second_tab_is_refused_while_the_first_is_open_and_gets_a_new_epoch_when_it_takes_over(
+    world,
+):
     world.take("ana", peer="first")
     session = world.visit_of("ana").id
     assert world.take("ana", peer="second") == Deny("elsewhere", session)
@@ -99,7 +103,10 @@ def test_a_session_that_is_over_is_not_resumed(world):
     assert world.take("ben", session=session) == Deny("ended", session)
 
 
-@pytest.mark.parametrize(("online", "enabled", "reason"), [(False, True, "offline"), (True, False, "disabled"), (False, False, "disabled")])
+@pytest.mark.parametrize(
+    ("online", "enabled", "reason"),
+    [(False, True, "offline"), (True, False, "disabled"), (False, False, "disabled")],
+)
 def test_a_robot_that_is_not_there_is_not_given(world, online, enabled, reason):
     world.online, world.enabled = online, enabled
     assert world.take("ana") == Deny(reason)
@@ -142,7 +149,8 @@ def test_an_offered_turn_is_for_nobody_else(world):
 
 def test_a_lease_that_names_an_ended_visit_counts_as_free(world):
     world.take("ana")
-    del world.visits[world.visit_of("ana").id]  # the process that ended it was killed before it freed the lease
+    # the process that ended it was killed before it freed the lease
+    del world.visits[world.visit_of("ana").id]
     assert isinstance(world.take("ben"), Grant)
 
 
@@ -160,7 +168,11 @@ class Everybody(RuleBasedStateMachine):
     @rule(visitor=VISITORS, takeover=st.booleans(), tab=st.sampled_from(["a", "b"]))
     def asks(self, visitor, takeover, tab):
         now = self.world.now
-        order = [visit.visitor for visit in self.world.scene.queue if visit.visitor == visitor or visit.page_open(now)]
+        order = [
+            visit.visitor
+            for visit in self.world.scene.queue
+            if visit.visitor == visitor or visit.page_open(now)
+        ]
         holder = self.world.scene.holder
         decision = self.world.take(visitor, peer=f"{visitor}-{tab}", takeover=takeover)
         self.open.add(visitor)
@@ -184,7 +196,11 @@ class Everybody(RuleBasedStateMachine):
         self.open.discard(visitor)
         visit = self.world.visit_of(visitor)
         if visit is not None:
-            self.world.change(visit.id, seen_at=None, lost_at=self.world.now if visit.state == "waiting" else visit.lost_at)
+            self.world.change(
+                visit.id,
+                seen_at=None,
+                lost_at=self.world.now if visit.state == "waiting" else visit.lost_at,
+            )
 
     @rule(visitor=VISITORS)
     def leaves(self, visitor):
@@ -222,16 +238,24 @@ class Everybody(RuleBasedStateMachine):
 
     @invariant()
     def one_turn_at_most_is_offered_and_never_while_somebody_drives(self):
-        offers = [visit for visit in self.world.scene.queue if visit.offered_at is not None and self.world.now < visit.offered_at + RULES.start]
+        offers = [
+            visit
+            for visit in self.world.scene.queue
+            if visit.offered_at is not None and self.world.now < visit.offered_at + RULES.start
+        ]
         assert len(offers) <= 1
         assert not (offers and self.world.scene.holder)
 
     def teardown(self):
-        """Whoever waits patiently, and takes the turn when it comes, is served within a turn for everybody ahead."""
+        """Whoever waits patiently, and takes the turn when it comes, is served within a turn for
+        everybody ahead.
+        """
         self.world.online = True
         patient = [visit.visitor for visit in self.world.scene.queue]
         self.open |= set(patient)
-        bound = self.world.now + (len(self.world.visits) + 1) * (RULES.turn + RULES.warning + RULES.start + RULES.grace)
+        bound = self.world.now + (len(self.world.visits) + 1) * (
+            RULES.turn + RULES.warning + RULES.start + RULES.grace
+        )
         while patient and self.world.now < bound:
             self.world.now += 1.0
             self.world.pages_say_they_are_open(self.open)

@@ -2,7 +2,17 @@ from dataclasses import replace
 
 import pytest
 
-from sessions.leases.readiness import AGAIN, ATTEMPTS, LATE, LONGEST, PAUSE, Condition, Order, Readiness, decide
+from sessions.leases.readiness import (
+    AGAIN,
+    ATTEMPTS,
+    LATE,
+    LONGEST,
+    PAUSE,
+    Condition,
+    Order,
+    Readiness,
+    decide,
+)
 
 AWAY = Condition(docked=False, charge=0.8, charge_limit=0.2)
 HOME = replace(AWAY, docked=True)
@@ -23,8 +33,9 @@ def test_a_robot_that_is_away_is_told_to_dock_once():
 
 
 @pytest.mark.parametrize(
-    ("condition", "order"), [(replace(HOME, localized=False), "relocalize"), (replace(HOME, level=False), "level")]
-)  # fmt: skip
+    ("condition", "order"),
+    [(replace(HOME, localized=False), "relocalize"), (replace(HOME, level=False), "level")],
+)
 def test_a_docked_robot_is_told_what_it_lacks(condition, order):
     turnaround, kind = decide(Readiness(), condition, 0.0)
     assert (turnaround.phase, kind) == ("returning", order)
@@ -33,7 +44,10 @@ def test_a_docked_robot_is_told_what_it_lacks(condition, order):
 def test_a_docked_robot_that_is_empty_charges_until_it_is_above_its_limit():
     empty = replace(HOME, charge=0.1)
     assert decide(Readiness(), empty, 0.0)[0] == Readiness("charging", "charging")
-    assert decide(Readiness("charging", "charging"), replace(empty, charge=0.21), 1.0)[0].phase == "ready"
+    assert (
+        decide(Readiness("charging", "charging"), replace(empty, charge=0.21), 1.0)[0].phase
+        == "ready"
+    )
 
 
 def test_docking_that_fails_is_tried_again_and_then_pauses_with_the_robots_reason():
@@ -51,7 +65,10 @@ def test_docking_that_fails_is_tried_again_and_then_pauses_with_the_robots_reaso
     assert decide(turnaround, AWAY, now)[1] is None
     again, kind = decide(turnaround, AWAY, now + PAUSE)
     assert (again.phase, kind) == ("paused", "dock"), "a door may have been opened meanwhile"
-    assert decide(told(again, "dock", now + PAUSE, "FINISHED"), HOME, now + PAUSE + 60)[0].phase == "ready"
+    assert (
+        decide(told(again, "dock", now + PAUSE, "FINISHED"), HOME, now + PAUSE + 60)[0].phase
+        == "ready"
+    )
 
 
 def test_a_robot_that_never_answers_is_told_again():
@@ -73,8 +90,15 @@ def test_after_docking_the_head_has_attempts_of_its_own():
 
 
 def test_an_emergency_stop_pauses_at_once_and_lets_go_of_the_order():
-    turnaround, kind = decide(told(Readiness(), "dock", 0.0, "RUNNING"), replace(AWAY, estop=True), 1.0)
-    assert (turnaround.phase, turnaround.reason, turnaround.order, kind) == ("paused", "estop", None, None)
+    turnaround, kind = decide(
+        told(Readiness(), "dock", 0.0, "RUNNING"), replace(AWAY, estop=True), 1.0
+    )
+    assert (turnaround.phase, turnaround.reason, turnaround.order, kind) == (
+        "paused",
+        "estop",
+        None,
+        None,
+    )
     assert decide(turnaround, AWAY, 2.0)[1] == "dock"
 
 
@@ -88,8 +112,14 @@ def test_a_robot_with_a_camera_is_ready_once_it_gave_a_picture_at_home():
     turnaround, kind = decide(Readiness(), seeing, 0.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "picture", "picture")
     assert decide(told(turnaround, "picture", 0.0, "RUNNING"), seeing, 1.0)[0].phase == "returning"
-    assert decide(told(turnaround, "picture", 0.0, "FINISHED"), seeing, 2.0) == (Readiness("ready"), None)
-    assert decide(told(turnaround, "picture", 0.0, "FAILED", "too_large"), seeing, 2.0)[0].phase == "ready", "a large picture is one, too"
+    assert decide(told(turnaround, "picture", 0.0, "FINISHED"), seeing, 2.0) == (
+        Readiness("ready"),
+        None,
+    )
+    assert (
+        decide(told(turnaround, "picture", 0.0, "FAILED", "too_large"), seeing, 2.0)[0].phase
+        == "ready"
+    ), "a large picture is one, too"
 
 
 def test_a_camera_without_pictures_pauses_the_queue_and_is_tried_again():
@@ -103,7 +133,14 @@ def test_a_camera_without_pictures_pauses_the_queue_and_is_tried_again():
     assert (turnaround.phase, turnaround.reason, orders) == ("paused", "no_picture", ATTEMPTS)
     again, kind = decide(turnaround, replace(HOME, sees=True), now + PAUSE)
     assert (again.phase, kind) == ("paused", "picture")
-    assert decide(told(again, "picture", now + PAUSE, "FINISHED"), replace(HOME, sees=True), now + PAUSE + 1)[0].phase == "ready"
+    assert (
+        decide(
+            told(again, "picture", now + PAUSE, "FINISHED"),
+            replace(HOME, sees=True),
+            now + PAUSE + 1,
+        )[0].phase
+        == "ready"
+    )
 
 
 def test_no_picture_is_asked_for_while_the_robot_still_has_its_last_driver():
@@ -115,7 +152,9 @@ def test_no_picture_is_asked_for_while_the_robot_still_has_its_last_driver():
 
 def test_a_picture_from_before_it_was_pushed_out_of_its_station_does_not_count():
     seeing = replace(HOME, sees=True)
-    turnaround, _ = decide(told(Readiness(), "picture", 0.0, "FINISHED"), replace(seeing, prompt=False), 1.0)
+    turnaround, _ = decide(
+        told(Readiness(), "picture", 0.0, "FINISHED"), replace(seeing, prompt=False), 1.0
+    )
     assert decide(turnaround, seeing, 2.0)[0].phase == "ready"
     away, kind = decide(turnaround, replace(seeing, docked=False), 2.0)
     assert kind == "dock"
@@ -129,4 +168,6 @@ def test_a_robot_that_answers_too_late_is_waited_for_and_pauses_the_queue_in_the
     turnaround, _ = decide(turnaround, late, 100.0 + LATE)
     assert (turnaround.phase, turnaround.reason) == ("paused", "network")
     assert decide(turnaround, replace(late, prompt=True), 200.0)[1] == "picture"
-    assert decide(turnaround, replace(late, sees=False, prompt=True), 200.0)[0] == Readiness("ready")
+    assert decide(turnaround, replace(late, sees=False, prompt=True), 200.0)[0] == Readiness(
+        "ready"
+    )

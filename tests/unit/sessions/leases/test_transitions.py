@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from sessions.leases.policy import Grant, Wait
-from sessions.leases.transitions import (  # fmt: skip
+from sessions.leases.transitions import (
     ANSWER_SECONDS,
     IDLE,
     ON_THE_WAY,
@@ -54,7 +54,9 @@ def test_a_visit_drives_from_the_first_state_with_its_epoch_and_a_fresh_heartbea
     assert world.tick() == ()
     old_epoch = Link(0.0, world.now, world.now, session, world.hold.epoch - 1, 0.1)
     assert world.tick(old_epoch) == ()
-    assert world.tick(Link(0.0, world.now, world.now, session, world.hold.epoch, 0.1)) == (Move(session, "driving"),)
+    assert world.tick(Link(0.0, world.now, world.now, session, world.hold.epoch, 0.1)) == (
+        Move(session, "driving"),
+    )
 
 
 def test_a_silent_visitor_is_reconnecting_and_drives_again_when_back(world):
@@ -90,14 +92,18 @@ def test_who_comes_back_within_the_grace_period_gets_all_of_it_again(world):
 
 def test_a_visit_that_never_connects_ends_as_connection_refused(world):
     session = world.visit_of("ana").id
-    assert End(session, "connection_refused", "never_connected") in pass_time(world, RULES.start + 1.0)
+    assert End(session, "connection_refused", "never_connected") in pass_time(
+        world, RULES.start + 1.0
+    )
 
 
 def test_a_robot_that_falls_silent_ends_the_visit_as_robot_fault(world):
     session = drive(world)
     world.online, world.offline_since = False, world.now
     acts = pass_time(world, ROBOT_SILENCE + 2.0)
-    assert acts == [End(session, "robot_fault", "robot_offline")], "the visitor is there, so it is the robot that is lost"
+    assert acts == [End(session, "robot_fault", "robot_offline")], (
+        "the visitor is there, so it is the robot that is lost"
+    )
 
 
 def test_when_the_robot_is_silent_and_the_page_is_gone_the_visitor_is_the_one_who_is_lost(world):
@@ -229,7 +235,7 @@ def test_waiting_visits_are_offered_nothing_while_somebody_drives(world):
     assert not any(isinstance(act, Offer) for act in pass_time(world, 5.0))
 
 
-# --- are you still there? --------------------------------------------------------------------------------------------
+# --- are you still there? -------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -247,11 +253,16 @@ def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot
     assert AskThere(session, ANSWER_SECONDS) not in pass_time(asking, ASKING.idle - 1.0)
     assert AskThere(session, ANSWER_SECONDS) in pass_time(asking, 1.5)
     acts = pass_time(asking, ANSWER_SECONDS + ON_THE_WAY + 1.0)
-    assert [act for act in acts if isinstance(act, End | Offer)] == [End(session, "timed_out", IDLE), Offer(asking.visit_of("ben").id)]
+    assert [act for act in acts if isinstance(act, End | Offer)] == [
+        End(session, "timed_out", IDLE),
+        Offer(asking.visit_of("ben").id),
+    ]
     assert not [act for act in acts if isinstance(act, AskThere)]
 
 
-def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_as_long_as_the_first(asking):
+def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_as_long_as_the_first(
+    asking,
+):
     session = asking.visit_of("ana").id
     pass_time(asking, ASKING.idle + 5.0)
     asking.active_at = asking.now
@@ -260,7 +271,9 @@ def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_a
     assert AskThere(session, ANSWER_SECONDS) in pass_time(asking, 2.0)
 
 
-def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_take_their_time(asking):
+def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_take_their_time(
+    asking,
+):
     session = asking.visit_of("ana").id
     pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY - 1.0)
     asking.signs[session] = asking.now
@@ -270,7 +283,9 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
 
 def test_a_sign_of_another_visit_keeps_nothing(asking):
     asking.signs["s0"] = asking.now + ASKING.idle
-    assert [type(act) for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY + 1.0)] == [AskThere, End]
+    assert [
+        type(act) for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY + 1.0)
+    ] == [AskThere, End]
 
 
 def test_who_gives_signs_is_never_asked(asking):
@@ -291,7 +306,11 @@ def test_a_question_to_one_visit_is_no_question_to_the_next(asking):
     asking.end(asking.visit_of("ana").id, "cancelled", "left")
     asking.take("ben")
     asking.connected.add("ben")
-    assert not [act for act in pass_time(asking, ASKING.idle - 1.0) if isinstance(act, FoundThere | AskThere | End)]
+    assert not [
+        act
+        for act in pass_time(asking, ASKING.idle - 1.0)
+        if isinstance(act, FoundThere | AskThere | End)
+    ]
 
 
 def test_nobody_is_asked_where_the_rules_or_the_terms_of_the_visit_say_never(asking):

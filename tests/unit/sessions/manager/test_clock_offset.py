@@ -8,8 +8,12 @@ from robots.api.messages import Echo, Heartbeat
 from sessions.manager.clock_offset import ClockOffset
 
 
-def beat(n: int, sent: float, there: float, back: float, offset: float, *, held: float = 0.05) -> tuple[Heartbeat, float]:
-    """A beat whose echo took `there` seconds to the robot, was held there, and took `back` seconds to us."""
+def beat(
+    n: int, sent: float, there: float, back: float, offset: float, *, held: float = 0.05
+) -> tuple[Heartbeat, float]:
+    """A beat whose echo took `there` seconds to the robot, was held there, and took `back` seconds
+    to us.
+    """
     received = sent + there + offset
     echo = Echo(peer="server", n=n, stamp=sent, received=received)
     return Heartbeat(n=n, stamp=received + held, echoes=(echo,)), sent + there + held + back
@@ -18,7 +22,9 @@ def beat(n: int, sent: float, there: float, back: float, offset: float, *, held:
 def test_before_the_first_echo_nothing_is_known():
     clock = ClockOffset("server")
     clock.hear(Heartbeat(n=1, stamp=5.0), 5.0)
-    clock.hear(Heartbeat(n=1, stamp=5.0, echoes=(Echo(peer="page", n=1, stamp=1.0, received=1.0),)), 5.0)
+    clock.hear(
+        Heartbeat(n=1, stamp=5.0, echoes=(Echo(peer="page", n=1, stamp=1.0, received=1.0),)), 5.0
+    )
     assert clock.seconds is None
 
 

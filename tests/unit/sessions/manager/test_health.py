@@ -16,7 +16,12 @@ def of_postgres(code):
 
 @pytest.mark.parametrize(
     ("error", "full"),
-    [(FULL, True), (of_postgres("53100"), True), (of_postgres("57P01"), False), (OperationalError("database is locked"), False)],
+    [
+        (FULL, True),
+        (of_postgres("53100"), True),
+        (of_postgres("57P01"), False),
+        (OperationalError("database is locked"), False),
+    ],
 )
 def test_a_full_disk_is_told_from_a_database_that_is_away(error, full):
     assert is_disk_full(error) is full
@@ -53,6 +58,10 @@ def test_steps_that_only_read_do_not_hide_that_writing_is_refused():
 
 def test_a_disk_is_said_to_be_full_or_nearly_full_and_not_both():
     health = ManagerHealth()
-    assert [health.faults(10.1, state) for state in ("ok", "low", "full")] == [(), ("disk_low",), ("disk_full",)]
+    assert [health.faults(10.1, state) for state in ("ok", "low", "full")] == [
+        (),
+        ("disk_low",),
+        ("disk_full",),
+    ]
     health.refused(FULL, 10.0)
     assert health.faults(10.1, "low") == ("disk_full",)

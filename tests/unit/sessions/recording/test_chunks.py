@@ -16,17 +16,26 @@ def fill(seqs, *, period=0.25, session="s"):
 
 
 def test_a_chunk_is_a_second_of_a_session():
-    assert [(chunk.first_seq, chunk.last_seq, len(chunk.states)) for chunk in fill(range(8, 20))] == [(8, 11, 4), (12, 15, 4), (16, 19, 4)]
+    assert [
+        (chunk.first_seq, chunk.last_seq, len(chunk.states)) for chunk in fill(range(8, 20))
+    ] == [(8, 11, 4), (12, 15, 4), (16, 19, 4)]
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.integers(0, 200), unique=True), st.floats(0.01, 1.0))
 def test_chunks_have_every_state_once_without_holes(seqs, period):
     chunks = fill(seqs, period=period)
-    assert sorted(seq for chunk in chunks for seq in range(chunk.first_seq, chunk.last_seq + 1)) == sorted(seqs)
+    assert sorted(
+        seq for chunk in chunks for seq in range(chunk.first_seq, chunk.last_seq + 1)
+    ) == sorted(seqs)
     for chunk in chunks:
-        assert [int(bytes(state)) for state in chunk.states] == list(range(chunk.first_seq, chunk.last_seq + 1))
-        assert (chunk.first_stamp, chunk.last_stamp) == (chunk.first_seq * period, chunk.last_seq * period)
+        assert [int(bytes(state)) for state in chunk.states] == list(
+            range(chunk.first_seq, chunk.last_seq + 1)
+        )
+        assert (chunk.first_stamp, chunk.last_stamp) == (
+            chunk.first_seq * period,
+            chunk.last_seq * period,
+        )
 
 
 def test_a_chunk_does_not_wait_for_ever_to_be_full():

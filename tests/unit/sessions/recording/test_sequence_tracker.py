@@ -6,10 +6,20 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
-from sessions.recording.sequence_tracker import ATTEMPTS, HEAD, PATIENCE, REPEAT, Intervals, SequenceTracker
+from sessions.recording.sequence_tracker import (
+    ATTEMPTS,
+    HEAD,
+    PATIENCE,
+    REPEAT,
+    Intervals,
+    SequenceTracker,
+)
 
 NUMBERS = st.integers(0, 60)
-RANGES = st.lists(st.tuples(NUMBERS, st.integers(0, 8)).map(lambda pair: (pair[0], pair[0] + pair[1])), max_size=20)
+RANGES = st.lists(
+    st.tuples(NUMBERS, st.integers(0, 8)).map(lambda pair: (pair[0], pair[0] + pair[1])),
+    max_size=20,
+)
 
 
 @settings(max_examples=400, deadline=None)
@@ -20,10 +30,16 @@ def test_intervals_are_a_set_of_numbers(ranges, first, width):
         intervals.add(low, high)
         plain |= set(range(low, high + 1))
     assert {number for number in range(80) if number in intervals} == plain
-    missing = [number for low, high in intervals.missing(first, first + width) for number in range(low, high + 1)]
+    missing = [
+        number
+        for low, high in intervals.missing(first, first + width)
+        for number in range(low, high + 1)
+    ]
     assert missing == [number for number in range(first, first + width + 1) if number not in plain]
     kept = list(intervals)
-    assert all(after[0] > before[1] + 1 for before, after in itertools.pairwise(kept)), "ranges neither touch nor overlap"
+    assert all(after[0] > before[1] + 1 for before, after in itertools.pairwise(kept)), (
+        "ranges neither touch nor overlap"
+    )
 
 
 def due(tracker: SequenceTracker, now: float, *, present: bool = True, alive: bool = True):
@@ -64,7 +80,9 @@ def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(t
         asks, losses = due(tracker, PATIENCE + attempt * REPEAT)
         assert (asks, losses) == ([(11, 12)], [])
     _, losses = due(tracker, PATIENCE + ATTEMPTS * REPEAT)
-    assert [(loss.ranges, loss.sessions, loss.count) for loss in losses] == [(((11, 12),), frozenset("st"), 2)]
+    assert [(loss.ranges, loss.sessions, loss.count) for loss in losses] == [
+        (((11, 12),), frozenset("st"), 2)
+    ]
     assert not tracker.owes("s")
 
 

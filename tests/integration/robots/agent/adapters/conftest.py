@@ -15,18 +15,22 @@ SECONDS = (
     (remote_adapter, ("SILENCE", "CONNECT_TIME", "FIRST_READING")),
     (autonomy, ("STUCK", "STUCK_IDLE")),
     (child, ("READY_TIME", "ANSWER_TIME")),
-)  # fmt: skip
+)
 
 
 @pytest.fixture
 def patient_adapters(monkeypatch):
-    """A robot or a mind that says nothing for a second is given up, one that does not answer for a quarter is not driven.
+    """A robot or a mind that says nothing for a second is given up, one that does not answer for a
+    quarter is not driven.
 
-    Here that second may be the machine's, which has others to serve. With the real limits they are tested in tests/timing.
+    Here that second may be the machine's, which has others to serve. With the real limits they are
+    tested in tests/timing.
     """
     for module, names in SECONDS:
         for name in names:
             monkeypatch.setattr(module, name, patient(getattr(module, name)))
     gate = remote_adapter.GATE
-    slower = {name: patient(getattr(gate, name)) for name in ("patience", "oldest", "freshest", "longest")}
+    slower = {
+        name: patient(getattr(gate, name)) for name in ("patience", "oldest", "freshest", "longest")
+    }
     monkeypatch.setattr(remote_adapter, "GATE", dataclasses.replace(gate, **slower))

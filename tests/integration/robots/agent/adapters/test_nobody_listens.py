@@ -1,4 +1,6 @@
-"""Velocities that nobody hears: another topic, another type, no base yet. Real rospy and DDS; of rosbridge a double that refuses as it does."""
+"""Velocities that nobody hears: another topic, another type, no base yet. Real rospy and DDS; of
+rosbridge a double that refuses as it does.
+"""
 
 import asyncio
 import time
@@ -35,7 +37,9 @@ def driven(rig):
 
 
 async def complaint(adapter, *words):
-    """Drive for as long as it takes until the first error names all of the words; nothing counts as applied."""
+    """Drive for as long as it takes until the first error names all of the words; nothing counts as
+    applied.
+    """
     async with asyncio.timeout(20.0):
         async for state in adapter.states():
             assert adapter.apply(AHEAD) == ZERO
@@ -48,7 +52,12 @@ async def complaint(adapter, *words):
 async def test_a_base_on_another_topic_is_named_with_the_option_and_nothing_counts_as_applied(name):
     with RIGS[name](("/base/cmd_vel", TWIST)) as rig:
         async with connected(rig.adapter()) as adapter:
-            await complaint(adapter, "nobody listens on /cmd_vel", "set cmd_vel", "/base/cmd_vel (geometry_msgs/Twist)")
+            await complaint(
+                adapter,
+                "nobody listens on /cmd_vel",
+                "set cmd_vel",
+                "/base/cmd_vel (geometry_msgs/Twist)",
+            )
         async with connected(rig.adapter(cmd_vel="/base/cmd_vel")) as adapter:
             await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.1 and s.errors == ())
 
@@ -64,12 +73,21 @@ async def test_a_base_that_wants_stamped_velocities_gets_them(name):
 
 
 @pytest.mark.parametrize("name", RIGS)
-@pytest.mark.parametrize(("there", "told", "way_out"), [(STAMPED, "false", "true"), (TWIST, "true", "false")])
-async def test_a_base_that_wants_another_type_than_the_options_say_is_named_with_the_option(name, there, told, way_out):
+@pytest.mark.parametrize(
+    ("there", "told", "way_out"), [(STAMPED, "false", "true"), (TWIST, "true", "false")]
+)
+async def test_a_base_that_wants_another_type_than_the_options_say_is_named_with_the_option(
+    name, there, told, way_out
+):
     with RIGS[name](("/cmd_vel", there)) as rig, pytest.MonkeyPatch.context() as quickly:
         quickly.setattr("robots.agent.adapters.ros.base.LISTENERS", 0.3)
         async with connected(rig.adapter(stamped=told)) as adapter:
-            await complaint(adapter, "nobody listens on /cmd_vel", f"there it is {there}", f"set stamped={way_out}")
+            await complaint(
+                adapter,
+                "nobody listens on /cmd_vel",
+                f"there it is {there}",
+                f"set stamped={way_out}",
+            )
         assert driven(rig) == []
 
 
@@ -88,7 +106,12 @@ async def test_a_base_that_comes_later_is_told_to_stand_and_is_driven():
         async with connected(rig.adapter()) as adapter:
             await complaint(adapter, "nobody listens on /cmd_vel", "/not_yet")
             rig.robot.base = ("/cmd_vel", STAMPED)
-            rig.loop.call_soon_threadsafe(rig._bus.subscribe, "/cmd_vel", STAMPED, lambda message: rig.robot.hear("/cmd_vel", message))
+            rig.loop.call_soon_threadsafe(
+                rig._bus.subscribe,
+                "/cmd_vel",
+                STAMPED,
+                lambda message: rig.robot.hear("/cmd_vel", message),
+            )
             await wait_for(adapter, lambda s: s.errors == () and rig.world.commands, 20.0)
             assert driven(rig) == []
             assert rig.world.commands[0][1:] == (0.0, 0.0)
@@ -97,19 +120,35 @@ async def test_a_base_that_comes_later_is_told_to_stand_and_is_driven():
 
 async def test_topics_that_nobody_publishes_are_named_with_their_options():
     with Ros1Rig("rhodon") as rig:
-        async with connected(rig.adapter(scan="/front/scan", battery="/camera/compressed")) as adapter:
+        async with connected(
+            rig.adapter(scan="/front/scan", battery="/camera/compressed")
+        ) as adapter:
             state = await wait_for(adapter, lambda s: len(s.errors) > 1, 20.0)
     scan, battery = sorted(state.errors, key=lambda text: "battery" in text)
-    assert scan == "nobody publishes /front/scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to nothing; here are /scan"
-    assert battery.startswith("/camera/compressed is sensor_msgs/CompressedImage, not sensor_msgs/BatteryState: set battery")
+    assert (
+        scan
+        == "nobody publishes /front/scan (sensor_msgs/LaserScan): set scan to the robot's topic, or"
+        " to nothing; here are /scan"
+    )
+    assert battery.startswith(
+        "/camera/compressed is sensor_msgs/CompressedImage, not sensor_msgs/BatteryState: set"
+        " battery"
+    )
 
 
 def test_what_nobody_hears_is_not_recorded_as_applied_and_the_reason_is_reported(tmp_path):
-    """What a page shows to somebody who presses and is not moved is the first error (static/js/hud/stuck.js)."""
+    """What a page shows to somebody who presses and is not moved is the first error
+    (static/js/hud/stuck.js).
+    """
     with Ros2Rig("giraff", ("/base/cmd_vel", TWIST)) as rca, agent(rca, tmp_path) as rig:
         rig.grant()
         rig.drive(
-            0.25, until=lambda: any(s.applied and "nobody listens on /cmd_vel" in "".join(s.errors[:1]) for s in rig.link.all("state")), within=20.0
+            0.25,
+            until=lambda: any(
+                s.applied and "nobody listens on /cmd_vel" in "".join(s.errors[:1])
+                for s in rig.link.all("state")
+            ),
+            within=20.0,
         )
         commands = [command for state in rig.link.all("state") for command in state.applied]
         assert commands

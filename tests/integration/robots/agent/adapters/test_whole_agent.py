@@ -1,4 +1,6 @@
-"""The whole agent with only the adapter changed: a visitor drives, the architecture is killed under them, and the robot comes back."""
+"""The whole agent with only the adapter changed: a visitor drives, the architecture is killed under
+them, and the robot comes back.
+"""
 
 import time
 from contextlib import contextmanager
@@ -35,7 +37,9 @@ def agent(rca, directory):
 
 
 @pytest.mark.parametrize("name", RIGS)
-def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_when_it_is_back(name, tmp_path, monkeypatch, patient_adapters):
+def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_when_it_is_back(
+    name, tmp_path, monkeypatch, patient_adapters
+):
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 1.5)
     with RIGS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
@@ -47,9 +51,17 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
             rig.link.wait("state", lambda s: s.pose.localized)
         said = len(rig.link.sent)  # before it was reached for the first time it was lost as well
         rca.kill()
-        lost = rig.link.wait("state", lambda s: any(text.startswith("adapter_lost: ") for text in s.errors), since=said, within=8.0)
+        lost = rig.link.wait(
+            "state",
+            lambda s: any(text.startswith("adapter_lost: ") for text in s.errors),
+            since=said,
+            within=8.0,
+        )
         assert lost.safety.inhibited == "fault"
-        assert len(next(text for text in lost.errors if text.startswith("adapter_lost"))) > len("adapter_lost: ") + 10
+        assert (
+            len(next(text for text in lost.errors if text.startswith("adapter_lost")))
+            > len("adapter_lost: ") + 10
+        )
         rig.wait(lambda: motion() == 0.0)
         for _ in range(5):
             rig.push(0.25)

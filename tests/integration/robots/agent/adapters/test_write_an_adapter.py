@@ -1,4 +1,6 @@
-"""The page about writing an adapter, executed: its two blocks are a robot, and pass the conformance suite."""
+"""The page about writing an adapter, executed: its two blocks are a robot, and pass the conformance
+suite.
+"""
 
 import asyncio
 import re
@@ -33,10 +35,16 @@ class Rosie(RcaRig, asyncio.DatagramProtocol):
         self.profile_file.write_text(block("toml"), encoding="utf-8")
 
     def adapter(self, **options):
-        return registry.create(str(self.adapter_file), str(self.profile_file), {"host": "127.0.0.1", "port": str(self.port), **options})
+        return registry.create(
+            str(self.adapter_file),
+            str(self.profile_file),
+            {"host": "127.0.0.1", "port": str(self.port), **options},
+        )
 
     async def up(self):
-        self.transport, _ = await self.loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", self.port))
+        self.transport, _ = await self.loop.create_datagram_endpoint(
+            lambda: self, local_addr=("127.0.0.1", self.port)
+        )
         self.port = self.transport.get_extra_info("sockname")[1]
 
     async def down(self):
@@ -67,7 +75,10 @@ class TestRosie(RcaConformance):
 
 def test_what_the_page_promises_of_a_laser_is_so(tmp_path):
     rosie = tmp_path / "rosie.py"
-    rosie.write_text(block("python").replace("options.watchdog)", 'options.watchdog, own=("scan",))'), encoding="utf-8")
+    rosie.write_text(
+        block("python").replace("options.watchdog)", 'options.watchdog, own=("scan",))'),
+        encoding="utf-8",
+    )
     profile = tmp_path / "rosie.toml"
     profile.write_text(block("toml") + "\n[laser]\nx = 0.1\n", encoding="utf-8")
     adapter = registry.autonomous(registry.create(str(rosie), str(profile)))
@@ -79,7 +90,10 @@ def test_what_the_page_promises_of_sonars_and_a_bumper_is_so(tmp_path):
     rosie = tmp_path / "rosie.py"
     rosie.write_text(block("python"), encoding="utf-8")
     profile = tmp_path / "rosie.toml"
-    profile.write_text("bumper = true\n" + block("toml") + "\n[[sonars]]\nx = 0.25\ny = 0.0\ntheta = 0.0\n", encoding="utf-8")
+    profile.write_text(
+        "bumper = true\n" + block("toml") + "\n[[sonars]]\nx = 0.25\ny = 0.0\ntheta = 0.0\n",
+        encoding="utf-8",
+    )
     adapter = registry.create(str(rosie), str(profile))
     assert registry.autonomous(adapter) is adapter, "no map can be found by that"
     assert monitor_of(adapter.profile) is not None, "assistance"
@@ -87,7 +101,11 @@ def test_what_the_page_promises_of_sonars_and_a_bumper_is_so(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
-    [("import no_such_library", "no_such_library"), ("def create(:", "invalid syntax"), ("x = 1", "has no create")],
+    [
+        ("import no_such_library", "no_such_library"),
+        ("def create(:", "invalid syntax"),
+        ("x = 1", "has no create"),
+    ],
 )
 def test_a_file_that_is_no_adapter_is_refused_with_the_reason(tmp_path, text, sentence):
     file = tmp_path / "mine.py"

@@ -73,9 +73,18 @@ def test_a_robot_that_nobody_told_where_it_is_refuses_to_go_and_finds_itself_whe
 def test_it_is_told_where_it_is_with_and_without_a_heading():
     robot = HeadlessRobot(start="corridor-centre", placed=False)
     pose = robot.sim.pose
-    assert robot.do(m.Relocalize(action_id="r1", stamp=0.0, x=pose.x + 0.2, y=pose.y, theta=pose.theta), 20.0).status == "FINISHED"
+    assert (
+        robot.do(
+            m.Relocalize(action_id="r1", stamp=0.0, x=pose.x + 0.2, y=pose.y, theta=pose.theta),
+            20.0,
+        ).status
+        == "FINISHED"
+    )
     assert robot.error() < 0.1
-    assert robot.do(m.Relocalize(action_id="r2", stamp=0.0, x=pose.x, y=pose.y), 20.0).status == "FINISHED"
+    assert (
+        robot.do(m.Relocalize(action_id="r2", stamp=0.0, x=pose.x, y=pose.y), 20.0).status
+        == "FINISHED"
+    )
     assert robot.error() < 0.1
 
 
@@ -137,7 +146,11 @@ def test_a_newer_order_replaces_the_one_under_way_and_cancelling_stops_the_robot
 
 @pytest.mark.parametrize(
     ("faults", "words"),
-    [(Faults(laser="silent"), "laser"), (Faults(laser="nan"), "laser"), (Faults(wheels_stopped=True), "wheels")],
+    [
+        (Faults(laser="silent"), "laser"),
+        (Faults(laser="nan"), "laser"),
+        (Faults(wheels_stopped=True), "wheels"),
+    ],
 )
 def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(faults, words):
     robot = HeadlessRobot()
@@ -157,7 +170,14 @@ def test_a_robot_that_is_carried_away_on_its_way_stops_and_says_that_it_is_lost_
     robot = HeadlessRobot()
     robot.autonomy.begin(goto("living-room"))
     robot.run(9.0)
-    robot.sim.carry_to(Pose2D(*(getattr(next(p for p in robot.area.plan.places if p.name == "sofa"), name) for name in ("x", "y", "theta"))))
+    robot.sim.carry_to(
+        Pose2D(
+            *(
+                getattr(next(p for p in robot.area.plan.places if p.name == "sofa"), name)
+                for name in ("x", "y", "theta")
+            )
+        )
+    )
     robot.run(120.0, lambda: robot.last("g") is not None)
     ended = robot.last("g")
     assert ended.status == "FINISHED" or "lost" in ended.reason, ended

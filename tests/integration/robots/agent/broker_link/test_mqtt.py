@@ -26,9 +26,16 @@ from tests.support.site import free_port
 pytestmark = pytest.mark.broker
 
 SHEET = m.Factsheet(
-    name="giraff", series="Test", rca="test", agent_version="0", boot="0000000000aa-1", capabilities=("velocity",), limits=LIMITS,
-    footprint=((0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)), watchdog=0.3,
-)  # fmt: skip
+    name="giraff",
+    series="Test",
+    rca="test",
+    agent_version="0",
+    boot="0000000000aa-1",
+    capabilities=("velocity",),
+    limits=LIMITS,
+    footprint=((0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)),
+    watchdog=0.3,
+)
 LEASE = m.Lease(session="s1", epoch=1, peer="p1", who="Ada", renewal=0, stamp=1.0)
 
 
@@ -56,7 +63,12 @@ class LinkThread:
 
     def __init__(self, url, sheet=SHEET, ca=None, others=()):
         self.inbox = Ears()
-        self.link = MqttLink(Endpoint.of(url, ca=ca), sheet, rng=random.Random(1), others=tuple(map(Endpoint.of, others)))
+        self.link = MqttLink(
+            Endpoint.of(url, ca=ca),
+            sheet,
+            rng=random.Random(1),
+            others=tuple(map(Endpoint.of, others)),
+        )
         self.loop = asyncio.SelectorEventLoop()
         self._thread = threading.Thread(target=self._run)
         self.crashed = True
@@ -89,7 +101,11 @@ class LinkThread:
     def wait(self, condition, within=15.0):
         deadline = time.monotonic() + patient(within)
         while not condition():
-            assert time.monotonic() < deadline, (self.inbox.messages[-5:], self.inbox.rejections[-5:], self.inbox.changes)
+            assert time.monotonic() < deadline, (
+                self.inbox.messages[-5:],
+                self.inbox.rejections[-5:],
+                self.inbox.changes,
+            )
             time.sleep(0.01)
 
 
@@ -107,9 +123,13 @@ def ear(broker):
 
 def state(seq):
     return m.State(
-        stamp=1.0, boot=SHEET.boot, seq=seq, pose=m.Pose(x=0.0, y=0.0, theta=0.0), velocity=m.Velocity(linear=0.0, angular=0.0),
+        stamp=1.0,
+        boot=SHEET.boot,
+        seq=seq,
+        pose=m.Pose(x=0.0, y=0.0, theta=0.0),
+        velocity=m.Velocity(linear=0.0, angular=0.0),
         battery=m.Battery(charge=1.0),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("scheme", ["mqtt", "ws", "mqtts", "wss"])
@@ -135,7 +155,10 @@ def test_where_one_way_to_the_broker_leads_nowhere_another_is_taken(broker, ear)
 
 
 def test_a_broker_whose_certificate_nobody_vouches_for_is_not_talked_to(tmp_path, caplog):
-    with Mosquitto(tmp_path, lan.certificate(tmp_path, ["127.0.0.1"])) as broker, LinkThread(broker.url_of("mqtts")) as agent:
+    with (
+        Mosquitto(tmp_path, lan.certificate(tmp_path, ["127.0.0.1"])) as broker,
+        LinkThread(broker.url_of("mqtts")) as agent,
+    ):
         agent.wait(lambda: "certificate verify failed" in caplog.text)
         assert not agent.link.connected
 
@@ -151,15 +174,27 @@ def test_messages_of_every_bad_kind_are_counted_and_do_not_end_the_loop(broker, 
     with LinkThread(broker.url) as agent:
         agent.wait(lambda: agent.link.connected)
         for number in range(300):
-            suffix = ("command/velocity", "command/action", "lease", "signal/p1", "command/heartbeat")[number % 5]
-            ear.say(suffix, None, raw=noise.randbytes(noise.randrange(1, 200)) if number % 7 else b"x" * 200_000)
+            suffix = (
+                "command/velocity",
+                "command/action",
+                "lease",
+                "signal/p1",
+                "command/heartbeat",
+            )[number % 5]
+            ear.say(
+                suffix,
+                None,
+                raw=noise.randbytes(noise.randrange(1, 200)) if number % 7 else b"x" * 200_000,
+            )
         agent.wait(lambda: len(agent.inbox.rejections) == 300)
         assert {"malformed", "oversized"} == set(agent.inbox.rejections)
         ear.say("lease", LEASE)
         agent.wait(lambda: ("lease", LEASE, False) in agent.inbox.messages)
 
 
-def test_after_a_broker_restart_everything_retained_is_said_again_and_no_state_is_missing(broker, ear):
+def test_after_a_broker_restart_everything_retained_is_said_again_and_no_state_is_missing(
+    broker, ear
+):
     with LinkThread(broker.url) as agent:
         ear.wait("connection")
         for seq in range(1, 21):
@@ -169,9 +204,17 @@ def test_after_a_broker_restart_everything_retained_is_said_again_and_no_state_i
         agent.wait(lambda: agent.inbox.changes[-1:] == [False])
         for seq in range(21, 301):
             agent.publish("state", state(seq))
-        agent.publish("pose", m.PoseUpdate(stamp=9.0, pose=m.Pose(x=0.0, y=0.0, theta=0.0), velocity=m.Velocity(linear=0.0, angular=0.0)))
+        agent.publish(
+            "pose",
+            m.PoseUpdate(
+                stamp=9.0,
+                pose=m.Pose(x=0.0, y=0.0, theta=0.0),
+                velocity=m.Velocity(linear=0.0, angular=0.0),
+            ),
+        )
         seen = ear.count
-        # What the agent sends before the ear is back is what a server asks for again: it is held up until then, and all of it must be here.
+        # What the agent sends before the ear is back is what a server asks for again: it is held up
+        # until then, and all of it must be here.
         held_up = threading.Event()
         ear.subscribed.clear()
 
@@ -229,14 +272,18 @@ def test_a_stale_word_of_its_absence_is_answered_with_online(broker, ear, stale)
     with LinkThread(broker.url):
         ear.wait("connection", lambda c: c.state == "ONLINE")
         seen = ear.count
-        ear.say("connection", m.Connection(boot="000000000001-0", state=stale, stamp=1.0), retain=True)
+        ear.say(
+            "connection", m.Connection(boot="000000000001-0", state=stale, stamp=1.0), retain=True
+        )
         assert ear.wait("connection", lambda c: c.state == "ONLINE", since=seen).boot == SHEET.boot
     with Ear(broker.port) as first_time_user:
         assert first_time_user.wait("connection").state == "OFFLINE"
 
 
 def test_of_two_agents_of_one_robot_the_older_one_yields_until_the_newer_has_gone(broker, ear):
-    newer = m.Factsheet(**{f: getattr(SHEET, f) for f in SHEET.__struct_fields__} | {"boot": "0000000000bb-1"})
+    newer = m.Factsheet(
+        **{f: getattr(SHEET, f) for f in SHEET.__struct_fields__} | {"boot": "0000000000bb-1"}
+    )
     with LinkThread(broker.url) as old:
         old.wait(lambda: old.link.connected)
         with LinkThread(broker.url, newer) as new:
@@ -244,7 +291,9 @@ def test_of_two_agents_of_one_robot_the_older_one_yields_until_the_newer_has_gon
             assert new.inbox.rivals == []
             seen = ear.count
         old.wait(lambda: old.inbox.rivals == [newer.boot, None])
-        assert ear.wait("connection", lambda c: c.state == "ONLINE" and c.boot == SHEET.boot, since=seen)
+        assert ear.wait(
+            "connection", lambda c: c.state == "ONLINE" and c.boot == SHEET.boot, since=seen
+        )
 
 
 def test_an_agent_waits_for_a_broker_that_is_not_there_yet(tmp_path):
@@ -264,14 +313,19 @@ def test_an_agent_ends_also_while_the_broker_is_away(tmp_path):
     assert time.monotonic() - begun < 10.0
 
 
-# --- pure --------------------------------------------------------------------------------------------------------------
+# --- pure -----------------------------------------------------------------------------------------
 
 
 def test_an_address_names_transport_port_and_path():
     plain = Endpoint.of("mqtt://broker.example", "giraff", "secret")
     assert (plain.host, plain.port, plain.transport, plain.tls, plain.username, plain.password) == (
-        "broker.example", 1883, "tcp", None, "giraff", "secret",
-    )  # fmt: skip
+        "broker.example",
+        1883,
+        "tcp",
+        None,
+        "giraff",
+        "secret",
+    )
     web = Endpoint.of("wss://broker.example/bus")
     assert (web.port, web.transport, web.path) == (443, "websockets", "/bus")
     assert isinstance(web.tls, ssl.SSLContext)

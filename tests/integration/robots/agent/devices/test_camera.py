@@ -34,7 +34,9 @@ def film(tmp_path):
         stream = container.add_stream("ffv1", rate=20)
         stream.width, stream.height, stream.pix_fmt = 161, 121, "yuv444p"
         for n in range(10):
-            frame = av.VideoFrame.from_ndarray(np.full((121, 161, 3), 20 * n, np.uint8), format="rgb24")
+            frame = av.VideoFrame.from_ndarray(
+                np.full((121, 161, 3), 20 * n, np.uint8), format="rgb24"
+            )
             for packet in stream.encode(frame):
                 container.mux(packet)
         for packet in stream.encode():
@@ -77,7 +79,9 @@ def test_a_picture_that_is_too_large_is_scaled_down():
 def test_a_camera_that_is_not_there_is_said_in_a_sentence(tmp_path):
     source = camera(str(tmp_path / "nothing.mp4"))
     source.start()
-    with pytest.raises(AdapterError, match=r"the camera .*nothing\.mp4 cannot be read: No such file or directory"):
+    with pytest.raises(
+        AdapterError, match=r"the camera .*nothing\.mp4 cannot be read: No such file or directory"
+    ):
         [source.read(0.5) for _ in range(60)]
     source.stop()
 
@@ -86,7 +90,9 @@ def test_a_file_without_pictures_is_said_in_a_sentence(tmp_path):
     path = tmp_path / "sound.wav"
     with av.open(str(path), "w") as container:
         stream = container.add_stream("pcm_s16le", rate=8000, layout="mono")
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
+        frame = av.AudioFrame.from_ndarray(
+            np.zeros((1, 800), np.int16), format="s16", layout="mono"
+        )
         frame.sample_rate = 8000
         for packet in stream.encode(frame):
             container.mux(packet)
@@ -122,7 +128,9 @@ def test_what_nobody_fetched_is_replaced_by_the_newest():
     source.start()
     first = next_picture(source)
     waits = source._newest
-    assert eventually(lambda: waits._thing is not None and waits._thing[1] > first.stamp + 0.5), "nothing of half a second ago is kept"
+    assert eventually(lambda: waits._thing is not None and waits._thing[1] > first.stamp + 0.5), (
+        "nothing of half a second ago is kept"
+    )
     second = next_picture(source)
     source.stop()
     server.close()

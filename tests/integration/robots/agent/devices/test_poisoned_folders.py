@@ -1,4 +1,5 @@
-"""The folders that PyAV's libraries were built to read under /tmp, made by somebody else: nothing of the product reads them.
+"""The folders that PyAV's libraries were built to read under /tmp, made by somebody else: nothing
+of the product reads them.
 
 Runs in a mount namespace with a /tmp of its own, where every reading leaves its time on the file.
 """
@@ -55,7 +56,12 @@ def read_by(tmp_path, *command: str) -> list[str]:
     """Return the poisoned files that a command of the project has read."""
     home = tmp_path / "home"
     (home / "run").mkdir(parents=True)
-    environment = {**environment_of(home), "PYTHONPATH": str(ROOT), "DJANGO_SETTINGS_MODULE": "tests.settings", "KEPT": str(ROOT)}
+    environment = {
+        **environment_of(home),
+        "PYTHONPATH": str(ROOT),
+        "DJANGO_SETTINGS_MODULE": "tests.settings",
+        "KEPT": str(ROOT),
+    }
     user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
     done = subprocess.run(
         ["unshare", "--mount", *user, "sh", "-eu", "-c", SCRIPT, "sh", *command],
@@ -86,12 +92,20 @@ def test_without_the_products_care_both_would_be_read(tmp_path):
 @pytest.mark.parametrize(
     "command",
     [
-        pytest.param(python("import robots.world.grid, sys; assert 'av' in sys.modules"), id="a plan, as the server reads it"),
-        pytest.param(python("import robots.agent.media.side, sys; assert 'aiortc' in sys.modules"), id="aiortc"),
+        pytest.param(
+            python("import robots.world.grid, sys; assert 'av' in sys.modules"),
+            id="a plan, as the server reads it",
+        ),
+        pytest.param(
+            python("import robots.agent.media.side, sys; assert 'aiortc' in sys.modules"),
+            id="aiortc",
+        ),
         pytest.param((sys.executable, "manage.py", "check"), id="the site"),
         pytest.param((sys.executable, "manage.py", "run_robot", "--help"), id="run_robot"),
         pytest.param((sys.executable, "-m", "robots.agent", "--help"), id="the agent alone"),
-        pytest.param((sys.executable, "-m", "robots.agent.simulator", "--help"), id="the simulator"),
+        pytest.param(
+            (sys.executable, "-m", "robots.agent.simulator", "--help"), id="the simulator"
+        ),
         pytest.param(python(SOUNDS), id="microphone and loudspeaker"),
     ],
 )
@@ -102,7 +116,12 @@ def test_no_process_of_the_product_reads_them(tmp_path, command):
 def test_nothing_but_the_agents_package_loads_av():
     """`robots/agent/__init__.py` comes before it there."""
     others = {".venv", "tests", "benchmarks", "var", "node_modules"}
-    sources = [path for folder in ROOT.iterdir() if folder.is_dir() and folder.name not in others for path in folder.rglob("*.py")]
+    sources = [
+        path
+        for folder in ROOT.iterdir()
+        if folder.is_dir() and folder.name not in others
+        for path in folder.rglob("*.py")
+    ]
     loading = [path.relative_to(ROOT) for path in sources if LOADS_AV.search(path.read_text())]
     assert [str(path) for path in loading if path.parts[:2] != ("robots", "agent")] == []
     assert loading, "the pattern finds nothing"

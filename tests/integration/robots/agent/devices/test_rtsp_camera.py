@@ -1,4 +1,6 @@
-"""Cameras of the network on a real RTSP server: seconds from one whole picture to the next, a password, gone and back."""
+"""Cameras of the network on a real RTSP server: seconds from one whole picture to the next, a
+password, gone and back.
+"""
 
 import contextlib
 import logging
@@ -22,7 +24,9 @@ SECRET = "hunter2"
 
 @contextlib.contextmanager
 def feed_of(said: str):
-    """A feed that somebody watches, the pictures that it gives, and the states that it went through."""
+    """A feed that somebody watches, the pictures that it gives, and the states that it went
+    through.
+    """
     pictures, states = [], []
     feed = CameraFeed(DeviceCamera(words.read(said, "camera")), RtpClock(0), pictures.append)
     tell = feed._capture._set_state
@@ -59,13 +63,17 @@ def reason_for(said: str) -> str:
         return feed.state.reason
 
 
-def test_a_camera_with_four_seconds_between_whole_pictures_is_shown_at_the_next_one_twice_in_a_row(server):
+def test_a_camera_with_four_seconds_between_whole_pictures_is_shown_at_the_next_one_twice_in_a_row(
+    server,
+):
     for _ in range(2):
         began = time.monotonic()
         with feed_of(server.url) as (feed, pictures, states):
             assert eventually(lambda: len(pictures) > 5, 30.0)
             assert feed.state == CaptureState("live")
-        assert {state.status for state in states[: states.index(CaptureState("live"))]} == {"starting"}, "nothing was given up on the way"
+        assert {state.status for state in states[: states.index(CaptureState("live"))]} == {
+            "starting"
+        }, "nothing was given up on the way"
         assert time.monotonic() - began < 15.0
 
 
@@ -80,7 +88,9 @@ def test_the_second_who_watches_waits_for_nothing(server):
 
 
 def test_a_photo_waits_for_a_camera_that_starts(server):
-    feed = CameraFeed(DeviceCamera(words.read(server.url, "camera")), RtpClock(0), lambda _picture: None)
+    feed = CameraFeed(
+        DeviceCamera(words.read(server.url, "camera")), RtpClock(0), lambda _picture: None
+    )
     feed.start()
     try:
         assert feed.snapshot() is not None
@@ -97,15 +107,26 @@ def test_a_camera_with_a_password_is_shown(protected):
 @pytest.mark.parametrize("way", ["wrong", "none"])
 def test_a_wrong_password_is_said_and_no_password_is_told(protected, way, caplog):
     caplog.set_level(logging.DEBUG)
-    reason = reason_for(protected.url if way == "none" else protected.url_for("ana", f"not-{SECRET}"))
-    assert reason == f"the camera rtsp://127.0.0.1:{protected.port} cannot be read: wrong user name or password (401)"
+    reason = reason_for(
+        protected.url if way == "none" else protected.url_for("ana", f"not-{SECRET}")
+    )
+    assert (
+        reason == f"the camera rtsp://127.0.0.1:{protected.port} cannot be read: wrong user name or"
+        " password (401)"
+    )
     assert SECRET not in caplog.text
 
 
 def test_what_is_not_there_is_said(server):
     there = f"the camera rtsp://127.0.0.1:{server.port} cannot be read: "
-    assert reason_for(server.url.replace("/stream", "/stream2")) == f"{there}it has no such stream (404)"
-    assert reason_for("rtsp://127.0.0.1:1/stream") == "the camera rtsp://127.0.0.1:1 cannot be read: connection refused"
+    assert (
+        reason_for(server.url.replace("/stream", "/stream2"))
+        == f"{there}it has no such stream (404)"
+    )
+    assert (
+        reason_for("rtsp://127.0.0.1:1/stream")
+        == "the camera rtsp://127.0.0.1:1 cannot be read: connection refused"
+    )
 
 
 def test_a_camera_that_says_nothing_and_one_without_whole_pictures_are_told_apart(server):
@@ -121,7 +142,13 @@ def test_a_camera_that_says_nothing_and_one_without_whole_pictures_are_told_apar
 
 def opening_fails(url: str, limits: ReaderLimits) -> str:
     seen = []
-    reader = Reader("camera", words.read(url, "camera"), "video", lambda frame, _stamp: seen.append(frame), limits)
+    reader = Reader(
+        "camera",
+        words.read(url, "camera"),
+        "video",
+        lambda frame, _stamp: seen.append(frame),
+        limits,
+    )
     reader.start()
     try:
         deadline = time.monotonic() + 10.0

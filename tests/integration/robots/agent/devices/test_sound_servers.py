@@ -1,4 +1,6 @@
-"""Microphone and loudspeaker on a real PulseAudio and a real PipeWire, named as an owner names them and with an owner's environment."""
+"""Microphone and loudspeaker on a real PulseAudio and a real PipeWire, named as an owner names them
+and with an owner's environment.
+"""
 
 import os
 import threading
@@ -38,7 +40,10 @@ def pulseaudio(tmp_path, monkeypatch):
 
 
 def equipment(tmp_path, **devices: str):
-    return equipment_of(ScriptedRobot(), load({"robot": "giraff", "mqtt_url": "mqtt://127.0.0.1:1", "var": tmp_path, **devices}, {}))
+    return equipment_of(
+        ScriptedRobot(),
+        load({"robot": "giraff", "mqtt_url": "mqtt://127.0.0.1:1", "var": tmp_path, **devices}, {}),
+    )
 
 
 def microphone_hears(source, tone: float) -> bool:
@@ -97,8 +102,11 @@ def test_a_tone_goes_through_the_loudspeaker_twice_in_a_row(server, tmp_path):
         feed.close()
 
 
-def test_a_device_of_the_server_is_found_by_its_name_and_heard_through_conversion(pulseaudio, tmp_path):
-    source = equipment(tmp_path, microphone="alsa:pulse:robot.monitor").audio  # which has two channels at 44.1 kHz
+def test_a_device_of_the_server_is_found_by_its_name_and_heard_through_conversion(
+    pulseaudio, tmp_path
+):
+    # which has two channels at 44.1 kHz
+    source = equipment(tmp_path, microphone="alsa:pulse:robot.monitor").audio
     with pulseaudio.playing(TONE):
         source.start()
         assert microphone_hears(source, TONE)
@@ -107,7 +115,10 @@ def test_a_device_of_the_server_is_found_by_its_name_and_heard_through_conversio
 
 def test_a_card_that_is_pulled_out_is_said_and_heard_again_when_it_is_back(pulseaudio, tmp_path):
     heard: list[bytes] = []
-    feed = MicrophoneFeed(equipment(tmp_path, microphone="alsa:default").audio, lambda payload, _ticks: heard.append(payload))
+    feed = MicrophoneFeed(
+        equipment(tmp_path, microphone="alsa:default").audio,
+        lambda payload, _ticks: heard.append(payload),
+    )
     feed.start()
     feed.listen(1)
     try:
@@ -127,14 +138,18 @@ def test_a_card_that_is_pulled_out_is_said_and_heard_again_when_it_is_back(pulse
 
 
 @pytest.mark.parametrize("way", ["killed", "frozen"])
-def test_a_loudspeaker_whose_server_goes_is_said_and_plays_again_when_it_is_back(pulseaudio, tmp_path, way):
+def test_a_loudspeaker_whose_server_goes_is_said_and_plays_again_when_it_is_back(
+    pulseaudio, tmp_path, way
+):
     feed = OutputFeed(equipment(tmp_path, loudspeaker="alsa:default").outputs[0], None)
     feed.start()
     with Talker(feed):
         with pulseaudio.listening() as ear:
             assert eventually(lambda: ear.hears(TONE), 30.0)
         (pulseaudio.kill if way == "killed" else pulseaudio.freeze)()
-        assert eventually(lambda: any("the loudspeaker default" in error for error in feed.errors), 30.0)
+        assert eventually(
+            lambda: any("the loudspeaker default" in error for error in feed.errors), 30.0
+        )
         (pulseaudio.start if way == "killed" else pulseaudio.thaw)()
         with pulseaudio.listening() as ear:
             assert eventually(lambda: ear.hears(TONE) and feed.errors == (), 30.0)
@@ -142,7 +157,9 @@ def test_a_loudspeaker_whose_server_goes_is_said_and_plays_again_when_it_is_back
 
 
 def test_a_microphone_whose_server_freezes_is_said_and_heard_again(pulseaudio, tmp_path):
-    feed = MicrophoneFeed(equipment(tmp_path, microphone="alsa:default").audio, lambda _payload, _ticks: None)
+    feed = MicrophoneFeed(
+        equipment(tmp_path, microphone="alsa:default").audio, lambda _payload, _ticks: None
+    )
     feed.start()
     feed.listen(1)
     try:
@@ -160,22 +177,37 @@ def test_a_device_that_is_not_there_is_said_with_those_that_are(pulseaudio, tmp_
     found = equipment(tmp_path, microphone="alsa:basement", loudspeaker="alsa:hw:7,0")
     for _ in range(2):
         found.audio.start()
-        with pytest.raises(AdapterError, match=r"^the microphone basement cannot be used: there is no such device; there are: default, pulse$"):
+        with pytest.raises(
+            AdapterError,
+            match=(
+                r"^the microphone basement cannot be used: there is no such device; there are:"
+                r" default, pulse$"
+            ),
+        ):
             [found.audio.read(0.5) for _ in range(60)]
         found.audio.stop()
         speaker = found.outputs[0]
         speaker.start()
-        with pytest.raises(AdapterError, match=r"^the loudspeaker hw:7,0 cannot be used: there is no such device; there are: default, pulse$"):
+        with pytest.raises(
+            AdapterError,
+            match=(
+                r"^the loudspeaker hw:7,0 cannot be used: there is no such device; there are:"
+                r" default, pulse$"
+            ),
+        ):
             [speaker.play(sine(TONE, BLOCK)) for _ in range(500)]
         speaker.stop()
 
 
 def test_a_computer_without_a_sound_server_uses_alsa_alone(tmp_path, monkeypatch):
-    """`~/.asoundrc` is read by the system's alsa.conf; what it calls `default` here is a file in the place of a card."""
+    """`~/.asoundrc` is read by the system's alsa.conf; what it calls `default` here is a file in
+    the place of a card.
+    """
     use_environment(monkeypatch, environment_of(tmp_path))
     sine(TONE, 20 * BLOCK * 50).tofile(tmp_path / "said.raw")
     (tmp_path / ".asoundrc").write_text(
-        f'pcm.!default {{ type file slave.pcm null file "{tmp_path}/heard.raw" infile "{tmp_path}/said.raw" format raw }}\n'
+        f'pcm.!default {{ type file slave.pcm null file "{tmp_path}/heard.raw" infile'
+        f' "{tmp_path}/said.raw" format raw }}\n'
     )
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
     found.audio.start()
@@ -193,7 +225,9 @@ def test_a_computer_without_alsa_utils_is_told_what_to_install(tmp_path, monkeyp
     monkeypatch.setenv("PATH", str(tmp_path))
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
     for device in (found.audio, found.outputs[0]):
-        with pytest.raises(AdapterError, match="is not there; sudo apt install alsa-utils libasound2-plugins"):
+        with pytest.raises(
+            AdapterError, match="is not there; sudo apt install alsa-utils libasound2-plugins"
+        ):
             device.start()
         device.stop()
 
@@ -210,4 +244,6 @@ def test_nothing_is_left_running_when_the_devices_are_let_go_of(pulseaudio, tmp_
 
 
 def children() -> set[str]:
-    return set(Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children").read_text().split())
+    return set(
+        Path(f"/proc/{os.getpid()}/task/{threading.get_native_id()}/children").read_text().split()
+    )

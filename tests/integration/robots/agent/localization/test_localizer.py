@@ -25,7 +25,14 @@ EVERY = round(0.1 / TICK)
 class Drive:
     """A robot that wanders about the office, and what it believes."""
 
-    def __init__(self, seed: int, model: RobotModel = GIRAFF, people: int = 0, start: str = "lab-centre", grid: OccupancyGrid = OFFICE.grid) -> None:
+    def __init__(
+        self,
+        seed: int,
+        model: RobotModel = GIRAFF,
+        people: int = 0,
+        start: str = "lab-centre",
+        grid: OccupancyGrid = OFFICE.grid,
+    ) -> None:
         self.simulation = Simulation(model, OFFICE.plan, seed=seed, start=start, people=people)
         self.wanderer = Wanderer(self.simulation, WAYS, np.random.default_rng([seed, 1]))
         self.localizer = Localizer(grid, np.random.default_rng([seed, 2]))
@@ -36,14 +43,24 @@ class Drive:
         return self
 
     def go(self, seconds: float, *, drive: bool = True) -> list[tuple[Estimate, float, float]]:
-        """Return the estimates of so many seconds, at 10 Hz, and their errors in metres and radians."""
+        """Return the estimates of so many seconds, at 10 Hz, and their errors in metres and
+        radians.
+        """
         found = []
         for _ in range(round(seconds * 10)):
             for _ in range(EVERY):
                 self.wanderer.step() if drive else self.simulation.step(TICK)
-            estimate = self.localizer.update(self.simulation.time, self.simulation.odometry, self.simulation.beams())
+            estimate = self.localizer.update(
+                self.simulation.time, self.simulation.odometry, self.simulation.beams()
+            )
             truth = self.world_from_map.compose(self.simulation.pose)
-            found.append((estimate, truth.distance(estimate.pose), abs(wrap_angle(estimate.pose.theta - truth.theta))))
+            found.append(
+                (
+                    estimate,
+                    truth.distance(estimate.pose),
+                    abs(wrap_angle(estimate.pose.theta - truth.theta)),
+                )
+            )
         return found
 
 
@@ -52,7 +69,9 @@ def worst(found: list[tuple[Estimate, float, float]]) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("model", "seed"), [(GIRAFF, 1), (RHODON, 2)])
-def test_a_robot_that_was_told_where_it_is_keeps_to_it_among_people(model: RobotModel, seed: int) -> None:
+def test_a_robot_that_was_told_where_it_is_keeps_to_it_among_people(
+    model: RobotModel, seed: int
+) -> None:
     drive = Drive(seed, model, people=3).told()
     drive.go(2.0)
     found = drive.go(25.0)
@@ -179,7 +198,9 @@ def test_an_odometry_that_starts_again_at_zero_moves_nobody() -> None:
 def test_an_odometry_that_is_no_number_is_left_out() -> None:
     drive = Drive(15).told()
     drive.go(2.0)
-    estimate = drive.localizer.update(drive.simulation.time, Pose2D(math.nan, 0.0, math.nan), drive.simulation.beams())
+    estimate = drive.localizer.update(
+        drive.simulation.time, Pose2D(math.nan, 0.0, math.nan), drive.simulation.beams()
+    )
     assert drive.simulation.pose.distance(estimate.pose) < 0.2
 
 
@@ -213,7 +234,9 @@ def test_people_all_around_a_standing_robot_do_not_move_it() -> None:
 
 
 def mirrored(beams: LaserScan, share: float) -> LaserScan:
-    """Return a sweep in which the middle beams went through glass, or came back from a mirror: twice as far."""
+    """Return a sweep in which the middle beams went through glass, or came back from a mirror:
+    twice as far.
+    """
     ranges = beams.ranges.copy()
     middle, half = len(ranges) // 2, int(len(ranges) * share / 2)
     ranges[middle - half : middle + half] *= 2.0
@@ -228,7 +251,9 @@ def test_a_mirror_or_a_pane_of_glass_before_the_robot_does_not_move_it() -> None
             drive.wanderer.step()
         beams = drive.simulation.beams()
         assert beams is not None
-        estimate = drive.localizer.update(drive.simulation.time, drive.simulation.odometry, mirrored(beams, 0.15))
+        estimate = drive.localizer.update(
+            drive.simulation.time, drive.simulation.odometry, mirrored(beams, 0.15)
+        )
         assert drive.simulation.pose.distance(estimate.pose) < 0.15
     assert estimate.localized
 
@@ -236,7 +261,11 @@ def test_a_mirror_or_a_pane_of_glass_before_the_robot_does_not_move_it() -> None
 def test_a_robot_whose_laser_is_covered_says_that_it_does_not_know() -> None:
     localizer = Localizer(OFFICE.grid, np.random.default_rng(19))
     for number in range(30):
-        estimate = localizer.update(0.1 * number, Pose2D(0.0, 0.0, 0.0), LaserScan(0.1 * number, -2.0, 0.02, 10.0, np.full(200, 0.05)))
+        estimate = localizer.update(
+            0.1 * number,
+            Pose2D(0.0, 0.0, 0.0),
+            LaserScan(0.1 * number, -2.0, 0.02, 10.0, np.full(200, 0.05)),
+        )
     assert not estimate.localized
     assert estimate.score == 0.0
 
@@ -244,7 +273,9 @@ def test_a_robot_whose_laser_is_covered_says_that_it_does_not_know() -> None:
 SQUARE = "\n".join(["#" * 20] + ["#" + "." * 18 + "#"] * 18 + ["#" * 20])
 
 
-def test_beside_an_open_leaf_that_hides_half_the_view_a_robot_believes_no_corner_across_the_building() -> None:
+def test_beside_an_open_leaf_that_hides_half_the_view_a_robot_believes_no_corner_across_the_building() -> (
+    None
+):
     """There more of the beams end at walls than here, but some go through walls as well."""
     drive = Drive(1, start="10.85,2.65,1.68")
     assert drive.simulation.doors["lounge-door"] == "open"
@@ -265,13 +296,19 @@ def test_in_a_room_that_looks_the_same_from_four_sides_nobody_is_sure() -> None:
     start = Pose2D(1.0, 1.4, 0.3)
     for number in range(80):
         odometry = odometry.compose(Pose2D(0.02, 0.0, 0.05))
-        estimate = localizer.update(0.1 * number, odometry, beams_from(sides, start.compose(odometry), stamp=0.1 * number))
+        estimate = localizer.update(
+            0.1 * number, odometry, beams_from(sides, start.compose(odometry), stamp=0.1 * number)
+        )
         assert not estimate.localized
 
 
 def test_a_map_that_hangs_askew_gives_poses_of_the_world() -> None:
     askew = Pose2D(4.0, -3.0, 0.6)
-    transform = MapTransform(OFFICE.grid.transform.resolution, askew.compose(OFFICE.grid.transform.origin), OFFICE.grid.transform.height)
+    transform = MapTransform(
+        OFFICE.grid.transform.resolution,
+        askew.compose(OFFICE.grid.transform.origin),
+        OFFICE.grid.transform.height,
+    )
     drive = Drive(21, grid=dataclasses.replace(OFFICE.grid, transform=transform))
     drive.world_from_map = askew
     away, turned = worst(drive.told().go(10.0)[20:])
@@ -303,7 +340,9 @@ def test_no_update_does_more_than_a_slice_of_a_search(monkeypatch: pytest.Monkey
     drive = Drive(23)
     slices = []
     ahead = drive.localizer._search_on
-    monkeypatch.setattr(drive.localizer, "_search_on", lambda: slices.append(drive.localizer._searching) or ahead())
+    monkeypatch.setattr(
+        drive.localizer, "_search_on", lambda: slices.append(drive.localizer._searching) or ahead()
+    )
     for number in range(1, 6):
         drive.go(0.1)
         assert len(slices) == number

@@ -26,8 +26,16 @@ async def exchange() -> Exchange:
 
 
 @pytest.fixture
-async def media(camera: SyntheticCamera, microphone: SyntheticMicrophone, exchange: Exchange) -> AsyncIterator[MediaSide]:
-    side = MediaSide(video=camera, audio=microphone, viewers=3, on_command=exchange.on_command, reply=exchange.reply)
+async def media(
+    camera: SyntheticCamera, microphone: SyntheticMicrophone, exchange: Exchange
+) -> AsyncIterator[MediaSide]:
+    side = MediaSide(
+        video=camera,
+        audio=microphone,
+        viewers=3,
+        on_command=exchange.on_command,
+        reply=exchange.reply,
+    )
     side.start()
     yield side
     await asyncio.to_thread(side.close)

@@ -18,11 +18,15 @@ async def test_chromium_shows_the_picture_and_knows_when_it_was_captured(media, 
         report = await page.report_when("report.decoded > 60 && report.stampErrors.length > 40")
         assert await page.page.evaluate("spread()") > 10, "the picture is not uniform"
         assert statistics.median(map(abs, report["stampErrors"])) < 0.001
-        assert sum(abs(error) > 0.002 for error in report["stampErrors"]) <= 0.05 * len(report["stampErrors"])
+        assert sum(abs(error) > 0.002 for error in report["stampErrors"]) <= 0.05 * len(
+            report["stampErrors"]
+        )
         assert await page.page.evaluate("heard()") > 20
 
 
-async def test_chromium_gets_playout_delay_vp8_and_sends_nothing_it_was_not_asked_for(media, exchange) -> None:
+async def test_chromium_gets_playout_delay_vp8_and_sends_nothing_it_was_not_asked_for(
+    media, exchange
+) -> None:
     async with chromium() as (browser, address):
         page = await BrowserPage.open(browser, address, media, exchange, "p1", role="driver")
         await page.watch()
@@ -30,8 +34,12 @@ async def test_chromium_gets_playout_delay_vp8_and_sends_nothing_it_was_not_aske
         answer = exchange.answers("p1")[0]
         assert "playout-delay" in answer
         assert "VP8" in answer
-        directions = await page.page.evaluate("peer.getTransceivers().map(line => line.currentDirection)")
-        assert directions == ["recvonly", "recvonly", "sendonly", "sendonly"], "the page's own lines are there for replaceTrack"
+        directions = await page.page.evaluate(
+            "peer.getTransceivers().map(line => line.currentDirection)"
+        )
+        assert directions == ["recvonly", "recvonly", "sendonly", "sendonly"], (
+            "the page's own lines are there for replaceTrack"
+        )
 
 
 async def test_the_data_channel_works_both_ways_in_chromium(media, exchange) -> None:
@@ -44,13 +52,17 @@ async def test_the_data_channel_works_both_ways_in_chromium(media, exchange) -> 
         await until(lambda: exchange.heard)
         assert exchange.heard[0][:2] == ("p1", "driver")
         media.telemetry("heartbeat", Heartbeat(n=7, stamp=1.5))
-        report = await page.report_when("report.messages.some(([suffix]) => suffix === 'heartbeat')")
+        report = await page.report_when(
+            "report.messages.some(([suffix]) => suffix === 'heartbeat')"
+        )
         assert ["heartbeat", {"n": 7, "stamp": 1.5}] in report["messages"]
 
 
 async def test_two_chromium_viewers_see_the_same_camera(media, exchange) -> None:
     async with chromium() as (browser, address):
-        pages = [await BrowserPage.open(browser, address, media, exchange, f"p{n}") for n in range(2)]
+        pages = [
+            await BrowserPage.open(browser, address, media, exchange, f"p{n}") for n in range(2)
+        ]
         for page in pages:
             await page.watch()
         for page in pages:
@@ -59,7 +71,9 @@ async def test_two_chromium_viewers_see_the_same_camera(media, exchange) -> None
         assert media.connected == 2
 
 
-async def test_a_chromium_viewer_keeps_its_picture_through_an_outage_of_the_camera(camera, media, exchange) -> None:
+async def test_a_chromium_viewer_keeps_its_picture_through_an_outage_of_the_camera(
+    camera, media, exchange
+) -> None:
     async with chromium() as (browser, address):
         page = await BrowserPage.open(browser, address, media, exchange, "p1")
         await page.watch()

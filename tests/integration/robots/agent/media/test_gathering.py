@@ -12,7 +12,9 @@ DATA_ONLY = RTCConfiguration(iceServers=[])
 
 
 @pytest.mark.parametrize(("long", "asked_for_two"), [(-1.0, 2), (1e9, 1)])
-async def test_servers_that_held_up_an_answer_are_asked_again_before_the_next(monkeypatch, long, asked_for_two):
+async def test_servers_that_held_up_an_answer_are_asked_again_before_the_next(
+    monkeypatch, long, asked_for_two
+):
     monkeypatch.setattr(signalling, "LONG_GATHERING", long)
     asked = []
 
@@ -23,9 +25,13 @@ async def test_servers_that_held_up_an_answer_are_asked_again_before_the_next(mo
     relays, page = Relays(silent, lambda: 0.0), RTCPeerConnection(DATA_ONLY)
     page.createDataChannel("control")
     await page.setLocalDescription(await page.createOffer())
-    offer = Offer(sdp=page.localDescription.sdp, ice_servers=(IceServer(urls=("stun:203.0.113.9",)),))
+    offer = Offer(
+        sdp=page.localDescription.sdp, ice_servers=(IceServer(urls=("stun:203.0.113.9",)),)
+    )
     for _ in range(2):
-        connection = PageConnection("ada", None, None, lambda _: None, lambda: None, lambda: None, relays=relays)
+        connection = PageConnection(
+            "ada", None, None, lambda _: None, lambda: None, lambda: None, relays=relays
+        )
         await connection.answer(offer)
         await connection.close()
     await page.close()

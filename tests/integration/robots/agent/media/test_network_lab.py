@@ -1,4 +1,6 @@
-"""A worse network for the driver's picture and sound, over real WebRTC on loopback and through the server: theirs alone."""
+"""A worse network for the driver's picture and sound, over real WebRTC on loopback and through the
+server: theirs alone.
+"""
 
 import asyncio
 import statistics
@@ -14,7 +16,9 @@ from tests.support.loopback_peer import until
 
 
 def arrivals(page) -> dict[int, float]:
-    """Note when each picture of a page arrives, by its RTP timestamp; call it before the page connects."""
+    """Note when each picture of a page arrives, by its RTP timestamp; call it before the page
+    connects.
+    """
     found: dict[int, float] = {}
     noted = page.video.receiver._handle_rtp_packet
 
@@ -42,14 +46,19 @@ async def watched(media, new_page):
     media.lease_changed("p1")
     await driver.connect("driver")
     await observer.connect()
-    await until(lambda: len(driver.pictures) > 3 and len(observer.pictures) > 3, what="pictures at both")
+    await until(
+        lambda: len(driver.pictures) > 3 and len(observer.pictures) > 3, what="pictures at both"
+    )
     return driver, observer, times
 
 
 async def test_the_drivers_picture_is_late_by_the_delay_and_nobody_elses_is(media, watched) -> None:
     driver, _, (late, clean) = watched
     media.impair(NetworkLab(delay=0.4, seed=1))
-    report = await until(lambda: media.network is not None and media.network.waiting > 5 and media.network, what="packets on their way")
+    report = await until(
+        lambda: media.network is not None and media.network.waiting > 5 and media.network,
+        what="packets on their way",
+    )
     assert report.lab.delay == 0.4
     since, before = time.monotonic(), len(driver.pictures)
     await until(lambda: len(driver.pictures) > before + 15, what="late pictures")
@@ -59,7 +68,9 @@ async def test_the_drivers_picture_is_late_by_the_delay_and_nobody_elses_is(medi
     assert media.network.lost == media.network.overflowed == 0
 
 
-async def test_a_lost_picture_loses_neither_the_connection_nor_the_data_channel_nor_the_observers_picture(media, watched) -> None:
+async def test_a_lost_picture_loses_neither_the_connection_nor_the_data_channel_nor_the_observers_picture(
+    media, watched
+) -> None:
     driver, observer, _ = watched
     media.impair(NetworkLab(loss=1.0))
     await losing(media)
@@ -67,9 +78,19 @@ async def test_a_lost_picture_loses_neither_the_connection_nor_the_data_channel_
     seen, others = len(driver.pictures), len(observer.pictures)
     await until(lambda: len(observer.pictures) > others + 15, what="the observer's pictures")
     await driver.lose_a_picture()
-    await until(lambda: media._pages._viewers["p1"]._pictures.last_report > reports, what="RTCP of the driver's page")
+    await until(
+        lambda: media._pages._viewers["p1"]._pictures.last_report > reports,
+        what="RTCP of the driver's page",
+    )
     assert len(driver.pictures) == seen
-    media.telemetry("pose", PoseUpdate(stamp=1.0, pose=Pose(x=1.0, y=0.0, theta=0.0), velocity=Velocity(linear=0.0, angular=0.0)))
+    media.telemetry(
+        "pose",
+        PoseUpdate(
+            stamp=1.0,
+            pose=Pose(x=1.0, y=0.0, theta=0.0),
+            velocity=Velocity(linear=0.0, angular=0.0),
+        ),
+    )
     await until(lambda: any(suffix == "pose" for suffix, _ in driver.messages), what="telemetry")
     assert media.connected == 2
     await driver.video.receiver._send_rtcp_nack(driver.ssrc, [1, 2, 3])
@@ -110,14 +131,18 @@ async def slow(camera):
     def take(payload, peer) -> None:
         sent.append((peer, picture.unpack(payload)[0], time.time()))
 
-    side = MediaSide(video=camera, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=take)
+    side = MediaSide(
+        video=camera, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=take
+    )
     side.start()
     side.lease_changed("p1")
     yield side, sent
     await asyncio.to_thread(side.close)
 
 
-async def test_through_the_server_everybody_gets_pictures_of_their_own_and_only_the_drivers_are_held(slow) -> None:
+async def test_through_the_server_everybody_gets_pictures_of_their_own_and_only_the_drivers_are_held(
+    slow,
+) -> None:
     side, sent = slow
     side.impair(NetworkLab(delay=0.5))
     await until(lambda: side.network is not None)

@@ -15,13 +15,27 @@ from robots.agent.media.webrtc import signalling
 from robots.agent.media.webrtc.packet_gate import MAX_BYTES
 from robots.agent.media.webrtc.rtp import capture_stamp
 from robots.api.codec import encode_frame
-from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, PointCommand, Pointer, PoseUpdate, Stay, Stop
+from robots.api.messages import (
+    Bye,
+    Candidate,
+    CommandHeartbeat,
+    Echo,
+    Heartbeat,
+    Offer,
+    PointCommand,
+    Pointer,
+    PoseUpdate,
+    Stay,
+    Stop,
+)
 from tests.support.loopback_peer import LoopbackPage, until
 from tests.support.synthetic_camera import TICKS_PER_SECOND, apart, code_of, read_code
 
 
 def step(before: tuple[int, bool], after: tuple[int, bool]) -> int:
-    """Return the ticks between two pictures by RTP's time, which begins at random, and anew after 2^32 of them."""
+    """Return the ticks between two pictures by RTP's time, which begins at random, and anew after
+    2^32 of them.
+    """
     return (after[0] - before[0] + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
@@ -53,7 +67,13 @@ async def test_the_clock_is_told_again_every_second(new_page) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
     await until(lambda: len(page.clocks()) >= 6, what="six clocks")
-    assert 0.9 < statistics.median(after.stamp - before.stamp for before, after in pairwise(page.clocks()[:6])) < 1.5
+    assert (
+        0.9
+        < statistics.median(
+            after.stamp - before.stamp for before, after in pairwise(page.clocks()[:6])
+        )
+        < 1.5
+    )
 
 
 async def test_one_encoder_serves_every_viewer_the_same_pictures(new_page) -> None:
@@ -75,7 +95,9 @@ async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(n
     assert max(step(before, after) for before, after in pairwise(first.pictures)) < 90_000 * 0.5
 
 
-async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_else_does(media, new_page) -> None:
+async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_else_does(
+    media, new_page
+) -> None:
     narrow, wide = new_page("narrow"), new_page("wide")
     await narrow.connect()
     await wide.connect()
@@ -98,7 +120,9 @@ async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_els
     assert media.statistics()["narrow"]["rung"] > media.statistics()["wide"]["rung"]
 
 
-async def test_a_lost_picture_brings_a_key_frame_but_a_storm_of_requests_does_not_bring_many(new_page) -> None:
+async def test_a_lost_picture_brings_a_key_frame_but_a_storm_of_requests_does_not_bring_many(
+    new_page,
+) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
     await until(lambda: len(page.pictures) > 15)
@@ -112,7 +136,9 @@ async def test_a_lost_picture_brings_a_key_frame_but_a_storm_of_requests_does_no
     assert 1 <= keys <= 1 + (time.monotonic() - began) / 0.3
 
 
-async def test_a_viewer_that_cannot_keep_up_restarts_on_a_key_frame_without_disturbing_the_others(media, new_page) -> None:
+async def test_a_viewer_that_cannot_keep_up_restarts_on_a_key_frame_without_disturbing_the_others(
+    media, new_page
+) -> None:
     slow, other = new_page("slow", decode=False), new_page("other", decode=False)
     await slow.connect()
     await other.connect()
@@ -144,7 +170,9 @@ async def test_a_packet_that_was_lost_is_sent_again_when_asked_for(new_page) -> 
     await page.connect()
     lost = await until(lambda: len(packets) > 30 and packets[-10], what="packets")
     await receiver._send_rtcp_nack(page.ssrc, [lost.sequence_number])
-    again = await until(lambda: [p for p in packets if p.ssrc != lost.ssrc], what="a retransmission")
+    again = await until(
+        lambda: [p for p in packets if p.ssrc != lost.ssrc], what="a retransmission"
+    )
     assert int.from_bytes(again[0].payload[:2], "big") == lost.sequence_number
     assert again[0].payload[2:] == lost.payload
 
@@ -160,7 +188,9 @@ async def test_the_camera_runs_only_while_somebody_watches(camera, media, new_pa
     assert media.camera.status == "idle"
 
 
-async def test_a_camera_that_fails_says_why_and_the_picture_goes_on_when_it_is_back(camera, media, new_page) -> None:
+async def test_a_camera_that_fails_says_why_and_the_picture_goes_on_when_it_is_back(
+    camera, media, new_page
+) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
     await until(lambda: len(page.pictures) > 5)
@@ -172,7 +202,9 @@ async def test_a_camera_that_fails_says_why_and_the_picture_goes_on_when_it_is_b
     assert media.connected == 1, "the viewer stays"
     camera.recover()
     await until(lambda: len(page.pictures) > held + 5, what="pictures again")
-    first = max(range(1, len(page.pictures)), key=lambda n: step(page.pictures[n - 1], page.pictures[n]))
+    first = max(
+        range(1, len(page.pictures)), key=lambda n: step(page.pictures[n - 1], page.pictures[n])
+    )
     assert page.pictures[first][1], "a fresh encoder begins with a key frame"
     assert media.camera.status == "live"
     assert not page.exchange.byes("p1")
@@ -226,7 +258,10 @@ async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, n
     await until(lambda: exchange.heard)
     observer.channel.send(encode_frame("command/point", PointCommand(peer="p2", stamp=1.0)))
     await until(lambda: len(exchange.heard) == 2)
-    assert [(peer, role, heard.peer) for peer, role, heard in exchange.heard] == [("p1", "driver", "p1"), ("p2", "observer", "p2")]
+    assert [(peer, role, heard.peer) for peer, role, heard in exchange.heard] == [
+        ("p1", "driver", "p1"),
+        ("p2", "observer", "p2"),
+    ]
 
 
 async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_frame_on_and_is_sent_away(
@@ -245,12 +280,21 @@ async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_fr
     await until(lambda: exchange.byes("p1") == ["lease_changed"] and media.connected == 0)
     again = new_page("p1", decode=False)
     await again.connect("observer")
-    await until(lambda: len(again.pictures) > 5, what="pictures for a page that watches by an offer of its own")
+    await until(
+        lambda: len(again.pictures) > 5,
+        what="pictures for a page that watches by an offer of its own",
+    )
 
 
-async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(media, exchange, new_page, monkeypatch) -> None:
+async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(
+    media, exchange, new_page, monkeypatch
+) -> None:
     """A connection lives without the page's socket, over which the server would end it."""
-    page, screen, forgotten = new_page("p1", decode=False), new_page("s1", decode=False), new_page("p2", decode=False)
+    page, screen, forgotten = (
+        new_page("p1", decode=False),
+        new_page("s1", decode=False),
+        new_page("p2", decode=False),
+    )
     await page.connect("observer")
     await screen.connect("screen")
     await forgotten.connect("observer")
@@ -263,7 +307,9 @@ async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(
     assert (exchange.byes("p1"), exchange.byes("s1"), media.connected) == ([], [], 1)
 
 
-async def test_a_page_that_claims_to_drive_without_the_lease_is_an_observer(media, exchange, new_page) -> None:
+async def test_a_page_that_claims_to_drive_without_the_lease_is_an_observer(
+    media, exchange, new_page
+) -> None:
     page = new_page("p1", decode=False)
     await page.connect("driver")
     page.channel.send("one")
@@ -271,25 +317,37 @@ async def test_a_page_that_claims_to_drive_without_the_lease_is_an_observer(medi
     assert exchange.heard[0][1] == "observer"
 
 
-async def test_oversized_and_too_many_frames_are_dropped_and_counted(media, exchange, new_page) -> None:
+async def test_oversized_and_too_many_frames_are_dropped_and_counted(
+    media, exchange, new_page
+) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
     for _ in range(300):
         page.channel.send(b"x")
     page.channel.send(" " * (MAX_BYTES + 1))
-    await until(lambda: media.statistics()["p1"]["too_fast"] > 100 and media.statistics()["p1"]["oversized"], what="a full gate")
+    await until(
+        lambda: (
+            media.statistics()["p1"]["too_fast"] > 100 and media.statistics()["p1"]["oversized"]
+        ),
+        what="a full gate",
+    )
     page.channel.send(encode_frame("command/action", Stop(action_id="s1", stamp=1.0)))
     await until(lambda: isinstance(exchange.heard[-1][2], Stop), what="the stop")
     assert len(exchange.heard) < 200
 
 
-async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(media, exchange, new_page) -> None:
+async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(
+    media, exchange, new_page
+) -> None:
     for refusals in (300, 0):  # on two connections, for to connect again does not begin anew
         page = new_page("p1", decode=False)
         await page.connect()
         for _ in range(450):
             page.channel.send(encode_frame("command/action", Stop(action_id="s1", stamp=1.0)))
-        await until(lambda least=refusals: not least or media.statistics()["p1"]["too_fast"] > least, what="its frames")
+        await until(
+            lambda least=refusals: not least or media.statistics()["p1"]["too_fast"] > least,
+            what="its frames",
+        )
     await until(lambda: exchange.byes("p1") == ["flooded"] and media.connected == 0, what="the end")
 
     def refused() -> bool:
@@ -308,7 +366,9 @@ async def test_telemetry_reaches_every_page(media, new_page) -> None:
     first, second = new_page("p1", decode=False), new_page("p2", decode=False)
     await first.connect()
     await second.connect()
-    update = PoseUpdate(stamp=5.0, pose=Pose(x=1.0, y=2.0, theta=0.5), velocity=Velocity(linear=0.1, angular=0.0))
+    update = PoseUpdate(
+        stamp=5.0, pose=Pose(x=1.0, y=2.0, theta=0.5), velocity=Velocity(linear=0.1, angular=0.0)
+    )
     media.telemetry("pose", update)
     await until(lambda: ("pose", update) in first.messages and ("pose", update) in second.messages)
 
@@ -321,21 +381,33 @@ async def test_a_heartbeat_tells_each_page_its_own_echo_alone(media, new_page) -
     media.telemetry("heartbeat", Heartbeat(n=3, stamp=2.0, echoes=echoes))
     for page in pages:
         own = tuple(echo for echo in echoes if echo.peer == page.peer)
-        await until(lambda page=page, own=own: ("heartbeat", Heartbeat(n=3, stamp=2.0, echoes=own)) in page.messages)
+        await until(
+            lambda page=page, own=own: (
+                ("heartbeat", Heartbeat(n=3, stamp=2.0, echoes=own)) in page.messages
+            )
+        )
 
 
 async def test_where_one_side_points_is_told_to_the_other_alone(media, new_page) -> None:
-    driver, watcher, screen = pages = [new_page(peer, decode=False) for peer in ("p1", "p2", "screen")]
+    driver, watcher, screen = pages = [
+        new_page(peer, decode=False) for peer in ("p1", "p2", "screen")
+    ]
     media.lease_changed("p1")
     for page, role in zip(pages, ("driver", "observer", "screen"), strict=True):
         await page.connect(role)
-    from_driver, from_screen = Pointer(stamp=5.0, by="driver", at=(0.25, 0.75)), Pointer(stamp=6.0, by="screen")
+    from_driver, from_screen = (
+        Pointer(stamp=5.0, by="driver", at=(0.25, 0.75)),
+        Pointer(stamp=6.0, by="screen"),
+    )
     media.point(from_driver)
     media.point(from_screen)
     media.telemetry("heartbeat", Heartbeat(n=9, stamp=7.0))
     for page in pages:
         await until(lambda page=page: any(suffix == "heartbeat" for suffix, _ in page.messages))
-    dots = [[message for suffix, message in page.messages if suffix == "pointer"] for page in (driver, watcher, screen)]
+    dots = [
+        [message for suffix, message in page.messages if suffix == "pointer"]
+        for page in (driver, watcher, screen)
+    ]
     assert dots == [[from_screen], [], [from_driver]]
 
 
@@ -351,7 +423,9 @@ async def test_telemetry_that_a_page_cannot_take_is_dropped_not_queued(media, ne
     assert all(suffix == "media" for suffix, _ in page.messages)
 
 
-async def test_the_robot_is_full_for_observers_and_never_for_the_driver(media, exchange, new_page) -> None:
+async def test_the_robot_is_full_for_observers_and_never_for_the_driver(
+    media, exchange, new_page
+) -> None:
     for number in range(3):
         await new_page(f"p{number}", decode=False).connect()
     late = new_page("late", decode=False)
@@ -386,7 +460,9 @@ async def test_a_page_that_closes_its_connection_is_gone(media, exchange, new_pa
     assert media.statistics() == {}
 
 
-async def test_a_page_that_never_comes_frees_its_place(media, exchange, new_page, monkeypatch) -> None:
+async def test_a_page_that_never_comes_frees_its_place(
+    media, exchange, new_page, monkeypatch
+) -> None:
     monkeypatch.setattr(signalling, "CONNECT_TIMEOUT", 0.5)
     page = new_page("p1", decode=False)
     media.signal("p1", Offer(sdp=await page.offer_sdp()))
@@ -394,7 +470,9 @@ async def test_a_page_that_never_comes_frees_its_place(media, exchange, new_page
     assert media.statistics() == {}
 
 
-async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_it(media, exchange, new_page, monkeypatch) -> None:
+async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_it(
+    media, exchange, new_page, monkeypatch
+) -> None:
     quiet, speaking = new_page("quiet", decode=False), new_page("speaking", decode=False)
     await quiet.connect()
     await speaking.connect()
@@ -402,13 +480,18 @@ async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_
         page.fall_silent()
         media._pages._viewers[page.peer]._pictures.heard(None)
     monkeypatch.setattr(signalling, "SILENCE", 1.5)
-    await until(lambda: speaking.channel.send("command/heartbeat\n{}") or exchange.byes("quiet"), what="the end of the quiet one")
+    await until(
+        lambda: speaking.channel.send("command/heartbeat\n{}") or exchange.byes("quiet"),
+        what="the end of the quiet one",
+    )
     assert exchange.byes("quiet") == ["failed"]
     assert exchange.byes("speaking") == []
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-async def test_a_camera_that_breaks_in_a_way_nobody_foresaw_is_started_anew(camera, media, new_page, monkeypatch) -> None:
+async def test_a_camera_that_breaks_in_a_way_nobody_foresaw_is_started_anew(
+    camera, media, new_page, monkeypatch
+) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
     await until(lambda: len(page.pictures) > 5)
@@ -436,7 +519,9 @@ async def test_candidates_that_arrive_before_their_offer_count(media, exchange, 
 async def test_a_name_that_nobody_answers_for_delays_nothing(media, exchange, new_page) -> None:
     page = new_page("p1", decode=False)
     sdp = await page.offer_sdp()
-    unknown = "a=candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"
+    unknown = (
+        "a=candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"
+    )
     media.signal("p1", Offer(sdp=sdp.replace("a=candidate", f"{unknown}\r\na=candidate", 1)))
     began = time.monotonic()
     await until(lambda: exchange.answers("p1"))
@@ -445,7 +530,9 @@ async def test_a_name_that_nobody_answers_for_delays_nothing(media, exchange, ne
     await until(lambda: len(page.pictures) > 3, what="pictures")
 
 
-async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(media, exchange, new_page) -> None:
+async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(
+    media, exchange, new_page
+) -> None:
     watcher = new_page("p0", decode=False)
     await watcher.connect()
     good = await new_page("x", decode=False).offer_sdp()
@@ -459,12 +546,17 @@ async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(media, e
     ]
     for number, sdp in enumerate(rubbish):
         media.signal(f"bad{number}", Offer(sdp=sdp))
-        await until(lambda number=number: exchange.byes(f"bad{number}") == ["failed"], what=f"refusal {number}")
+        await until(
+            lambda number=number: exchange.byes(f"bad{number}") == ["failed"],
+            what=f"refusal {number}",
+        )
     seen = len(watcher.pictures)
     await until(lambda: len(watcher.pictures) > seen + 10, what="pictures for the others")
 
 
-async def test_every_offer_is_answered_or_refused_however_it_is_mangled(media, exchange, new_page, caplog) -> None:
+async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
+    media, exchange, new_page, caplog
+) -> None:
     good = (await new_page("x", decode=False).offer_sdp()).splitlines()
     generator = random.Random(5)
     for number in range(120):
@@ -474,11 +566,20 @@ async def test_every_offer_is_answered_or_refused_however_it_is_mangled(media, e
             line = lines[index]
             cut = generator.randrange(len(line) + 1)
             lines[index : index + 1] = generator.choice(
-                [[], [line, line], [line[:cut]], [line[:cut] + "\u00e9-1" + line[cut:]], [line.replace("1", "99999999999")]]
+                [
+                    [],
+                    [line, line],
+                    [line[:cut]],
+                    [line[:cut] + "\u00e9-1" + line[cut:]],
+                    [line.replace("1", "99999999999")],
+                ]
             )
         peer = f"m{number}"
         media.signal(peer, Offer(sdp="\r\n".join(lines) + "\r\n"))
-        await until(lambda peer=peer: exchange.answers(peer) or exchange.byes(peer), what=f"a reply to {lines}")
+        await until(
+            lambda peer=peer: exchange.answers(peer) or exchange.byes(peer),
+            what=f"a reply to {lines}",
+        )
         media.signal(peer, Bye())
     await until(lambda: media.statistics() == {})
     assert "media_task_failed" not in caplog.text
@@ -486,7 +587,9 @@ async def test_every_offer_is_answered_or_refused_however_it_is_mangled(media, e
 
 
 async def test_a_robot_without_camera_still_has_a_data_channel(exchange) -> None:
-    side = MediaSide(video=None, audio=None, viewers=2, on_command=exchange.on_command, reply=exchange.reply)
+    side = MediaSide(
+        video=None, audio=None, viewers=2, on_command=exchange.on_command, reply=exchange.reply
+    )
     side.start()
     page = LoopbackPage(side, exchange, "p1")
     await page.connect()
@@ -498,7 +601,9 @@ async def test_a_robot_without_camera_still_has_a_data_channel(exchange) -> None
     await asyncio.to_thread(side.close)
 
 
-async def test_closing_says_goodbye_and_stops_everything(camera, microphone, media, exchange, new_page) -> None:
+async def test_closing_says_goodbye_and_stops_everything(
+    camera, microphone, media, exchange, new_page
+) -> None:
     await new_page("p1", decode=False).connect()
     await asyncio.to_thread(media.close)
     await until(lambda: exchange.byes("p1") == ["left"])
@@ -510,8 +615,15 @@ async def test_closing_says_goodbye_and_stops_everything(camera, microphone, med
     media.telemetry("heartbeat", Heartbeat(n=1, stamp=1.0))
 
 
-async def test_a_page_that_asks_again_at_the_goodbye_is_told_goodbye_again_and_leaves_nothing_half_done(camera, exchange) -> None:
-    unknown = Candidate(candidate="candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host", sdp_m_line_index=0)
+async def test_a_page_that_asks_again_at_the_goodbye_is_told_goodbye_again_and_leaves_nothing_half_done(
+    camera, exchange
+) -> None:
+    unknown = Candidate(
+        candidate=(
+            "candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"
+        ),
+        sdp_m_line_index=0,
+    )
 
     def reply(peer, message) -> None:
         exchange.reply(peer, message)
@@ -521,7 +633,9 @@ async def test_a_page_that_asks_again_at_the_goodbye_is_told_goodbye_again_and_l
             side.signal(peer, unknown)
 
     asked: list[Bye] = []
-    side = MediaSide(video=camera, audio=None, viewers=2, on_command=exchange.on_command, reply=reply)
+    side = MediaSide(
+        video=camera, audio=None, viewers=2, on_command=exchange.on_command, reply=reply
+    )
     side.start()
     page = LoopbackPage(side, exchange, "p1", decode=False)
     await page.connect()

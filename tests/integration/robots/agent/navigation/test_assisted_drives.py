@@ -1,4 +1,6 @@
-"""The assistance on a simulated robot: a laser with noise and lost beams, wheels that slip, odometry that drifts."""
+"""The assistance on a simulated robot: a laser with noise and lost beams, wheels that slip,
+odometry that drifts.
+"""
 
 import numpy as np
 import pytest
@@ -40,7 +42,9 @@ def test_a_careless_driver_hits_nothing_with_it_and_still_gets_about(series, lev
 
 @pytest.mark.parametrize("level", ["slow", "steer"])
 @pytest.mark.parametrize("series", sorted(MODELS))
-def test_with_sonars_and_a_bumper_and_no_laser_a_careless_driver_touches_nothing_faster_than_a_creep(series, level):
+def test_with_sonars_and_a_bumper_and_no_laser_a_careless_driver_touches_nothing_faster_than_a_creep(
+    series, level
+):
     robot = careless_drive(OFFICE, MODELS[series], level, 3, 0.5, sensors=BLIND)
     assert robot.hardest <= CREEP
     assert robot.world.distance > 0.5
@@ -64,7 +68,9 @@ def test_sixty_minutes_of_the_careless_driver_with_sonars_and_a_bumper(level):
     assert sum(drive.world.distance for drive in drives) > 100.0
 
 
-@pytest.mark.parametrize("fault", [Faults(laser="silent"), Faults(laser="nan")], ids=["silent", "not a number"])
+@pytest.mark.parametrize(
+    "fault", [Faults(laser="silent"), Faults(laser="nan")], ids=["silent", "not a number"]
+)
 @pytest.mark.parametrize("level", ["slow", "steer"])
 def test_a_laser_that_breaks_on_the_way_stops_the_robot_within_a_second_and_a_half(fault, level):
     robot = rig("corridor-centre", level)
@@ -100,7 +106,8 @@ def test_a_robot_whose_wheels_stopped_starts_gently_when_they_turn_again():
 def test_a_robot_that_backs_from_where_it_once_drove_up_does_not_hit_what_is_behind_it_now(level):
     robot = rig("corridor-centre", level)
     drive(robot, Velocity(linear=0.5, angular=0.0), 4.0)
-    drive(robot, Velocity(linear=0.0, angular=0.7), 3.2)  # the wall at its side is behind it, out of the laser's sight
+    # the wall at its side is behind it, out of the laser's sight
+    drive(robot, Velocity(linear=0.0, angular=0.7), 3.2)
     drive(robot, Velocity(linear=-0.3, angular=0.0), 8.0)
     assert robot.touches == 0
     assert robot.world.clearance() < 0.25

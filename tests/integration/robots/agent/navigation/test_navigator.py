@@ -33,7 +33,9 @@ def away_from(made: Rig, x: float, y: float) -> float:
 
 
 @pytest.mark.parametrize(("series", "model"), MODELS_BY_NAME)
-def test_the_robot_goes_through_a_door_to_a_pose_and_touches_nothing(series: str, model: RobotModel) -> None:
+def test_the_robot_goes_through_a_door_to_a_pose_and_touches_nothing(
+    series: str, model: RobotModel
+) -> None:
     made = rig("lab-before-door", model)
     made.navigator.goto(4.0, 1.1, 1.0)
     done = made.run(60.0)
@@ -120,9 +122,16 @@ def test_a_door_that_opens_again_while_the_robot_waits_lets_it_go_on() -> None:
 
 @pytest.mark.parametrize(
     ("x", "y", "theta", "reason"),
-    [(40.0, 1.0, None, "outside of the map"), (math.inf, 1.0, None, "not a point"), (3.0, 1.0, math.nan, "heading"), (9.4, 7.15, None, "in a wall")],
+    [
+        (40.0, 1.0, None, "outside of the map"),
+        (math.inf, 1.0, None, "not a point"),
+        (3.0, 1.0, math.nan, "heading"),
+        (9.4, 7.15, None, "in a wall"),
+    ],
 )
-def test_goals_that_cannot_be_are_refused_with_the_reason(x: float, y: float, theta: float | None, reason: str) -> None:
+def test_goals_that_cannot_be_are_refused_with_the_reason(
+    x: float, y: float, theta: float | None, reason: str
+) -> None:
     navigator = rig("lab-centre").navigator
     with pytest.raises(NoWayError, match=reason):
         navigator.goto(x, y, theta)
@@ -151,7 +160,10 @@ def test_cancel_brakes_to_a_stand_and_then_is_silent() -> None:
     made.run(3.0)
     assert made.sim.motion != STILL
     made.navigator.cancel()
-    assert (made.step().velocity, made.step().reason) == (Velocity(linear=0.0, angular=0.0), "cancelled")
+    assert (made.step().velocity, made.step().reason) == (
+        Velocity(linear=0.0, angular=0.0),
+        "cancelled",
+    )
     made.settle()
     assert made.sim.motion == STILL
     assert made.step().velocity is None
@@ -180,7 +192,9 @@ def test_a_laser_that_comes_back_in_time_lets_the_robot_go_on() -> None:
     assert made.run(30.0).status == "FINISHED"
 
 
-def test_a_laser_that_measures_nothing_but_nan_stops_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_laser_that_measures_nothing_but_nan_stops_the_robot(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made = rig("corridor-centre")
     made.navigator.goto(8.4, 1.0)
     made.run(3.0)
@@ -210,7 +224,9 @@ def test_wheels_that_do_not_turn_are_noticed() -> None:
 
 
 def test_people_who_walk_are_not_run_into() -> None:
-    made = Rig(Simulation(GIRAFF, SITE.plan, seed=1, start="corridor-centre", people=3), SITE.grid, 1)
+    made = Rig(
+        Simulation(GIRAFF, SITE.plan, seed=1, start="corridor-centre", people=3), SITE.grid, 1
+    )
     made.navigator.goto(8.6, 4.4)
     assert made.run(50.0).status != "FAILED"
     assert made.sim.distance > 1.0

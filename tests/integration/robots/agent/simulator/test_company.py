@@ -7,14 +7,27 @@ from tests.support.truth import Fate, Onlooker
 
 
 def test_an_agents_robot_stands_in_the_site_with_the_people_and_doors_that_it_was_told() -> None:
-    options = {"plan": "clinic", "people": "2", "door-changes": "2", "start": "therapy-room", "camera": "no", "linger": "20"}
+    options = {
+        "plan": "clinic",
+        "people": "2",
+        "door-changes": "2",
+        "start": "therapy-room",
+        "camera": "no",
+        "linger": "20",
+    }
     child, address = launch("giraff", options)
     try:
         onlooker = Onlooker(int(address.rpartition(":")[2]))
         truth = onlooker.truth()
         assert len(truth.people) == 2
         assert (truth.x, truth.y) == (6.1, 5.6)
-        assert set(truth.doors) == {"waiting-door", "therapy-door", "consulting-door", "treatment-door", "connecting-door"}
+        assert set(truth.doors) == {
+            "waiting-door",
+            "therapy-door",
+            "consulting-door",
+            "treatment-door",
+            "connecting-door",
+        }
         assert eventually(lambda: "closed" in onlooker.truth().doors.values())
         fate = Fate(int(address.rpartition(":")[2]))
         assert fate.wish(wire.SetDoors(dict.fromkeys(truth.doors, "open"))) == ""

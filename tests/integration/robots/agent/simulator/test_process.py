@@ -20,7 +20,14 @@ from robots.agent.simulator.physics.realtime import LONGEST_LAG
 from robots.agent.simulator.profiles import GIRAFF
 from tests.support.host_jitter import pauses, watched
 from tests.support.patience import patient
-from tests.support.simulators import ROOT, alive, driving_agent, eventually, memory_exists, simulator
+from tests.support.simulators import (
+    ROOT,
+    alive,
+    driving_agent,
+    eventually,
+    memory_exists,
+    simulator,
+)
 from tests.support.truth import Fate
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
@@ -30,7 +37,9 @@ TOLERANCE = 0.12  # of a busy machine; the bound itself is watchdog + braking
 
 
 def standing_time(rows: list) -> tuple[float, float]:
-    """Return (seconds from the last nonzero velocity's arrival to the stand, speed when the brakes went on)."""
+    """Return (seconds from the last nonzero velocity's arrival to the stand, speed when the brakes
+    went on).
+    """
     last = max(i for i, row in enumerate(rows) if row.linear != 0.0)
     peak = max(row.linear for row in rows)
     braking = max(i for i, row in enumerate(rows) if row.linear == peak)
@@ -38,8 +47,14 @@ def standing_time(rows: list) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
-def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(fate: signal.Signals) -> None:
-    with watched() as computer, simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as agent:
+def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
+    fate: signal.Signals,
+) -> None:
+    with (
+        watched() as computer,
+        simulator(*QUIET, "--linger", "10") as robot,
+        driving_agent(robot.address) as agent,
+    ):
         onlooker = robot.onlooker()
         agent.send_signal(fate)
         struck = time.time()
@@ -48,8 +63,13 @@ def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(fate: sig
         rows = onlooker.history(5.0)
         stood = next(row.stamp for row in rows if row.stamp > struck and row.linear == 0.0)
         bound = GIRAFF.watchdog + max(row.linear for row in rows) / GIRAFF.limits.linear_braking
-        tolerance = TOLERANCE + computer.excuse(struck, stood) + min(pauses((row.stamp for row in rows if row.stamp > struck), ONE_STATE), 1.5)
-        assert last_command <= struck + tolerance + LONGEST_LAG  # what had come while the robot's own process was late
+        tolerance = (
+            TOLERANCE
+            + computer.excuse(struck, stood)
+            + min(pauses((row.stamp for row in rows if row.stamp > struck), ONE_STATE), 1.5)
+        )
+        # what had come while the robot's own process was late
+        assert last_command <= struck + tolerance + LONGEST_LAG
         assert stood - last_command <= bound + tolerance
         duration, peak = standing_time(rows)
         assert duration <= peak / GIRAFF.limits.linear_braking + GIRAFF.watchdog + tolerance
@@ -92,7 +112,8 @@ def test_after_its_driver_is_gone_for_good_the_process_ends_but_not_before_it_st
                 ended = time.time()
         assert robot.process.wait(timeout=40) == 0
         assert seen[0].linear > 0.2
-        still_braked = seen[-1].linear / GIRAFF.limits.linear_braking  # after the last look, which may be early on a busy machine
+        # after the last look, which may be early on a busy machine
+        still_braked = seen[-1].linear / GIRAFF.limits.linear_braking
         assert ended >= seen[-1].stamp + still_braked - ONE_STATE
 
 
@@ -111,7 +132,11 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
         line.close()
 
 
-@pytest.mark.parametrize("fate", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL], ids=["terminated", "interrupted", "killed"])
+@pytest.mark.parametrize(
+    "fate",
+    [signal.SIGTERM, signal.SIGINT, signal.SIGKILL],
+    ids=["terminated", "interrupted", "killed"],
+)
 def test_however_the_simulator_ends_its_memory_is_gone(fate: signal.Signals) -> None:
     with simulator("--linger", "30") as robot:
         line = MediaLine(("127.0.0.1", robot.port), "camera")
@@ -142,8 +167,11 @@ def test_pictures_come_while_somebody_looks_and_rest_when_nobody_does() -> None:
         would_come = (len(numbers) - 1) / (last[1] - begun)  # in this second
         opened = time.time()
         again = MediaLine(("127.0.0.1", robot.port), "camera")
-        first = next(m for m in iter(lambda: again.read(20.0), None) if isinstance(m, wire.FrameReady))
-        watched_for = closed - last[1] + max(0.0, first.stamp - opened)  # since the last picture that was read, at the camera's own pace
+        first = next(
+            m for m in iter(lambda: again.read(20.0), None) if isinstance(m, wire.FrameReady)
+        )
+        # since the last picture that was read, at the camera's own pace
+        watched_for = closed - last[1] + max(0.0, first.stamp - opened)
         assert first.number <= last[0] + 1 + watched_for * GIRAFF.camera.fps + would_come / 2
         again.close()
 
@@ -192,7 +220,10 @@ def test_people_walk_about_and_an_observer_is_told_where() -> None:
         onlooker.close()
 
 
-@pytest.mark.parametrize("arguments", [("--people", "-1"), ("--people", "1000"), ("--door-changes", "-3"), ("--door-changes", "nan")])
+@pytest.mark.parametrize(
+    "arguments",
+    [("--people", "-1"), ("--people", "1000"), ("--door-changes", "-3"), ("--door-changes", "nan")],
+)
 def test_a_number_that_cannot_be_is_refused_with_a_sentence(arguments: tuple[str, str]) -> None:
     with pytest.raises(RuntimeError, match=arguments[0]):
         simulator(*QUIET, *arguments).__enter__()
@@ -201,7 +232,9 @@ def test_a_number_that_cannot_be_is_refused_with_a_sentence(arguments: tuple[str
 def test_an_observer_cannot_drive() -> None:
     with simulator(*QUIET) as robot:
         with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as observer:
-            observer.sendall(framing.pack(wire.Hello("observer")) + framing.pack(wire.Drive(0.5, 0.0)))
+            observer.sendall(
+                framing.pack(wire.Hello("observer")) + framing.pack(wire.Drive(0.5, 0.0))
+            )
             assert b"Refused" in b"".join(iter(lambda: observer.recv(4096), b""))
         onlooker = robot.onlooker()
         assert onlooker.truth().commanded == (0.0, 0.0)
@@ -213,7 +246,9 @@ def test_velocities_that_are_no_numbers_close_the_connection_and_the_base_stands
         onlooker = robot.onlooker()
         for bad in (float("nan"), float("inf")):
             with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as driver:
-                driver.sendall(framing.pack(wire.Hello("driver")) + framing.pack(wire.Drive(bad, 0.0)))
+                driver.sendall(
+                    framing.pack(wire.Hello("driver")) + framing.pack(wire.Drive(bad, 0.0))
+                )
                 assert b"Refused" in b"".join(iter(lambda s=driver: s.recv(65536), b""))
         assert onlooker.truth().linear == 0.0
         onlooker.close()
@@ -229,9 +264,16 @@ def test_velocities_that_are_no_numbers_close_the_connection_and_the_base_stands
         (("--listen", "127.0.0.1"), "loopback"),
     ],
 )
-def test_a_robot_that_cannot_be_is_refused_with_one_sentence(arguments: tuple[str, ...], words: str) -> None:
+def test_a_robot_that_cannot_be_is_refused_with_one_sentence(
+    arguments: tuple[str, ...], words: str
+) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "robots.agent.simulator", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=patient(30), check=False
+        [sys.executable, "-m", "robots.agent.simulator", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=patient(30),
+        check=False,
     )
     assert done.returncode == 2
     assert words in done.stderr
@@ -242,14 +284,21 @@ def test_a_busy_port_is_said_in_one_sentence() -> None:
     with simulator(*QUIET) as robot:
         done = subprocess.run(
             [sys.executable, "-m", "robots.agent.simulator", "--listen", robot.address, *QUIET],
-            cwd=ROOT, capture_output=True, text=True, timeout=patient(30), check=False,
-        )  # fmt: skip
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=patient(30),
+            check=False,
+        )
         assert done.returncode == 1
         assert "cannot listen" in done.stderr
 
 
 def test_a_client_that_does_not_read_costs_no_memory_and_holds_nobody_up() -> None:
-    with simulator(*QUIET) as robot, socket.create_connection(("127.0.0.1", robot.port), timeout=5) as deaf:
+    with (
+        simulator(*QUIET) as robot,
+        socket.create_connection(("127.0.0.1", robot.port), timeout=5) as deaf,
+    ):
         deaf.sendall(framing.pack(wire.Hello("driver")))
         onlooker = robot.onlooker()
         begun = onlooker.truth().stamp

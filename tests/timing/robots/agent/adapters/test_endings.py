@@ -1,10 +1,13 @@
-"""Every adapter, with every end of what stands on its way: how old an order moves the robot, when it stands, when it drives again.
+"""Every adapter, with every end of what stands on its way: how old an order moves the robot, when
+it stands, when it drives again.
 
-The agent and its driver are a process in a network of its own, joined to the robot's architecture by a cable. `pytest -m soak -s` prints the
-table. What stops a base whose agent is dead is its own watchdog, half a second here: that of ROS's diff_drive_controller (`cmd_vel_timeout`),
-that of OpenMORA's MQTTMosquitto (CMQTTMosquitto::Iterate), and for MOOS what connect-a-robot.md asks for. OpenMORA's own program of the
-Giraff has none (CRobotGiraffApp::Iterate repeats the last velocity); the row without a watchdog is that one: it runs on for as long as
-nobody can tell it anything, and stands as soon as somebody can.
+The agent and its driver are a process in a network of its own, joined to the robot's architecture
+by a cable. `pytest -m soak -s` prints the table. What stops a base whose agent is dead is its own
+watchdog, half a second here: that of ROS's diff_drive_controller (`cmd_vel_timeout`), that of
+OpenMORA's MQTTMosquitto (CMQTTMosquitto::Iterate), and for MOOS what connect-a-robot.md asks for.
+OpenMORA's own program of the Giraff has none (CRobotGiraffApp::Iterate repeats the last velocity);
+the row without a watchdog is that one: it runs on for as long as nobody can tell it anything, and
+stands as soon as somebody can.
 """
 
 import contextlib
@@ -34,8 +37,9 @@ STANDS_WITHIN = 0.65  # s
 DRIVES_WITHIN = 20.0  # s
 STARTED_LATE = 0.1  # s: an order was on its way, and the standstill is looked for now and then
 DDS = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{here}" multicast="false"/></Interfaces></General>'
-    '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="{there}"/></Peers></Discovery></Domain></CycloneDDS>'
+    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{here}"'
+    ' multicast="false"/></Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer'
+    ' address="{there}"/></Peers></Discovery></Domain></CycloneDDS>'
 )
 RIGS = {
     "moos": lambda _: MoosRig("giraff", listening=HERE),
@@ -45,7 +49,14 @@ RIGS = {
     "rosbridge": lambda _: RosbridgeRig("rhodon", 2, listening=HERE),
     "ros2": lambda _: Ros2Rig("giraff"),
 }
-ENDINGS = ("architecture killed", "architecture frozen", "architecture restarted", "cable pulled", "agent killed", "agent stopped")
+ENDINGS = (
+    "architecture killed",
+    "architecture frozen",
+    "architecture restarted",
+    "cable pulled",
+    "agent killed",
+    "agent stopped",
+)
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +71,30 @@ class Agent:
     def __init__(self, rca, network, directory):
         self.orders = DatedOrders()
         options = rca.options() | ({"ip": THERE} if rca.adapter_name == "ros1" else {})
-        wish = {"adapter": rca.adapter_name, "profile": rca.world.series, "options": options, "directory": str(directory), "began": self.orders.began}
-        self._command = ["ip", "netns", "exec", network.name, sys.executable, "-m", "tests.support.driven_agent", json.dumps(wish)]
+        wish = {
+            "adapter": rca.adapter_name,
+            "profile": rca.world.series,
+            "options": options,
+            "directory": str(directory),
+            "began": self.orders.began,
+        }
+        self._command = [
+            "ip",
+            "netns",
+            "exec",
+            network.name,
+            sys.executable,
+            "-m",
+            "tests.support.driven_agent",
+            json.dumps(wish),
+        ]
         self.process = None
 
     def start(self):
         environment = os.environ | {"CYCLONEDDS_URI": DDS.format(here=THERE, there=HERE)}
-        self.process = subprocess.Popen(self._command, cwd=ROOT, env=environment, stderr=subprocess.DEVNULL)
+        self.process = subprocess.Popen(
+            self._command, cwd=ROOT, env=environment, stderr=subprocess.DEVNULL
+        )
 
     def kill(self):
         self.process.send_signal(signal.SIGKILL)
@@ -118,7 +146,11 @@ class Standstill:
 
 
 def moving_orders(rca, agent, since):
-    return [(at, agent.orders.age(at, linear, angular)) for at, linear, angular in list(rca.world.commands) if at > since and (linear or angular)]
+    return [
+        (at, agent.orders.age(at, linear, angular))
+        for at, linear, angular in list(rca.world.commands)
+        if at > since and (linear or angular)
+    ]
 
 
 def end(ending, rca, agent, network):
@@ -147,7 +179,9 @@ def end(ending, rca, agent, network):
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("name", RIGS)
-def test_no_old_order_moves_the_robot_it_stands_and_drives_again(name, ending, network, tmp_path, monkeypatch):
+def test_no_old_order_moves_the_robot_it_stands_and_drives_again(
+    name, ending, network, tmp_path, monkeypatch
+):
     monkeypatch.setenv("CYCLONEDDS_URI", DDS.format(here=HERE, there=THERE))
     with driven(name, network, tmp_path) as (rca, agent):
         commands = rca.world.commands
@@ -160,15 +194,36 @@ def test_no_old_order_moves_the_robot_it_stands_and_drives_again(name, ending, n
             time.sleep(AWAY)
         undone = time.monotonic()
         undo()
-        again = wait(lambda: any(age is not None and age < OLD for _, age in moving_orders(rca, agent, undone + 0.1)), DRIVES_WITHIN)
-        stood, old = standing.after(), [at for at, age in moving_orders(rca, agent, standing.began) if age is not None and age > OLD]
-        oldest = max((age for _, age in moving_orders(rca, agent, standing.began) if age is not None), default=0.0)
+        again = wait(
+            lambda: any(
+                age is not None and age < OLD for _, age in moving_orders(rca, agent, undone + 0.1)
+            ),
+            DRIVES_WITHIN,
+        )
+        stood, old = (
+            standing.after(),
+            [
+                at
+                for at, age in moving_orders(rca, agent, standing.began)
+                if age is not None and age > OLD
+            ],
+        )
+        oldest = max(
+            (age for _, age in moving_orders(rca, agent, standing.began) if age is not None),
+            default=0.0,
+        )
         stands = f"stands after {stood:5.2f} s" if stood < math.inf else "drives on           "
-        sys.stdout.write(f"\n{name:18} {ending:23} old orders {len(old)}, oldest {oldest:5.2f} s   {stands}   drives again {again:5.2f} s\n")
+        sys.stdout.write(
+            f"\n{name:18} {ending:23} old orders {len(old)}, oldest {oldest:5.2f} s   {stands}  "
+            f" drives again {again:5.2f} s\n"
+        )
         assert again < math.inf
         assert caught_at_most_one(old, commands)
         if "no watchdog" not in name and "restarted" not in ending:
             assert stood <= STANDS_WITHIN + STARTED_LATE
         if "no watchdog" in name and "agent killed" in ending:
-            assert next(each for each in commands if each[0] > undone)[1:] == (0.0, 0.0), "the first word was not zero"
+            assert next(each for each in commands if each[0] > undone)[1:] == (
+                0.0,
+                0.0,
+            ), "the first word was not zero"
     assert not rca.errors

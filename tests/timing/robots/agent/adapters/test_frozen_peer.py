@@ -1,6 +1,8 @@
-"""A robot control architecture that hangs for four seconds while it is driven, and goes on: what it was told then is not obeyed.
+"""A robot control architecture that hangs for four seconds while it is driven, and goes on: what it
+was told then is not obeyed.
 
-The process that takes the adapter's orders is stopped by a signal, so that its sockets go on to receive, as those of a real one.
+The process that takes the adapter's orders is stopped by a signal, so that its sockets go on to
+receive, as those of a real one.
 """
 
 import time
@@ -28,15 +30,20 @@ PEERS = RIGS | {"ros2, best effort": lambda _: Ros2Rig("giraff", words=["best-ef
 
 
 @pytest.mark.parametrize("name", PEERS)
-def test_no_old_order_moves_a_robot_whose_architecture_hung_and_the_last_is_to_stand(name, tmp_path, monkeypatch):
+def test_no_old_order_moves_a_robot_whose_architecture_hung_and_the_last_is_to_stand(
+    name, tmp_path, monkeypatch
+):
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     with PEERS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
         commands = rca.world.commands
         rig.grant()
         orders = DatedOrders()
-        press(rig, orders, lambda: sum(orders.age(*each) is not None for each in list(commands)) > 10)
+        press(
+            rig, orders, lambda: sum(orders.age(*each) is not None for each in list(commands)) > 10
+        )
         seen = len(commands)
-        press(rig, orders, lambda: len(commands) > seen)  # an order has just come: none is on its way
+        # an order has just come: none is on its way
+        press(rig, orders, lambda: len(commands) > seen)
         rca.freeze(on=True)
         began, frozen = time.monotonic(), len(commands)
         try:
@@ -57,5 +64,13 @@ def test_no_old_order_moves_a_robot_whose_architecture_hung_and_the_last_is_to_s
         rig.lease(renewal=1)
         rig.drive(0.0, until=lambda: not rig.kernel.held, within=20.0)
         orders = DatedOrders()
-        press(rig, orders, lambda: any(orders.age(*each) is not None for each in list(commands[-3:])) and rca.world.sim.motion.linear > 0.1, 20.0)
+        press(
+            rig,
+            orders,
+            lambda: (
+                any(orders.age(*each) is not None for each in list(commands[-3:]))
+                and rca.world.sim.motion.linear > 0.1
+            ),
+            20.0,
+        )
     assert not rca.errors

@@ -9,7 +9,14 @@ import pytest
 from experiments.analysis.dataset.columns import STATES
 from experiments.analysis.dataset.files import numbers
 from experiments.analysis.dataset.folder import DatasetError, put, read, write
-from experiments.analysis.dataset.records import Dataset, Event, Participant, Response, Session, columns_of
+from experiments.analysis.dataset.records import (
+    Dataset,
+    Event,
+    Participant,
+    Response,
+    Session,
+    columns_of,
+)
 from experiments.definition.shipped import shipped
 from tests.support.study_dataset import made_up
 
@@ -21,7 +28,10 @@ def folder(tmp_path):
 
 
 def plain(record):
-    return {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in vars(record).items()}
+    return {
+        name: None if isinstance(value, float) and math.isnan(value) else value
+        for name, value in vars(record).items()
+    }
 
 
 def test_a_dataset_that_was_written_and_read_is_the_same(tmp_path):
@@ -29,14 +39,25 @@ def test_a_dataset_that_was_written_and_read_is_the_same(tmp_path):
     write(dataset, tmp_path)
     again = read(tmp_path)
     assert [plain(one) for one in again.sessions] == [plain(one) for one in dataset.sessions]
-    assert [plain(one) for one in again.participants] == [plain(one) for one in dataset.participants]
+    assert [plain(one) for one in again.participants] == [
+        plain(one) for one in dataset.participants
+    ]
     assert [plain(one) for one in again.pages] == [plain(one) for one in dataset.pages]
     assert again.events == dataset.events
     assert again.responses == dataset.responses
-    assert (again.study, again.robots, again.questionnaires, again.plans) == (dataset.study, dataset.robots, dataset.questionnaires, dataset.plans)
+    assert (again.study, again.robots, again.questionnaires, again.plans) == (
+        dataset.study,
+        dataset.robots,
+        dataset.questionnaires,
+        dataset.plans,
+    )
     for session in dataset.sessions:
-        np.testing.assert_array_equal(again.states(session.id).values, dataset.states(session.id).values)
-        np.testing.assert_array_equal(again.network(session.id).values, dataset.network(session.id).values)
+        np.testing.assert_array_equal(
+            again.states(session.id).values, dataset.states(session.id).values
+        )
+        np.testing.assert_array_equal(
+            again.network(session.id).values, dataset.network(session.id).values
+        )
 
 
 def test_writing_what_was_read_gives_the_same_bytes(folder, tmp_path_factory):
@@ -60,12 +81,24 @@ def test_what_a_spreadsheet_takes_for_a_formula_is_defused_and_comes_back_as_it_
     dataset = Dataset(
         shipped()["exploration"],
         participants=(Participant("a", left="'quoted"),),
-        sessions=(Session("s", "a", "giraff", reason=said, doors_closed=("lab-door", "lounge-door")),),
+        sessions=(
+            Session("s", "a", "giraff", reason=said, doors_closed=("lab-door", "lounge-door")),
+        ),
         events=(Event("s", -1.5, "page", "cue", {"ä": [1, "|"]}),),
-        responses=(Response("r", "ict", "a", {"words": "=1+1", "several": ["x", "y"], "n": -2}, missing={"gender": "skipped"}),),
+        responses=(
+            Response(
+                "r",
+                "ict",
+                "a",
+                {"words": "=1+1", "several": ["x", "y"], "n": -2},
+                missing={"gender": "skipped"},
+            ),
+        ),
     )
     write(dataset, tmp_path)
-    assert "\n=" not in (tmp_path / "data" / "description-sessions_data.csv").read_text().replace('"', "")
+    assert "\n=" not in (tmp_path / "data" / "description-sessions_data.csv").read_text().replace(
+        '"', ""
+    )
     again = read(tmp_path)
     assert again.sessions[0].reason == said
     assert again.sessions[0].doors_closed == ("lab-door", "lounge-door")
@@ -96,9 +129,21 @@ def test_an_empty_study_can_be_written_and_read(tmp_path):
         ("study.json", "{", "study.json"),
         ("study.json", "{}", "study.json"),
         ("data/description-sessions_data.csv", "id,participant\ns,a\n", "lacks the columns"),
-        ("data/description-participants_data.csv", "id,kind,age,cell,reached,left,finished,withdrawn\na,participant,old,,,,0,0\n", "old"),
-        ("data/description-participants_data.csv", "id,kind,age,cell,reached,left,finished,withdrawn\na,participant\n", "too few"),
-        ("data/description-events_data.csv", "session,stamp,source,type,data\ns,1,page,cue,{\n", "description-events"),
+        (
+            "data/description-participants_data.csv",
+            "id,kind,age,cell,reached,left,finished,withdrawn\na,participant,old,,,,0,0\n",
+            "old",
+        ),
+        (
+            "data/description-participants_data.csv",
+            "id,kind,age,cell,reached,left,finished,withdrawn\na,participant\n",
+            "too few",
+        ),
+        (
+            "data/description-events_data.csv",
+            "session,stamp,source,type,data\ns,1,page,cue,{\n",
+            "description-events",
+        ),
         ("data/description-answers_data.csv", None, "description-answers"),
         ("robots.json", "[{}]", "robots.json"),
         ("plans/office.json", "{}", "office.json"),
@@ -112,7 +157,12 @@ def test_a_broken_file_is_named(folder, name, content, says):
 
 
 @pytest.mark.parametrize(
-    "change", [lambda text: text.replace("stamp", "time", 1), lambda text: text[:-9], lambda text: text.replace("0.9", "lots", 1)]
+    "change",
+    [
+        lambda text: text.replace("stamp", "time", 1),
+        lambda text: text[:-9],
+        lambda text: text.replace("0.9", "lots", 1),
+    ],
 )
 def test_a_broken_file_of_states_is_named_when_it_is_read(folder, change):
     path = min((folder / "data" / "states").glob("*.csv"))
@@ -127,12 +177,27 @@ def test_a_broken_file_of_states_is_named_when_it_is_read(folder, change):
 @pytest.mark.parametrize("code", ["../../etc/passwd", "", "a/b", "x" * 65])
 def test_a_code_that_is_no_name_of_a_file_is_refused(tmp_path, code):
     with pytest.raises(DatasetError):
-        write(Dataset(shipped()["exploration"], sessions=(Session(code, "a", "giraff"),), states=lambda _: columns_of(STATES, x=[1.0])), tmp_path)
+        write(
+            Dataset(
+                shipped()["exploration"],
+                sessions=(Session(code, "a", "giraff"),),
+                states=lambda _: columns_of(STATES, x=[1.0]),
+            ),
+            tmp_path,
+        )
 
 
 def test_pilots_bots_and_the_withdrawn_do_not_count():
-    people = (Participant("a"), Participant("b", kind="pilot"), Participant("c", kind="bot"), Participant("d", withdrawn=True))
-    sessions = (*tuple(Session(f"s{one.id}", one.id, "giraff", kind=one.kind) for one in people), Session("x", "a", "giraff", excluded="test drive"))
+    people = (
+        Participant("a"),
+        Participant("b", kind="pilot"),
+        Participant("c", kind="bot"),
+        Participant("d", withdrawn=True),
+    )
+    sessions = (
+        *tuple(Session(f"s{one.id}", one.id, "giraff", kind=one.kind) for one in people),
+        Session("x", "a", "giraff", excluded="test drive"),
+    )
     dataset = Dataset(shipped()["exploration"], participants=people, sessions=sessions)
     assert [one.id for one in dataset.chosen().sessions] == ["sa", "x"]
     assert [one.id for one in dataset.chosen(with_excluded=False).sessions] == ["sa"]

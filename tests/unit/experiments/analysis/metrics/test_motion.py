@@ -56,7 +56,16 @@ def test_turning_counts_to_both_sides_and_across_the_back():
 
 
 def test_a_stop_is_a_second_of_standing_after_having_gone():
-    speed = [0.0] * 8 + [0.3] * 8 + [0.0] * 3 + [0.3] * 8 + [0.0] * 6 + [0.03] * 4 + [0.0] * 8 + [0.3] * 4
+    speed = (
+        [0.0] * 8
+        + [0.3] * 8
+        + [0.0] * 3
+        + [0.3] * 8
+        + [0.0] * 6
+        + [0.03] * 4
+        + [0.0] * 8
+        + [0.3] * 4
+    )
     assert drive(track(linear=np.array(speed))).stops == 1
 
 
@@ -81,18 +90,26 @@ def test_a_gap_between_states_is_time_of_nothing():
 
 
 def test_two_runs_of_an_agent_are_not_one_drive():
-    found = track([0.0, 0.25, 0.3, 0.55], boot=np.array([0.0, 0.0, 1.0, 1.0]), linear=np.full(4, 0.3))
+    found = track(
+        [0.0, 0.25, 0.3, 0.55], boot=np.array([0.0, 0.0, 1.0, 1.0]), linear=np.full(4, 0.3)
+    )
     assert drive(found).seconds == pytest.approx(0.5)
 
 
 def test_standing_and_moving_fill_the_time():
-    found = drive(track(linear=np.array([0.0, 0.3, 0.3, 0.0, 0.0]), angular=np.array([0.0, 0.0, 0.0, 0.5, 0.0])))
+    found = drive(
+        track(
+            linear=np.array([0.0, 0.3, 0.3, 0.0, 0.0]), angular=np.array([0.0, 0.0, 0.0, 0.5, 0.0])
+        )
+    )
     assert (found.moving, found.idle) == (pytest.approx(0.75), pytest.approx(0.25))
     assert found.moving + found.idle == pytest.approx(found.seconds)
 
 
 def test_time_is_that_of_the_servers_clock():
-    found = Track.of(columns_of(STATES, stamp=[7.0, 7.25], clock_offset=[2.0, 2.0], boot=[0.0, 0.0]))
+    found = Track.of(
+        columns_of(STATES, stamp=[7.0, 7.25], clock_offset=[2.0, 2.0], boot=[0.0, 0.0])
+    )
     assert found.at.tolist() == [5.0, 5.25]
     assert len(found.between(5.1, math.nan)) == 1
 

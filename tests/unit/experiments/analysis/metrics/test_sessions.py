@@ -8,7 +8,14 @@ import pandas
 import pytest
 
 from experiments.analysis.dataset.columns import METHODS, STATES
-from experiments.analysis.dataset.records import NO_NETWORK, NO_STATES, Dataset, Event, Session, columns_of
+from experiments.analysis.dataset.records import (
+    NO_NETWORK,
+    NO_STATES,
+    Dataset,
+    Event,
+    Session,
+    columns_of,
+)
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
 from experiments.analysis.metrics.motion import Track
 from experiments.analysis.metrics.sessions import METRICS, SEGMENT_METRICS, measure, measure_all
@@ -25,7 +32,9 @@ def frame(session):
     return pandas.DataFrame(states.values, columns=[column.name for column in STATES])
 
 
-@pytest.mark.parametrize("one", [one for one in MEASURED if len(one.way)], ids=lambda one: one.session.id)
+@pytest.mark.parametrize(
+    "one", [one for one in MEASURED if len(one.way)], ids=lambda one: one.session.id
+)
 def test_metrics_agree_with_an_independent_computation(one):
     states = frame(one.session.id)
     at = states.stamp - states.clock_offset
@@ -33,19 +42,30 @@ def test_metrics_agree_with_an_independent_computation(one):
     values = one.values
     assert values["total_time"] == pytest.approx(one.milestones.end - one.milestones.start)
     assert values["odometer"] == pytest.approx(task.distance.max() - task.distance.min())
-    assert values["path"] == pytest.approx(np.hypot(task.x.diff(), task.y.diff()).sum(), rel=0.05, abs=0.05)
+    assert values["path"] == pytest.approx(
+        np.hypot(task.x.diff(), task.y.diff()).sum(), rel=0.05, abs=0.05
+    )
     assert values["collisions"] == task.contacts.sum()
     assert values["commands"] == task.commands.sum()
     assert values["command_age"] == pytest.approx(task.age_sum.sum() / task.commands.sum())
-    assert values["command_age_p95"] == pytest.approx(task.age_max[task.commands > 0].quantile(0.95))
+    assert values["command_age_p95"] == pytest.approx(
+        task.age_max[task.commands > 0].quantile(0.95)
+    )
     told = task[task.commands > 0]
-    assert values["command_age_median"] == pytest.approx((told.age_sum / told.commands).repeat(told.commands).median())
+    assert values["command_age_median"] == pytest.approx(
+        (told.age_sum / told.commands).repeat(told.commands).median()
+    )
     assert values["answer_age"] == pytest.approx(told.answer_age.repeat(told.commands).median())
-    assert values["answer_age_p95"] == pytest.approx(told.answer_age.repeat(told.commands).quantile(0.95))
+    assert values["answer_age_p95"] == pytest.approx(
+        told.answer_age.repeat(told.commands).quantile(0.95)
+    )
     assert sum(values[f"share_{method}"] for method in METHODS) == pytest.approx(1.0)
     assert values["rate"] == pytest.approx(4.0, abs=0.01)
     assert values["least_clearance"] == task.clearance.min()
-    network = pandas.DataFrame(DATASET.network(one.session.id).values, columns=[c.name for c in DATASET.network(one.session.id).layout])
+    network = pandas.DataFrame(
+        DATASET.network(one.session.id).values,
+        columns=[c.name for c in DATASET.network(one.session.id).layout],
+    )
     assert values["round_trip"] == pytest.approx(network.round_trip.median())
     assert values["loss"] == pytest.approx(network.loss.mean())
     assert values["frame_age_p95"] == pytest.approx(network.frame_age.quantile(0.95))
@@ -62,18 +82,28 @@ def test_the_segments_of_a_completed_task_fill_its_time():
     for one in MEASURED:
         if one.session.outcome == "completed":
             assert [segment.number for segment in one.segments] == [1, 2, 3, 4, 5]
-            assert sum(segment.values["seconds"] for segment in one.segments) == pytest.approx(one.values["task_time"])
+            assert sum(segment.values["seconds"] for segment in one.segments) == pytest.approx(
+                one.values["task_time"]
+            )
 
 
 def test_nobody_drives_less_than_the_shortest_way():
-    found = [one.values["efficiency"] for one in MEASURED if not math.isnan(one.values["efficiency"])]
+    found = [
+        one.values["efficiency"] for one in MEASURED if not math.isnan(one.values["efficiency"])
+    ]
     assert found
     assert all(0.5 < value <= 1.0 for value in found)
 
 
 def test_a_session_without_anything_is_full_of_unknowns_and_no_error():
     session = Session("s", "a", "giraff", site="office", outcome="connection_refused")
-    found = measure(replace(DATASET, sessions=(session,), states=lambda _: NO_STATES, network=lambda _: NO_NETWORK), session, ())
+    found = measure(
+        replace(
+            DATASET, sessions=(session,), states=lambda _: NO_STATES, network=lambda _: NO_NETWORK
+        ),
+        session,
+        (),
+    )
     assert found.segments == ()
     assert len(found.way) == 0
     assert math.isnan(found.values["path"])
@@ -93,22 +123,41 @@ def test_a_robot_without_course_or_plan_is_measured_all_the_same():
 def test_docking_counts_once_every_checkpoint_was_passed():
     session = Session("s", "a", "giraff", site="office", first_frame=0.0, ended=99.0)
     course = STUDY.courses[0]
-    early = [Event("s", 10.0, "task", "docked"), *(Event("s", 20.0 + n, "task", "checkpoint", {"number": n}) for n in (1, 2, 3))]
+    early = [
+        Event("s", 10.0, "task", "docked"),
+        *(Event("s", 20.0 + n, "task", "checkpoint", {"number": n}) for n in (1, 2, 3)),
+    ]
     assert math.isnan(milestones(session, early, course).docked)
-    late = [*early, Event("s", 30.0, "task", "checkpoint", {"number": 4}), Event("s", 40.0, "task", "docked")]
+    late = [
+        *early,
+        Event("s", 30.0, "task", "checkpoint", {"number": 4}),
+        Event("s", 40.0, "task", "docked"),
+    ]
     assert milestones(session, reversed(late), course).docked == 40.0
 
 
 def test_an_event_that_says_nonsense_is_no_milestone():
     session = Session("s", "a", "giraff")
-    events = [Event("s", 1.0, "task", "checkpoint", data) for data in ({}, {"number": "4"}, {"number": None}, {"number": -1})]
+    events = [
+        Event("s", 1.0, "task", "checkpoint", data)
+        for data in ({}, {"number": "4"}, {"number": None}, {"number": -1})
+    ]
     assert milestones(session, events, STUDY.courses[0]).checkpoints == {}
 
 
 def test_coming_near_the_station_twice_is_two_attempts():
     x = np.array([3.0, 1.0, 0.7, 0.9, 0.7, 1.0, 2.0, 0.5, 0.1])
     n = len(x)
-    track = Track.of(columns_of(STATES, stamp=np.arange(n), clock_offset=np.zeros(n), boot=np.zeros(n), x=x, y=np.zeros(n)))
+    track = Track.of(
+        columns_of(
+            STATES,
+            stamp=np.arange(n),
+            clock_offset=np.zeros(n),
+            boot=np.zeros(n),
+            x=x,
+            y=np.zeros(n),
+        )
+    )
     assert docking_attempts(track, (0.0, 0.0), 0.0) == 2
     assert docking_attempts(track, (0.0, 0.0), 7.5) == 1
 

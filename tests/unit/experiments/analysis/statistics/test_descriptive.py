@@ -51,7 +51,9 @@ def test_a_spread_is_that_of_pandas():
     assert found.n == 41
     assert found.mean == pytest.approx(series.mean())
     assert found.sd == pytest.approx(series.std())
-    assert (found.p5, found.median, found.p95) == pytest.approx(tuple(series.quantile([0.05, 0.5, 0.95])))
+    assert (found.p5, found.median, found.p95) == pytest.approx(
+        tuple(series.quantile([0.05, 0.5, 0.95]))
+    )
 
 
 def test_nothing_and_one_value_have_a_spread():
@@ -81,7 +83,9 @@ def test_pairs_are_compared_as_scipy_compares_them():
 def test_with_two_groups_welchs_f_is_the_square_of_welchs_t():
     rng = np.random.default_rng(5)
     first, second = rng.normal(1.0, 1.0, 12), rng.normal(0.0, 2.0, 15)
-    assert several_between([first, second]).statistic == pytest.approx(float(welch(first, second)[0]) ** 2)
+    assert several_between([first, second]).statistic == pytest.approx(
+        float(welch(first, second)[0]) ** 2
+    )
     assert several_between([first, second]).p == pytest.approx(float(welch(first, second)[1]))
 
 
@@ -100,7 +104,9 @@ def test_a_relation_is_that_of_scipy_without_what_is_missing():
     expected = stats.spearmanr(x[2:], y[2:])
     x[0], y[1] = math.nan, math.nan
     found = correlation(x, y)
-    assert (found.n, found.effect, found.p) == pytest.approx((28, expected.statistic, expected.pvalue))
+    assert (found.n, found.effect, found.p) == pytest.approx(
+        (28, expected.statistic, expected.pvalue)
+    )
 
 
 @pytest.mark.parametrize("size", [0, 1])
@@ -140,11 +146,18 @@ def test_a_share_has_wilsons_bounds():
     assert wilson(5, 5) == pytest.approx((0.5655, 1.0), abs=1e-4)
 
 
-@pytest.mark.parametrize(("name", "sizes", "draws"), [("welch", (32, 32), 1), ("welch", (20, 44), 2), ("paired", (24, 24), 3)])
+@pytest.mark.parametrize(
+    ("name", "sizes", "draws"),
+    [("welch", (32, 32), 1), ("welch", (20, 44), 2), ("paired", (24, 24), 3)],
+)
 def test_a_planted_null_is_significant_in_3_to_7_of_100_studies(name, sizes, draws):
     rng = np.random.default_rng(1000 + draws)
     first = rng.lognormal(0.0, 0.4, (RUNS, sizes[0]))
-    second = rng.lognormal(0.0, 0.4, (RUNS, sizes[1])) if name == "welch" else first * rng.lognormal(0.0, 0.3, (RUNS, sizes[1]))
+    second = (
+        rng.lognormal(0.0, 0.4, (RUNS, sizes[1]))
+        if name == "welch"
+        else first * rng.lognormal(0.0, 0.3, (RUNS, sizes[1]))
+    )
     second = second if name == "welch" else second * np.exp(-(0.3**2) / 2.0)
     _, p = (welch if name == "welch" else paired)(first, second)
     assert 0.03 <= float((p < 0.05).mean()) <= 0.07

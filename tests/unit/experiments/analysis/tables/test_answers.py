@@ -1,4 +1,6 @@
-"""What is planted in answers and driving is found in the tables that researchers read; where nothing is planted little is: 1,000 studies each."""
+"""What is planted in answers and driving is found in the tables that researchers read; where
+nothing is planted little is: 1,000 studies each.
+"""
 
 import functools
 import math
@@ -18,7 +20,9 @@ from experiments.bots.persona import Effect, Persona
 from experiments.definition.shipped import shipped
 from tests.support.study_dataset import questionnaires, without
 
-BETWEEN = msgspec.structs.replace(shipped()["exploration"], conditions=shipped()["exploration"].conditions[:2])
+BETWEEN = msgspec.structs.replace(
+    shipped()["exploration"], conditions=shipped()["exploration"].conditions[:2]
+)
 WITHIN = shipped()["assistance"]
 RUNS, PARTICIPANTS, SCALE = 1000, 40, (-2, -1, 0, 1, 2)
 QUESTIONS = questionnaires("experience")
@@ -26,16 +30,35 @@ ALONE = functools.reduce(without, [f"q{n}" for n in range(1, 9) if n != 2], QUES
 
 
 def study_of(study, opinion, scale=SCALE, item="q2"):
-    """A study whose participants had one condition by turns, or all, and answered one statement by their opinion, in standard deviations."""
+    """A study whose participants had one condition by turns, or all, and answered one statement by
+    their opinion, in standard deviations.
+    """
     keys = [one.key for one in study.conditions]
     sessions, responses = [], []
     for number in range(PARTICIPANTS):
         own = keys if study.allocation.design == "within" else [keys[number % len(keys)]]
         for order, key in enumerate(own, start=1):
-            one = Session(f"{number}-{key}", f"P{number}", "giraff", condition=key, number=order, outcome="completed")
+            one = Session(
+                f"{number}-{key}",
+                f"P{number}",
+                "giraff",
+                condition=key,
+                number=order,
+                outcome="completed",
+            )
             sessions.append(one)
-            responses.append(Response(f"{one.id}-q", "experience", one.participant, {item: opinion(number, key)}, session=one.id))
-    return Dataset(study, sessions=tuple(sessions), responses=tuple(responses), questionnaires=(ALONE,))
+            responses.append(
+                Response(
+                    f"{one.id}-q",
+                    "experience",
+                    one.participant,
+                    {item: opinion(number, key)},
+                    session=one.id,
+                )
+            )
+    return Dataset(
+        study, sessions=tuple(sessions), responses=tuple(responses), questionnaires=(ALONE,)
+    )
 
 
 def bots(study, seed, *effects, item="q2"):
@@ -48,7 +71,10 @@ def bots(study, seed, *effects, item="q2"):
 def anybody(study, rng):
     """What people answer who have opinions of their own, and none on the condition."""
     own = rng.standard_normal(PARTICIPANTS)
-    drawn = {one.key: ndtr(0.7 * own + 0.7 * rng.standard_normal(PARTICIPANTS)) for one in study.conditions}
+    drawn = {
+        one.key: ndtr(0.7 * own + 0.7 * rng.standard_normal(PARTICIPANTS))
+        for one in study.conditions
+    }
     return lambda number, key: SCALE[int(drawn[key][number] * len(SCALE))]
 
 
@@ -62,13 +88,18 @@ def test_an_effect_planted_in_the_bots_answers_is_found_in_its_row(study):
     key = study.conditions[-1].key
     table = compare_answers(study_of(study, bots(study, 5, Effect("q2", -1.5, "condition", key))))
     assert said(table, "Q2", "p (Holm)") < 0.05
-    assert said(table, "Q2", f"{key}: mean") < said(table, "Q2", f"{study.conditions[0].key}: mean") - 0.5
+    assert (
+        said(table, "Q2", f"{key}: mean")
+        < said(table, "Q2", f"{study.conditions[0].key}: mean") - 0.5
+    )
     nothing = compare_answers(study_of(study, bots(study, 5, Effect("q2", 0.0, "condition", key))))
     assert said(nothing, "Q2") > 0.05
 
 
 @pytest.mark.parametrize("study", [BETWEEN, WITHIN])
-def test_answers_that_do_not_depend_on_the_condition_are_significant_in_3_to_7_of_100_of_a_thousand_studies(study):
+def test_answers_that_do_not_depend_on_the_condition_are_significant_in_3_to_7_of_100_of_a_thousand_studies(
+    study,
+):
     rng = np.random.default_rng(43)
     found = [said(compare_answers(study_of(study, anybody(study, rng))), "Q2") for _ in range(RUNS)]
     assert 0.03 <= np.mean(np.array(found) < 0.05) <= 0.07
@@ -76,19 +107,31 @@ def test_answers_that_do_not_depend_on_the_condition_are_significant_in_3_to_7_o
 
 def test_driving_that_does_not_depend_on_the_condition_is_significant_in_3_to_7_of_100_of_a_thousand_studies():
     rng = np.random.default_rng(41)
-    found = [said(compare_conditions(Dataset(BETWEEN), driven(rng), ("task_time",)), "task_time") for _ in range(RUNS)]
+    found = [
+        said(compare_conditions(Dataset(BETWEEN), driven(rng), ("task_time",)), "task_time")
+        for _ in range(RUNS)
+    ]
     assert 0.03 <= np.mean(np.array(found) < 0.05) <= 0.07
 
 
 def driven(rng):
-    """Sessions of a study between participants, two each, in which how long the task takes is the person's alone."""
+    """Sessions of a study between participants, two each, in which how long the task takes is the
+    person's alone.
+    """
     keys = [one.key for one in BETWEEN.conditions]
     nothing = {column.name: math.nan for column in METRICS}
     found = []
     for number in range(PARTICIPANTS):
         own = rng.lognormal(5.0, 0.3)
         for order in (1, 2):
-            session = Session(f"{number}-{order}", f"P{number}", "giraff", condition=keys[number % 2], number=order, outcome="completed")
+            session = Session(
+                f"{number}-{order}",
+                f"P{number}",
+                "giraff",
+                condition=keys[number % 2],
+                number=order,
+                outcome="completed",
+            )
             values = nothing | {"task_time": own * rng.lognormal(0.0, 0.1)}
             found.append(Measured(session, Milestones(), values, (), np.empty((0, 2)), 0.0))
     return found
@@ -98,16 +141,37 @@ def test_rows_are_tested_as_scipy_does_and_overall_is_a_participants_mean():
     rng = np.random.default_rng(42)
     keys = [one.key for one in WITHIN.conditions]
     answers = rng.integers(-2, 3, (12, len(keys), 8))
-    sessions = [Session(f"{n}-{c}", f"P{n}", "giraff", condition=key, number=c + 1) for n in range(12) for c, key in enumerate(keys)]
+    sessions = [
+        Session(f"{n}-{c}", f"P{n}", "giraff", condition=key, number=c + 1)
+        for n in range(12)
+        for c, key in enumerate(keys)
+    ]
     responses = [
-        Response(f"r{n}-{c}", "experience", f"P{n}", {f"q{q + 1}": int(answers[n, c, q]) for q in range(8)}, session=f"{n}-{c}")
+        Response(
+            f"r{n}-{c}",
+            "experience",
+            f"P{n}",
+            {f"q{q + 1}": int(answers[n, c, q]) for q in range(8)},
+            session=f"{n}-{c}",
+        )
         for n in range(12)
         for c in range(len(keys))
     ]
-    table = compare_answers(Dataset(WITHIN, sessions=tuple(sessions), responses=tuple(responses[:-1]), questionnaires=QUESTIONS))
+    table = compare_answers(
+        Dataset(
+            WITHIN,
+            sessions=tuple(sessions),
+            responses=tuple(responses[:-1]),
+            questionnaires=QUESTIONS,
+        )
+    )
     whole = answers[:-1]  # the last one did not answer after every condition
-    assert said(table, "Q3") == pytest.approx(stats.ttest_rel(whole[:, 0, 2], whole[:, 1, 2]).pvalue)
-    assert said(table, "Overall") == pytest.approx(stats.ttest_rel(whole[:, 0].mean(axis=1), whole[:, 1].mean(axis=1)).pvalue)
+    assert said(table, "Q3") == pytest.approx(
+        stats.ttest_rel(whole[:, 0, 2], whole[:, 1, 2]).pvalue
+    )
+    assert said(table, "Overall") == pytest.approx(
+        stats.ttest_rel(whole[:, 0].mean(axis=1), whole[:, 1].mean(axis=1)).pvalue
+    )
     assert said(table, "Overall", f"{keys[0]}: n") == 12
 
 
@@ -115,6 +179,8 @@ def test_without_answers_or_with_one_condition_alone_there_is_nothing_to_test():
     assert compare_answers(Dataset(BETWEEN, questionnaires=QUESTIONS)).rows == ()
     one = Response("r", "experience", "P", {"q1": 2}, session="s")
     session = Session("s", "P", "giraff", condition=BETWEEN.conditions[0].key)
-    table = compare_answers(Dataset(BETWEEN, sessions=(session,), responses=(one,), questionnaires=QUESTIONS))
+    table = compare_answers(
+        Dataset(BETWEEN, sessions=(session,), responses=(one,), questionnaires=QUESTIONS)
+    )
     assert said(table, "Q1", f"{BETWEEN.conditions[0].key}: mean") == 2.0
     assert math.isnan(said(table, "Q1") or math.nan)

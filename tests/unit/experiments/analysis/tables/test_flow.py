@@ -35,7 +35,9 @@ def people():
 
 
 def lines(table, cell):
-    return [(row[1].text or row[2].text, int(row[3].value)) for row in table.rows if row[0].text == cell]
+    return [
+        (row[1].text or row[2].text, int(row[3].value)) for row in table.rows if row[0].text == cell
+    ]
 
 
 def test_every_line_is_the_one_above_less_those_who_are_named_between():
@@ -72,9 +74,12 @@ def test_every_cell_has_a_flow_of_its_own():
 
 def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
     pages = (
-        Page("P1", "link", seconds=2.0), Page("P2", "link", seconds=4.0), Page("P3", "link", finished=False),
-        Page("P1", "consent", seconds=30.0), Page("P2", "consent", finished=False),
-    )  # fmt: skip
+        Page("P1", "link", seconds=2.0),
+        Page("P2", "link", seconds=4.0),
+        Page("P3", "link", finished=False),
+        Page("P1", "consent", seconds=30.0),
+        Page("P2", "consent", finished=False),
+    )
     table = funnel(Dataset(STUDY, pages=pages), [])
     found = {row[0].text: [cell.value for cell in row[1:]] for row in table.rows}
     assert found["link"] == [3, 2, 1, 3.0]
@@ -94,5 +99,7 @@ def test_milestones_stand_between_the_task_and_what_follows_it_and_only_fall():
         < names.index("Your experience")
     )
     milestones = table.rows[names.index("first picture") : names.index("docked") + 1]
-    assert all(before[2].value == after[1].value for before, after in itertools.pairwise(milestones))
+    assert all(
+        before[2].value == after[1].value for before, after in itertools.pairwise(milestones)
+    )
     assert all(row[1].value == row[2].value + row[3].value for row in milestones)

@@ -13,7 +13,15 @@ from experiments.analysis.dataset.records import Dataset, Participant, Response,
 from experiments.analysis.tables.paper_tables import lines_of, table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.response_selection import counted
-from experiments.analysis.tables.table import NOTHING, Table, as_csv, as_latex, number, probability, words
+from experiments.analysis.tables.table import (
+    NOTHING,
+    Table,
+    as_csv,
+    as_latex,
+    number,
+    probability,
+    words,
+)
 from experiments.definition.shipped import shipped
 from tests.support.study_dataset import made_up, questionnaires
 
@@ -26,12 +34,27 @@ def answered(*rows, **more):
     """A dataset of participants who answered so: a mapping each."""
     people = tuple(Participant(f"P{n}") for n in range(len(rows)))
     sessions = tuple(Session(f"S{n}", f"P{n}", "giraff", site="office") for n in range(len(rows)))
-    responses = tuple(Response(f"R{n}", "experience", f"P{n}", row, session=f"S{n}") for n, row in enumerate(rows))
-    return Dataset(STUDY, participants=people, sessions=sessions, responses=responses, questionnaires=questionnaires("experience", "ict"), **more)
+    responses = tuple(
+        Response(f"R{n}", "experience", f"P{n}", row, session=f"S{n}") for n, row in enumerate(rows)
+    )
+    return Dataset(
+        STUDY,
+        participants=people,
+        sessions=sessions,
+        responses=responses,
+        questionnaires=questionnaires("experience", "ict"),
+        **more,
+    )
 
 
 def frame(dataset):
-    return pandas.DataFrame([{key: one.values.get(key) for key in STATEMENTS} for one in counted(dataset, "experience")], dtype=float)
+    return pandas.DataFrame(
+        [
+            {key: one.values.get(key) for key in STATEMENTS}
+            for one in counted(dataset, "experience")
+        ],
+        dtype=float,
+    )
 
 
 def rows_of(table):
@@ -40,7 +63,12 @@ def rows_of(table):
 
 def test_table_5_agrees_with_pandas_and_scipy():
     answers = frame(DATASET)
-    groups = {"Overall": STATEMENTS, "Robot teleoperation": ["q1", "q2", "q3"], "Task complexity": ["q5", "q6", "q7"], "Q7": ["q7"]}
+    groups = {
+        "Overall": STATEMENTS,
+        "Robot teleoperation": ["q1", "q2", "q3"],
+        "Task complexity": ["q5", "q6", "q7"],
+        "Q7": ["q7"],
+    }
     found = rows_of(table_5(DATASET))
     for label, keys in groups.items():
         row = found[label]
@@ -55,11 +83,17 @@ def test_table_5_agrees_with_pandas_and_scipy():
         assert [cell.value for cell in row[9:]] == pytest.approx(widths)
 
 
-@pytest.mark.parametrize(("interval", "widths"), [("normal", (0.1715, 0.2254)), ("t", (0.1749, 0.2324))])
+@pytest.mark.parametrize(
+    ("interval", "widths"), [("normal", (0.1715, 0.2254)), ("t", (0.1749, 0.2324))]
+)
 def test_64_respondents_with_a_deviation_of_0_70_have_the_published_half_widths(interval, widths):
     a = 0.7 * (63 / 64) ** 0.5  # half of them a above the mean and half a below: SD (n - 1) is 0.70
     spread = table_5_of_scores([1.0 - a] * 32 + [1.0 + a] * 32, interval)
-    assert (spread.sd, spread.ci95, spread.ci99) == (pytest.approx(0.70), pytest.approx(widths[0], abs=5e-5), pytest.approx(widths[1], abs=5e-5))
+    assert (spread.sd, spread.ci95, spread.ci99) == (
+        pytest.approx(0.70),
+        pytest.approx(widths[0], abs=5e-5),
+        pytest.approx(widths[1], abs=5e-5),
+    )
 
 
 def table_5_of_scores(scores, interval):
@@ -67,7 +101,18 @@ def table_5_of_scores(scores, interval):
 
     mean, sd = mean_and_sd(scores)
     n = len(scores)
-    return Summary(n, n, (), None, mean, sd, half_width(sd, n, 0.95, interval), half_width(sd, n, 0.99, interval), None, None)
+    return Summary(
+        n,
+        n,
+        (),
+        None,
+        mean,
+        sd,
+        half_width(sd, n, 0.95, interval),
+        half_width(sd, n, 0.99, interval),
+        None,
+        None,
+    )
 
 
 def test_nobody_who_answered_gives_a_table_of_dashes():
@@ -78,7 +123,18 @@ def test_nobody_who_answered_gives_a_table_of_dashes():
 
 def test_one_who_answered_has_a_mean_and_no_deviation():
     row = rows_of(table_5(answered(dict.fromkeys(STATEMENTS, 1))))["Overall"]
-    assert [cell.text for cell in row[1:]] == ["0.0", "0.0", "0.0", "100.0", "0.0", "1", "1.00", NOTHING, NOTHING, NOTHING]
+    assert [cell.text for cell in row[1:]] == [
+        "0.0",
+        "0.0",
+        "0.0",
+        "100.0",
+        "0.0",
+        "1",
+        "1.00",
+        NOTHING,
+        NOTHING,
+        NOTHING,
+    ]
 
 
 def test_missing_answers_lessen_n_and_percentages_still_sum_to_100():
@@ -99,9 +155,20 @@ def test_the_response_that_counts_is_a_rule_of_the_study_and_stands_below(rule, 
     import msgspec
 
     sessions = tuple(Session(f"S{n}", "P", "giraff", number=n) for n in (1, 2))
-    responses = tuple(Response(f"R{n}", "experience", "P", {"q1": {1: -2, 2: 2}[n]}, session=f"S{n}") for n in (2, 1))
-    study = msgspec.structs.replace(STUDY, analysis=msgspec.structs.replace(STUDY.analysis, counts=rule))
-    dataset = Dataset(study, participants=(Participant("P"),), sessions=sessions, responses=responses, questionnaires=questionnaires("experience"))
+    responses = tuple(
+        Response(f"R{n}", "experience", "P", {"q1": {1: -2, 2: 2}[n]}, session=f"S{n}")
+        for n in (2, 1)
+    )
+    study = msgspec.structs.replace(
+        STUDY, analysis=msgspec.structs.replace(STUDY.analysis, counts=rule)
+    )
+    dataset = Dataset(
+        study,
+        participants=(Participant("P"),),
+        sessions=sessions,
+        responses=responses,
+        questionnaires=questionnaires("experience"),
+    )
     found = table_5(dataset)
     assert rows_of(found)["Q1"][7].value == value
     assert "response" in found.notes[0]
@@ -115,9 +182,21 @@ def test_a_response_that_was_not_sent_off_does_not_count():
 
 
 def test_in_each_condition_one_response_of_a_participant_counts():
-    sessions = (Session("S1", "P", "giraff", condition="alone"), Session("S2", "P", "giraff", number=2, condition="assisted"))
-    responses = (Response("R1", "experience", "P", {"q1": 0}, session="S1"), Response("R2", "experience", "P", {"q1": 2}, session="S2"))
-    dataset = Dataset(STUDY, participants=(Participant("P"),), sessions=sessions, responses=responses, questionnaires=questionnaires("experience"))
+    sessions = (
+        Session("S1", "P", "giraff", condition="alone"),
+        Session("S2", "P", "giraff", number=2, condition="assisted"),
+    )
+    responses = (
+        Response("R1", "experience", "P", {"q1": 0}, session="S1"),
+        Response("R2", "experience", "P", {"q1": 2}, session="S2"),
+    )
+    dataset = Dataset(
+        STUDY,
+        participants=(Participant("P"),),
+        sessions=sessions,
+        responses=responses,
+        questionnaires=questionnaires("experience"),
+    )
     means = [rows_of(table_5(dataset, key))["Q1"][7].value for key in (None, "alone", "assisted")]
     assert means == [0.0, 0.0, 2.0]
 
@@ -125,7 +204,14 @@ def test_in_each_condition_one_response_of_a_participant_counts():
 def test_without_a_questionnaire_tables_are_empty_and_no_error():
     dataset = Dataset(STUDY)
     assert lines_of(dataset) == ([], [])
-    for table in (table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset), participants_table(dataset)):
+    for table in (
+        table_1(dataset),
+        table_2(dataset),
+        table_3(dataset),
+        table_4(dataset),
+        table_5(dataset),
+        participants_table(dataset),
+    ):
         assert as_csv(table)
         assert as_latex(table)
 
@@ -134,20 +220,35 @@ def test_table_1_has_a_column_a_robot_also_for_one_that_nobody_described():
     dataset = answered({"q1": 1})
     assert table_1(dataset).head == ("", "giraff")
     assert rows_of(table_1(DATASET))["RCA"][2].text == "ROS"
-    assert sum(cell.value for cell in rows_of(table_1(DATASET))["Sessions"][1:]) == len(DATASET.sessions)
+    assert sum(cell.value for cell in rows_of(table_1(DATASET))["Sessions"][1:]) == len(
+        DATASET.sessions
+    )
 
 
 def test_table_3_has_the_papers_systems_those_that_were_found_and_other():
     sessions = tuple(
         Session(f"S{n}", f"P{n}", "giraff", os=system, browser=browser, network=f"n{n % 2}")
-        for n, (system, browser) in enumerate((("Windows", "Chrome"), ("FreeBSD", "Firefox"), ("", ""), ("Windows", "Opera")))
+        for n, (system, browser) in enumerate(
+            (("Windows", "Chrome"), ("FreeBSD", "Firefox"), ("", ""), ("Windows", "Opera"))
+        )
     )
     found = table_3(Dataset(STUDY, sessions=sessions))
-    assert [row[0].text for row in found.rows] == ["Windows", "Linux", "Mac OS", "Android", "iOS", "FreeBSD", "other", "all"]
+    assert [row[0].text for row in found.rows] == [
+        "Windows",
+        "Linux",
+        "Mac OS",
+        "Android",
+        "iOS",
+        "FreeBSD",
+        "other",
+        "all",
+    ]
     assert rows_of(found)["Windows"][1].sessions == ("S0",)
     assert rows_of(found)["all"][-1].value == 4
     assert "2 different networks" in found.notes[0]
-    counts = pandas.crosstab([one.os for one in DATASET.sessions], [one.browser for one in DATASET.sessions])
+    counts = pandas.crosstab(
+        [one.os for one in DATASET.sessions], [one.browser for one in DATASET.sessions]
+    )
     assert rows_of(table_3(DATASET))["Windows"][1].value == counts.loc["Windows", "Chrome"]
 
 
@@ -176,13 +277,26 @@ def test_ages_are_those_of_pandas():
     found = {row[1].text: row[2].value for row in participants_table(DATASET).rows[:12]}
     assert found["15–29"] == ((ages >= 15) & (ages < 30)).sum()
     assert found["not reported"] == ages.isna().sum()
-    assert (found["youngest"], found["median"], found["oldest"]) == (ages.min(), ages.median(), ages.max())
+    assert (found["youngest"], found["median"], found["oldest"]) == (
+        ages.min(),
+        ages.median(),
+        ages.max(),
+    )
 
 
 def test_latex_and_csv_survive_what_a_title_can_hold():
     nasty = "50 % of_{x} & #1 \\ ~^ $"
-    table = Table("t", nasty, ("", "a"), ((words(nasty), number(-0.001)), (words("=1+1"), number(None))), (nasty,))
-    assert r"50 \% of\_\{x\} \& \#1 \textbackslash{} \textasciitilde{}\textasciicircum{} \$" in as_latex(table)
+    table = Table(
+        "t",
+        nasty,
+        ("", "a"),
+        ((words(nasty), number(-0.001)), (words("=1+1"), number(None))),
+        (nasty,),
+    )
+    assert (
+        r"50 \% of\_\{x\} \& \#1 \textbackslash{} \textasciitilde{}\textasciicircum{} \$"
+        in as_latex(table)
+    )
     rows = list(csv.reader(io.StringIO(as_csv(table))))
     assert rows[1] == [nasty, "-0.001"]
     assert rows[2] == ["'=1+1", ""]

@@ -51,11 +51,15 @@ def test_a_record_at_a_bound_is_good(values):
 
 
 def test_what_was_applied_otherwise_and_an_operator_fail_it_where_the_study_says_so():
-    session = Session("s", "a", "giraff", first_motion=3.0, mismatch="assist off, not steer", operator=True)
+    session = Session(
+        "s", "a", "giraff", first_motion=3.0, mismatch="assist off, not steer", operator=True
+    )
     assert words(judge(measured(session), RULES)) == ["condition", "operator"]
     assert judge(measured(session), Quality(condition_applied=False, operator_absent=False)).good
 
 
 def test_a_session_that_was_never_driven_is_not_failed_for_having_no_states():
     session = replace(measured().session, first_motion=math.nan)
-    assert judge(measured(session, rate=math.nan, longest_gap=math.nan, clock_offset=math.nan), RULES).good
+    assert judge(
+        measured(session, rate=math.nan, longest_gap=math.nan, clock_offset=math.nan), RULES
+    ).good

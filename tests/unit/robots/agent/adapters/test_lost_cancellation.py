@@ -1,4 +1,6 @@
-"""A cancellation that `asyncio.wait_for` forgets, as it may until Python 3.12, does not keep an adapter from letting go of its robot."""
+"""A cancellation that `asyncio.wait_for` forgets, as it may until Python 3.12, does not keep an
+adapter from letting go of its robot.
+"""
 
 import asyncio
 

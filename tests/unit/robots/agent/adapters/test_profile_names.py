@@ -1,4 +1,6 @@
-"""What is written in a profile counts, or is refused with the name that was meant; and a watchdog is what the profile states."""
+"""What is written in a profile counts, or is refused with the name that was meant; and a watchdog
+is what the profile states.
+"""
 
 import math
 
@@ -21,7 +23,15 @@ angular_acceleration = 0.8
 linear_braking = 0.8
 angular_braking = 2.0
 """
-LIMITS = Limits(linear=0.5, reverse=0.2, angular=1.0, linear_acceleration=0.3, angular_acceleration=0.8, linear_braking=0.8, angular_braking=2.0)
+LIMITS = Limits(
+    linear=0.5,
+    reverse=0.2,
+    angular=1.0,
+    linear_acceleration=0.3,
+    angular_acceleration=0.8,
+    linear_braking=0.8,
+    angular_braking=2.0,
+)
 
 
 def made(tmp_path, text, options=None, adapter="ros1"):
@@ -44,13 +54,31 @@ STATED = "[ros1]\nwatchdog = 0.5\n"
     [
         ("[Ros1]\nwatchdog = 0.5\n", "a section [Ros1] that nobody reads; did you mean ros1?"),
         (STATED + "[ross]\nport = 1\n", "a section [ross] that nobody reads; did you mean ros"),
-        (STATED + "[batery]\nempty = 1.0\n", "a section [batery] that nobody reads; did you mean battery?"),
-        ('[ros1]\nwatchdog = 0.5\ncmd_vell = "/base"\n', "no option cmd_vell; did you mean cmd_vel?"),
+        (
+            STATED + "[batery]\nempty = 1.0\n",
+            "a section [batery] that nobody reads; did you mean battery?",
+        ),
+        (
+            '[ros1]\nwatchdog = 0.5\ncmd_vell = "/base"\n',
+            "no option cmd_vell; did you mean cmd_vel?",
+        ),
         ('[ros1]\nwatchdog = 0.5\nCmd_Vel = "/base"\n', "no option Cmd_Vel; did you mean cmd_vel?"),
-        ("comand_age = 0.2\n" + STATED, "[limits] has no key comand_age; did you mean command_age?"),
-        ("commandAge = 0.2\n" + STATED, "[limits] has no key commandAge; did you mean command_age?"),
-        ("[laser]\nx = 0.1\nTheta = 0.0\n" + STATED, "[laser] has no key Theta; did you mean theta?"),
-        ("[battery]\nempty = 1.0\nfull = 2.0\nvolts = 3.0\n" + STATED, "[battery] has no key volts; there are empty, full"),
+        (
+            "comand_age = 0.2\n" + STATED,
+            "[limits] has no key comand_age; did you mean command_age?",
+        ),
+        (
+            "commandAge = 0.2\n" + STATED,
+            "[limits] has no key commandAge; did you mean command_age?",
+        ),
+        (
+            "[laser]\nx = 0.1\nTheta = 0.0\n" + STATED,
+            "[laser] has no key Theta; did you mean theta?",
+        ),
+        (
+            "[battery]\nempty = 1.0\nfull = 2.0\nvolts = 3.0\n" + STATED,
+            "[battery] has no key volts; there are empty, full",
+        ),
     ],
 )
 def test_a_name_that_nobody_knows_is_refused_with_the_one_that_was_meant(tmp_path, text, sentence):
@@ -58,7 +86,9 @@ def test_a_name_that_nobody_knows_is_refused_with_the_one_that_was_meant(tmp_pat
 
 
 def test_an_option_that_nobody_knows_is_refused_with_the_one_that_was_meant(tmp_path):
-    assert "no option odometry; did you mean odom?" in refusal(tmp_path, STATED, {"odometry": "/odom"})
+    assert "no option odometry; did you mean odom?" in refusal(
+        tmp_path, STATED, {"odometry": "/odom"}
+    )
     with pytest.raises(AdapterError, match="no option plann; did you mean plan"):
         registry.create("simulator", "giraff", {"plann": "clinic"})
 
@@ -67,12 +97,16 @@ def test_sections_of_other_adapters_are_no_business_of_this_one(tmp_path):
     assert made(tmp_path, STATED + "[moos]\nwatchdog = 0.5\n").profile.watchdog == 0.5
 
 
-# --- the watchdog ----------------------------------------------------------------------------------------------------------
+# --- the watchdog ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("adapter", ["moos", "openmora_mqtt", "ros1", "ros2", "rosbridge"])
-def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_property_of_the_base(tmp_path, adapter):
-    with pytest.raises(AdapterError, match=f"states no watchdog for {adapter}: write into its section"):
+def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_property_of_the_base(
+    tmp_path, adapter
+):
+    with pytest.raises(
+        AdapterError, match=f"states no watchdog for {adapter}: write into its section"
+    ):
         made(tmp_path, "", adapter=adapter)
     assert made(tmp_path, f"[{adapter}]\nwatchdog = 0.7\n", adapter=adapter).profile.watchdog == 0.7
 
@@ -107,7 +141,9 @@ def test_times_at_their_bounds_are_taken(watchdog, deadman):
     check_times(watchdog, msgspec.structs.replace(LIMITS, deadman=deadman))
 
 
-def test_the_bounds_hold_for_a_profile_and_for_an_adapter_with_a_profile_of_its_own(tmp_path, monkeypatch):
+def test_the_bounds_hold_for_a_profile_and_for_an_adapter_with_a_profile_of_its_own(
+    tmp_path, monkeypatch
+):
     import dataclasses
 
     from robots.agent.adapters.simulator import adapter as simulator
@@ -115,6 +151,10 @@ def test_the_bounds_hold_for_a_profile_and_for_an_adapter_with_a_profile_of_its_
     assert "a watchdog of 30 s is too long" in refusal(tmp_path, "[ros1]\nwatchdog = 30\n")
     assert "a deadman of 1.5 s" in refusal(tmp_path, "deadman = 1.5\n[ros1]\nwatchdog = 1.8\n")
     original = simulator.profile_of
-    monkeypatch.setattr(simulator, "profile_of", lambda *a, **k: dataclasses.replace(original(*a, **k), watchdog=30.0))
+    monkeypatch.setattr(
+        simulator,
+        "profile_of",
+        lambda *a, **k: dataclasses.replace(original(*a, **k), watchdog=30.0),
+    )
     with pytest.raises(AdapterError, match="a watchdog of 30 s is too long"):
         registry.create("simulator", "giraff")

@@ -21,7 +21,9 @@ def test_every_name_that_is_told_can_be_loaded() -> None:
         ("simulator", "giraff", {"sede": "1"}, "no option sede"),
     ],
 )
-def test_a_wrong_name_gives_one_sentence_with_the_right_ones(adapter: str, profile: str, options: dict[str, str], words: str) -> None:
+def test_a_wrong_name_gives_one_sentence_with_the_right_ones(
+    adapter: str, profile: str, options: dict[str, str], words: str
+) -> None:
     with pytest.raises(AdapterError, match=words):
         registry.create(adapter, profile, options)
 
@@ -38,6 +40,10 @@ def test_an_adapter_without_a_watchdog_is_refused(monkeypatch: pytest.MonkeyPatc
     from robots.agent.adapters.simulator import adapter as simulator
 
     original = simulator.profile_of
-    monkeypatch.setattr(simulator, "profile_of", lambda *a, **k: dataclasses.replace(original(*a, **k), watchdog=0.0))
+    monkeypatch.setattr(
+        simulator,
+        "profile_of",
+        lambda *a, **k: dataclasses.replace(original(*a, **k), watchdog=0.0),
+    )
     with pytest.raises(AdapterError, match="watchdog"):
         registry.create("simulator", "giraff")

@@ -1,4 +1,6 @@
-"""The small parts of autonomy: whereabouts, perceptions, and the wire between control loop and mind."""
+"""The small parts of autonomy: whereabouts, perceptions, and the wire between control loop and
+mind.
+"""
 
 import math
 import socket
@@ -45,7 +47,7 @@ def wall(distance, stamp=1.0):
     return LaserScan(stamp, -1.0, 2.0 / 80, 10.0, distance / np.cos(angles))
 
 
-# --- whereabouts -----------------------------------------------------------------------------------------------------------
+# --- whereabouts ----------------------------------------------------------------------------------
 
 
 def test_before_the_first_thought_nobody_knows_anything():
@@ -53,7 +55,10 @@ def test_before_the_first_thought_nobody_knows_anything():
 
 
 @seed(5)
-@given(st.tuples(*[st.floats(-50.0, 50.0)] * 2, st.floats(-3.0, 3.0)), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
+@given(
+    st.tuples(*[st.floats(-50.0, 50.0)] * 2, st.floats(-3.0, 3.0)),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 3),
+)
 def test_between_two_thoughts_the_pose_moves_as_the_odometry_does(before, way):
     there = PoseExtrapolator()
     odometry, step = Pose2D(*before), Pose2D(*way)
@@ -82,21 +87,29 @@ def test_variances_without_end_fit_on_the_wire():
     assert pose.score == 1.0
 
 
-# --- perceptions ---------------------------------------------------------------------------------------------------------------
+# --- perceptions ----------------------------------------------------------------------------------
 
 
 def test_a_scans_gaps_are_places_where_nothing_came_back():
-    scan = Scan(stamp=2.0, angle_min=-1.0, angle_increment=0.5, range_max=8.0, ranges=(1.0, None, 3.0))
+    scan = Scan(
+        stamp=2.0, angle_min=-1.0, angle_increment=0.5, range_max=8.0, ranges=(1.0, None, 3.0)
+    )
     beams = beams_of(scan, Laser(x=0.2, y=0.1, theta=0.3))
     assert beams.ranges.tolist() == [1.0, math.inf, 3.0]
     assert beams.mount == Pose2D(0.2, 0.1, 0.3)
 
 
-# --- the wire ------------------------------------------------------------------------------------------------------------------
+# --- the wire -------------------------------------------------------------------------------------
 
 
 def moment(**fields):
-    values = {"stamp": 1.0, "odometry": Pose2D(1.0, 2.0, 0.3), "velocity": AHEAD, "beams": wall(1.5), "points": np.array([[1.0, 2.0], [3.0, 4.0]])}
+    values = {
+        "stamp": 1.0,
+        "odometry": Pose2D(1.0, 2.0, 0.3),
+        "velocity": AHEAD,
+        "beams": wall(1.5),
+        "points": np.array([[1.0, 2.0], [3.0, 4.0]]),
+    }
     return SensorSnapshot(**values | fields)
 
 
@@ -104,15 +117,26 @@ def test_a_perception_survives_the_wire():
     sent = moment(charger_contact=True)
     message = frames(bytearray(framing.pack(wire.perceive(sent, new=True))))[0]
     got = wire.perceived(message, wire.beams_in(message.sweep))
-    assert (got.stamp, got.odometry, got.velocity, got.charger_contact) == (sent.stamp, sent.odometry, sent.velocity, True)
+    assert (got.stamp, got.odometry, got.velocity, got.charger_contact) == (
+        sent.stamp,
+        sent.odometry,
+        sent.velocity,
+        True,
+    )
     assert np.allclose(got.points, sent.points)
     assert np.allclose(got.beams.ranges, sent.beams.ranges, atol=1e-5)
     assert wire.perceive(sent, new=False).sweep is None
 
 
 def test_a_thought_survives_the_wire():
-    sent = output(wanted=AHEAD, news=(ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),), path=((0.0, 1.0),))
-    assert wire.unpack_answer(framing.pack(wire.Thinks(sent))[framing.HEADER :]) == wire.Thinks(sent)
+    sent = output(
+        wanted=AHEAD,
+        news=(ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),),
+        path=((0.0, 1.0),),
+    )
+    assert wire.unpack_answer(framing.pack(wire.Thinks(sent))[framing.HEADER :]) == wire.Thinks(
+        sent
+    )
 
 
 def test_what_is_no_message_is_refused():
@@ -122,7 +146,9 @@ def test_what_is_no_message_is_refused():
         frames(bytearray(b"\xff\xff\xff\xff"))
     with pytest.raises(framing.WireError):
         wire.unpack_answer(b"\x01")
-    broken = wire.Perceive(1.0, Pose2D(0.0, 0.0, 0.0), AHEAD, charger_contact=False, sweep=None, points=b"123")
+    broken = wire.Perceive(
+        1.0, Pose2D(0.0, 0.0, 0.0), AHEAD, charger_contact=False, sweep=None, points=b"123"
+    )
     with pytest.raises(framing.WireError):
         wire.perceived(broken, None)
 
@@ -137,7 +163,9 @@ def test_half_a_message_waits_for_its_other_half():
 
 
 def settle():
-    return wire.Settle(Body("giraff", GIRAFF.footprint, GIRAFF.limits), update_of(load_site("office")), 1)
+    return wire.Settle(
+        Body("giraff", GIRAFF.footprint, GIRAFF.limits), update_of(load_site("office")), 1
+    )
 
 
 def test_a_mind_that_fell_behind_thinks_once_of_the_newest_moment():
@@ -153,7 +181,13 @@ def test_a_mind_that_fell_behind_thinks_once_of_the_newest_moment():
 def test_a_mind_without_a_map_says_so_and_takes_no_harm():
     said = []
     conversation = Conversation(said.append)
-    conversation.take([wire.perceive(moment(), new=True), wire.CancelAction("a"), wire.BeginAction(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0))])
+    conversation.take(
+        [
+            wire.perceive(moment(), new=True),
+            wire.CancelAction("a"),
+            wire.BeginAction(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)),
+        ]
+    )
     assert said == [wire.Answer(7, "no map")]
 
 

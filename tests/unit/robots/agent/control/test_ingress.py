@@ -20,7 +20,9 @@ class Loop:
 
 
 def velocity(seq: int) -> VelocityCommand:
-    return VelocityCommand(session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.3, angular=0.0, method="keyboard")
+    return VelocityCommand(
+        session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.3, angular=0.0, method="keyboard"
+    )
 
 
 def test_of_a_flood_the_newest_is_heard_and_the_loop_is_woken_once() -> None:
@@ -43,7 +45,12 @@ def test_stops_of_all_pages_come_before_everything_else() -> None:
     for peer in ("p1", "p2"):
         loop.ingress.put(peer, "observer", EStop(action_id=f"e-{peer}", stamp=1.0))
         loop.ingress.put(peer, "observer", velocity(1))
-    assert [type(command) for command in loop.heard()] == [EStop, EStop, VelocityCommand, VelocityCommand]
+    assert [type(command) for command in loop.heard()] == [
+        EStop,
+        EStop,
+        VelocityCommand,
+        VelocityCommand,
+    ]
 
 
 def test_what_a_page_said_before_its_stop_moves_nothing_after_it() -> None:
@@ -68,7 +75,9 @@ def test_what_one_page_wants_is_heard_in_the_order_in_which_it_was_said() -> Non
 
 def test_letting_go_is_heard_though_a_key_was_pressed_again_at_once() -> None:
     loop = Loop()
-    zero = VelocityCommand(session="s1", epoch=1, seq=2, stamp=1.0, linear=0.0, angular=0.0, method="keyboard")
+    zero = VelocityCommand(
+        session="s1", epoch=1, seq=2, stamp=1.0, linear=0.0, angular=0.0, method="keyboard"
+    )
     for said in (velocity(1), zero, velocity(3)):
         loop.ingress.put("p1", "driver", said)
     assert loop.heard() == [zero, velocity(3)]

@@ -25,7 +25,7 @@ def rig(tmp_path):
         yield rig
 
 
-# --- driving -----------------------------------------------------------------------------------------------------------
+# --- driving --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
@@ -47,9 +47,12 @@ def test_every_applied_command_is_in_exactly_one_state(rig):
 
     def told_of():
         states = rig.link.all("state")
-        return [c.seq for s in states for c in s.applied], sum(sum(s.refused.values()) for s in states)
+        return [c.seq for s in states for c in s.applied], sum(
+            sum(s.refused.values()) for s in states
+        )
 
-    # The last one too may be refused: a machine that was busy for a quarter of a second has made it stale.
+    # The last one too may be refused: a machine that was busy for a quarter of a second has made it
+    # stale.
     rig.wait(lambda: len(told_of()[0]) + told_of()[1] >= last)
     seqs, refused = told_of()
     assert len(seqs) == len(set(seqs))
@@ -72,7 +75,11 @@ def test_an_observers_commands_are_refused_and_counted_and_its_stop_is_obeyed(ri
 
 def test_only_a_pages_own_messages_are_taken_from_a_data_channel(rig):
     rig.grant()
-    rig.frame("lease", m.Lease(session="s9", epoch=99, peer="p2", who="Eve", renewal=9, stamp=rig.unix()), peer="p2")
+    rig.frame(
+        "lease",
+        m.Lease(session="s9", epoch=99, peer="p2", who="Eve", renewal=9, stamp=rig.unix()),
+        peer="p2",
+    )
     rig.frame("config", m.Config(stamp=0.0, doors={"north": "open"}), peer="p2")
     rig.frame("signal/p2", m.Bye(reason="x"), peer="p2")
     rig.control.receive("p2", "driver", decoded(b"\xff\x00nonsense"))
@@ -98,10 +105,14 @@ def test_300_bad_messages_of_every_kind_are_refused_and_the_loop_goes_on(rig):
     noise = random.Random(3)
     kinds = [
         lambda: rig.control.receive("p1", "driver", decoded(noise.randbytes(noise.randrange(200)))),
-        lambda: rig.control.receive("p1", "driver", decoded("command/velocity\n" + '{"linear": NaN}')),
+        lambda: rig.control.receive(
+            "p1", "driver", decoded("command/velocity\n" + '{"linear": NaN}')
+        ),
         lambda: rig.control.receive("p1", "driver", decoded("command/velocity\n" + " " * 5000)),
         lambda: rig.link.say_bytes("command/velocity", noise.randbytes(100)),
-        lambda: rig.link.say_bytes("command/action", b'{"type":"goto","actionId":"x","stamp":1e400}'),
+        lambda: rig.link.say_bytes(
+            "command/action", b'{"type":"goto","actionId":"x","stamp":1e400}'
+        ),
         lambda: rig.push(0.5, stamp=rig.unix() - 5),
         lambda: rig.push(0.5, stamp=rig.unix() + 5),
         lambda: rig.push(0.5, epoch=7),
@@ -119,7 +130,7 @@ def test_300_bad_messages_of_every_kind_are_refused_and_the_loop_goes_on(rig):
     rig.link.wait("state", lambda s: s.safety.stop_id == "stop-9")
 
 
-# --- lease -------------------------------------------------------------------------------------------------------------
+# --- lease ----------------------------------------------------------------------------------------
 
 
 def test_a_session_ends_with_the_seq_of_its_last_state(rig):
@@ -173,7 +184,8 @@ def test_a_stored_lease_names_the_session_and_permits_nothing(rig):
     assert {velocity for _, velocity in rig.robot.velocities()} <= {ZERO}
 
 
-# --- stop and e-stop ---------------------------------------------------------------------------------------------------
+# --- stop and e-stop
+# ---------------------------------------------------------------------------------------------------
 
 
 def test_a_stop_is_echoed_at_once_and_answered(rig):
@@ -202,7 +214,9 @@ def test_an_estop_survives_a_restart_of_the_agent_and_is_cleared_by_staff(tmp_pa
         assert state.safety.estop_source == "staff:Eve"
         assert state.mode == "stopped"
         rig.grant(epoch=2)
-        rig.drive(0.5, until=lambda: any(s.refused.get("estop") for s in rig.link.all("state")), epoch=2)
+        rig.drive(
+            0.5, until=lambda: any(s.refused.get("estop") for s in rig.link.all("state")), epoch=2
+        )
         assert all(velocity == ZERO for _, velocity in rig.robot.velocities())
         rig.act(staff(m.ClearEStop, "c1"))
         rig.status("c1", "FINISHED")
@@ -228,7 +242,9 @@ def test_the_robots_own_button_latches_and_is_reported(rig):
 
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
-def test_an_estop_of_somebody_who_only_watches_stops_the_robot_and_ends_nobodys_drive_for_good(rig, way):
+def test_an_estop_of_somebody_who_only_watches_stops_the_robot_and_ends_nobodys_drive_for_good(
+    rig, way
+):
     rig.grant()
     rig.drive(0.5)
     rig.act(stamped(m.EStop, "e1", role="observer"), way=way, peer="p2")
@@ -257,8 +273,14 @@ def test_an_estop_of_the_robots_own_screen_latches_and_is_kept(rig, way):
 
 def test_a_goto_that_was_said_before_a_stop_is_not_begun_after_it(rig):
     rig.grant()
-    rig.frame("command/action", m.Goto(action_id="g1", stamp=rig.unix(), session="s1", epoch=1, x=1.0, y=1.0))
-    rig.frame("command/action", m.Stop(action_id="st", stamp=rig.unix(), session="s1", epoch=1, seq=rig.seq + 1))
+    rig.frame(
+        "command/action",
+        m.Goto(action_id="g1", stamp=rig.unix(), session="s1", epoch=1, x=1.0, y=1.0),
+    )
+    rig.frame(
+        "command/action",
+        m.Stop(action_id="st", stamp=rig.unix(), session="s1", epoch=1, seq=rig.seq + 1),
+    )
     rig.status("st", "FINISHED")
     rig.sleep(1.0)
     assert rig.kernel.navigation is None
@@ -271,7 +293,18 @@ def test_of_a_hundred_estops_the_disk_hears_few_times_and_all_are_answered(rig):
     rig.store.keep_latch = lambda latch: (written.append(latch), keep(latch))
     for number in range(100):
         rig.act(staff(m.EStop, f"e{number}"))
-    rig.wait(lambda: len({action.action_id for action in rig.link.all("action") if action.status == "FINISHED"}) == 100)
+    rig.wait(
+        lambda: (
+            len(
+                {
+                    action.action_id
+                    for action in rig.link.all("action")
+                    if action.status == "FINISHED"
+                }
+            )
+            == 100
+        )
+    )
     assert len(written) <= 3
     assert rig.store.latch() == rig.kernel.latch
 
@@ -287,7 +320,7 @@ def test_a_disk_that_is_full_does_not_keep_an_estop_from_latching(rig):
     rig.link.wait("state", lambda s: any("No space left" in error for error in s.errors))
 
 
-# --- actions -----------------------------------------------------------------------------------------------------------
+# --- actions --------------------------------------------------------------------------------------
 
 
 def test_an_action_is_done_once_however_often_it_is_asked_for(rig):
@@ -297,7 +330,11 @@ def test_an_action_is_done_once_however_often_it_is_asked_for(rig):
         rig.act(tilt, way="datachannel")
     rig.status("a1", "FINISHED")
     rig.act(tilt, way="datachannel")
-    rig.wait(lambda: [a.status for a in rig.link.all("action") if a.action_id == "a1"].count("FINISHED") >= 2)
+    rig.wait(
+        lambda: (
+            [a.status for a in rig.link.all("action") if a.action_id == "a1"].count("FINISHED") >= 2
+        )
+    )
     assert len(rig.robot.started) == 1
 
 
@@ -388,7 +425,11 @@ def test_states_are_said_again_from_the_agents_buffer(rig):
     seen = rig.link.count
     rig.act(stamped(m.ResendStates, "r1", role="server", boot="boot-1", first=2, last=4))
     done = rig.status("r1", "FINISHED")
-    again = [message for name, message in rig.link.sent[seen:] if name == "state" and message.seq in {2, 3, 4}]
+    again = [
+        message
+        for name, message in rig.link.sent[seen:]
+        if name == "state" and message.seq in {2, 3, 4}
+    ]
     assert [s.seq for s in again] == [2, 3, 4]
     assert all(s == first_time[s.seq] for s in again)
     assert done.result == {"sent": 3.0, "missing": 0.0}
@@ -396,14 +437,16 @@ def test_states_are_said_again_from_the_agents_buffer(rig):
     assert rig.status("r2", "FAILED").reason == "unknown_boot"
 
 
-# --- what the robot says -----------------------------------------------------------------------------------------------
+# --- what the robot says --------------------------------------------------------------------------
 
 
 def test_states_come_four_times_a_second_and_count_without_a_gap(rig):
     begun = len(rig.link.all("state"))
     rig.wait(lambda: len(rig.link.all("state")) >= begun + 13)
     stamps = [state.stamp for state in rig.link.all("state")[begun : begun + 13]]
-    assert statistics.median(after - before for before, after in pairwise(stamps)) == pytest.approx(0.25, abs=0.05)
+    assert statistics.median(after - before for before, after in pairwise(stamps)) == pytest.approx(
+        0.25, abs=0.05
+    )
     seqs = [s.seq for s in rig.link.all("state")]
     assert seqs == list(range(1, len(seqs) + 1))
 
@@ -413,16 +456,26 @@ def test_heartbeats_go_out_on_both_ways_with_the_echo_of_each_way(rig):
     rig.beat("p1", way="mqtt")
     beat = rig.link.wait("heartbeat", lambda h: len(h.echoes) == 2)
     assert {echo.n for echo in beat.echoes} == {1, 2}
-    rig.wait(lambda: any(name == "heartbeat" and len(message.echoes) == 2 for name, message in rig.media.told))
+    rig.wait(
+        lambda: any(
+            name == "heartbeat" and len(message.echoes) == 2 for name, message in rig.media.told
+        )
+    )
 
 
 def test_a_page_gets_what_it_shows_and_nothing_of_the_record(rig):
     rig.robot.reading = still(
         velocity=m.Velocity(linear=0.3, angular=0.0),
-        scan=m.Scan(stamp=1.0, angle_min=-1.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None, 9.0)),
+        scan=m.Scan(
+            stamp=1.0, angle_min=-1.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None, 9.0)
+        ),
     )
     rig.wait(lambda: {"state", "pose", "scan", "heartbeat"} <= {name for name, _ in rig.media.told})
-    assert rig.link.wait("scan").ranges == (1.0, None, None), "what is beyond the laser's range is no range"
+    assert rig.link.wait("scan").ranges == (
+        1.0,
+        None,
+        None,
+    ), "what is beyond the laser's range is no range"
     assert not {name for name, _ in rig.media.told} & {"connection", "factsheet", "photo"}
 
 
@@ -441,7 +494,10 @@ def test_poses_come_at_most_fifteen_times_a_second_and_only_while_something_move
 def test_docking_collisions_and_a_lost_localization_are_events(rig):
     rig.wait(lambda: rig.link.all("state"))
     rig.robot.reading = still(
-        charger_contact=True, battery=m.Battery(charge=0.5, charging=True), contacts=1, pose=m.Pose(x=0.0, y=0.0, theta=0.0, localized=False)
+        charger_contact=True,
+        battery=m.Battery(charge=0.5, charging=True),
+        contacts=1,
+        pose=m.Pose(x=0.0, y=0.0, theta=0.0, localized=False),
     )
     for kind in ("docked", "charging", "collision", "localization_lost"):
         rig.link.wait("event", lambda e, kind=kind: e.type == kind)
@@ -459,7 +515,8 @@ def test_while_the_broker_is_away_the_drive_goes_on_and_no_state_is_missing_afte
     rig.wait(lambda: not rig.link.connected)
     away = rig.now()
     rig.drive(0.5, until=lambda: rig.now() > away + 1.5)
-    rig.drive(0.5)  # a busy machine may just have held up a command for so long that the robot slowed down
+    # a busy machine may just have held up a command for so long that the robot slowed down
+    rig.drive(0.5)
     rig.link.cut(mend=True)
     rig.wait(lambda: rig.link.connected)
     rig.wait(lambda: rig.now() > away + 2.0)
@@ -468,7 +525,9 @@ def test_while_the_broker_is_away_the_drive_goes_on_and_no_state_is_missing_afte
 
 
 def test_config_reaches_the_adapter_and_sets_the_assistance(rig):
-    rig.link.say("config", m.Config(stamp=1.0, assist="steer", doors={"north": "open"}), retained=True)
+    rig.link.say(
+        "config", m.Config(stamp=1.0, assist="steer", doors={"north": "open"}), retained=True
+    )
     rig.link.wait("state", lambda s: s.assist == "slow" and s.mode == "assisted")
     assert rig.robot.configs[-1].doors == {"north": "open"}
     rig.link.say("config", m.Config(stamp=2.0, doors={"north": "closed"}), retained=True)
@@ -476,17 +535,27 @@ def test_config_reaches_the_adapter_and_sets_the_assistance(rig):
 
 
 class NavigatedRobot(ScriptedRobot):
-    """A robot with a laser whose architecture assists by itself, and for which our own navigation looks for the way."""
+    """A robot with a laser whose architecture assists by itself, and for which our own navigation
+    looks for the way.
+    """
 
     def __post_init__(self):
         super().__post_init__()
-        self.profile = replace(self.profile, capabilities=(*self.profile.capabilities, "assist"), laser=m.Laser(x=0.0))
+        self.profile = replace(
+            self.profile, capabilities=(*self.profile.capabilities, "assist"), laser=m.Laser(x=0.0)
+        )
         self.points = []
 
     async def states(self):
         async for reading in super().states():
             ranges = (1.0,) * 19
-            scan = m.Scan(stamp=reading.stamp, angle_min=-0.9, angle_increment=0.1, range_max=5.0, ranges=ranges)
+            scan = m.Scan(
+                stamp=reading.stamp,
+                angle_min=-0.9,
+                angle_increment=0.1,
+                range_max=5.0,
+                ranges=ranges,
+            )
             yield replace(reading, odometry=Pose2D(0.0, 0.0, 0.0), scan=scan, assist_why="obstacle")
 
     def wanted(self):
@@ -510,7 +579,9 @@ def test_our_navigation_gets_what_is_in_the_way_where_the_architecture_assists_b
         rig.wait(lambda: robot.points and len(robot.points[-1]))
         assert np.hypot(*robot.points[-1].T).min() == pytest.approx(1.0, abs=0.05)
         assert rig.kernel.monitor is None, "it is helped once, and not twice"
-        assert rig.link.wait("state", lambda s: s.clearance).assist_why == "obstacle", "its own word is kept"
+        assert rig.link.wait("state", lambda s: s.clearance).assist_why == "obstacle", (
+            "its own word is kept"
+        )
 
 
 def test_signals_reach_the_media_side_with_their_peer(rig):
@@ -520,7 +591,7 @@ def test_signals_reach_the_media_side_with_their_peer(rig):
     assert rig.link.wait("signal/p5/reply") == m.Answer(sdp="v=1")
 
 
-# --- the adapter -------------------------------------------------------------------------------------------------------
+# --- the adapter ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("how", ["lost", "silent", "deaf"])
@@ -558,7 +629,9 @@ def test_an_agent_starts_without_its_robot_and_says_so(tmp_path):
         rig.act(stamped(m.Stop, "stop-1"))
         rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
         rig.robot.lost = ""
-        rig.link.wait("state", lambda s: s.pose.x == 1.0 and s.safety.inhibited != "fault", within=10.0)
+        rig.link.wait(
+            "state", lambda s: s.pose.x == 1.0 and s.safety.inhibited != "fault", within=10.0
+        )
     finally:
         rig.close()
 
@@ -567,14 +640,17 @@ def test_a_second_newer_agent_of_the_same_robot_takes_over(rig):
     rig.grant()
     rig.drive(0.5)
     rig.post(rig.link._inbox.rival, "newer")
-    rig.link.wait("state", lambda s: s.safety.inhibited == "fault" and any("another agent" in e for e in s.errors))
+    rig.link.wait(
+        "state",
+        lambda s: s.safety.inhibited == "fault" and any("another agent" in e for e in s.errors),
+    )
     rig.wait(lambda: rig.robot.told == ZERO)
     rig.post(rig.link._inbox.rival, None)
     rig.drive(0.0, until=lambda: rig.kernel.fault is None and not rig.kernel.held)
     rig.drive(0.5)
 
 
-# --- the end -----------------------------------------------------------------------------------------------------------
+# --- the end --------------------------------------------------------------------------------------
 
 
 def test_closing_brakes_first_and_lets_go_of_the_robot(tmp_path):
@@ -587,10 +663,12 @@ def test_closing_brakes_first_and_lets_go_of_the_robot(tmp_path):
         full = max(at for at, v in rig.robot.velocities() if v.linear == 0.5)
         braked = [(at, v.linear) for at, v in rig.robot.velocities(full)]
         paused = max(after - before for (before, _), (after, _) in pairwise(braked))
-        assert any(0.0 < v < 0.5 for _, v in braked) or paused > 0.1, "it brakes, it does not cut off"
+        assert any(0.0 < v < 0.5 for _, v in braked) or paused > 0.1, (
+            "it brakes, it does not cut off"
+        )
 
 
-# --- pictures through the server ---------------------------------------------------------------------------------------
+# --- pictures through the server ------------------------------------------------------------------
 
 
 def test_a_request_for_a_picture_reaches_the_media_side_and_its_picture_the_broker(rig):

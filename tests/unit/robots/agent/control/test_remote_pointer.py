@@ -12,15 +12,21 @@ CHANNEL = Sender("datachannel", "p1", role="driver")
 
 
 def dot(stamp=1.0, **fields):
-    return PointCommand(**{"stamp": stamp, "at": (0.5, 0.5), "session": "s1", "epoch": 7, "peer": "p1", **fields})
+    return PointCommand(
+        **{"stamp": stamp, "at": (0.5, 0.5), "session": "s1", "epoch": 7, "peer": "p1", **fields}
+    )
 
 
 def at_screen(stamp=1.0, **fields):
-    return PointCommand(**{"stamp": stamp, "at": (0.5, 0.5), "role": "screen", "peer": "screen-1", **fields})
+    return PointCommand(
+        **{"stamp": stamp, "at": (0.5, 0.5), "role": "screen", "peer": "screen-1", **fields}
+    )
 
 
 def take(pointing, command, sender=SERVER, *, peer=None, lease=LEASE, shown=True, now=0.0):
-    return pointing.take(peer or sender.peer or command.peer, command, sender, lease, shown=shown, now=now)
+    return pointing.take(
+        peer or sender.peer or command.peer, command, sender, lease, shown=shown, now=now
+    )
 
 
 @pytest.mark.parametrize("sender", [SERVER, CHANNEL], ids=["mqtt", "data channel"])
@@ -63,7 +69,9 @@ def test_nobody_else_does_whatever_they_say_of_themselves(command, sender, reaso
 
 def test_a_way_that_a_study_keeps_its_driver_from_is_no_way_for_dots_either():
     pointing = Pointing()
-    only_mqtt = Lease(session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0, ways=("mqtt",))
+    only_mqtt = Lease(
+        session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0, ways=("mqtt",)
+    )
     assert take(pointing, dot(), CHANNEL, lease=only_mqtt) is None
     assert take(pointing, dot(), SERVER, lease=only_mqtt) == "driver"
     assert pointing.refused == {"not_allowed": 1}
@@ -74,7 +82,9 @@ def test_what_is_overtaken_is_dropped_until_a_clock_may_have_been_set():
     assert take(pointing, dot(100.0)) == "driver"
     assert take(pointing, dot(99.9), now=0.1) is None
     assert take(pointing, dot(100.0), now=0.1) is None, "once is enough"
-    assert take(pointing, at_screen(5.0), now=0.1) == "screen", "another peer has a clock of its own"
+    assert take(pointing, at_screen(5.0), now=0.1) == "screen", (
+        "another peer has a clock of its own"
+    )
     assert take(pointing, dot(50.0), now=0.1 + FORGOTTEN) == "driver"
     assert pointing.refused == {"old": 2}
 

@@ -1,11 +1,20 @@
-"""A robot tried with its wheels off the ground: what its readings say, and when its base stops without its agent."""
+"""A robot tried with its wheels off the ground: what its readings say, and when its base stops
+without its agent.
+"""
 
 import asyncio
 import dataclasses
 
 import pytest
 
-from robots.agent.control.robot_check import CheckParams, RobotCheck, Sample, reported, stopped_after, verdict
+from robots.agent.control.robot_check import (
+    CheckParams,
+    RobotCheck,
+    Sample,
+    reported,
+    stopped_after,
+    verdict,
+)
 from robots.agent.robot_interface import UNKNOWN_BATTERY, AdapterError
 from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
@@ -17,10 +26,14 @@ NEVER = 1e9
 
 
 class Base(ScriptedRobot):
-    """A robot whose odometry says what its base does: the last velocity until its watchdog strikes, after `watchdog` seconds."""
+    """A robot whose odometry says what its base does: the last velocity until its watchdog strikes,
+    after `watchdog` seconds.
+    """
 
     def __init__(self, time, watchdog, stuck=False):
-        super().__init__(profile=dataclasses.replace(PROFILE, capabilities=("velocity",)), times=time.times)
+        super().__init__(
+            profile=dataclasses.replace(PROFILE, capabilities=("velocity",)), times=time.times
+        )
         self.watchdog, self.stuck = watchdog, stuck
         self.mute = ""  # why it reports nothing more, though it listens
 
@@ -30,7 +43,12 @@ class Base(ScriptedRobot):
                 raise AdapterError(self.mute)
             at, velocity = self.applied[-1] if self.applied else (0.0, ZERO)
             moves = not self.stuck and self.times.now() - at < self.watchdog
-            yield still(stamp=self.times.unix(), velocity=velocity if moves else ZERO, odometry=Pose2D(0.0, 0.0, 0.0), battery=UNKNOWN_BATTERY)
+            yield still(
+                stamp=self.times.unix(),
+                velocity=velocity if moves else ZERO,
+                odometry=Pose2D(0.0, 0.0, 0.0),
+                battery=UNKNOWN_BATTERY,
+            )
             await asyncio.sleep(0.02)
 
     def video(self):
@@ -57,7 +75,7 @@ def speeds(base):
     return [velocity.linear for _, velocity in base.applied]
 
 
-# --- decisions -------------------------------------------------------------------------------------------------------------
+# --- decisions ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -75,7 +93,9 @@ def test_a_base_has_stopped_where_it_stays(told, seconds):
     assert found == (None if seconds is None else pytest.approx(seconds))
 
 
-@pytest.mark.parametrize(("measured", "is_well"), [(0.3, True), (0.74, True), (0.76, False), (None, False)])
+@pytest.mark.parametrize(
+    ("measured", "is_well"), [(0.3, True), (0.74, True), (0.76, False), (None, False)]
+)
 def test_a_base_keeps_its_watchdog_up_to_what_can_be_measured(measured, is_well):
     assert verdict(measured, 0.5, CheckParams())[0] is is_well
 
@@ -90,7 +110,7 @@ def test_what_is_missing_is_named():
     assert reported([], (), 3.0) == [(False, "Readings: none came.")]
 
 
-# --- trials ----------------------------------------------------------------------------------------------------------------
+# --- trials ---------------------------------------------------------------------------------------
 
 
 def test_a_base_that_stops_by_itself_passes_and_nothing_is_said_while_it_is_measured(time):

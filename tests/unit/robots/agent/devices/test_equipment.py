@@ -23,7 +23,9 @@ def equipped(adapter, **arguments):
 
 @pytest.fixture
 def giraff():
-    """The paper's Giraff, whose architecture gives velocities and readings, and nothing to see or hear."""
+    """The paper's Giraff, whose architecture gives velocities and readings, and nothing to see or
+    hear.
+    """
     return registry.create("moos", "giraff")
 
 
@@ -58,13 +60,19 @@ def test_what_the_architecture_has_is_taken_unless_it_is_said_otherwise():
     assert equipped(simulated)[0].video is simulated.video()
     assert equipped(simulated)[0].outputs == (simulated.speaker(), simulated.display())
     without, _ = equipped(simulated, camera="none", microphone="none", loudspeaker="none")
-    assert (without.video, without.audio, without.outputs) == (None, None, (None, simulated.display()))
+    assert (without.video, without.audio, without.outputs) == (
+        None,
+        None,
+        (None, simulated.display()),
+    )
 
 
 def test_the_page_of_the_robots_screen_may_give_both(giraff):
     equipment, config = equipped(giraff, camera="page", microphone="page")
     assert (equipment.video, equipment.audio) == (FROM_PAGE, FROM_PAGE)
-    assert {"photo", "video", "audio"} <= set(factsheet_of(giraff, equipment, config, "b").capabilities)
+    assert {"photo", "video", "audio"} <= set(
+        factsheet_of(giraff, equipment, config, "b").capabilities
+    )
 
 
 def test_a_device_without_an_address_is_said_in_a_sentence(giraff):

@@ -22,7 +22,12 @@ def heard(source: DeviceMicrophone, blocks: int) -> np.ndarray:
 
 
 def test_other_rates_and_two_channels_become_mono_at_48_khz():
-    microphone = DeviceMicrophone(words.read("lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo", "microphone"))
+    microphone = DeviceMicrophone(
+        words.read(
+            "lavfi:sine=frequency=440:sample_rate=22050,aformat=channel_layouts=stereo",
+            "microphone",
+        )
+    )
     microphone.start()
     samples = heard(microphone, 25)
     microphone.stop()
@@ -32,14 +37,31 @@ def test_other_rates_and_two_channels_become_mono_at_48_khz():
 @pytest.mark.parametrize(
     ("said", "reason"),
     [
-        ("ALSA lib pcm.c:2666:(snd_pcm_open_noupdate) Unknown PCM basement\narecord: main:831: audio open error: No such file or directory\n", "there is no such device"),
+        (
+            (
+                "ALSA lib pcm.c:2666:(snd_pcm_open_noupdate) Unknown PCM basement\narecord:"
+                " main:831: audio open error: No such file or directory\n"
+            ),
+            "there is no such device",
+        ),
         ("aplay: main:831: audio open error: Device or resource busy\n", "another program uses it"),
-        ("aplay: main:831: audio open error: Permission denied\n", "the agent's user may not use it: add the user to the group audio"),
-        ("arecord: set_params:1416: Unable to install hw params:\nACCESS:  RW_INTERLEAVED\nFORMAT:  S16_LE\n", "it cannot be opened"),
+        (
+            "aplay: main:831: audio open error: Permission denied\n",
+            "the agent's user may not use it: add the user to the group audio",
+        ),
+        (
+            (
+                "arecord: set_params:1416: Unable to install hw params:\nACCESS: "
+                " RW_INTERLEAVED\nFORMAT:  S16_LE\n"
+            ),
+            "it cannot be opened",
+        ),
         ("arecord: pcm_read:2221: read error: Something new\n", "Something new"),
         ("ALSA lib confmisc.c:165:(snd_config_get_card) Cannot get card index for 7\n", ""),
     ],
-)  # fmt: skip
+)
 def test_the_reason_is_found_in_what_alsa_utils_say(said, reason):
-    """alsa-utils 1.2.8, aplay/aplay.c: `error()` writes `PROGRAM: FUNCTION:LINE: TEXT`; the line numbers are of that version."""
+    """alsa-utils 1.2.8, aplay/aplay.c: `error()` writes `PROGRAM: FUNCTION:LINE: TEXT`; the line
+    numbers are of that version.
+    """
     assert alsa.reason_in(said) == reason

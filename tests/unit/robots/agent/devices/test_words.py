@@ -13,18 +13,29 @@ def test_no_device_is_one_too(words):
 def test_a_camera_of_linux_is_known_by_its_file_and_may_be_told_what_ffmpeg_knows():
     found = read("/dev/video2 video_size=1280x720 input_format=mjpeg", "camera")
     assert (found.format, found.address, found.live) == ("v4l2", "/dev/video2", True)
-    assert found.options == {"ts": "abs", "video_size": "1280x720", "framerate": "30", "input_format": "mjpeg"}
+    assert found.options == {
+        "ts": "abs",
+        "video_size": "1280x720",
+        "framerate": "30",
+        "input_format": "mjpeg",
+    }
 
 
 def test_an_address_of_the_network_keeps_its_colons_and_its_query():
     found = read("rtsp://user:word@10.0.0.4:554/live?channel=1 rtsp_transport=udp", "camera")
-    assert (found.format, found.address, found.live) == ("", "rtsp://user:word@10.0.0.4:554/live?channel=1", True)
+    assert (found.format, found.address, found.live) == (
+        "",
+        "rtsp://user:word@10.0.0.4:554/live?channel=1",
+        True,
+    )
     assert found.options["rtsp_transport"] == "udp"
 
 
 def test_names_with_blanks_and_colons_are_the_devices_own():
     assert read("dshow:video=USB Camera", "camera") == DeviceSetting("video=USB Camera", "dshow")
-    assert read(r"C:\films\a talk.mp4", "camera") == DeviceSetting(r"C:\films\a talk.mp4", live=False)
+    assert read(r"C:\films\a talk.mp4", "camera") == DeviceSetting(
+        r"C:\films\a talk.mp4", live=False
+    )
     assert read("alsa:hw:1,0", "microphone") == DeviceSetting("hw:1,0", "alsa")
 
 

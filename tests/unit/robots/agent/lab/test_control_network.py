@@ -1,4 +1,6 @@
-"""A worse network for the driver's commands, in the control loop as it is: held, lost, reported; and what never is."""
+"""A worse network for the driver's commands, in the control loop as it is: held, lost, reported;
+and what never is.
+"""
 
 import statistics
 
@@ -19,7 +21,9 @@ def rig(tmp_path):
 
 
 def configure(rig, lab, session="s1", **fields):
-    rig.link.say("config", m.Config(stamp=rig.unix(), control_network=lab, network_session=session, **fields))
+    rig.link.say(
+        "config", m.Config(stamp=rig.unix(), control_network=lab, network_session=session, **fields)
+    )
 
 
 def impaired(rig, lab):
@@ -63,7 +67,12 @@ def test_stop_and_e_stop_are_obeyed_at_once_whatever_the_network(tmp_path, lab, 
         rig.act(own(kind, "halt"), way=way)
         rig.wait(lambda: rig.robot.told == ZERO)
         rig.status("halt", "FINISHED")
-        assert rig.link.wait("state", lambda s: s.safety.stop_id == "halt" or s.safety.estop).control_network is not None
+        assert (
+            rig.link.wait(
+                "state", lambda s: s.safety.stop_id == "halt" or s.safety.estop
+            ).control_network
+            is not None
+        )
 
 
 def test_a_lost_network_lets_no_command_through_while_the_heartbeat_keeps_the_driver_present(rig):
@@ -73,7 +82,11 @@ def test_a_lost_network_lets_no_command_through_while_the_heartbeat_keeps_the_dr
         rig.push(0.5)
         rig.beat()
     rig.act(own(m.Tilt, "look", angle=0.2), way="datachannel")
-    report = rig.link.wait("state", lambda s: s.control_network is not None and s.control_network.lost >= 11, since=since)
+    report = rig.link.wait(
+        "state",
+        lambda s: s.control_network is not None and s.control_network.lost >= 11,
+        since=since,
+    )
     assert report.visitor_silence < 1.0 * 4
     assert not any(c.linear for s in rig.link.all("state") for c in s.applied)
     assert rig.robot.told == ZERO
@@ -97,7 +110,8 @@ def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
 
 
 def test_what_was_under_way_when_the_driver_stopped_moves_nothing_any_more(rig):
-    impaired(rig, m.NetworkLab(delay=0.8))  # so long that the stop is said meanwhile also by a driver who is held up
+    # so long that the stop is said meanwhile also by a driver who is held up
+    impaired(rig, m.NetworkLab(delay=0.8))
     for _ in range(4):
         rig.push(0.5)
         rig.sleep(0.01)
@@ -137,7 +151,12 @@ def test_a_network_for_this_session_alone_waits_for_its_driver(rig):
     rig.grant()
     assert rig.link.wait("state", lambda s: s.session == "s1").control_network is None
     rig.grant(session="s7", epoch=7)
-    assert rig.link.wait("state", lambda s: s.session == "s7" and s.control_network is not None).control_network.lab.delay == 0.2
+    assert (
+        rig.link.wait(
+            "state", lambda s: s.session == "s7" and s.control_network is not None
+        ).control_network.lab.delay
+        == 0.2
+    )
 
 
 def test_the_pictures_network_is_handed_to_the_media_side_and_reported_by_it(rig):
@@ -155,7 +174,10 @@ def test_what_the_command_line_says_holds_for_every_driver(tmp_path):
     with ControlRig(tmp_path, networks=Networks(lab, None)) as rig:
         assert rig.link.wait("state").control_network is None, "nobody drives yet"
         rig.grant(limits=m.LeaseLimits(command_age=1.0))
-        assert rig.link.wait("state", lambda s: s.control_network is not None).control_network.lab == lab
+        assert (
+            rig.link.wait("state", lambda s: s.control_network is not None).control_network.lab
+            == lab
+        )
 
 
 def test_a_command_says_how_old_the_picture_was_that_it_answered(rig):
@@ -166,4 +188,6 @@ def test_a_command_says_how_old_the_picture_was_that_it_answered(rig):
     assert 0.2 <= next(c for c in applied if c.seq == command.seq).frame_age < 5.0
     other = rig.push(0.5, frame=12.0)
     applied = rig.link.wait("state", lambda s: any(c.seq == other.seq for c in s.applied)).applied
-    assert next(c for c in applied if c.seq == other.seq).frame_age is None, "no picture of this robot is years old"
+    assert next(c for c in applied if c.seq == other.seq).frame_age is None, (
+        "no picture of this robot is years old"
+    )

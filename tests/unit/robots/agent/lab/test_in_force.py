@@ -32,7 +32,9 @@ def test_without_a_driver_there_is_no_lab():
     assert in_force(None, config(control_network=SLOW), OWN) == CLEAN
 
 
-@pytest.mark.parametrize("told", [None, config(), config(control_network=SLOW, network_session="s0")])
+@pytest.mark.parametrize(
+    "told", [None, config(), config(control_network=SLOW, network_session="s0")]
+)
 def test_the_agents_own_networks_hold_where_the_server_says_nothing(told):
     assert in_force(LEASE, told, OWN) == Networks(OWN.control, None, "s1")
 
@@ -41,18 +43,25 @@ def test_the_server_goes_before_the_agents_own():
     assert in_force(LEASE, config(control_network=SLOW), OWN).control == SLOW
 
 
-VELOCITY = m.VelocityCommand(session="s1", epoch=3, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard")
+VELOCITY = m.VelocityCommand(
+    session="s1", epoch=3, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"
+)
 DRIVERS = {"action_id": "a", "stamp": 1.0, "session": "s1", "epoch": 3}
 
 
 @pytest.mark.parametrize("sender", [Sender("datachannel", "p1"), Sender("mqtt")])
-@pytest.mark.parametrize("message", [VELOCITY, m.Goto(**DRIVERS, x=1.0, y=1.0), m.Photo(**DRIVERS), m.Tilt(**DRIVERS, angle=0.1)])
+@pytest.mark.parametrize(
+    "message",
+    [VELOCITY, m.Goto(**DRIVERS, x=1.0, y=1.0), m.Photo(**DRIVERS), m.Tilt(**DRIVERS, angle=0.1)],
+)
 def test_the_drivers_commands_travel_on_the_drivers_network_on_both_ways(message, sender):
     assert is_held(message, sender, LEASE)
 
 
 @pytest.mark.parametrize("sender", [Sender("datachannel", "p1"), Sender("mqtt")])
-@pytest.mark.parametrize("message", [m.Stop(**DRIVERS, seq=2), m.EStop(**DRIVERS), m.Cancel(**DRIVERS)])
+@pytest.mark.parametrize(
+    "message", [m.Stop(**DRIVERS, seq=2), m.EStop(**DRIVERS), m.Cancel(**DRIVERS)]
+)
 def test_what_stops_a_robot_never_does(message, sender):
     assert not is_held(message, sender, LEASE)
 
@@ -62,7 +71,12 @@ def test_what_stops_a_robot_never_does(message, sender):
     [
         (VELOCITY, Sender("datachannel", "p2")),
         (VELOCITY, Sender("mqtt", retained=True)),
-        (m.VelocityCommand(session="s2", epoch=1, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"), Sender("mqtt")),
+        (
+            m.VelocityCommand(
+                session="s2", epoch=1, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"
+            ),
+            Sender("mqtt"),
+        ),
         (m.Photo(action_id="a", stamp=1.0, role="staff", user="ops"), Sender("mqtt")),
         (m.Dock(action_id="a", stamp=1.0, role="server"), Sender("mqtt")),
         (m.Goto(**DRIVERS, x=0.0, y=0.0), Sender("datachannel", "p2")),

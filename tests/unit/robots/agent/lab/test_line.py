@@ -1,4 +1,6 @@
-"""The bad line as decisions: order, rate, chance, and that the same seed and the same arrivals end in the same fates."""
+"""The bad line as decisions: order, rate, chance, and that the same seed and the same arrivals end
+in the same fates.
+"""
 
 import functools
 import itertools
@@ -13,15 +15,21 @@ from robots.api.messages import NetworkLab
 
 LABS = st.builds(
     NetworkLab,
-    delay=st.floats(0.0, 0.5), jitter=st.floats(0.0, 0.2), loss=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
-    reorder=st.sampled_from([0.0, 0.1, 1.0]), bitrate=st.none() | st.floats(2e4, 2e6), seed=st.integers(0, 1000),
-)  # fmt: skip
+    delay=st.floats(0.0, 0.5),
+    jitter=st.floats(0.0, 0.2),
+    loss=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
+    reorder=st.sampled_from([0.0, 0.1, 1.0]),
+    bitrate=st.none() | st.floats(2e4, 2e6),
+    seed=st.integers(0, 1000),
+)
 # Gaps before packets in seconds, and their sizes in bytes.
 ARRIVALS = st.lists(st.tuples(st.floats(0.0, 0.1), st.integers(1, 1200)), max_size=60)
 
 
 def run(lab, arrivals, *, tick=0.005):
-    """Put packets in, take what is due every `tick` and at every moment of `next`; return the line and (moment, number) of what came out."""
+    """Put packets in, take what is due every `tick` and at every moment of `next`; return the line
+    and (moment, number) of what came out.
+    """
     line, came, now = Line(lab), [], 0.0
 
     def take_until(end):
@@ -56,13 +64,17 @@ def test_the_same_seed_and_the_same_arrivals_end_in_the_same_fates(lab, arrivals
 
 @given(LABS, ARRIVALS)
 def test_without_reordering_packets_come_out_in_their_order_whatever_the_jitter(lab, arrivals):
-    clean = NetworkLab(delay=lab.delay, jitter=lab.jitter, loss=lab.loss, bitrate=lab.bitrate, seed=lab.seed)
+    clean = NetworkLab(
+        delay=lab.delay, jitter=lab.jitter, loss=lab.loss, bitrate=lab.bitrate, seed=lab.seed
+    )
     numbers = [number for _, number in run(clean, arrivals)[1]]
     assert numbers == sorted(numbers)
 
 
 @given(LABS, ARRIVALS)
-def test_nothing_comes_out_sooner_than_the_delay_without_its_jitter_or_later_than_all_that_can_hold_it(lab, arrivals):
+def test_nothing_comes_out_sooner_than_the_delay_without_its_jitter_or_later_than_all_that_can_hold_it(
+    lab, arrivals
+):
     line, came = run(lab, arrivals)
     times, at = [], 0.0
     for gap, _ in arrivals:
@@ -74,7 +86,9 @@ def test_nothing_comes_out_sooner_than_the_delay_without_its_jitter_or_later_tha
         held = moment - times[number]
         assert held >= max(0.0, lab.delay - lab.jitter) - 1e-9
         assert held <= lab.delay + lab.jitter + transmission + HOLD + 1e-9
-    assert line.counts.held == pytest.approx(sum(moment - times[number] for moment, number in came), abs=1e-6)
+    assert line.counts.held == pytest.approx(
+        sum(moment - times[number] for moment, number in came), abs=1e-6
+    )
 
 
 @given(st.floats(2e4, 1e6), ARRIVALS, st.floats(0.0, 0.3))
@@ -108,7 +122,9 @@ def test_the_share_of_lost_packets_is_within_its_binomial_bounds(loss, seed):
 
 def test_whether_a_packet_is_lost_does_not_hang_on_what_else_the_line_does():
     def lost(**lab):
-        return set(range(200)) - {number for _, number in run(NetworkLab(loss=0.3, seed=5, **lab), [(0.01, 100)] * 200)[1]}
+        return set(range(200)) - {
+            number for _, number in run(NetworkLab(loss=0.3, seed=5, **lab), [(0.01, 100)] * 200)[1]
+        }
 
     assert lost() == lost(delay=0.2, jitter=0.1) == lost(reorder=0.5) == lost(bitrate=1e6)
 

@@ -54,8 +54,14 @@ def test_what_lies_off_the_map_is_far_from_everything() -> None:
 def test_a_ray_goes_as_far_as_in_the_drawn_world(x: float, y: float, angle: float) -> None:
     at_x, at_y = here(x, y)
     cast_here = FIELD.cast(at_x, at_y, np.array([angle]), 10.0)[0]
-    beside, _ = cast(SIDES, x, y, angle + np.array([-0.08, 0.0, 0.08]))  # a corner may be clipped by less than a cell
-    assert FIELD.distances(at_x + cast_here * math.cos(angle), at_y + cast_here * math.sin(angle))[0][0] < 0.05
+    # a corner may be clipped by less than a cell
+    beside, _ = cast(SIDES, x, y, angle + np.array([-0.08, 0.0, 0.08]))
+    assert (
+        FIELD.distances(at_x + cast_here * math.cos(angle), at_y + cast_here * math.sin(angle))[0][
+            0
+        ]
+        < 0.05
+    )
     assert beside.min() - 0.1 < cast_here < beside.max() + 0.15
 
 
@@ -72,7 +78,14 @@ def test_a_turned_map_leads_to_the_same_places() -> None:
     assert field.distances(np.array([x]), np.array([y]))[0][0] == pytest.approx(0.3, abs=1e-6)
 
 
-@pytest.mark.parametrize(("picture", "reason"), [("####\n####", "no free space"), ("   \n###", "no free space"), ("...\n...", "nothing stands")])
+@pytest.mark.parametrize(
+    ("picture", "reason"),
+    [
+        ("####\n####", "no free space"),
+        ("   \n###", "no free space"),
+        ("...\n...", "nothing stands"),
+    ],
+)
 def test_a_map_that_cannot_tell_where_one_is_is_refused(picture: str, reason: str) -> None:
     with pytest.raises(MapError, match=reason):
         field_of(drawn_map(picture))

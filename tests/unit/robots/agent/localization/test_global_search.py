@@ -33,7 +33,9 @@ REACH = 8.0
 
 
 def search(picture: str, settings: Searching | None = None) -> GlobalSearch:
-    return GlobalSearch(field_of(drawn_map(picture, scale=4)), SensorModel(), settings or Searching())
+    return GlobalSearch(
+        field_of(drawn_map(picture, scale=4)), SensorModel(), settings or Searching()
+    )
 
 
 def seen(picture: str, pose: Pose2D) -> Sweep:
@@ -55,7 +57,10 @@ def in_world(whole: GlobalSearch, poses: np.ndarray) -> list[Pose2D]:
     return [whole.field.world_from_field.compose(Pose2D(*pose)) for pose in poses.tolist()]
 
 
-@pytest.mark.parametrize("pose", [Pose2D(1.0, 1.7, 0.3), Pose2D(4.5, 1.9, -2.0), Pose2D(5.2, 0.6, 1.2), Pose2D(1.6, 1.0, 0.0)])
+@pytest.mark.parametrize(
+    "pose",
+    [Pose2D(1.0, 1.7, 0.3), Pose2D(4.5, 1.9, -2.0), Pose2D(5.2, 0.6, 1.2), Pose2D(1.6, 1.0, 0.0)],
+)
 def test_one_sweep_in_a_flat_of_many_corners_gives_the_pose_away(pose: Pose2D) -> None:
     whole = search(FLAT)
     found, _ = finish(whole, seen(FLAT, pose))

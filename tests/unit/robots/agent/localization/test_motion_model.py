@@ -11,7 +11,15 @@ from robots.api.geometry import Pose2D
 EXACT = MotionNoise(0.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("step", [Pose2D(0.3, 0.02, 0.1), Pose2D(-0.05, 0.0, 0.0), Pose2D(0.0, 0.0, -1.0), Pose2D(1e-6, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    "step",
+    [
+        Pose2D(0.3, 0.02, 0.1),
+        Pose2D(-0.05, 0.0, 0.0),
+        Pose2D(0.0, 0.0, -1.0),
+        Pose2D(1e-6, 0.0, 0.0),
+    ],
+)
 def test_without_errors_a_guess_moves_by_the_step(step: Pose2D) -> None:
     start = Pose2D(1.0, 2.0, 0.5)
     moved = move(np.array([start]), step, EXACT, np.random.default_rng(1))
@@ -29,11 +37,15 @@ def test_the_spread_of_a_way_does_not_depend_on_the_number_of_steps() -> None:
 
 
 def test_a_turn_in_place_leaves_the_place_and_widens_the_heading() -> None:
-    moved = move(np.zeros((5_000, 3)), Pose2D(0.0, 0.0, math.pi / 2), MotionNoise(), np.random.default_rng(3))
+    moved = move(
+        np.zeros((5_000, 3)), Pose2D(0.0, 0.0, math.pi / 2), MotionNoise(), np.random.default_rng(3)
+    )
     assert np.abs(moved[:, :2]).max() < 0.1
     assert moved[:, 2].std() == pytest.approx(math.sqrt(0.0016 * math.pi / 2), rel=0.1)
 
 
 def test_a_robot_that_stands_stays() -> None:
     poses = np.random.default_rng(4).normal(size=(10, 3))
-    assert move(poses, Pose2D(0.0, 0.0, 0.0), MotionNoise(), np.random.default_rng(4)) == pytest.approx(poses)
+    assert move(
+        poses, Pose2D(0.0, 0.0, 0.0), MotionNoise(), np.random.default_rng(4)
+    ) == pytest.approx(poses)

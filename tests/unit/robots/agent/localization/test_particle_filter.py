@@ -7,13 +7,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.localization.particle_filter import ParticleSet, Sampling, around, evenly, heaviest, needed, places, wrapped
+from robots.agent.localization.particle_filter import (
+    ParticleSet,
+    Sampling,
+    around,
+    evenly,
+    heaviest,
+    needed,
+    places,
+    wrapped,
+)
 
 SAMPLING = Sampling()
 
 
-def about(*poses: tuple[float, float, float], each: int = 500, place: float = 0.05, heading: float = 0.03, seed: int = 1) -> np.ndarray:
-    return around(np.array(poses), np.full(len(poses), each), place, heading, np.random.default_rng(seed))
+def about(
+    *poses: tuple[float, float, float],
+    each: int = 500,
+    place: float = 0.05,
+    heading: float = 0.03,
+    seed: int = 1,
+) -> np.ndarray:
+    return around(
+        np.array(poses), np.full(len(poses), each), place, heading, np.random.default_rng(seed)
+    )
 
 
 def test_guesses_about_one_place_need_the_fewest() -> None:
@@ -21,19 +38,25 @@ def test_guesses_about_one_place_need_the_fewest() -> None:
 
 
 def test_the_wider_the_spread_the_more_guesses_are_needed_up_to_the_most() -> None:
-    counts = [needed(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)]
+    counts = [
+        needed(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)
+    ]
     assert counts == sorted(counts)
     assert counts[0] < counts[2]
     assert counts[-1] <= SAMPLING.most
 
 
 def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
-    poses = np.array([[0.1, 0.1, 0.05], [0.1, 0.1, 0.05 + 2.0 * math.pi], [0.1, 0.1, 0.05 - 4.0 * math.pi]])
+    poses = np.array(
+        [[0.1, 0.1, 0.05], [0.1, 0.1, 0.05 + 2.0 * math.pi], [0.1, 0.1, 0.05 - 4.0 * math.pi]]
+    )
     assert needed(poses, SAMPLING) == SAMPLING.fewest
 
 
 def test_drawing_keeps_the_shares() -> None:
-    particles = ParticleSet(about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500))
+    particles = ParticleSet(
+        about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500)
+    )
     drawn = particles.drawn(SAMPLING, np.random.default_rng(2))
     assert (drawn.poses[:, 0] > 2.0).mean() == pytest.approx(0.7, abs=0.02)
     assert drawn.weights.sum() == pytest.approx(1.0)
@@ -58,7 +81,9 @@ def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None
 
 
 def test_the_heaviest_cluster_is_found_with_its_share() -> None:
-    particles = ParticleSet(about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500))
+    particles = ParticleSet(
+        about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500)
+    )
     cluster = heaviest(particles, 0.6, math.radians(30.0))
     assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
     assert cluster.share == pytest.approx(0.8, abs=0.01)

@@ -27,7 +27,9 @@ WEAK = np.diag([1.0, 1.0, 10.0])
 OFF = np.array([[0.12, -0.1, math.radians(6.0)], [-0.1, 0.12, math.radians(-6.0)], [0.0, 0.0, 0.0]])
 
 
-def matched(picture: str, seen: str, pose: Pose2D, off: np.ndarray, prior: np.ndarray = WEAK) -> np.ndarray:
+def matched(
+    picture: str, seen: str, pose: Pose2D, off: np.ndarray, prior: np.ndarray = WEAK
+) -> np.ndarray:
     """Return the errors (n, 3) that are left after matching poses that are `off` by so much."""
     field = field_of(drawn_map(picture, scale=4))
     points = sweep_of(beams_from(standing(seen, 0.2), pose, reach=5.0), 0.1).points

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from robots.agent.localization.field import field_of
-from robots.agent.localization.sensor_model import Agreement, SensorModel, Sweep, agreement, likelihood_field, sweep_of
+from robots.agent.localization.sensor_model import (
+    Agreement,
+    SensorModel,
+    Sweep,
+    agreement,
+    likelihood_field,
+    sweep_of,
+)
 from robots.api.geometry import Pose2D
 from robots.world.sensing import CENTRE, LaserScan
 from tests.support.drawn_map import beams_from, drawn_map, standing
@@ -48,7 +55,9 @@ def test_the_lasers_mount_counts() -> None:
 
 
 def test_something_new_before_a_wall_is_short_and_not_through() -> None:
-    judged = agreement(FIELD, MODEL, at(Pose2D(2.4, 0.5, 2.0)), sweep(CHANGED, Pose2D(2.4, 0.5, 2.0)))
+    judged = agreement(
+        FIELD, MODEL, at(Pose2D(2.4, 0.5, 2.0)), sweep(CHANGED, Pose2D(2.4, 0.5, 2.0))
+    )
     assert judged.short[0] > 0.2
     assert judged.through[0] < 0.05
 
@@ -63,23 +72,33 @@ def test_between_places_beams_through_a_wall_take_back_more_than_as_many_that_fi
     half = np.array([0.5])
     assert Agreement(half, 0.0 * half, half).merit[0] == 0.0
     assert Agreement(half, 0.0 * half, half).against_others[0] < 0.0
-    assert Agreement(half, half, 0.0 * half).against_others[0] == Agreement(half, half, 0.0 * half).merit[0] > 0.8
+    assert (
+        Agreement(half, half, 0.0 * half).against_others[0]
+        == Agreement(half, half, 0.0 * half).merit[0]
+        > 0.8
+    )
 
 
 def test_the_three_shares_make_one() -> None:
-    judged = agreement(FIELD, MODEL, at(POSE, Pose2D(1.0, 0.5, 0.0), Pose2D(-9.0, 0.0, 0.0)), sweep(CHANGED))
+    judged = agreement(
+        FIELD, MODEL, at(POSE, Pose2D(1.0, 0.5, 0.0), Pose2D(-9.0, 0.0, 0.0)), sweep(CHANGED)
+    )
     assert judged.fits + judged.short + judged.through == pytest.approx(1.0)
 
 
 def test_the_true_pose_is_likelier_than_its_neighbours() -> None:
     turned = Pose2D(POSE.x, POSE.y, POSE.theta + 0.1)
-    found = likelihood_field(FIELD, MODEL).of(at(POSE, Pose2D(POSE.x + 0.2, POSE.y, POSE.theta), turned), sweep())
+    found = likelihood_field(FIELD, MODEL).of(
+        at(POSE, Pose2D(POSE.x + 0.2, POSE.y, POSE.theta), turned), sweep()
+    )
     assert np.argmax(found) == 0
 
 
 def test_a_beam_that_fits_nothing_costs_the_same_however_far_it_ends() -> None:
     likelihood = likelihood_field(FIELD, MODEL)
-    near, far = (Sweep(np.array([[x, 0.0]]), 0.0, 0.0, np.zeros(1), np.array([x]), 10.0) for x in (5.0, 9.0))
+    near, far = (
+        Sweep(np.array([[x, 0.0]]), 0.0, 0.0, np.zeros(1), np.array([x]), 10.0) for x in (5.0, 9.0)
+    )
     assert likelihood.of(at(POSE), near) == pytest.approx(likelihood.of(at(POSE), far), abs=0.1)
 
 

@@ -1,4 +1,6 @@
-"""Every private name of aiortc, aioice, pylibsrtp and av that the media code touches is looked for before the media begin."""
+"""Every private name of aiortc, aioice, pylibsrtp and av that the media code touches is looked for
+before the media begin.
+"""
 
 import ast
 import importlib
@@ -26,9 +28,18 @@ class Names(ast.NodeVisitor):
         self._bases = []  # of each class that the visit is in: what of it belongs to a library
 
     def visit_ClassDef(self, node):
-        bases = [self.imported[base.id] for base in node.bases if isinstance(base, ast.Name) and base.id in self.imported]
+        bases = [
+            self.imported[base.id]
+            for base in node.bases
+            if isinstance(base, ast.Name) and base.id in self.imported
+        ]
         self._bases.append([base for base in bases if inspect.isclass(base)])
-        self.found |= {part.name for part in node.body if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef) and self._inherited(part.name)}
+        self.found |= {
+            part.name
+            for part in node.body
+            if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef)
+            and self._inherited(part.name)
+        }
         self.generic_visit(node)
         self._bases.pop()
 
@@ -40,14 +51,20 @@ class Names(ast.NodeVisitor):
     def visit_Call(self, node):
         if isinstance(node.func, ast.Name) and node.func.id in ACCESSORS:
             name = node.args[1]
-            assert isinstance(name, ast.Constant), f"line {node.lineno}: a name that is put together cannot be found"
+            assert isinstance(name, ast.Constant), (
+                f"line {node.lineno}: a name that is put together cannot be found"
+            )
             if PRIVATE.match(name.value):
                 self.found.add(name.value)
         self.generic_visit(node)
 
     def visit_ImportFrom(self, node):
         if (node.module or "").partition(".")[0] in LIBRARIES:
-            self.found |= {part for part in [*node.module.split("."), *(alias.name for alias in node.names)] if PRIVATE.match(part)}
+            self.found |= {
+                part
+                for part in [*node.module.split("."), *(alias.name for alias in node.names)]
+                if PRIVATE.match(part)
+            }
 
     def visit_Import(self, node):
         for alias in node.names:
@@ -55,8 +72,14 @@ class Names(ast.NodeVisitor):
                 self.found |= {part for part in alias.name.split(".") if PRIVATE.match(part)}
 
     def _inherited(self, name):
-        classes = [of_mro for base in (self._bases[-1] if self._bases else []) for of_mro in base.__mro__[:-1]]
-        return PRIVATE.match(name) and any(name in vars(one) or name in codes(one) for one in classes)
+        classes = [
+            of_mro
+            for base in (self._bases[-1] if self._bases else [])
+            for of_mro in base.__mro__[:-1]
+        ]
+        return PRIVATE.match(name) and any(
+            name in vars(one) or name in codes(one) for one in classes
+        )
 
 
 def codes(one):
@@ -64,7 +87,11 @@ def codes(one):
 
 
 def is_own(value):
-    is_super = isinstance(value, ast.Call) and isinstance(value.func, ast.Name) and value.func.id == "super"
+    is_super = (
+        isinstance(value, ast.Call)
+        and isinstance(value.func, ast.Name)
+        and value.func.id == "super"
+    )
     return is_super or (isinstance(value, ast.Name) and value.id in {"self", "cls"})
 
 
@@ -87,27 +114,53 @@ def touched(text):
 
 @pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.py")), ids=lambda path: path.name)
 def test_check_looks_for_every_private_name_that_the_media_code_touches(path):
-    assert touched(path.read_text()) - {name for names in PRIVATE_NAMES.values() for name in names} == set()
+    assert (
+        touched(path.read_text()) - {name for names in PRIVATE_NAMES.values() for name in names}
+        == set()
+    )
 
 
 def test_check_looks_for_nothing_that_nobody_touches():
     used = set().union(*(touched(path.read_text()) for path in FOLDER.rglob("*.py")))
-    assert {name for names in PRIVATE_NAMES.values() for name in names if name.startswith("_")} - used == set()
+    assert {
+        name for names in PRIVATE_NAMES.values() for name in names if name.startswith("_")
+    } - used == set()
 
 
 @pytest.mark.parametrize(
     ("text", "names"),
     [
         ("pair = transport._connection._nominated.get(1)", {"_connection", "_nominated"}),
-        ("getattr(transport, '_TurnTransport__inner_protocol', None)", {"_TurnTransport__inner_protocol"}),
+        (
+            "getattr(transport, '_TurnTransport__inner_protocol', None)",
+            {"_TurnTransport__inner_protocol"},
+        ),
         ("setattr(sender, '_stream_id', 1)", {"_stream_id"}),
-        ("from aiortc import RTCRtpSender\nclass Ours(RTCRtpSender):\n def f(self):\n  self._ssrc, self._ours", {"_ssrc"}),
-        ("from aiortc import RTCRtpSender\nclass Ours(RTCRtpSender):\n async def _run_rtp(self): pass\n def _ours(self): pass", {"_run_rtp"}),
-        ("from aiortc import RTCRtpSender\nclass Ours(RTCRtpSender):\n def f(self): super()._handle_rtcp_packet(1)", {"_handle_rtcp_packet"}),
+        (
+            (
+                "from aiortc import RTCRtpSender\nclass Ours(RTCRtpSender):\n def f(self):\n "
+                " self._ssrc, self._ours"
+            ),
+            {"_ssrc"},
+        ),
+        (
+            (
+                "from aiortc import RTCRtpSender\nclass Ours(RTCRtpSender):\n async def"
+                " _run_rtp(self): pass\n def _ours(self): pass"
+            ),
+            {"_run_rtp"},
+        ),
+        (
+            (
+                "from aiortc import RTCRtpSender\nclass Ours(RTCRtpSender):\n def f(self):"
+                " super()._handle_rtcp_packet(1)"
+            ),
+            {"_handle_rtcp_packet"},
+        ),
         ("class Ours:\n def f(self): return self._ours, self.__class__, _local", set()),
         ("import av._core", {"_core"}),
     ],
-)  # fmt: skip
+)
 def test_the_ways_to_touch_a_private_name_are_known(text, names):
     assert touched(text) == names
 
@@ -118,7 +171,9 @@ def test_a_name_that_is_put_together_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("owner", "name"), [(owner, name) for owner, names in PRIVATE_NAMES.items() for name in names], ids=lambda part: getattr(part, "__name__", part)
+    ("owner", "name"),
+    [(owner, name) for owner, names in PRIVATE_NAMES.items() for name in names],
+    ids=lambda part: getattr(part, "__name__", part),
 )
 def test_a_release_that_lacks_a_name_is_refused_by_that_name(monkeypatch, owner, name):
     check()

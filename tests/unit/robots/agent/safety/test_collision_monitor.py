@@ -22,20 +22,33 @@ ORIGIN = Pose2D(0.0, 0.0, 0.0)
 
 
 def reading(stamp=1.0, odometry=ORIGIN, **fields):
-    return RcaState(stamp=stamp, pose=NOWHERE, velocity=ZERO, battery=UNKNOWN_BATTERY, odometry=odometry, **fields)
+    return RcaState(
+        stamp=stamp,
+        pose=NOWHERE,
+        velocity=ZERO,
+        battery=UNKNOWN_BATTERY,
+        odometry=odometry,
+        **fields,
+    )
 
 
 def wall(distance, stamp=1.0):
     """A scan of a laser in the robot's centre that sees a wall `distance` ahead."""
     angles = np.linspace(-1.0, 1.0, 81)
-    return Scan(stamp=stamp, angle_min=-1.0, angle_increment=2.0 / 80, range_max=10.0, ranges=tuple((distance / np.cos(angles)).tolist()))
+    return Scan(
+        stamp=stamp,
+        angle_min=-1.0,
+        angle_increment=2.0 / 80,
+        range_max=10.0,
+        ranges=tuple((distance / np.cos(angles)).tolist()),
+    )
 
 
 def monitor():
     return CollisionMonitor(FOOTPRINT, LIMITS, [LaserSource(Laser(x=0.0))])
 
 
-# --- by itself ---------------------------------------------------------------------------------------------------------------
+# --- by itself ------------------------------------------------------------------------------------
 
 
 def test_one_that_never_saw_anything_is_blind_and_says_so_for_a_moment():
@@ -64,7 +77,9 @@ def test_it_knows_a_wall_and_stops_before_it_but_not_when_it_is_far():
 def test_a_laser_that_says_nothing_any_more_or_sees_nothing_makes_it_blind():
     watch = monitor()
     watch.sense(reading(scan=wall(3.0)), 1.0)
-    covered = Scan(stamp=1.4, angle_min=-1.0, angle_increment=2.0 / 80, range_max=10.0, ranges=(None,) * 81)
+    covered = Scan(
+        stamp=1.4, angle_min=-1.0, angle_increment=2.0 / 80, range_max=10.0, ranges=(None,) * 81
+    )
     watch.sense(reading(1.4, scan=covered), 1.4)
     assert watch.shape(AHEAD, AHEAD, "slow", 1.45).why == "free"
     assert watch.shape(AHEAD, AHEAD, "slow", 1.55).why == "blind"
@@ -74,8 +89,13 @@ def test_a_robot_gets_one_when_it_names_a_sensor():
     seeing = replace(PROFILE, laser=Laser(x=0.0))
     assert monitor_of(PROFILE) is None
     assert monitor_of(seeing) is not None
-    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "localization", "goto"))) is not None, "one does not hang on the other"
-    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "assist"))) is not None, "navigation needs its points"
+    assert (
+        monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "localization", "goto")))
+        is not None
+    ), "one does not hang on the other"
+    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "assist"))) is not None, (
+        "navigation needs its points"
+    )
 
 
 def test_a_dock_is_seen_from_a_robot_that_knows_where_it_is_and_from_no_other():
@@ -88,11 +108,13 @@ def test_a_dock_is_seen_from_a_robot_that_knows_where_it_is_and_from_no_other():
     assert seen_from(Pose(x=1.0, y=1.0, theta=0.0), None) is None
 
 
-# --- as a stage of the tick --------------------------------------------------------------------------------------------------
+# --- as a stage of the tick -----------------------------------------------------------------------
 
 
 class Scripted:
-    """A shaper that answers what the test says, as assist.Assisted has it, and remembers what it was asked."""
+    """A shaper that answers what the test says, as assist.Assisted has it, and remembers what it
+    was asked.
+    """
 
     def __init__(self, turn=0.0, share=1.0):
         self.turn, self.share, self.asked = turn, share, []
@@ -131,7 +153,9 @@ def test_an_added_turn_keeps_to_the_leases_limit_and_what_is_left_of_it_is_looke
     made = bench(Scripted(turn=0.3))
     made.lease(renewal=1, limits=LeaseLimits(angular=0.1))
     made.run(2.0, every=0.06, linear=0.3)
-    assert max(abs(decision.velocity.angular) for _, decision in made.outputs if decision.velocity) == pytest.approx(0.1)
+    assert max(
+        abs(decision.velocity.angular) for _, decision in made.outputs if decision.velocity
+    ) == pytest.approx(0.1)
     assert made.kernel.monitor.asked[-1][2] == "slow"
 
 
@@ -189,6 +213,11 @@ def test_a_robot_that_turns_blind_brakes_as_its_base_can():
     assert made.speed > 0.45
     before = len(made.outputs)
     made.run(1.5, every=TICK, linear=0.5)
-    speeds = [decision.velocity.linear for _, decision in made.outputs[before:] if decision.velocity]
+    speeds = [
+        decision.velocity.linear for _, decision in made.outputs[before:] if decision.velocity
+    ]
     assert made.speed == 0.0
-    assert min(later - earlier for earlier, later in itertools.pairwise(speeds)) >= -LIMITS.linear_braking * TICK - 1e-9
+    assert (
+        min(later - earlier for earlier, later in itertools.pairwise(speeds))
+        >= -LIMITS.linear_braking * TICK - 1e-9
+    )

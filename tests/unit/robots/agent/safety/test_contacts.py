@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.safety.contacts import BACKED_AWAY, BESIDE, CREEP, SIDES, Contacts, side_of, sides_of
+from robots.agent.safety.contacts import (
+    BACKED_AWAY,
+    BESIDE,
+    CREEP,
+    SIDES,
+    Contacts,
+    side_of,
+    sides_of,
+)
 from robots.agent.safety.ramp import ZERO
 from robots.api.messages import Velocity
 from tests.support.control_rig import ControlRig
@@ -15,12 +23,23 @@ from tests.support.kernel_bench import Bench
 from tests.support.scripted_robot import still
 
 SIDE_SETS = st.sets(st.sampled_from(SIDES))
-VELOCITIES = st.builds(lambda v, w: Velocity(linear=v, angular=w), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+VELOCITIES = st.builds(
+    lambda v, w: Velocity(linear=v, angular=w), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)
+)
 
 
 @pytest.mark.parametrize(
     ("bearing", "side"),
-    [(0.0, "ahead"), (0.7, "ahead"), (-0.7, "ahead"), (1.5, "left"), (-1.5, "right"), (math.pi, "behind"), (-math.pi, "behind"), (2.4, "behind")],
+    [
+        (0.0, "ahead"),
+        (0.7, "ahead"),
+        (-0.7, "ahead"),
+        (1.5, "left"),
+        (-1.5, "right"),
+        (math.pi, "behind"),
+        (-math.pi, "behind"),
+        (2.4, "behind"),
+    ],
 )
 def test_every_direction_is_on_one_side(bearing, side):
     assert side_of(bearing) == side
@@ -44,7 +63,11 @@ def test_nothing_moves_towards_what_is_touched_and_nothing_is_added(sides, veloc
 def test_a_driver_backs_away_from_any_one_contact_and_is_free_again(side):
     contacts = Contacts()
     contacts.felt([side])
-    away = next(v for v in (Velocity(linear=-0.1, angular=0.0), Velocity(linear=0.1, angular=0.0)) if contacts.clamp(v) != ZERO)
+    away = next(
+        v
+        for v in (Velocity(linear=-0.1, angular=0.0), Velocity(linear=0.1, angular=0.0))
+        if contacts.clamp(v) != ZERO
+    )
     contacts.moved(away.linear * 0.4)
     assert contacts.sides == (side,)
     contacts.moved(math.copysign(BACKED_AWAY, away.linear))
@@ -73,7 +96,7 @@ def test_what_hits_a_standing_robot_beside_keeps_it_from_turning_until_it_has_dr
     assert bench.kernel.commanded.angular > 0.0
 
 
-# --- through the agent ---------------------------------------------------------------------------------------------------
+# --- through the agent ----------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -94,7 +117,9 @@ def test_a_contact_is_an_event_with_its_side_and_a_state_for_as_long_as_it_lasts
     assert (state.safety.collision, state.safety.inhibited) == (True, "collision")
     rig.drive(-0.2)
     rig.sleep(1.0)
-    assert rig.link.wait("state", since=rig.link.count).safety.touched == ("ahead",), "it is pressed still"
+    assert rig.link.wait("state", since=rig.link.count).safety.touched == ("ahead",), (
+        "it is pressed still"
+    )
     rig.robot.reading = still(bumper=(), contacts=1)
     rig.drive(-0.2)
     rig.sleep(1.0)
@@ -107,7 +132,10 @@ def test_a_second_side_is_a_second_contact_though_the_first_one_lasts(rig):
     rig.robot.reading = still(bumper=(0.0,), contacts=1)
     rig.link.wait("event", lambda e: e.type == "collision" and e.detail == "ahead")
     rig.robot.reading = still(bumper=(0.0, math.pi), contacts=1)
-    assert rig.link.wait("event", lambda e: e.type == "collision" and "behind" in e.detail).detail == "ahead behind"
+    assert (
+        rig.link.wait("event", lambda e: e.type == "collision" and "behind" in e.detail).detail
+        == "ahead behind"
+    )
 
 
 def test_an_adapter_that_only_counts_is_understood_as_before(rig):
@@ -117,7 +145,9 @@ def test_an_adapter_that_only_counts_is_understood_as_before(rig):
     assert rig.link.wait("state", lambda s: s.safety.touched).safety.touched == ("ahead",)
 
 
-@pytest.mark.parametrize("sides", [some for number in range(1, 5) for some in itertools.combinations(SIDES, number)])
+@pytest.mark.parametrize(
+    "sides", [some for number in range(1, 5) for some in itertools.combinations(SIDES, number)]
+)
 def test_from_whatever_was_touched_a_driver_gets_free(sides):
     contacts = Contacts()
     contacts.felt(sides)

@@ -1,4 +1,6 @@
-"""The kernel's rules, one sentence each; test_safety_properties.py throws everything at them at once."""
+"""The kernel's rules, one sentence each; test_safety_properties.py throws everything at them at
+once.
+"""
 
 import msgspec
 import pytest
@@ -115,7 +117,14 @@ def test_a_lower_epoch_comes_back_only_when_the_servers_counter_began_anew(bench
 )
 def test_a_bad_command_is_refused_with_its_reason_and_counted(bench, fields, reason):
     bench.drive(0.0)
-    assert bench.drive(0.5, **({"seq": 1} if reason == "old_seq" else {}) | {k: v for k, v in fields.items() if k != "seq"}).reason == reason
+    assert (
+        bench.drive(
+            0.5,
+            **({"seq": 1} if reason == "old_seq" else {})
+            | {k: v for k, v in fields.items() if k != "seq"},
+        ).reason
+        == reason
+    )
     assert bench.kernel.refused == {reason: 1}
     assert bench.speed == 0.0
 
@@ -244,7 +253,13 @@ def test_a_repeated_stop_is_one_stop(bench):
 
 
 @pytest.mark.parametrize(
-    "how", [{"peer": "p2"}, {"peer": "p1", "epoch": 9, "session": "s1"}, {"way": "mqtt", "role": "staff"}, {"way": "mqtt", "role": "observer"}]
+    "how",
+    [
+        {"peer": "p2"},
+        {"peer": "p1", "epoch": 9, "session": "s1"},
+        {"way": "mqtt", "role": "staff"},
+        {"way": "mqtt", "role": "observer"},
+    ],
 )
 def test_somebody_elses_stop_holds_the_robot_until_the_driver_lets_go(bench, how):
     bench.run(2.0, every=0.06, linear=0.5)
@@ -343,7 +358,12 @@ def test_after_the_servers_counter_began_anew_copies_from_before_a_stop_stay_dea
     before = [bench.command(0.5, session="anew", epoch=1) for _ in range(5)]
     bench.stop(session="anew", epoch=1, seq=bench.seq + 1)
     for copy in before:
-        assert bench.kernel.velocity(copy, Sender("datachannel", "p1"), now=bench.now, unix=bench.unix).reason == "old_seq"
+        assert (
+            bench.kernel.velocity(
+                copy, Sender("datachannel", "p1"), now=bench.now, unix=bench.unix
+            ).reason
+            == "old_seq"
+        )
 
 
 def test_an_estop_with_the_id_of_a_stop_latches(bench):
@@ -352,7 +372,9 @@ def test_an_estop_with_the_id_of_a_stop_latches(bench):
     assert bench.kernel.latch is not None
 
 
-@pytest.mark.parametrize(("deadman", "watchdog"), [(1000.0, 2000.0), (0.3, 1e6), (0.3, 0.2), (0.3, float("nan"))])
+@pytest.mark.parametrize(
+    ("deadman", "watchdog"), [(1000.0, 2000.0), (0.3, 1e6), (0.3, 0.2), (0.3, float("nan"))]
+)
 def test_a_kernel_that_nobody_would_stop_in_time_is_not_made(deadman, watchdog):
     with pytest.raises(ValueError, match=r"too long|shorter"):
         Bench(limits=msgspec.structs.replace(LIMITS, deadman=deadman), watchdog=watchdog)
@@ -394,7 +416,9 @@ def test_an_estop_latches_with_its_source_until_staff_clears_it(bench):
     clear = m.ClearEStop(action_id="c1", stamp=bench.unix, role="staff", user="ops")
     assert bench.ask(clear) is None
     bench.kernel.clear_estop(bench.now)
-    assert bench.drive(0.5).reason == "stopped", "a key held down must not move a robot whose e-stop is cleared"
+    assert bench.drive(0.5).reason == "stopped", (
+        "a key held down must not move a robot whose e-stop is cleared"
+    )
     assert bench.drive(0.0).reason is None
     assert bench.drive(0.5).reason is None
 
@@ -408,10 +432,23 @@ def test_an_estop_that_was_held_when_the_agent_ended_is_held_when_it_begins():
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
 def test_what_the_robots_screen_has_stopped_on_either_way_the_screen_lets_go(bench, way):
-    stop = m.EStop(action_id="e1", stamp=bench.unix, role="screen" if way == "mqtt" else "observer", user="Giraff")
-    bench.kernel.estop(stop, Sender(way, "s1" if way == "datachannel" else None, role="screen"), now=bench.now, unix=bench.unix)
+    stop = m.EStop(
+        action_id="e1",
+        stamp=bench.unix,
+        role="screen" if way == "mqtt" else "observer",
+        user="Giraff",
+    )
+    bench.kernel.estop(
+        stop,
+        Sender(way, "s1" if way == "datachannel" else None, role="screen"),
+        now=bench.now,
+        unix=bench.unix,
+    )
     assert bench.kernel.latch.source == "screen"
-    assert bench.ask(m.ClearEStop(action_id="c1", stamp=bench.unix, role="screen", user="Giraff")) is None
+    assert (
+        bench.ask(m.ClearEStop(action_id="c1", stamp=bench.unix, role="screen", user="Giraff"))
+        is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -459,7 +496,17 @@ def test_under_an_estop_a_base_that_moves_is_told_zero_again(bench):
 
 
 def goto(bench, **fields):
-    return m.Goto(**{"action_id": "g1", "stamp": bench.unix + 37.25, "session": "s1", "epoch": 1, "x": 1.0, "y": 2.0} | fields)
+    return m.Goto(
+        **{
+            "action_id": "g1",
+            "stamp": bench.unix + 37.25,
+            "session": "s1",
+            "epoch": 1,
+            "x": 1.0,
+            "y": 2.0,
+        }
+        | fields
+    )
 
 
 @pytest.mark.parametrize(
@@ -479,7 +526,9 @@ def test_an_action_needs_the_lease_and_the_right_role(bench, change, reason):
 
 
 def test_an_action_on_a_data_channel_is_judged_by_its_peer_not_by_its_words(bench):
-    assert bench.ask(goto(bench, role="owner", user="Eve"), way="datachannel", peer="p2") == "observer"
+    assert (
+        bench.ask(goto(bench, role="owner", user="Eve"), way="datachannel", peer="p2") == "observer"
+    )
     assert bench.ask(goto(bench, role="observer"), way="datachannel", peer="p1") is None
 
 
@@ -496,7 +545,10 @@ def test_staff_needs_no_lease_for_what_moves_nothing(kind):
     bench = Bench()
     extra = {"boot": "b", "first": 0, "last": 1} if kind is m.ResendStates else {}
     assert bench.ask(kind(action_id="a1", stamp=bench.unix, role="staff", **extra)) is None
-    assert bench.ask(kind(action_id="a1", stamp=bench.unix, role="driver", session="s1", **extra)) is not None
+    assert (
+        bench.ask(kind(action_id="a1", stamp=bench.unix, role="driver", session="s1", **extra))
+        is not None
+    )
 
 
 def test_the_servers_clock_counts_once_it_is_known(bench):
@@ -542,11 +594,17 @@ def test_what_the_agents_own_navigation_wants_is_ramped_and_kept_within_lease_an
     bench.wanted = m.Velocity(linear=0.0, angular=0.0)
     bench.kernel.heard("p1", "datachannel", bench.now)
     bench.run(1.0)
-    assert bench.tick().velocity == m.Velocity(linear=0.0, angular=0.0), "zeros go on: they hold the robot in its place"
+    assert bench.tick().velocity == m.Velocity(linear=0.0, angular=0.0), (
+        "zeros go on: they hold the robot in its place"
+    )
 
 
 def test_the_agents_own_navigation_brakes_at_its_end_and_at_a_stop(bench):
-    for end in (lambda: bench.kernel.cancel(None), lambda: bench.kernel.navigation_ended("g1"), lambda: bench.stop(peer="p2")):
+    for end in (
+        lambda: bench.kernel.cancel(None),
+        lambda: bench.kernel.navigation_ended("g1"),
+        lambda: bench.stop(peer="p2"),
+    ):
         bench.wanted = m.Velocity(linear=0.6, angular=0.0)
         bench.kernel.navigate("g1", "goto", ordered_by_server=True, now=bench.now)
         bench.run(2.0)
@@ -591,7 +649,17 @@ def test_a_return_to_the_dock_that_the_server_ordered_goes_on_without_anybody(be
 
 @pytest.mark.parametrize("order", [m.Tilt, m.Relocalize, m.Photo, m.Dock])
 def test_what_the_server_orders_between_two_visits_needs_no_lease(bench, order):
-    assert bench.ask(order(action_id="home-1", stamp=bench.unix, role="server", **({"angle": 0.2} if order is m.Tilt else {}))) is None
+    assert (
+        bench.ask(
+            order(
+                action_id="home-1",
+                stamp=bench.unix,
+                role="server",
+                **({"angle": 0.2} if order is m.Tilt else {}),
+            )
+        )
+        is None
+    )
 
 
 def test_navigation_ends_with_the_lease(bench):
@@ -618,7 +686,7 @@ def test_a_new_driver_starts_from_a_standing_robot(bench):
     assert bench.drive(0.5).reason == "observer"
 
 
-# --- the terms of a lease ---------------------------------------------------------------------------------------------
+# --- the terms of a lease -------------------------------------------------------------------------
 
 
 def test_an_input_method_that_the_lease_does_not_allow_moves_nothing(bench):
@@ -640,7 +708,10 @@ def test_a_way_that_the_lease_does_not_allow_moves_nothing(bench):
 def test_no_input_method_at_all_means_that_nothing_is_driven_by_hand(bench):
     bench.lease(renewal=1, methods=())
     bench.know_clock()
-    assert {bench.drive(method=method).reason for method in ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")} == {"not_allowed"}
+    assert {
+        bench.drive(method=method).reason
+        for method in ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
+    } == {"not_allowed"}
 
 
 def test_an_action_that_the_lease_does_not_allow_is_refused_but_nobody_is_kept_from_stopping(bench):
@@ -648,12 +719,21 @@ def test_an_action_that_the_lease_does_not_allow_is_refused_but_nobody_is_kept_f
     bench.know_clock()
     driver = {"session": "s1", "epoch": 1, "stamp": bench.unix + DRIVER_CLOCK}
     ask = {"sender": Sender("datachannel", "p1"), "now": bench.now, "unix": bench.unix}
-    assert bench.kernel.permit(m.Goto(action_id="a1", x=1.0, y=1.0, **driver), **ask) == "not_allowed"
+    assert (
+        bench.kernel.permit(m.Goto(action_id="a1", x=1.0, y=1.0, **driver), **ask) == "not_allowed"
+    )
     assert bench.kernel.permit(m.Dock(action_id="a2", **driver), **ask) == "not_allowed"
     assert bench.kernel.permit(m.Photo(action_id="a3", **driver), **ask) is None
     assert bench.kernel.permit(m.Cancel(action_id="a4", **driver), **ask) is None
-    assert bench.kernel.stop(m.Stop(action_id="a5", **driver), Sender("datachannel", "p1"), bench.now)
-    assert bench.kernel.estop(m.EStop(action_id="a6", **driver), Sender("datachannel", "p1"), now=bench.now, unix=bench.unix)
+    assert bench.kernel.stop(
+        m.Stop(action_id="a5", **driver), Sender("datachannel", "p1"), bench.now
+    )
+    assert bench.kernel.estop(
+        m.EStop(action_id="a6", **driver),
+        Sender("datachannel", "p1"),
+        now=bench.now,
+        unix=bench.unix,
+    )
 
 
 def test_the_server_sends_a_robot_home_whatever_a_lease_allows(bench):

@@ -1,4 +1,6 @@
-"""What each kind of sensor tells the collision monitor, what its loss means, and where nothing looks."""
+"""What each kind of sensor tells the collision monitor, what its loss means, and where nothing
+looks.
+"""
 
 import math
 from dataclasses import replace
@@ -9,9 +11,23 @@ import pytest
 from robots.agent.control.state_validation import UnsoundReadingError, sound
 from robots.agent.localization.odometry import Track
 from robots.agent.navigation.assistance.swept import hull, outside
-from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, DepthCamera, ObstaclePoints, RcaState, Sonar, SonarEcho
+from robots.agent.robot_interface import (
+    NOWHERE,
+    UNKNOWN_BATTERY,
+    DepthCamera,
+    ObstaclePoints,
+    RcaState,
+    Sonar,
+    SonarEcho,
+)
 from robots.agent.safety.collision_monitor import CREEP, CollisionMonitor
-from robots.agent.safety.obstacle_sources import BumperSource, DepthSource, LaserSource, SonarSource, sources_of
+from robots.agent.safety.obstacle_sources import (
+    BumperSource,
+    DepthSource,
+    LaserSource,
+    SonarSource,
+    sources_of,
+)
 from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, Scan, Velocity
@@ -26,7 +42,14 @@ REAR = Sonar(-0.3, 0.0, math.pi, width=0.5, nearest=0.05)
 
 
 def reading(stamp=1.0, odometry=ORIGIN, **fields):
-    return RcaState(stamp=stamp, pose=NOWHERE, velocity=ZERO, battery=UNKNOWN_BATTERY, odometry=odometry, **fields)
+    return RcaState(
+        stamp=stamp,
+        pose=NOWHERE,
+        velocity=ZERO,
+        battery=UNKNOWN_BATTERY,
+        odometry=odometry,
+        **fields,
+    )
 
 
 def monitor(*sources):
@@ -46,11 +69,13 @@ class Ear:
     def hear(self, *distances, at=ORIGIN):
         self.stamp += 0.5
         here = self.track.add(self.stamp, at)
-        self.source.sense(reading(self.stamp, sonar=echoes(*distances, stamp=self.stamp)), self.track, self.stamp)
+        self.source.sense(
+            reading(self.stamp, sonar=echoes(*distances, stamp=self.stamp)), self.track, self.stamp
+        )
         return self.source.seen(here, 3.0)
 
 
-# --- which there are -----------------------------------------------------------------------------------------------------
+# --- which there are ------------------------------------------------------------------------------
 
 
 def test_each_sensor_that_a_profile_names_is_a_source_of_its_own():
@@ -63,7 +88,7 @@ def test_each_sensor_that_a_profile_names_is_a_source_of_its_own():
     assert kinds(depth=DepthCamera(), laser=Laser(x=0.0)) == ["LaserSource", "DepthSource"]
 
 
-# --- sonar ---------------------------------------------------------------------------------------------------------------
+# --- sonar ----------------------------------------------------------------------------------------
 
 
 def test_an_echo_may_come_from_anywhere_on_its_arc():
@@ -105,7 +130,7 @@ def test_an_echo_of_a_sonar_that_the_profile_does_not_name_is_ignored():
     assert len(Ear(FRONT).hear(None, 0.5)) == 0
 
 
-# --- collision monitoring by sonar and bumper ----------------------------------------------------------------------------
+# --- collision monitoring by sonar and bumper -----------------------------------------------------
 
 
 def test_a_driver_is_stopped_before_what_a_sonar_hears():
@@ -120,7 +145,9 @@ def test_a_sonar_that_falls_silent_stops_the_driver_though_the_others_speak():
     watch = monitor(SonarSource((FRONT, REAR)))
     watch.sense(reading(sonar=echoes(None, None)), 1.0)
     for step in range(1, 12):
-        watch.sense(reading(1.0 + step / 10, sonar=(SonarEcho(0, 1.0 + step / 10, None),)), 1.0 + step / 10)
+        watch.sense(
+            reading(1.0 + step / 10, sonar=(SonarEcho(0, 1.0 + step / 10, None),)), 1.0 + step / 10
+        )
         why = watch.shape(AHEAD, AHEAD, "slow", 1.0 + step / 10).why
         assert (why == "blind") == (step > 10), step
 
@@ -150,7 +177,9 @@ def test_a_robot_whose_bumper_says_nothing_any_more_creeps_though_it_hears_nothi
 
 
 def test_nearer_than_a_sonar_can_measure_every_corner_creeps():
-    watch = monitor(SonarSource((FRONT, REAR, Sonar(0.0, 0.25, math.pi / 2, width=0.5, nearest=0.05))))
+    watch = monitor(
+        SonarSource((FRONT, REAR, Sonar(0.0, 0.25, math.pi / 2, width=0.5, nearest=0.05)))
+    )
     watch.sense(reading(sonar=echoes(None, None, 0.05)), 1.0)
     told = watch.shape(Velocity(linear=0.5, angular=0.0), ZERO, "slow", 1.1).velocity
     assert 0.0 < told.linear <= CREEP + 1e-9
@@ -162,25 +191,33 @@ def test_a_bumper_remembers_what_was_touched_where_it_stood():
     source.sense(reading(bumper=(0.0,)), track, 1.0)
     points = source.seen(ORIGIN, 1.0)
     assert 0.0 < outside(hull(FOOTPRINT), points).min() < 0.02
-    assert source.seen(Pose2D(-0.2, 0.0, 0.0), 1.0)[:, 0].min() == pytest.approx(points[:, 0].min() + 0.2)
+    assert source.seen(Pose2D(-0.2, 0.0, 0.0), 1.0)[:, 0].min() == pytest.approx(
+        points[:, 0].min() + 0.2
+    )
     source.sense(reading(30.0, bumper=(0.0,)), track, 30.0)
     assert len(source.seen(ORIGIN, 1.0)) == 0
 
 
-# --- depth points --------------------------------------------------------------------------------------------------------
+# --- depth points ---------------------------------------------------------------------------------
 
 
 def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
     source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
     track.add(1.0, ORIGIN)
-    source.sense(reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1], [9.0, 0.0], [-1.0, 0.0]]))), track, 1.0)
+    source.sense(
+        reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1], [9.0, 0.0], [-1.0, 0.0]]))),
+        track,
+        1.0,
+    )
     near = source.seen(ORIGIN, 1.5)
     assert near == pytest.approx(np.array([[1.0, 0.1]]), abs=0.01)
     assert source.last_received_at() == 1.0
     for stamp in (1.1, 1.2, 1.3):
         source.sense(reading(stamp, points=ObstaclePoints(stamp, np.zeros((0, 2)))), track, stamp)
     assert source.last_received_at() == 1.3
-    assert len(source.seen(ORIGIN, 4.0)) == 0, "the floor is free, and no wall stands at the end of its view"
+    assert len(source.seen(ORIGIN, 4.0)) == 0, (
+        "the floor is free, and no wall stands at the end of its view"
+    )
     assert source.looks(0.0)
     assert not source.looks(math.pi)
 
@@ -191,14 +228,22 @@ def test_what_was_close_before_a_depth_camera_and_has_gone_is_forgotten():
     source.sense(reading(points=ObstaclePoints(1.0, np.array([[0.45, 0.0]]))), track, 1.0)
     assert len(source.seen(ORIGIN, 1.0)) == 1
     for tenth in range(11, 21):
-        source.sense(reading(tenth / 10, points=ObstaclePoints(tenth / 10, np.zeros((0, 2)))), track, tenth / 10)
+        source.sense(
+            reading(tenth / 10, points=ObstaclePoints(tenth / 10, np.zeros((0, 2)))),
+            track,
+            tenth / 10,
+        )
     assert len(source.seen(ORIGIN, 1.0)) == 0
 
 
 def test_navigation_goes_by_arcs_of_sonars_only_where_nothing_knows_better():
     depth = reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1]])), sonar=echoes(0.6))
     sonar, bumper = SonarSource((FRONT,)), BumperSource(hull(FOOTPRINT))
-    for sources, expected in (((sonar,), 0.9), ((sonar, bumper), 0.9), ((SonarSource((FRONT,)), DepthSource(DepthCamera())), 1.0)):
+    for sources, expected in (
+        ((sonar,), 0.9),
+        ((sonar, bumper), 0.9),
+        ((SonarSource((FRONT,)), DepthSource(DepthCamera())), 1.0),
+    ):
         watch = monitor(*sources)
         watch.sense(depth, 1.0)
         assert watch.points()[:, 0].max() == pytest.approx(expected, abs=0.02)
@@ -206,7 +251,12 @@ def test_navigation_goes_by_arcs_of_sonars_only_where_nothing_knows_better():
 
 
 def test_beside_a_laser_that_looks_through_a_glass_door_navigation_stops_by_the_sonar():
-    free = reading(scan=Scan(stamp=1.0, angle_min=-1.5, angle_increment=0.1, range_max=5.0, ranges=(4.0,) * 31), sonar=echoes(0.15))
+    free = reading(
+        scan=Scan(
+            stamp=1.0, angle_min=-1.5, angle_increment=0.1, range_max=5.0, ranges=(4.0,) * 31
+        ),
+        sonar=echoes(0.15),
+    )
     watch = monitor(LaserSource(Laser(x=0.0)), SonarSource((FRONT,)))
     watch.sense(free, 1.0)
     assert np.hypot(*watch.points().T).min() == pytest.approx(0.45, abs=0.03)
@@ -219,7 +269,7 @@ def test_a_depth_camera_that_falls_silent_stops_the_driver():
     assert watch.shape(AHEAD, AHEAD, "slow", 1.6).why == "blind"
 
 
-# --- a robot without odometry --------------------------------------------------------------------------------------------
+# --- a robot without odometry ---------------------------------------------------------------------
 
 
 def test_a_robot_that_gives_no_odometry_is_reckoned_by_its_velocity():
@@ -227,15 +277,23 @@ def test_a_robot_that_gives_no_odometry_is_reckoned_by_its_velocity():
     watch.sense(replace(reading(sonar=echoes(1.0, None)), odometry=None), 1.0)
     for step in range(1, 51):
         stamp = 1.0 + step / 50
-        watch.sense(replace(reading(stamp), odometry=None, velocity=Velocity(linear=0.5, angular=0.0)), stamp)
+        watch.sense(
+            replace(reading(stamp), odometry=None, velocity=Velocity(linear=0.5, angular=0.0)),
+            stamp,
+        )
     assert watch.clearance() == pytest.approx(0.45, abs=0.06)
 
 
-# --- what is no reading --------------------------------------------------------------------------------------------------
+# --- what is no reading ---------------------------------------------------------------------------
 
 
 def test_numbers_that_are_none_are_left_out_or_refused():
-    checked = sound(reading(sonar=echoes(1.0, math.nan, -1.0, None), points=ObstaclePoints(1.0, np.array([[1.0, math.nan], [1.0, 2.0]]))))
+    checked = sound(
+        reading(
+            sonar=echoes(1.0, math.nan, -1.0, None),
+            points=ObstaclePoints(1.0, np.array([[1.0, math.nan], [1.0, 2.0]])),
+        )
+    )
     assert [echo.distance for echo in checked.sonar] == [1.0, None]
     assert checked.points.points.tolist() == [[1.0, 2.0]]
     for nonsense in ({"bumper": (math.nan,)}, {"points": ObstaclePoints(1.0, np.zeros(3))}):

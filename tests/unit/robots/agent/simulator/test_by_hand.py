@@ -1,4 +1,6 @@
-"""Whether people can do with their own hands what a study asks of them: on the course, and at the station, which has no help there."""
+"""Whether people can do with their own hands what a study asks of them: on the course, and at the
+station, which has no help there.
+"""
 
 import pytest
 
@@ -8,7 +10,11 @@ CHECKPOINTS = 4
 
 
 @pytest.mark.parametrize("start", ["1.8,5.5,1.0", "2.4,5.6,-2.5", "2.2,5.3,3.0", "2.8,5.5,0.2"])
-@pytest.mark.parametrize(("late", "blur", "looks"), [(0.15, (0.01, 0.01), 0.1), (0.4, (0.04, 0.05), 0.3)], ids=["deft", "clumsy"])
+@pytest.mark.parametrize(
+    ("late", "blur", "looks"),
+    [(0.15, (0.01, 0.01), 0.1), (0.4, (0.04, 0.05), 0.3)],
+    ids=["deft", "clumsy"],
+)
 def test_somebody_docks_with_the_keys_alone_without_bumping_into_anything(start, late, blur, looks):
     person = Person(seed=5, start=start, late=late, blur=blur, looks=looks)
     seconds = person.drive(passed=CHECKPOINTS, within=180.0)
@@ -16,7 +22,9 @@ def test_somebody_docks_with_the_keys_alone_without_bumping_into_anything(start,
     assert person.sim.contacts == 0
 
 
-@pytest.mark.parametrize("closed", [(), ("lounge-door",), ("lab-door",)], ids=["open", "lounge-door", "lab-door"])
+@pytest.mark.parametrize(
+    "closed", [(), ("lounge-door",), ("lab-door",)], ids=["open", "lounge-door", "lab-door"]
+)
 def test_somebody_drives_the_papers_course_with_the_keys_whatever_door_is_closed(closed):
     person = Person(seed=2, closed=closed)
     seconds = person.drive(passed=0, within=300.0)

@@ -1,6 +1,7 @@
 """The golden file of pixels and the floor that they show, and of drives and where they led.
 
-The drive page's projection and the way that it draws ahead are tested against it (tests/js/overlay.test.js).
+The drive page's projection and the way that it draws ahead are tested against it
+(tests/js/overlay.test.js).
 """
 
 import json
@@ -20,15 +21,34 @@ CASES = 300  # of each robot
 FARTHEST = 12.0  # m
 DRIVES = 40
 SECONDS, TICK = 2.5, 0.02
-LIMITS = ("linear", "reverse", "angular", "linear_acceleration", "angular_acceleration", "linear_braking", "angular_braking")
+LIMITS = (
+    "linear",
+    "reverse",
+    "angular",
+    "linear_acceleration",
+    "angular_acceleration",
+    "linear_braking",
+    "angular_braking",
+)
 
 
 def cases(model: RobotModel, rng: np.random.Generator) -> list[dict]:
-    """Return poses, tilts, pixels, and the points of the floor that the simulator draws there, by the tables that it draws with."""
+    """Return poses, tilts, pixels, and the points of the floor that the simulator draws there, by
+    the tables that it draws with.
+    """
     found: list[dict] = []
     while len(found) < CASES:
-        tilt = round(float(rng.uniform(model.tilt.minimum, model.tilt.maximum)), 4) if model.tilt else 0.0
-        pose = Pose2D(*(round(float(value), 4) for value in rng.uniform((-5.0, -5.0, -math.pi), (20.0, 10.0, math.pi))))
+        tilt = (
+            round(float(rng.uniform(model.tilt.minimum, model.tilt.maximum)), 4)
+            if model.tilt
+            else 0.0
+        )
+        pose = Pose2D(
+            *(
+                round(float(value), 4)
+                for value in rng.uniform((-5.0, -5.0, -math.pi), (20.0, 10.0, math.pi))
+            )
+        )
         lens = grind(model.camera, model.camera.pitch + tilt)
         for _ in range(10):
             column, row = int(rng.integers(0, lens.width)), int(rng.integers(0, lens.height))
@@ -37,21 +57,34 @@ def cases(model: RobotModel, rng: np.random.Generator) -> list[dict]:
             if math.hypot(forward, left) < FARTHEST:
                 floor = pose.compose(Pose2D(model.camera.x + forward, left, 0.0))
                 pixel = [column + 0.5, row + 0.5]
-                found.append({"pose": [pose.x, pose.y, pose.theta], "tilt": tilt, "pixel": pixel, "floor": [round(floor.x, 5), round(floor.y, 5)]})
+                found.append(
+                    {
+                        "pose": [pose.x, pose.y, pose.theta],
+                        "tilt": tilt,
+                        "pixel": pixel,
+                        "floor": [round(floor.x, 5), round(floor.y, 5)],
+                    }
+                )
     return found[:CASES]
 
 
 def drives(model: RobotModel, rng: np.random.Generator) -> list[dict]:
-    """Return how the robot moved, what it was told, and where it came to from the origin, its wheels slipping as they do."""
+    """Return how the robot moved, what it was told, and where it came to from the origin, its
+    wheels slipping as they do.
+    """
     found = []
     for _ in range(DRIVES):
         limits = model.limits
         low, high = (-limits.reverse, -limits.angular), (limits.linear, limits.angular)
-        begin, told = ([round(float(speed), 3) for speed in rng.uniform(low, high)] for _ in range(2))
+        begin, told = (
+            [round(float(speed), 3) for speed in rng.uniform(low, high)] for _ in range(2)
+        )
         motion, pose = Motion(*begin), Pose2D(0.0, 0.0, 0.0)
         for _ in range(round(SECONDS / TICK)):
             motion = follow(motion, Motion(*told), limits, TICK)
-            pose = advance(pose, slip(motion, model.wheel_separation, model.wheel_noise, TICK, rng), TICK)
+            pose = advance(
+                pose, slip(motion, model.wheel_separation, model.wheel_noise, TICK, rng), TICK
+            )
         found.append({"begin": begin, "told": told, "end": [round(pose.x, 4), round(pose.y, 4)]})
     return found
 
@@ -61,7 +94,10 @@ def golden() -> dict:
     models = [model_of("giraff"), model_of("rhodon")]
     return {
         model.series: {
-            "camera": {name: getattr(model.camera, name) for name in ("width", "height", "hfov", "x", "z", "pitch")},
+            "camera": {
+                name: getattr(model.camera, name)
+                for name in ("width", "height", "hfov", "x", "z", "pitch")
+            },
             "footprint": [list(point) for point in model.footprint],
             "limits": {name: getattr(model.limits, name) for name in LIMITS},
             "cases": cases(model, rng),

@@ -1,4 +1,6 @@
-"""OpenMORA's variables in a MOOSDB: the conformance suite against a double or, with MOOSDB=host:port, against a real one; and the wire."""
+"""OpenMORA's variables in a MOOSDB: the conformance suite against a double or, with
+MOOSDB=host:port, against a real one; and the wire.
+"""
 
 import asyncio
 import math
@@ -27,7 +29,8 @@ class TestGiraff(RcaConformance):
         return MoosRig("giraff", REAL)
 
     async def test_an_end_of_navigation_from_before_is_not_that_of_this_journey(self, adapter):
-        for number in range(2):  # the second time, the end of the first is the variable's last value
+        # the second time, the end of the first is the variable's last value
+        for number in range(2):
             goal = self.rig.world.truth.x + 0.35, self.rig.world.truth.y
             await adapter.start(Goto(action_id=f"g{number}", stamp=0.0, x=goal[0], y=goal[1]))
             assert (await heard(adapter, ended(f"g{number}")))[-1].status == "FINISHED"
@@ -35,7 +38,9 @@ class TestGiraff(RcaConformance):
             await adapter.close()
             await adapter.connect()
 
-    async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node_on_the_way(self, adapter):
+    async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node_on_the_way(
+        self, adapter
+    ):
         for number in range(2):
             await adapter.start(Goto(action_id=f"g{number}", stamp=0.0, place="Sofa"))
             assert (await heard(adapter, ended(f"g{number}"), 20.0))[-1].status == "FINISHED"
@@ -46,7 +51,8 @@ class TestGiraff(RcaConformance):
     async def test_a_plan_that_ends_elsewhere_has_failed(self, adapter, monkeypatch):
         monkeypatch.setattr("robots.agent.adapters.moos.adapter.LANDING", 0.5)
         monkeypatch.setitem(VIA, "Sofa", None)
-        monkeypatch.delitem(NODES, "Sofa")  # the planner finds no way to it, and says that the plan is finished
+        # the planner finds no way to it, and says that the plan is finished
+        monkeypatch.delitem(NODES, "Sofa")
         await wait_for(adapter, lambda _: adapter._place == "Door")
         await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
         last = (await heard(adapter, ended("g")))[-1]
@@ -65,11 +71,12 @@ class TestGiraff(RcaConformance):
             await self.make().connect()
 
 
-# --- the client ------------------------------------------------------------------------------------------------------------
+# --- the client -----------------------------------------------------------------------------------
 
 
 async def test_a_client_that_says_nothing_is_kept_for_it_speaks_of_the_time(monkeypatch):
-    monkeypatch.setattr("tests.support.moosdb.SILENCE", 2.0)  # longer than a busy machine holds up one process
+    # longer than a busy machine holds up one process
+    monkeypatch.setattr("tests.support.moosdb.SILENCE", 2.0)
     monkeypatch.setattr("robots.agent.adapters.moos.client.BEAT", 0.1)
     db, lost = MoosDb(), []
     await db.start()
@@ -82,7 +89,10 @@ async def test_a_client_that_says_nothing_is_kept_for_it_speaks_of_the_time(monk
     await db.stop()
 
 
-@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", wire.pack([Mail(wire.WELCOME, text="old")])])
+@pytest.mark.parametrize(
+    "answer",
+    [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", wire.pack([Mail(wire.WELCOME, text="old")])],
+)
 async def test_something_else_at_the_address_gives_a_sentence(answer):
     async def serve(reader, writer):
         await reader.read(100)
@@ -110,35 +120,58 @@ async def test_a_database_without_a_robot_says_what_is_missing(monkeypatch):
     await db.stop()
 
 
-# --- the wire --------------------------------------------------------------------------------------------------------------
+# --- the wire -------------------------------------------------------------------------------------
 
 
 def test_a_message_is_laid_out_as_its_authors_do():
     """Every byte written out, from the description of the format."""
     packet = wire.pack([Mail(wire.NOTIFY, "V", 1.5, 2.0, "me", number=7)])
     message = (
-        b"\x31\x00\x00\x00" b"\x07\x00\x00\x00" b"N" b"D"
-        b"\x02\x00\x00\x00me" b"\x00\x00\x00\x00" b"\x00\x00\x00\x00" b"\x01\x00\x00\x00V"
-        b"\x00\x00\x00\x00\x00\x00\x00\x40" b"\x00\x00\x00\x00\x00\x00\xf8\x3f" b"\x00\x00\x00\x00\x00\x00\xf0\xbf" b"\x00\x00\x00\x00"
-    )  # fmt: skip
+        b"\x31\x00\x00\x00"
+        b"\x07\x00\x00\x00"
+        b"N"
+        b"D"
+        b"\x02\x00\x00\x00me"
+        b"\x00\x00\x00\x00"
+        b"\x00\x00\x00\x00"
+        b"\x01\x00\x00\x00V"
+        b"\x00\x00\x00\x00\x00\x00\x00\x40"
+        b"\x00\x00\x00\x00\x00\x00\xf8\x3f"
+        b"\x00\x00\x00\x00\x00\x00\xf0\xbf"
+        b"\x00\x00\x00\x00"
+    )
     length = len(message)
-    assert packet == (9 + length).to_bytes(4, "little") + b"\x01\x00\x00\x00" + b"\x00" + length.to_bytes(4, "little") + message[4:]
+    assert (
+        packet
+        == (9 + length).to_bytes(4, "little")
+        + b"\x01\x00\x00\x00"
+        + b"\x00"
+        + length.to_bytes(4, "little")
+        + message[4:]
+    )
 
 
 mails = st.builds(
-    Mail, type=st.sampled_from([wire.NOTIFY, wire.REGISTER, wire.DATA]), key=st.text(max_size=6),
-    value=st.one_of(st.floats(allow_nan=False), st.text(max_size=6), st.binary(max_size=6)), time=st.floats(0, 1e10), source=st.just("me"),
-)  # fmt: skip
+    Mail,
+    type=st.sampled_from([wire.NOTIFY, wire.REGISTER, wire.DATA]),
+    key=st.text(max_size=6),
+    value=st.one_of(st.floats(allow_nan=False), st.text(max_size=6), st.binary(max_size=6)),
+    time=st.floats(0, 1e10),
+    source=st.just("me"),
+)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy computer is slow at everything
+# a busy computer is slow at everything
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(mails, max_size=3))
 def test_what_is_packed_is_unpacked(sent):
     packet = wire.pack(sent)
     size, count = wire.body_length(packet[: wire.HEADER])
     assert size == len(packet) - wire.HEADER
     found = wire.unpack(packet[wire.HEADER :], count)
-    assert [(m.type, m.key, m.value, m.time, m.source) for m in found] == [(m.type, m.key, m.value, m.time, m.source) for m in sent]
+    assert [(m.type, m.key, m.value, m.time, m.source) for m in found] == [
+        (m.type, m.key, m.value, m.time, m.source) for m in sent
+    ]
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -151,7 +184,10 @@ def test_nonsense_is_refused_and_nothing_else(body, count):
     assert len(body) >= 10 * count
 
 
-@pytest.mark.parametrize("header", [b"\xff\xff\xff\x7f\x00\x00\x00\x00\x00", b"\x00" * 9, b"\x10\x00\x00\x00\x01\x00\x00\x00\x01"])
+@pytest.mark.parametrize(
+    "header",
+    [b"\xff\xff\xff\x7f\x00\x00\x00\x00\x00", b"\x00" * 9, b"\x10\x00\x00\x00\x01\x00\x00\x00\x01"],
+)
 def test_a_header_that_cannot_be_is_refused(header):
     with pytest.raises(wire.MoosWireError):
         wire.body_length(header)

@@ -1,4 +1,6 @@
-"""The paper's Giraff over MQTT: the conformance suite on a real Mosquitto, and what is particular to its dialect."""
+"""The paper's Giraff over MQTT: the conformance suite on a real Mosquitto, and what is particular
+to its dialect.
+"""
 
 import asyncio
 import time
@@ -38,7 +40,9 @@ class TestGiraff(RcaConformance):
         self.rig.error = "laser disconnected"
         assert (await wait_for(adapter, lambda s: s.errors)).errors == ("laser disconnected",)
 
-    async def test_a_journey_right_after_driving_is_not_cancelled_by_the_robots_own_time_limit(self, adapter):
+    async def test_a_journey_right_after_driving_is_not_cancelled_by_the_robots_own_time_limit(
+        self, adapter
+    ):
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.1)
         goal = self.rig.world.truth.x + 0.6, self.rig.world.truth.y
         await adapter.start(Goto(action_id="g", stamp=0.0, x=goal[0], y=goal[1]))
@@ -52,7 +56,9 @@ class TestGiraff(RcaConformance):
         adapter.apply(Velocity(linear=late, angular=0.0))
         time.sleep(0.4)  # the loop hangs, as in a stalled computer
         await some(adapter.states(), 5)
-        assert late not in [round(linear, 6) for _, linear, _ in self.rig.world.commands], self.rig.world.commands
+        assert late not in [round(linear, 6) for _, linear, _ in self.rig.world.commands], (
+            self.rig.world.commands
+        )
 
     async def test_a_broker_that_dies_or_hangs_is_noticed(self, adapter, monkeypatch):
         monkeypatch.setattr(remote_adapter, "SILENCE", 1.0)
@@ -76,7 +82,7 @@ async def test_a_broker_where_nobody_is_gives_a_sentence():
     await adapter.close()
 
 
-# --- the dialect ---------------------------------------------------------------------------------------------------------
+# --- the dialect ----------------------------------------------------------------------------------
 
 
 def test_a_payload_carries_milliseconds_since_1601():
@@ -90,7 +96,9 @@ def test_a_payload_without_its_time_is_none(payload):
         openmora.unstamped(payload)
 
 
-@pytest.mark.parametrize("text", ["[1.5 -2 90]", "1.5 -2 90", "[1.5 -2.0 90.0deg]", "[1.5 -2 450 deg]"])
+@pytest.mark.parametrize(
+    "text", ["[1.5 -2 90]", "1.5 -2 90", "[1.5 -2.0 90.0deg]", "[1.5 -2 450 deg]"]
+)
 def test_a_pose_is_read_in_all_of_its_spellings(text):
     pose = openmora.pose_of(text)
     assert (pose.x, pose.y, round(pose.theta, 4)) == (1.5, -2.0, 1.5708)
@@ -104,7 +112,13 @@ def test_what_is_no_pose_is_refused(text):
 
 def test_a_status_of_a_robot_that_knows_nothing_is_read():
     status = openmora.status_of("NULL|NULL|NULL|NULL|NULL|NULL|NULL|NULL|NULL")
-    assert (status.pose, status.place, status.voltage, status.autonomous, status.charging) == (None, "", None, False, None)
+    assert (status.pose, status.place, status.voltage, status.autonomous, status.charging) == (
+        None,
+        "",
+        None,
+        False,
+        None,
+    )
 
 
 @pytest.mark.parametrize("text", ["", "a|b", "1 2 3|a|b|Manual|much|0"])
@@ -120,7 +134,15 @@ def test_a_scan_is_read_and_what_is_beyond_its_range_left_out():
     assert scan.angle_increment == pytest.approx(1.57)
 
 
-@pytest.mark.parametrize("text", ["", "Aperture x#Nsamples 2#Values 1 2", "Aperture 3#Nsamples 1#Values 1", "Aperture 9#Nsamples 2#Values 1 2"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "Aperture x#Nsamples 2#Values 1 2",
+        "Aperture 3#Nsamples 1#Values 1",
+        "Aperture 9#Nsamples 2#Values 1 2",
+    ],
+)
 def test_what_is_no_scan_is_refused(text):
     with pytest.raises(openmora.DialectError):
         openmora.scan_of(text, 0.0, 10.0)
@@ -131,7 +153,9 @@ def test_the_places_of_a_topology_are_found():
 
 
 def test_a_voltage_that_no_module_has_said_yet_is_unknown():
-    """A variable of MOOS that was never written is 0.0 (MOOSVariable.cpp), and the module says it all the same."""
+    """A variable of MOOS that was never written is 0.0 (MOOSVariable.cpp), and the module says it
+    all the same.
+    """
     assert openmora.status_of("|||Manual|0.00|0|0|0|0").voltage is None
 
 

@@ -1,4 +1,6 @@
-"""A simulated robot that has only velocity, odometry and a laser, wrapped: the conformance suite, real drives, and a mind that dies."""
+"""A simulated robot that has only velocity, odometry and a laser, wrapped: the conformance suite,
+real drives, and a mind that dies.
+"""
 
 import asyncio
 import math
@@ -47,7 +49,7 @@ def goto(action_id="g", **fields):
     return Goto(action_id=action_id, stamp=0.0, **({"place": "corridor-west"} | fields))
 
 
-# --- what is wrapped -----------------------------------------------------------------------------------------------------
+# --- what is wrapped ------------------------------------------------------------------------------
 
 
 def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_as_it_is():
@@ -56,21 +58,40 @@ def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_
     assert isinstance(adapter, Navigating)
     without = ScriptedRobot()
     assert registry.autonomous(without) is without
-    able = ScriptedRobot(profile=replace(without.profile, laser=adapter.profile.laser, capabilities=("velocity", "localization", "goto")))
+    able = ScriptedRobot(
+        profile=replace(
+            without.profile,
+            laser=adapter.profile.laser,
+            capabilities=("velocity", "localization", "goto"),
+        )
+    )
     assert registry.autonomous(able) is able
 
 
 def test_a_robot_that_localizes_itself_and_goes_nowhere_gets_our_navigation_and_keeps_its_pose():
-    profile = replace(ScriptedRobot().profile, laser=made().profile.laser, capabilities=("velocity", "localization", "dock"))
+    profile = replace(
+        ScriptedRobot().profile,
+        laser=made().profile.laser,
+        capabilities=("velocity", "localization", "dock"),
+    )
     wrapped = registry.autonomous(ScriptedRobot(profile=profile))
-    assert set(wrapped.profile.capabilities) == {"velocity", "localization", "dock", "goto", "follow", "undock"}
+    assert set(wrapped.profile.capabilities) == {
+        "velocity",
+        "localization",
+        "dock",
+        "goto",
+        "follow",
+        "undock",
+    }
     reading = still(odometry=Pose2D(0.0, 0.0, 0.0))
     assert wrapped.located(reading, np.zeros((0, 2))) == replace(reading, path=())
 
 
 def test_what_a_robot_can_do_itself_stays_its_own():
     inner = ScriptedRobot()
-    wrapped = registry.autonomous(ScriptedRobot(profile=replace(inner.profile, laser=made().profile.laser)))
+    wrapped = registry.autonomous(
+        ScriptedRobot(profile=replace(inner.profile, laser=made().profile.laser))
+    )
     assert sorted(wrapped.profile.capabilities) == sorted({*inner.profile.capabilities, *OURS})
 
 
@@ -79,7 +100,7 @@ def test_a_site_that_does_not_exist_is_refused_with_a_sentence():
         registry.autonomous(registry.create("simulator", "giraff"), "castle")
 
 
-# --- where it is and where it goes -----------------------------------------------------------------------------------------
+# --- where it is and where it goes ----------------------------------------------------------------
 
 
 async def test_it_knows_where_it_is_goes_where_it_is_told_and_tells_the_way():
@@ -121,7 +142,9 @@ async def test_it_is_shown_where_it_stands_and_says_when_it_has_found_that_true(
     async with driving(made()) as drive:
         await drive.known()
         place = drive.state.pose
-        await drive.adapter.start(Relocalize(action_id="r", stamp=0.0, x=place.x + 0.2, y=place.y, theta=place.theta))
+        await drive.adapter.start(
+            Relocalize(action_id="r", stamp=0.0, x=place.x + 0.2, y=place.y, theta=place.theta)
+        )
         ended = await drive.ended("r")
         assert ended.status == "FINISHED"
         assert ended.result["score"] >= 0.5
@@ -138,11 +161,16 @@ async def test_cancelling_stops_the_robot():
         await drive.standing()
 
 
-# --- what breaks ---------------------------------------------------------------------------------------------------------
+# --- what breaks ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("faults", "words"), [(Faults(laser="silent"), "laser"), (Faults(laser="nan"), "laser"), (Faults(wheels_stopped=True), "wheels")]
+    ("faults", "words"),
+    [
+        (Faults(laser="silent"), "laser"),
+        (Faults(laser="nan"), "laser"),
+        (Faults(wheels_stopped=True), "wheels"),
+    ],
 )
 async def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(faults, words):
     async with driving(made()) as drive:
@@ -212,12 +240,14 @@ async def test_closing_leaves_no_process_behind():
     assert not any(alive(pid) for pid in pids)
 
 
-# --- maps ----------------------------------------------------------------------------------------------------------------
+# --- maps -----------------------------------------------------------------------------------------
 
 
 def without_site(memory: Path | None = None) -> AutonomyAdapter:
     """A robot that has only the server to tell it where it is."""
-    inner = registry.create("simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"})
+    inner = registry.create(
+        "simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"}
+    )
     inner.profile = replace(inner.profile, plan="", start=None)
     adapter = registry.autonomous(inner, memory=memory)
     assert isinstance(adapter, AutonomyAdapter)
@@ -248,7 +278,9 @@ async def test_a_map_that_is_none_is_complained_about_and_a_better_one_is_taken(
     adapter = without_site()
     async with driving(adapter) as drive:
         adapter.take_floorplan(msgspec.structs.replace(office(), image="iVBORw0KGgo="))
-        await drive.until(lambda: drive.state is not None and any("image" in text for text in drive.state.errors))
+        await drive.until(
+            lambda: drive.state is not None and any("image" in text for text in drive.state.errors)
+        )
         with pytest.raises(AdapterError, match="image"):
             await adapter.start(Relocalize(action_id="r", stamp=0.0))
         adapter.take_floorplan(office())

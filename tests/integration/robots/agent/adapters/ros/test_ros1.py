@@ -1,4 +1,6 @@
-"""ROS 1 with a real master and real nodes: the conformance suite, and what a restart of each part does."""
+"""ROS 1 with a real master and real nodes: the conformance suite, and what a restart of each part
+does.
+"""
 
 import asyncio
 import os
@@ -25,7 +27,9 @@ class TestRhodon(RcaConformance):
 
     async def test_a_master_that_is_started_anew_is_noticed_and_joined(self, adapter):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
-        restarting = asyncio.get_running_loop().run_in_executor(None, lambda: self.rig.call(self.restart()))
+        restarting = asyncio.get_running_loop().run_in_executor(
+            None, lambda: self.rig.call(self.restart())
+        )
         assert "the ROS master at" in await lost(adapter, AHEAD)
         await restarting
         await standing(self.rig)
@@ -40,7 +44,9 @@ class TestRhodon(RcaConformance):
         await self.rig.start_robot()
         self.rig.running = True
 
-    async def test_a_node_that_is_killed_stops_the_robot_by_its_watchdog_and_is_replaced(self, adapter):
+    async def test_a_node_that_is_killed_stops_the_robot_by_its_watchdog_and_is_replaced(
+        self, adapter
+    ):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
         os.kill(adapter._bus._child.pid, signal.SIGKILL)
         assert "node" in await lost(adapter, AHEAD)
@@ -52,7 +58,11 @@ class TestRhodon(RcaConformance):
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
         self.rig.world.commands.clear()
         adapter.apply(AHEAD)
-        await wait_for(adapter, lambda _: self.rig.world.commands[-1:] and self.rig.world.commands[-1][1] == 0.0, 3.0)
+        await wait_for(
+            adapter,
+            lambda _: self.rig.world.commands[-1:] and self.rig.world.commands[-1][1] == 0.0,
+            3.0,
+        )
 
 
 async def test_without_a_master_the_address_is_named():

@@ -1,4 +1,6 @@
-"""ROS 2 over real DDS between processes on the loopback interface: the conformance suite, and how its types look on the wire."""
+"""ROS 2 over real DDS between processes on the loopback interface: the conformance suite, and how
+its types look on the wire.
+"""
 
 import math
 import struct
@@ -29,7 +31,9 @@ class TestGiraff(RcaConformance):
 
 def test_a_velocity_is_laid_out_as_ros_2_does():
     twist = filled(TYPES["geometry_msgs/Twist"], {"linear": {"x": 0.5}, "angular": {"z": -1.0}})
-    assert twist.serialize() == b"\x00\x01\x00\x00" + struct.pack("<6d", 0.5, 0.0, 0.0, 0.0, 0.0, -1.0)
+    assert twist.serialize() == b"\x00\x01\x00\x00" + struct.pack(
+        "<6d", 0.5, 0.0, 0.0, 0.0, 0.0, -1.0
+    )
     assert twist.__idl_typename__ == "geometry_msgs::msg::dds_::Twist_"
 
 
@@ -38,7 +42,12 @@ def test_every_type_goes_over_the_wire_and_into_json(kind):
     message = TYPES[kind]()
     again = TYPES[kind].deserialize(message.serialize())
     assert plain(again) == plain(message)
-    assert plain(filled(TYPES[kind], {name: value for name, value in plain(message).items() if value is not None})) == plain(message)
+    assert plain(
+        filled(
+            TYPES[kind],
+            {name: value for name, value in plain(message).items() if value is not None},
+        )
+    ) == plain(message)
 
 
 def test_numbers_that_json_lacks_are_none():
@@ -53,5 +62,7 @@ def test_what_dds_cannot_carry_is_refused_with_the_way_out(options):
 
 async def test_a_domain_without_a_robot_says_what_is_missing(monkeypatch):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.3)
-    with pytest.raises(AdapterError, match="ROS 2 in domain 19 is there, and says nothing of its odometry on /odom"):
+    with pytest.raises(
+        AdapterError, match="ROS 2 in domain 19 is there, and says nothing of its odometry on /odom"
+    ):
         await registry.create("ros2", "giraff", {"domain": "19"}).connect()

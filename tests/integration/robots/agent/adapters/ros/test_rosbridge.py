@@ -1,4 +1,5 @@
-"""ROS through rosbridge: the conformance suite for both generations, against a double or, with ROSBRIDGE=ws://…, against a real one.
+"""ROS through rosbridge: the conformance suite for both generations, against a double or, with
+ROSBRIDGE=ws://…, against a real one.
 
 A real one is of the generation that ROSBRIDGE_ROS names, 2 unless told otherwise.
 """
@@ -57,17 +58,31 @@ class TestGiraffOnRos2(RcaConformance):
         await sees_grey(self.rig.adapter(image="/camera/compressed"))
 
     async def test_stamped_velocities_are_said_as_such(self):
-        async with connected(self.rig.adapter(stamped="yes", cmd_vel="/cmd_vel_stamped")) as adapter:
+        async with connected(
+            self.rig.adapter(stamped="yes", cmd_vel="/cmd_vel_stamped")
+        ) as adapter:
             heard = []
             self.rig.robot.hear = lambda topic, message: heard.append((topic, message))
             try:
-                subscribe = {"op": "subscribe", "topic": "/cmd_vel_stamped", "type": "geometry_msgs/msg/TwistStamped"}
+                subscribe = {
+                    "op": "subscribe",
+                    "topic": "/cmd_vel_stamped",
+                    "type": "geometry_msgs/msg/TwistStamped",
+                }
                 self.rig.call(self.rig._send(subscribe))
-                await drive(adapter, Velocity(linear=0.2, angular=0.1), lambda _: any(told != STANDING for told in twists(heard)))
+                await drive(
+                    adapter,
+                    Velocity(linear=0.2, angular=0.1),
+                    lambda _: any(told != STANDING for told in twists(heard)),
+                )
             finally:
                 del self.rig.robot.hear
-        moving = next(told for told in twists(heard) if told != STANDING)  # the first word after connecting is to stand
-        assert moving == {"linear": {"x": 0.2, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.1}}
+        # the first word after connecting is to stand
+        moving = next(told for told in twists(heard) if told != STANDING)
+        assert moving == {
+            "linear": {"x": 0.2, "y": 0.0, "z": 0.0},
+            "angular": {"x": 0.0, "y": 0.0, "z": 0.1},
+        }
 
 
 async def test_nobody_at_the_address_gives_a_sentence():
@@ -98,7 +113,9 @@ async def test_nonsense_on_a_topic_is_as_if_it_had_not_come():
             assert await wait_for(adapter, lambda s: s.pose.localized)
 
 
-@pytest.mark.parametrize("options", [{"version": "3"}, {"url": "http://x"}, {"speed": "9"}, {"watchdog": "soon"}])
+@pytest.mark.parametrize(
+    "options", [{"version": "3"}, {"url": "http://x"}, {"speed": "9"}, {"watchdog": "soon"}]
+)
 def test_options_that_cannot_be_are_refused(options):
     with pytest.raises(AdapterError, match=r"rosbridge"):
         registry.create("rosbridge", "rhodon", options)

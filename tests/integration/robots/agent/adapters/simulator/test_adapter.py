@@ -1,4 +1,6 @@
-"""The simulator's adapter: the conformance suite, its own process, and what happens when one of the two dies."""
+"""The simulator's adapter: the conformance suite, its own process, and what happens when one of the
+two dies.
+"""
 
 import asyncio
 import os
@@ -124,7 +126,10 @@ async def test_a_robot_at_an_address_is_found_and_left_running() -> None:
 
 
 async def test_another_robot_at_the_address_is_refused() -> None:
-    with simulator("--no-camera", "--profile", "rhodon") as robot, pytest.raises(AdapterError, match="'rhodon', not 'giraff'"):
+    with (
+        simulator("--no-camera", "--profile", "rhodon") as robot,
+        pytest.raises(AdapterError, match="'rhodon', not 'giraff'"),
+    ):
         await made(address=robot.address).connect()
 
 
@@ -144,9 +149,15 @@ async def test_doors_said_before_the_connection_are_said_on_it_and_again_on_the_
     adapter.configure(Config(stamp=1.0, doors={"lab-door": "closed"}))
     await adapter.connect()
     onlooker = onlooker_of(adapter)
-    assert await asyncio.to_thread(eventually, lambda: onlooker.truth().doors["lab-door"] == "closed", 5.0)
+    assert await asyncio.to_thread(
+        eventually, lambda: onlooker.truth().doors["lab-door"] == "closed", 5.0
+    )
     adapter.configure(Config(stamp=2.0, doors={"lab-door": "open", "lounge-door": "closed"}))
-    assert await asyncio.to_thread(eventually, lambda: onlooker.truth().doors == {"lab-door": "open", "lounge-door": "closed"}, 5.0)
+    assert await asyncio.to_thread(
+        eventually,
+        lambda: onlooker.truth().doors == {"lab-door": "open", "lounge-door": "closed"},
+        5.0,
+    )
     onlooker.close()
     await adapter.close()
 
@@ -168,7 +179,8 @@ async def test_a_new_tilt_replaces_the_one_under_way_and_cancel_stops_it() -> No
             if news[-1] == ("c", "CANCELLED"):
                 break
     assert news[:3] == [("a", "RUNNING"), ("a", "CANCELLED"), ("b", "RUNNING")]
-    assert news[3] in {("b", "CANCELLED"), ("b", "FINISHED")}  # the latter when it was there before the third
+    # the latter when it was there before the third
+    assert news[3] in {("b", "CANCELLED"), ("b", "FINISHED")}
     assert news[4:] == [("c", "RUNNING"), ("c", "CANCELLED")]
     await wait_for(adapter, lambda s: abs(s.tilt - where) < 0.02)
     await some(adapter.states(), 30)
@@ -181,9 +193,11 @@ async def test_scans_come_twenty_times_a_second_and_agree_with_the_walls() -> No
     await adapter.connect()
     scans = [state.scan for state in await some(adapter.states(), 60) if state.scan is not None]
     gaps = sorted(after.stamp - before.stamp for before, after in pairwise(scans))
-    assert gaps[len(gaps) // 2] == pytest.approx(0.05, abs=0.02)  # most of them: a late process misses some
+    # most of them: a late process misses some
+    assert gaps[len(gaps) // 2] == pytest.approx(0.05, abs=0.02)
     middle = max(value or 0.0 for value in scans[-1].ranges[118:123])
-    assert middle == pytest.approx(12.0 - 0.12 - 5.22, abs=0.1)  # from the middle of the corridor to rhodon's station
+    # from the middle of the corridor to rhodon's station
+    assert middle == pytest.approx(12.0 - 0.12 - 5.22, abs=0.1)
     assert len(scans[-1].ranges) == 241
     await adapter.close()
 
@@ -194,9 +208,15 @@ async def test_it_tells_its_odometry_and_never_where_it_really_is() -> None:
     onlooker = onlooker_of(adapter)
     first = (await some(adapter.states(), 1))[0]
     state = await drive(adapter, Velocity(linear=0.5, angular=0.2), lambda s: s.distance > 0.4)
-    before, after = await asyncio.to_thread(lambda: (onlooker.at(first.stamp), onlooker.at(state.stamp)))
+    before, after = await asyncio.to_thread(
+        lambda: (onlooker.at(first.stamp), onlooker.at(state.stamp))
+    )
     assert abs(after.stamp - state.stamp) < 0.006
-    really = Pose2D(before.x, before.y, before.theta).inverse().compose(Pose2D(after.x, after.y, after.theta))
+    really = (
+        Pose2D(before.x, before.y, before.theta)
+        .inverse()
+        .compose(Pose2D(after.x, after.y, after.theta))
+    )
     counted = first.odometry.inverse().compose(state.odometry)
     assert counted.distance(really) < 0.1
     assert state.pose == NOWHERE
@@ -213,10 +233,17 @@ async def test_a_command_is_with_the_wheels_in_milliseconds() -> None:
         await some(adapter.states(), 5)
         said = time.time()
         adapter.apply(Velocity(linear=0.3, angular=0.0))
-        assert await asyncio.to_thread(eventually, lambda: onlooker.truth().commanded[0] == 0.3, 2.0)
+        assert await asyncio.to_thread(
+            eventually, lambda: onlooker.truth().commanded[0] == 0.3, 2.0
+        )
         excuse = computer.excuse(said, time.time())
     came = onlooker.truth().commanded_at
-    excuse += LONGEST_LAG + min(pauses((row.stamp for row in onlooker.history(10.0) if said - 1.0 < row.stamp <= came), 0.02), 1.5)
+    excuse += LONGEST_LAG + min(
+        pauses(
+            (row.stamp for row in onlooker.history(10.0) if said - 1.0 < row.stamp <= came), 0.02
+        ),
+        1.5,
+    )
     assert came - said < 0.2 + excuse  # median below a millisecond and a step on a quiet machine
     onlooker.close()
     await adapter.close()

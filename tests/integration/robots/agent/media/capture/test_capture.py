@@ -1,4 +1,6 @@
-"""A source that starts slowly, stalls, fails and comes back: how long it is given, and what is said of it meanwhile."""
+"""A source that starts slowly, stalls, fails and comes back: how long it is given, and what is said
+of it meanwhile.
+"""
 
 import time
 from typing import Self
@@ -7,7 +9,9 @@ from robots.agent.media.capture.capture import Capture, CaptureLimits, CaptureSt
 from robots.agent.robot_interface import AdapterError
 from tests.support.simulators import eventually
 
-QUICK = CaptureLimits(opening=60.0, stall=0.2, linger=0.0, read=0.02, first_retry=0.02, last_retry=0.02)
+QUICK = CaptureLimits(
+    opening=60.0, stall=0.2, linger=0.0, read=0.02, first_retry=0.02, last_retry=0.02
+)
 
 
 class Scripted:
@@ -47,11 +51,15 @@ def test_a_source_may_take_longer_to_start_than_between_two_that_it_gives():
         source.gives = True
         assert eventually(lambda: source.capture.state == CaptureState("live"))
         source.gives = False
-        assert eventually(lambda: source.capture.state.reason == "the camera gave nothing for 0.2 s")
+        assert eventually(
+            lambda: source.capture.state.reason == "the camera gave nothing for 0.2 s"
+        )
 
 
 def test_a_source_that_never_begins_is_given_up_and_tried_again():
-    with Scripted(CaptureLimits(opening=0.1, stall=60.0, read=0.02, first_retry=0.02, last_retry=0.02)) as source:
+    with Scripted(
+        CaptureLimits(opening=0.1, stall=60.0, read=0.02, first_retry=0.02, last_retry=0.02)
+    ) as source:
         assert eventually(lambda: source.starts > 2)
         assert source.capture.state.reason == "the camera gave nothing for 0.1 s"
 
@@ -61,8 +69,12 @@ def test_why_it_failed_is_known_while_it_starts_again_and_forgotten_when_it_work
         source.gives = True
         assert eventually(lambda: source.capture.state.status == "live")
         source.gives, source.broken = False, "somebody has pulled it out"
-        assert eventually(lambda: source.capture.state == CaptureState("failed", "somebody has pulled it out"))
+        assert eventually(
+            lambda: source.capture.state == CaptureState("failed", "somebody has pulled it out")
+        )
         source.broken = ""
-        assert eventually(lambda: source.capture.state == CaptureState("starting", "somebody has pulled it out"))
+        assert eventually(
+            lambda: source.capture.state == CaptureState("starting", "somebody has pulled it out")
+        )
         source.gives = True
         assert eventually(lambda: source.capture.state == CaptureState("live"))

@@ -1,4 +1,6 @@
-"""A loudspeaker that fails: it is let go of, tried again after a pause, and nothing that it raises ends the others' sound."""
+"""A loudspeaker that fails: it is let go of, tried again after a pause, and nothing that it raises
+ends the others' sound.
+"""
 
 import time
 

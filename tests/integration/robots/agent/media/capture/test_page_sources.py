@@ -20,7 +20,12 @@ class Robot:
 
     def __init__(self, exchange: Exchange, **sources: str) -> None:
         self.exchange, self.pages = exchange, []
-        self.media = MediaSide(viewers=4, on_command=exchange.on_command, reply=exchange.reply, **{"video": FROM_PAGE, "audio": FROM_PAGE} | sources)
+        self.media = MediaSide(
+            viewers=4,
+            on_command=exchange.on_command,
+            reply=exchange.reply,
+            **{"video": FROM_PAGE, "audio": FROM_PAGE} | sources,
+        )
         self.media.start()
 
     async def screen(self, peer: str, colour: tuple[int, int, int]) -> SpeakingPage:
@@ -56,10 +61,15 @@ def shows(page: LoopbackPage, colour: tuple[int, int, int]) -> bool:
     return all(abs(part - wanted) < 20 for part, wanted in zip(seen, colour, strict=True))
 
 
-async def test_what_the_robots_page_sees_and_hears_reaches_who_watches_before_and_after(robot) -> None:
+async def test_what_the_robots_page_sees_and_hears_reaches_who_watches_before_and_after(
+    robot,
+) -> None:
     before = await robot.viewer("before")
     assert robot.media.camera.status == "starting"
-    await until(lambda: robot.media.camera.reason == MISSING_VIDEO and MISSING_VIDEO in robot.media.errors, what="why there is none")
+    await until(
+        lambda: robot.media.camera.reason == MISSING_VIDEO and MISSING_VIDEO in robot.media.errors,
+        what="why there is none",
+    )
     await robot.screen("screen", GREEN)
     after = await robot.viewer("after")
     await until(lambda: shows(before, GREEN) and shows(after, GREEN), what="its picture")
@@ -84,13 +94,19 @@ async def test_a_page_that_is_closed_is_told_as_missing_and_the_next_one_shows_a
     await screen.connection.close()
     await until(lambda: robot.media.camera.status == "failed", 15.0, "its end")
     await robot.screen("screen", BLUE)
-    await until(lambda: shows(viewer, BLUE) and robot.media.camera.status == "live", 15.0, "the next page's picture")
+    await until(
+        lambda: shows(viewer, BLUE) and robot.media.camera.status == "live",
+        15.0,
+        "the next page's picture",
+    )
 
 
 async def test_a_photo_is_taken_from_it(robot) -> None:
     assert await asyncio.to_thread(robot.media.snapshot) is None
     await robot.screen("screen", BLUE)
-    frame = await until(lambda: robot.media.camera.status == "live" and True) and await asyncio.to_thread(robot.media.snapshot)
+    frame = await until(
+        lambda: robot.media.camera.status == "live" and True
+    ) and await asyncio.to_thread(robot.media.snapshot)
     assert (frame.width, frame.height) == (320, 240)
     seen = video_frame(frame).to_ndarray(format="rgb24").reshape(-1, 3).mean(axis=0)
     assert all(abs(part - wanted) < 20 for part, wanted in zip(seen, BLUE, strict=True))
@@ -105,7 +121,9 @@ async def test_what_a_driver_sends_is_never_taken_for_the_robots_picture(robot) 
     await page.connect("driver")
     await robot.screen("screen", BLUE)
     await until(lambda: shows(viewer, BLUE))
-    assert not any(abs(image.reshape(-1, 3).mean(axis=0)[1] - GREEN[1]) < 20 for image in viewer.images)
+    assert not any(
+        abs(image.reshape(-1, 3).mean(axis=0)[1] - GREEN[1]) < 20 for image in viewer.images
+    )
 
 
 async def test_a_page_learns_by_the_answer_whether_it_is_to_give_anything(exchange) -> None:
@@ -115,4 +133,7 @@ async def test_a_page_learns_by_the_answer_whether_it_is_to_give_anything(exchan
         page = await robot.screen(name, GREEN)
         directions[name] = [line.currentDirection for line in page.connection.getTransceivers()]
         await robot.close()
-    assert directions == {"asked": ["recvonly", "sendrecv", "sendonly"], "not asked": ["recvonly", "recvonly", "inactive"]}
+    assert directions == {
+        "asked": ["recvonly", "sendrecv", "sendonly"],
+        "not asked": ["recvonly", "recvonly", "inactive"],
+    }

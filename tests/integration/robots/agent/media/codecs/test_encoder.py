@@ -6,7 +6,14 @@ import av
 import numpy as np
 import pytest
 
-from robots.agent.media.codecs.encoder import TIER_480P, Picture, PictureEncoder, Tier, fitted, is_due
+from robots.agent.media.codecs.encoder import (
+    TIER_480P,
+    Picture,
+    PictureEncoder,
+    Tier,
+    fitted,
+    is_due,
+)
 from robots.agent.media.peers.key_frames import KeyFrames
 from robots.agent.media.pixels import video_frame
 from robots.agent.media.webrtc.rtp import RtpClock
@@ -43,7 +50,10 @@ def _decoded(pictures: list[Picture]) -> list[av.VideoFrame]:
 def test_a_picture_survives_encoding() -> None:
     camera, encoder = SyntheticCamera(fps=1e6), _encoder()
     frames = [camera._frame(100.0 + n / 30) for n in range(20)]
-    decoded = [f.to_ndarray(format="rgb24") for f in _decoded([encoder.of(frame, key=False) for frame in frames])]
+    decoded = [
+        f.to_ndarray(format="rgb24")
+        for f in _decoded([encoder.of(frame, key=False) for frame in frames])
+    ]
     assert [read_code(image) for image in decoded] == [code_of(frame.stamp) for frame in frames]
     error = np.mean((decoded[-1].astype(float) - frames[-1].image) ** 2)
     assert 10 * np.log10(255**2 / error) > 28, "decibels of signal to noise"
@@ -75,7 +85,10 @@ def test_a_larger_camera_is_scaled_into_the_tier_in_its_own_shape() -> None:
 def test_a_camera_that_changes_its_size_begins_again_with_a_key_frame() -> None:
     encoder = _encoder()
     small, large = np.zeros((240, 320, 3), np.uint8), np.zeros((480, 640, 3), np.uint8)
-    pictures = [encoder.of(Frame(image, 1.0 + n / 30), key=False) for n, image in enumerate([small, small, large, large])]
+    pictures = [
+        encoder.of(Frame(image, 1.0 + n / 30), key=False)
+        for n, image in enumerate([small, small, large, large])
+    ]
     assert [p.key for p in pictures] == [True, False, True, False]
 
 

@@ -1,11 +1,23 @@
-"""When a picture goes through the server: one on its way, for whoever asked, at the driver's pace, as large as comes through in time."""
+"""When a picture goes through the server: one on its way, for whoever asked, at the driver's pace,
+as large as comes through in time.
+"""
 
 import itertools
 import random
 
 import pytest
 
-from robots.agent.media.jpeg_fallback.pace import FIRST, FPS, LAYERS, MOST_PAGES, PATIENCE, PRESENT, RETRY, Pace, Quality
+from robots.agent.media.jpeg_fallback.pace import (
+    FIRST,
+    FPS,
+    LAYERS,
+    MOST_PAGES,
+    PATIENCE,
+    PRESENT,
+    RETRY,
+    Pace,
+    Quality,
+)
 
 
 @pytest.fixture
@@ -139,7 +151,12 @@ def test_whatever_is_asked_there_is_a_rung():
     now = 0.0
     for _ in range(3000):
         now += rng.expovariate(20.0)
-        pace.ask(rng.choice(["p1", "p2", "p3"]), rng.choice([None, now, 0.0]), rng.choice([None, 0.0, 0.05, 1e6]), now)
+        pace.ask(
+            rng.choice(["p1", "p2", "p3"]),
+            rng.choice([None, now, 0.0]),
+            rng.choice([None, 0.0, 0.05, 1e6]),
+            now,
+        )
         wait = pace.wait(now)
         assert wait is None or wait >= 0.0
         assert pace.layer() in LAYERS

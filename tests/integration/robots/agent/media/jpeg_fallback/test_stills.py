@@ -82,7 +82,13 @@ def test_even_a_picture_of_pure_noise_fits_into_its_message(viewer):
 
 
 def test_a_camera_that_fails_now_and_then_goes_on_afterwards():
-    frames = iter([None, Frame(np.zeros((4, 4), dtype=np.uint8), 1.0), Frame(np.zeros((480, 640, 3), dtype=np.uint8), 2.0)])
+    frames = iter(
+        [
+            None,
+            Frame(np.zeros((4, 4), dtype=np.uint8), 1.0),
+            Frame(np.zeros((480, 640, 3), dtype=np.uint8), 2.0),
+        ]
+    )
     viewer = Viewer(lambda: next(frames))
     viewer.ask()
     assert viewer.wait(1)[0] == 2.0
@@ -93,10 +99,17 @@ def nothing(*_):
     """Hear nothing of a page's frames and answers."""
 
 
-async def test_the_media_side_counts_whoever_is_sent_pictures_and_rests_the_camera_after_them(camera):
+async def test_the_media_side_counts_whoever_is_sent_pictures_and_rests_the_camera_after_them(
+    camera,
+):
     pictures = []
     side = MediaSide(
-        video=camera, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=lambda payload, _peer: pictures.append(payload)
+        video=camera,
+        audio=None,
+        viewers=2,
+        on_command=nothing,
+        reply=nothing,
+        on_picture=lambda payload, _peer: pictures.append(payload),
     )
     side.start()
     try:
@@ -111,7 +124,9 @@ async def test_the_media_side_counts_whoever_is_sent_pictures_and_rests_the_came
 
 
 async def test_a_robot_without_a_camera_sends_none():
-    side = MediaSide(video=None, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=nothing)
+    side = MediaSide(
+        video=None, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=nothing
+    )
     side.start()
     side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
     assert side.connected == 0

@@ -40,7 +40,9 @@ def viewer(monkeypatch: pytest.MonkeyPatch) -> Viewer:
     return made
 
 
-async def test_who_was_held_up_before_the_first_picture_waits_for_no_gap_between_key_frames(viewer: Viewer) -> None:
+async def test_who_was_held_up_before_the_first_picture_waits_for_no_gap_between_key_frames(
+    viewer: Viewer,
+) -> None:
     first = await viewer.connect()
     viewer.put()
     assert viewer.asked == ["joined"]
@@ -50,7 +52,9 @@ async def test_who_was_held_up_before_the_first_picture_waits_for_no_gap_between
     assert (await first).timestamp == viewer.number
 
 
-async def test_who_was_held_up_once_is_shown_something_soon_and_who_always_is_waits_for_the_others(viewer: Viewer) -> None:
+async def test_who_was_held_up_once_is_shown_something_soon_and_who_always_is_waits_for_the_others(
+    viewer: Viewer,
+) -> None:
     first = await viewer.connect()
     viewer.put(key=True)
     await first

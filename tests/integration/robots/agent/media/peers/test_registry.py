@@ -38,7 +38,9 @@ def test_the_driver_finds_room_and_the_newest_observer_leaves() -> None:
     assert registry.admit("driver", "driver", 0.0) == Admission(admitted=True, leaves="o2")
     registry.lease_changed("driver", 0.0)
     assert registry.admit("driver2", "driver", 0.0).leaves == "o1"
-    assert registry.admit("driver3", "driver", 0.0).leaves == "driver2", "who holds no lease counts as an observer"
+    assert registry.admit("driver3", "driver", 0.0).leaves == "driver2", (
+        "who holds no lease counts as an observer"
+    )
     assert registry.admit("driver4", "driver", 0.0).leaves == "driver3"
 
 
@@ -54,7 +56,12 @@ def test_the_lease_alone_makes_a_driver() -> None:
     registry.admit("a", "driver", 0.0)
     registry.admit("b", "observer", 0.0)
     registry.admit("s", "screen", 0.0)
-    assert [registry.role(p) for p in ("a", "b", "s", "unknown")] == ["observer", "observer", "screen", "observer"]
+    assert [registry.role(p) for p in ("a", "b", "s", "unknown")] == [
+        "observer",
+        "observer",
+        "screen",
+        "observer",
+    ]
     registry.lease_changed("a", 0.0)
     assert registry.role("a") == "driver"
     registry.lease_changed("b", 0.0)
@@ -69,7 +76,9 @@ def test_who_has_driven_stays_only_by_an_offer_of_their_own() -> None:
     registry.lease_changed("a", 0.0)
     assert registry.unwelcome(1000.0) == {}, "the lease speaks for the driver"
     registry.lease_changed(None, 1000.0)
-    assert registry.unwelcome(1000.0 + STAYS_AFTER_DRIVING) == {}, "a lease that came late is there again"
+    assert registry.unwelcome(1000.0 + STAYS_AFTER_DRIVING) == {}, (
+        "a lease that came late is there again"
+    )
     assert registry.unwelcome(1000.1 + STAYS_AFTER_DRIVING) == {"a": "lease_changed"}
     registry.lease_changed("a", 1002.0)
     assert registry.unwelcome(1100.0) == {}
@@ -95,7 +104,11 @@ def test_who_watches_stays_while_the_server_speaks_for_them(role) -> None:
 
 @given(
     st.lists(
-        st.tuples(st.sampled_from(["offer", "leave", "lease"]), st.sampled_from("abcdef"), st.sampled_from(["driver", "observer", "screen"])),
+        st.tuples(
+            st.sampled_from(["offer", "leave", "lease"]),
+            st.sampled_from("abcdef"),
+            st.sampled_from(["driver", "observer", "screen"]),
+        ),
         max_size=60,
     )
 )

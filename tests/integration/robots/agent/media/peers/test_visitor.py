@@ -1,4 +1,6 @@
-"""The visitor's voice and face, from the page that drives to the robot's own outputs and to its screen."""
+"""The visitor's voice and face, from the page that drives to the robot's own outputs and to its
+screen.
+"""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -22,9 +24,13 @@ class Robot:
     def __init__(self, exchange: Exchange) -> None:
         self.speaker, self.display, self.exchange = MeasuringSpeaker(), MeasuringDisplay(), exchange
         self.media = MediaSide(
-            video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=4, on_command=exchange.on_command, reply=exchange.reply,
+            video=SyntheticCamera(),
+            audio=SyntheticMicrophone(),
+            viewers=4,
+            on_command=exchange.on_command,
+            reply=exchange.reply,
             outputs=(self.speaker, self.display),
-        )  # fmt: skip
+        )
         self.pages: list[LoopbackPage] = []
 
     async def visitor(self, peer: str, *, drives: bool = True) -> SpeakingPage:
@@ -54,7 +60,9 @@ async def robot(exchange) -> AsyncIterator[Robot]:
 
 
 def is_red(colour: tuple[float, float, float] | None) -> bool:
-    return colour is not None and all(abs(part - wanted) < 20 for part, wanted in zip(colour, RED, strict=True))
+    return colour is not None and all(
+        abs(part - wanted) < 20 for part, wanted in zip(colour, RED, strict=True)
+    )
 
 
 async def test_the_drivers_tone_and_colour_reach_the_robots_loudspeaker_and_display(robot) -> None:
@@ -62,14 +70,25 @@ async def test_the_drivers_tone_and_colour_reach_the_robots_loudspeaker_and_disp
     robot.media.let_through(audio=True, video=True)
     await until(lambda: robot.speaker.played > 24_000 and is_red(robot.display.colour))
     # A sine at half of full scale, mixed down; where sound was late, there is silence in it.
-    await until(lambda: abs(robot.speaker.tone - HERTZ) < 5 and 0.15 < robot.speaker.level < 0.45, what="the tone, as loud as it is")
+    await until(
+        lambda: abs(robot.speaker.tone - HERTZ) < 5 and 0.15 < robot.speaker.level < 0.45,
+        what="the tone, as loud as it is",
+    )
 
 
-async def test_the_robots_screen_gets_the_same_tone_and_colour_and_the_loudspeaker_is_silent_meanwhile(robot) -> None:
+async def test_the_robots_screen_gets_the_same_tone_and_colour_and_the_loudspeaker_is_silent_meanwhile(
+    robot,
+) -> None:
     screen = await robot.screen()
     page = await robot.visitor("p1")
     robot.media.let_through(audio=True, video=True)
-    await until(lambda: screen.images and is_red(tuple(screen.images[-1].reshape(-1, 3).mean(axis=0))) and screen.sounds > 10)
+    await until(
+        lambda: (
+            screen.images
+            and is_red(tuple(screen.images[-1].reshape(-1, 3).mean(axis=0)))
+            and screen.sounds > 10
+        )
+    )
     assert robot.media.screens == 1
     assert robot.speaker.played == 0
     assert page.images, "the visitor sees the robot as before"
@@ -85,7 +104,9 @@ async def test_nothing_passes_before_the_call_lets_it_and_nothing_after(robot) -
     robot.media.let_through(audio=False, video=False)
     for _ in range(2):  # what was on its way
         refused = robot.media.visitor_counts["not_let_through"]
-        await until(lambda refused=refused: robot.media.visitor_counts["not_let_through"] > refused + 20)
+        await until(
+            lambda refused=refused: robot.media.visitor_counts["not_let_through"] > refused + 20
+        )
     played, refused = robot.speaker.played, robot.media.visitor_counts["not_let_through"]
     await until(lambda: robot.media.visitor_counts["not_let_through"] > refused + 20)
     assert robot.speaker.played == played
@@ -125,7 +146,13 @@ async def test_the_volume_that_the_visitor_wants_is_that_of_the_loudspeaker(robo
 
 def test_the_ticks_of_several_sources_are_one_growing_count() -> None:
     clock = Continuous(960)
-    counted = [clock.tick("a", 0), clock.tick("a", 960), clock.tick("b", 5_000_000), clock.tick("b", 5_000_960), clock.tick("a", 0)]
+    counted = [
+        clock.tick("a", 0),
+        clock.tick("a", 960),
+        clock.tick("b", 5_000_000),
+        clock.tick("b", 5_000_960),
+        clock.tick("a", 0),
+    ]
     assert counted == [960, 1920, 2880, 3840, 4800]
 
 

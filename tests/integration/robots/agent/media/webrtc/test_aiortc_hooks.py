@@ -43,8 +43,13 @@ def test_installing_twice_changes_nothing_more() -> None:
 
 
 @pytest.mark.parametrize(("found", "used"), [([], ["127.0.0.1"]), (["10.0.0.1"], ["10.0.0.1"])])
-def test_the_loopback_address_is_offered_when_there_is_nothing_else(found: list[str], used: list[str]) -> None:
-    assert aiortc_hooks._WithLoopback(lambda use_ipv4, use_ipv6: found)(use_ipv4=True, use_ipv6=True) == used
+def test_the_loopback_address_is_offered_when_there_is_nothing_else(
+    found: list[str], used: list[str]
+) -> None:
+    assert (
+        aiortc_hooks._WithLoopback(lambda use_ipv4, use_ipv6: found)(use_ipv4=True, use_ipv6=True)
+        == used
+    )
 
 
 async def test_a_robot_without_network_still_offers_a_candidate(monkeypatch) -> None:
@@ -66,22 +71,46 @@ async def test_the_offer_has_our_sender_vp8_alone_and_playout_delay() -> None:
     assert aiortc_hooks.PLAYOUT_DELAY in sdp
     assert "VP8" in sdp
     assert "rtx" in sdp
-    kinds = [line for line in sdp.splitlines() if line.startswith("a=rtpmap:")]  # elsewhere, in a password, it may stand by chance
+    # elsewhere, in a password, it may stand by chance
+    kinds = [line for line in sdp.splitlines() if line.startswith("a=rtpmap:")]
     assert not [line for line in kinds if "H264" in line]
     assert sender.backlog() == 0
     await connection.close()
 
 
 async def test_rtcp_reaches_the_outbox() -> None:
-    from aiortc.rtp import RTCP_PSFB_APP, RTCP_PSFB_PLI, RtcpPsfbPacket, RtcpReceiverInfo, RtcpRrPacket, pack_remb_fci
+    from aiortc.rtp import (
+        RTCP_PSFB_APP,
+        RTCP_PSFB_PLI,
+        RtcpPsfbPacket,
+        RtcpReceiverInfo,
+        RtcpRrPacket,
+        pack_remb_fci,
+    )
 
     connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
     outbox = _Outbox()
     sender = aiortc_hooks.add_sender(connection, "video", outbox, "video/VP8")
-    await sender._handle_rtcp_packet(RtcpPsfbPacket(fmt=RTCP_PSFB_PLI, ssrc=1, media_ssrc=sender._ssrc))
-    await sender._handle_rtcp_packet(RtcpPsfbPacket(fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=pack_remb_fci(500_000, [sender._ssrc])))
-    await sender._handle_rtcp_packet(RtcpPsfbPacket(fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=b"rubbish"))
-    lost = RtcpReceiverInfo(ssrc=sender._ssrc, fraction_lost=64, packets_lost=10, highest_sequence=90, jitter=0, lsr=0, dlsr=0)
+    await sender._handle_rtcp_packet(
+        RtcpPsfbPacket(fmt=RTCP_PSFB_PLI, ssrc=1, media_ssrc=sender._ssrc)
+    )
+    await sender._handle_rtcp_packet(
+        RtcpPsfbPacket(
+            fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=pack_remb_fci(500_000, [sender._ssrc])
+        )
+    )
+    await sender._handle_rtcp_packet(
+        RtcpPsfbPacket(fmt=RTCP_PSFB_APP, ssrc=1, media_ssrc=0, fci=b"rubbish")
+    )
+    lost = RtcpReceiverInfo(
+        ssrc=sender._ssrc,
+        fraction_lost=64,
+        packets_lost=10,
+        highest_sequence=90,
+        jitter=0,
+        lsr=0,
+        dlsr=0,
+    )
     await sender._handle_rtcp_packet(RtcpRrPacket(ssrc=1, reports=[lost]))
     assert outbox.keys == 1
     assert outbox.reports == [None, None, None, 0.25]

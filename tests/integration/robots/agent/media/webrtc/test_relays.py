@@ -1,4 +1,6 @@
-"""Which relay and which address server a robot takes: decided on doubles, found out on the real coturn."""
+"""Which relay and which address server a robot takes: decided on doubles, found out on the real
+coturn.
+"""
 
 import asyncio
 
@@ -14,7 +16,9 @@ from tests.support.site import free_port
 
 pytestmark = pytest.mark.broker
 STUN = IceServer(urls=("stun:near.example.org", "stun:far.example.org"))
-TURN = IceServer(urls=("turn:a?transport=udp", "turn:a?transport=tcp", "turns:a"), username="u", credential="c")
+TURN = IceServer(
+    urls=("turn:a?transport=udp", "turn:a?transport=tcp", "turns:a"), username="u", credential="c"
+)
 
 
 class World:
@@ -59,7 +63,9 @@ async def test_what_was_found_holds_for_a_while():
     relays = world.relays()
     for moment, asked in ((0.0, 3), (1.0, 3), (FAILURE_HOLDS + 1.0, 5), (HOLDS + FAILURE_HOLDS, 8)):
         world.now = moment
-        assert [server.urls for server in await relays.usable((TURN,))] == [["turn:a?transport=tcp"]]
+        assert [server.urls for server in await relays.usable((TURN,))] == [
+            ["turn:a?transport=tcp"]
+        ]
         await asyncio.gather(*relays._tries.values())
         assert len(world.asked) == asked, f"after {moment} s"
 
@@ -76,7 +82,8 @@ async def test_two_visitors_at_once_ask_once():
     [
         ({"near": 0.0, "far": 0.0, "tcp": 0.0}, ["stun:near.example.org", "turn:a?transport=tcp"]),
         ({"far": 0.0}, ["stun:far.example.org"]),
-        ({"tcp": 0.0}, ["turn:a?transport=tcp"]),  # no datagram passes: aiortc would wait for the address server, and the page give up
+        # no datagram passes: aiortc would wait for the address server, and the page give up
+        ({"tcp": 0.0}, ["turn:a?transport=tcp"]),
         ({}, []),
     ],
 )
@@ -88,22 +95,31 @@ async def test_an_address_server_that_is_silent_is_not_waited_for_again_by_aiort
 async def test_a_single_relay_that_is_silent_is_none_and_none_is_none():
     one = IceServer(urls=("turn:a?transport=tcp",), username="u", credential="c")
     assert await World().relays().usable((one,)) == []
-    assert [server.urls for server in await World(tcp=0.0).relays().usable((one,))] == [["turn:a?transport=tcp"]]
+    assert [server.urls for server in await World(tcp=0.0).relays().usable((one,))] == [
+        ["turn:a?transport=tcp"]
+    ]
     assert await World().relays().usable(()) == []
 
 
 async def test_what_is_doubted_is_asked_for_again():
     world = World(udp=0.0, near=0.0)
     relays = world.relays()
-    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == ["stun:near.example.org", "turn:a?transport=udp"]
+    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == [
+        "stun:near.example.org",
+        "turn:a?transport=udp",
+    ]
     await asyncio.gather(*relays._tries.values())
     world.delays |= {"udp": None, "near": None, "tcp": 0.0}
     relays.doubt()
-    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == ["turn:a?transport=tcp"]
+    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == [
+        "turn:a?transport=tcp"
+    ]
 
 
 def as_aiortc(server: IceServer) -> RTCIceServer:
-    return RTCIceServer(urls=list(server.urls), username=server.username, credential=server.credential)
+    return RTCIceServer(
+        urls=list(server.urls), username=server.username, credential=server.credential
+    )
 
 
 async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_was_given(tmp_path):
@@ -113,19 +129,31 @@ async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_w
         await page.setLocalDescription(await page.createOffer())
         offer = Offer(sdp=page.localDescription.sdp, ice_servers=(coturn.server("tls"),))
         for trust, is_relayed in ((None, False), (believed(str(coturn.ca)), True)):
-            connection = PageConnection("ada", None, None, lambda _: None, lambda: None, lambda: None, relays=Relays(trust=trust))
+            connection = PageConnection(
+                "ada",
+                None,
+                None,
+                lambda _: None,
+                lambda: None,
+                lambda: None,
+                relays=Relays(trust=trust),
+            )
             assert ("typ relay" in await connection.answer(offer)) is is_relayed
             await connection.close()
         await page.close()
 
 
-async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credentials(tmp_path, monkeypatch):
+async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credentials(
+    tmp_path, monkeypatch
+):
     with Coturn(tmp_path) as coturn:
         coturn.trust(monkeypatch)
         for way in ("udp", "tcp", "tls"):
             assert await answers(as_aiortc(coturn.server(way))), way
         assert not await answers(as_aiortc(coturn.server("tcp", secret="another")))
-        closed = RTCIceServer(urls=[f"turn:127.0.0.1:{free_port()}?transport=tcp"], username="u", credential="c")
+        closed = RTCIceServer(
+            urls=[f"turn:127.0.0.1:{free_port()}?transport=tcp"], username="u", credential="c"
+        )
         assert not await answers(closed)
         assert await answers(RTCIceServer(urls=[f"stun:127.0.0.1:{coturn.port}"]))
     for silent in (f"stun:127.0.0.1:{free_port()}", "stun:127.0.0.1", "stuns:127.0.0.1", "nothing"):

@@ -43,14 +43,23 @@ WALL = line(1.5, -2.0, 1.5, 2.0)
 
 
 def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, until=None, error=0.0):
-    """Drive among world points with a steady stick as the kernel ramps it; return the poses and the last answer."""
+    """Drive among world points with a steady stick as the kernel ramps it; return the poses and the
+    last answer.
+    """
     assist, limits = Assist(model.footprint, model.limits), model.limits
     told, own, motion, poses, answer = ZERO, ZERO, Motion(0.0, 0.0), [pose], None
     for _ in range(int(seconds / TICK)):
         asked = follow(Motion(own.linear, own.angular), Motion(*stick), limits, TICK)
         near = into(pose, points)
         goal = pose.inverse().compose(dock) if dock else None
-        answer = assist.shape(Velocity(linear=asked.linear, angular=asked.angular), told, near, level, errors=np.full(len(near), error), dock=goal)
+        answer = assist.shape(
+            Velocity(linear=asked.linear, angular=asked.angular),
+            told,
+            near,
+            level,
+            errors=np.full(len(near), error),
+            dock=goal,
+        )
         told, own = answer.velocity, answer.own
         motion = follow(motion, Motion(told.linear, told.angular), limits, TICK)
         pose = advance(pose, motion, TICK)
@@ -64,10 +73,16 @@ def gap(model, pose, points):
     return float(outside(Assist(model.footprint, model.limits).hull, into(pose, points)).min())
 
 
-# --- what is never done --------------------------------------------------------------------------------------------------
+# --- what is never done ---------------------------------------------------------------------------
 
-VELOCITIES = st.builds(lambda v, w: Velocity(linear=v, angular=w), st.floats(-0.3, 0.7) | st.just(0.0), st.floats(-0.7, 0.7) | st.just(0.0))
-POINTS = st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12).map(lambda found: np.array(found).reshape(-1, 2))
+VELOCITIES = st.builds(
+    lambda v, w: Velocity(linear=v, angular=w),
+    st.floats(-0.3, 0.7) | st.just(0.0),
+    st.floats(-0.7, 0.7) | st.just(0.0),
+)
+POINTS = st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12).map(
+    lambda found: np.array(found).reshape(-1, 2)
+)
 
 
 @settings(deadline=None, max_examples=100)
@@ -90,7 +105,11 @@ def test_slowing_turns_no_further_than_was_asked_and_never_the_other_way(wanted,
 def test_steering_stays_on_the_commanded_side(wanted, current, points):
     told = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, current, points, "steer").velocity
     help_ = helping_turn(wanted, STEERING)
-    assert min(0.0, wanted.angular) - help_ - 1e-9 <= told.angular <= max(0.0, wanted.angular) + help_ + 1e-9
+    assert (
+        min(0.0, wanted.angular) - help_ - 1e-9
+        <= told.angular
+        <= max(0.0, wanted.angular) + help_ + 1e-9
+    )
     if abs(wanted.angular) >= STEERING.firm * help_:
         assert told.angular * wanted.angular >= 0.0
     if wanted.linear <= 0.0:
@@ -102,7 +121,12 @@ def test_steering_stays_on_the_commanded_side(wanted, current, points):
 def test_a_firm_turn_is_halved_at_most_while_nothing_slows_the_robot(wanted, points):
     answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, ZERO, points, "steer")
     if answer.why in {"free", "steer"}:
-        assert abs(answer.velocity.angular) >= STEERING.kept * (abs(wanted.angular) - STEERING.firm * helping_turn(wanted, STEERING)) - 1e-9
+        assert (
+            abs(answer.velocity.angular)
+            >= STEERING.kept
+            * (abs(wanted.angular) - STEERING.firm * helping_turn(wanted, STEERING))
+            - 1e-9
+        )
 
 
 @settings(deadline=None, max_examples=100)
@@ -122,20 +146,27 @@ def test_what_may_be_steered_holds_the_driver_s_own_turn_and_grows_steadily_out_
 def test_in_the_open_nothing_is_changed(level, wanted, current):
     assist = Assist(GIRAFF.footprint, GIRAFF.limits)
     assert assist.shape(wanted, current, NOTHING, level).velocity == wanted
-    assert assist.shape(wanted, current, np.array([[30.0, 0.0], [math.nan, 0.1]]), level).velocity == wanted
+    assert (
+        assist.shape(wanted, current, np.array([[30.0, 0.0], [math.nan, 0.1]]), level).velocity
+        == wanted
+    )
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @settings(deadline=None, max_examples=50)
 @given(VELOCITIES, POINTS)
 def test_a_stop_is_a_stop(level, current, points):
-    assert Assist(GIRAFF.footprint, GIRAFF.limits).shape(ZERO, current, points, level).velocity == ZERO
+    assert (
+        Assist(GIRAFF.footprint, GIRAFF.limits).shape(ZERO, current, points, level).velocity == ZERO
+    )
 
 
 @settings(deadline=None, max_examples=50)
 @given(VELOCITIES, POINTS)
 def test_off_changes_nothing_whatever_is_in_the_way(wanted, points):
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, ZERO, points, "off", silence=math.inf)
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+        wanted, ZERO, points, "off", silence=math.inf
+    )
     assert (answer.velocity, answer.why) == (wanted, "off")
 
 
@@ -157,14 +188,18 @@ def test_a_driver_who_does_anything_at_all_touches_nothing(series, level, seed):
     points = points[np.hypot(points[:, 0], points[:, 1]) > 0.5]
     pose = Pose2D(0.0, 0.0, float(rng.uniform(-3, 3)))
     for _ in range(8):
-        stick = float(rng.uniform(-model.limits.reverse, model.limits.linear)), float(rng.uniform(-1, 1)) * model.limits.angular
+        stick = (
+            float(rng.uniform(-model.limits.reverse, model.limits.linear)),
+            float(rng.uniform(-1, 1)) * model.limits.angular,
+        )
         poses, _ = go(model, level, stick, points, pose, seconds=float(rng.uniform(0.2, 2.0)))
         pose = poses[-1]
-        # Each stick begins from a stand here, which cuts the braking of the one before short; so look at every pose.
+        # Each stick begins from a stand here, which cuts the braking of the one before short; so
+        # look at every pose.
         assert min(gap(model, here, points) for here in poses[::3]) > 0.0
 
 
-# --- what it is for ------------------------------------------------------------------------------------------------------
+# --- what it is for -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("series", sorted(MODELS))
@@ -178,19 +213,32 @@ def test_a_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, leve
     assert answer.why in {"slow", "stop"}
     assert answer.clearance == pytest.approx(gap(model, poses[-2], WALL), abs=0.01)
     turned, _ = go(model, level, (0.0, model.limits.angular), WALL, poses[-1], seconds=6.0)
-    assert sum(abs(math.remainder(later.theta - earlier.theta, math.tau)) for earlier, later in pairwise(turned)) > 2.0
+    assert (
+        sum(
+            abs(math.remainder(later.theta - earlier.theta, math.tau))
+            for earlier, later in pairwise(turned)
+        )
+        > 2.0
+    )
     assert min(gap(model, pose, WALL) for pose in turned) > 0.0
 
 
 def test_the_stop_says_where_the_obstacle_is():
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(Velocity(linear=0.1, angular=0.0), ZERO, np.array([[0.36, 0.1], [-1.0, 0.0]]), "slow")
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+        Velocity(linear=0.1, angular=0.0), ZERO, np.array([[0.36, 0.1], [-1.0, 0.0]]), "slow"
+    )
     assert (answer.why, answer.side, answer.point) == ("stop", "ahead", (0.36, 0.1))
     assert answer.clearance == pytest.approx(0.04)
 
 
-@pytest.mark.parametrize(("x", "y", "side"), [(0.6, 0.1, "ahead"), (0.1, 0.6, "left"), (-0.6, -0.1, "behind"), (0.1, -0.6, "right")])
+@pytest.mark.parametrize(
+    ("x", "y", "side"),
+    [(0.6, 0.1, "ahead"), (0.1, 0.6, "left"), (-0.6, -0.1, "behind"), (0.1, -0.6, "right")],
+)
 def test_the_nearest_thing_is_told_even_when_it_changes_nothing(x, y, side):
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(ZERO, ZERO, np.array([[x, y], [1.9, 0.0]]), "slow")
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+        ZERO, ZERO, np.array([[x, y], [1.9, 0.0]]), "slow"
+    )
     assert (answer.why, answer.side, answer.point) == ("free", side, (x, y))
 
 
@@ -198,17 +246,35 @@ def test_the_nearest_thing_is_told_even_when_it_changes_nothing(x, y, side):
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_door_of_one_metre_is_passed_at_nearly_full_speed(model, level):
     points = doorway(2.0)
-    poses, _ = go(model, level, (model.limits.linear, 0.0), points, seconds=12.0, until=lambda pose: pose.x > 3.0)
+    poses, _ = go(
+        model,
+        level,
+        (model.limits.linear, 0.0),
+        points,
+        seconds=12.0,
+        until=lambda pose: pose.x > 3.0,
+    )
     assert poses[-1].x > 3.0
-    at_full = 3.0 / model.limits.linear + model.limits.linear / model.limits.linear_acceleration / 2.0
+    at_full = (
+        3.0 / model.limits.linear + model.limits.linear / model.limits.linear_acceleration / 2.0
+    )
     assert len(poses) * TICK < 1.2 * at_full
 
 
 @pytest.mark.parametrize("aside", [-0.35, -0.2, 0.2, 0.35])
 def test_steering_leads_a_driver_who_is_off_to_one_side_through_the_middle_of_a_door(aside):
     points = doorway(2.0)
-    slowed, _ = go(GIRAFF, "slow", (0.7, 0.0), points, Pose2D(0.0, aside, 0.0), until=lambda pose: pose.x > 2.6)
-    steered, _ = go(GIRAFF, "steer", (0.7, 0.0), points, Pose2D(0.0, aside, 0.0), until=lambda pose: pose.x > 2.6)
+    slowed, _ = go(
+        GIRAFF, "slow", (0.7, 0.0), points, Pose2D(0.0, aside, 0.0), until=lambda pose: pose.x > 2.6
+    )
+    steered, _ = go(
+        GIRAFF,
+        "steer",
+        (0.7, 0.0),
+        points,
+        Pose2D(0.0, aside, 0.0),
+        until=lambda pose: pose.x > 2.6,
+    )
     assert steered[-1].x > 2.6
     between = [abs(pose.y) for pose in steered if 1.8 < pose.x < 2.3]
     assert max(between) < abs(aside)
@@ -217,7 +283,9 @@ def test_steering_leads_a_driver_who_is_off_to_one_side_through_the_middle_of_a_
 
 @pytest.mark.parametrize("aside", [0.1, -0.1, 0.25])
 def test_steering_goes_round_a_thing_in_the_way(aside):
-    post = np.array([1.6, aside]) + 0.12 * np.column_stack([np.cos(np.linspace(0, 6.2, 40)), np.sin(np.linspace(0, 6.2, 40))])
+    post = np.array([1.6, aside]) + 0.12 * np.column_stack(
+        [np.cos(np.linspace(0, 6.2, 40)), np.sin(np.linspace(0, 6.2, 40))]
+    )
     slowed, _ = go(GIRAFF, "slow", (0.5, 0.0), post)
     steered, _ = go(GIRAFF, "steer", (0.5, 0.0), post)
     assert slowed[-1].x < 1.5
@@ -229,7 +297,9 @@ def test_a_robot_that_was_stopped_goes_on_saying_why():
     poses, _ = go(GIRAFF, "slow", (0.7, 0.0), WALL)
     near = into(poses[-1], WALL)
     for speed in (0.001, 0.004, 0.02):
-        answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(Velocity(linear=speed, angular=0.0), ZERO, near, "slow")
+        answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+            Velocity(linear=speed, angular=0.0), ZERO, near, "slow"
+        )
         assert answer.why in {"slow", "stop"}
         assert answer.side == "ahead"
 
@@ -252,19 +322,22 @@ def test_a_robot_stays_farther_away_from_what_it_only_remembers(level):
     behind = line(-0.8, -1.0, -0.8, 1.0)
     exact, _ = go(GIRAFF, level, (-0.3, 0.0), behind, seconds=6.0)
     vague, _ = go(GIRAFF, level, (-0.3, 0.0), behind, seconds=6.0, error=0.025)
-    assert gap(GIRAFF, vague[-1], behind) == pytest.approx(gap(GIRAFF, exact[-1], behind) + 0.025, abs=0.005)
+    assert gap(GIRAFF, vague[-1], behind) == pytest.approx(
+        gap(GIRAFF, exact[-1], behind) + 0.025, abs=0.005
+    )
 
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_robot_turns_no_nearer_to_what_it_remembers_beside_it_and_drives_away_from_there(level):
-    chair = line(-0.12, 0.315, 0.1, 0.315)  # 35 mm beside it: near enough for a corner that nobody saw
+    # 35 mm beside it: near enough for a corner that nobody saw
+    chair = line(-0.12, 0.315, 0.1, 0.315)
     turned, _ = go(GIRAFF, level, (0.0, -0.7), chair, seconds=3.0, error=0.025)
     assert min(gap(GIRAFF, pose, chair) for pose in turned) > 0.03
     left, _ = go(GIRAFF, level, (0.3, 0.0), chair, seconds=3.0, error=0.025)
     assert left[-1].x > 0.3
 
 
-# --- out of tight spots --------------------------------------------------------------------------------------------------
+# --- out of tight spots ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -280,7 +353,10 @@ def test_a_driver_leaves_a_contact_by_the_way_that_is_free_and_no_other(level):
 def test_a_robot_between_two_walls_with_room_for_its_corners_turns_round():
     walls = np.vstack([line(-2.0, 0.38, 2.0, 0.38), line(-2.0, -0.38, 2.0, -0.38)])
     poses, _ = go(GIRAFF, "slow", (0.0, 0.7), walls, seconds=12.0)
-    turned = sum(abs(math.remainder(later.theta - earlier.theta, math.tau)) for earlier, later in pairwise(poses))
+    turned = sum(
+        abs(math.remainder(later.theta - earlier.theta, math.tau))
+        for earlier, later in pairwise(poses)
+    )
     assert turned > math.pi
     assert min(gap(GIRAFF, pose, walls) for pose in poses) > 0.0
 
@@ -294,7 +370,7 @@ def test_a_robot_whose_corner_would_meet_the_wall_drives_on_straight():
     assert straight[-1].x > 0.3
 
 
-# --- the dock ------------------------------------------------------------------------------------------------------------
+# --- the dock -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("aside", [0.0, 0.06])
@@ -304,31 +380,50 @@ def test_a_station_may_be_touched_by_the_robot_whose_dock_it_is_at_a_creep(level
     station = line(1.32, -0.28, 1.32, 0.28)  # the docked robot's nose touches it
     alone, _ = go(GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0))
     assert gap(GIRAFF, alone[-1], station) > 0.02
-    poses, _ = go(GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0), dock=dock, seconds=9.0)
+    poses, _ = go(
+        GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0), dock=dock, seconds=9.0
+    )
     assert gap(GIRAFF, poses[-1], station) < 0.01
-    last = [later.x - earlier.x for earlier, later in pairwise(poses) if gap(GIRAFF, earlier, station) < 0.02]
+    last = [
+        later.x - earlier.x
+        for earlier, later in pairwise(poses)
+        if gap(GIRAFF, earlier, station) < 0.02
+    ]
     assert max(last) <= 0.06 * TICK + 1e-9
 
 
 def test_a_robot_that_has_reached_its_dock_pushes_no_further():
     station = line(0.30, -0.28, 0.30, 0.28)  # a laser that sees it two centimetres too near
-    poses, _ = go(GIRAFF, "slow", (0.5, 0.0), station, Pose2D(-0.01, 0.0, 0.0), dock=Pose2D(0.0, 0.0, 0.0), seconds=3.0)
+    poses, _ = go(
+        GIRAFF,
+        "slow",
+        (0.5, 0.0),
+        station,
+        Pose2D(-0.01, 0.0, 0.0),
+        dock=Pose2D(0.0, 0.0, 0.0),
+        seconds=3.0,
+    )
     assert poses[-1].x < 0.01
 
 
-@pytest.mark.parametrize("dock", [Pose2D(1.0, 0.0, 2.0), Pose2D(1.0, 0.6, 0.0), Pose2D(-0.4, 0.0, 0.0), Pose2D(3.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    "dock",
+    [Pose2D(1.0, 0.0, 2.0), Pose2D(1.0, 0.6, 0.0), Pose2D(-0.4, 0.0, 0.0), Pose2D(3.0, 0.0, 0.0)],
+)
 def test_a_dock_elsewhere_allows_nothing(dock):
     poses, _ = go(GIRAFF, "slow", (0.5, 0.0), line(1.0, -0.5, 1.0, 0.5), dock=dock)
     assert gap(GIRAFF, poses[-1], line(1.0, -0.5, 1.0, 0.5)) > 0.02
 
 
-# --- a laser that is silent ----------------------------------------------------------------------------------------------
+# --- a laser that is silent -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("silence", [0.51, math.inf, math.nan])
 def test_a_laser_that_is_silent_stops_the_robot_and_says_so(level, silence):
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, level, silence=silence)
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+        Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, level, silence=silence
+    )
     assert (answer.velocity, answer.why) == (ZERO, "blind")
 
 

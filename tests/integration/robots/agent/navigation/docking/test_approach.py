@@ -39,7 +39,9 @@ def test_from_another_room_the_robot_docks_and_stays_docked(series: str, model: 
 
 
 @pytest.mark.parametrize(("series", "model"), BOTH)
-def test_undocking_leaves_room_to_turn_and_ends_with_the_station_behind(series: str, model: RobotModel) -> None:
+def test_undocking_leaves_room_to_turn_and_ends_with_the_station_behind(
+    series: str, model: RobotModel
+) -> None:
     made = rig("dock", model)
     before = made.sim.pose.theta
     made.navigator.undock()
@@ -49,7 +51,9 @@ def test_undocking_leaves_room_to_turn_and_ends_with_the_station_behind(series: 
     assert abs(math.remainder(made.sim.pose.theta - before, math.tau)) > math.pi - 0.2
 
 
-def test_a_robot_that_has_no_room_to_turn_before_its_station_is_out_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robot_that_has_no_room_to_turn_before_its_station_is_out_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(Follower, "turn", lambda *_: Followed(ZERO, "held", "thing"))
     made = rig("dock")
     made.navigator.undock()
@@ -63,7 +67,12 @@ def test_undocking_backs_out_first_and_turns_then() -> None:
     made.navigator.undock()
     seen = []
     while (step := made.step()).status == "RUNNING":
-        seen.append((round(step.progress, 6), abs(math.remainder(made.sim.pose.theta - math.pi, math.tau)) > 0.1))
+        seen.append(
+            (
+                round(step.progress, 6),
+                abs(math.remainder(made.sim.pose.theta - math.pi, math.tau)) > 0.1,
+            )
+        )
     assert [progress for progress, _ in seen] == sorted(progress for progress, _ in seen)
     assert {turned for progress, turned in seen if progress < 0.5} == {False}
     assert {turned for progress, turned in seen if progress > 0.6} == {True}
@@ -87,7 +96,9 @@ def test_a_robot_that_slipped_out_a_little_finds_its_way_in_again() -> None:
     assert made.sim.docked
 
 
-def test_contacts_that_never_meet_are_tried_three_times_and_then_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contacts_that_never_meet_are_tried_three_times_and_then_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made = rig("lab-centre")
     monkeypatch.setattr(made.sim, "_in_dock", lambda: False)
     made.navigator.dock()
@@ -115,10 +126,14 @@ def test_a_station_behind_closed_doors_cannot_be_reached() -> None:
     made.navigator.dock()
     done = made.run(150.0)
     assert done.status == "FAILED"
-    assert done.reason.startswith("the charging station cannot be reached: blocked: Laboratory door is closed")
+    assert done.reason.startswith(
+        "the charging station cannot be reached: blocked: Laboratory door is closed"
+    )
 
 
-def test_a_station_that_is_not_where_the_map_has_it_is_looked_for_and_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_station_that_is_not_where_the_map_has_it_is_looked_for_and_missed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("robots.agent.navigation.docking.station.find", lambda *_: None)
     made = rig("lab-centre")
     made.navigator.dock()
@@ -128,7 +143,9 @@ def test_a_station_that_is_not_where_the_map_has_it_is_looked_for_and_missed(mon
 
 
 def test_a_robot_without_a_station_on_the_plan_is_told_so() -> None:
-    nowhere = Navigator(SITE.grid, None, Simulation(GIRAFF, SITE.plan, seed=1).footprint, GIRAFF.limits, "giraff")
+    nowhere = Navigator(
+        SITE.grid, None, Simulation(GIRAFF, SITE.plan, seed=1).footprint, GIRAFF.limits, "giraff"
+    )
     with pytest.raises(NoWayError, match="no charging station for giraff"):
         nowhere.dock()
 
@@ -167,7 +184,12 @@ def test_who_loses_the_map_on_the_last_metre_docks_all_the_same() -> None:
 
 def test_a_box_before_the_station_keeps_the_robot_out_and_is_not_touched() -> None:
     box = Furniture(name="parcel", kind="box", x=0.62, y=6.3, width=0.2, depth=0.2, height=0.5)
-    sim = Simulation(GIRAFF, replace(SITE.plan, furniture=(*SITE.plan.furniture, box)), seed=1, start="1.6,6.2,3.1")
+    sim = Simulation(
+        GIRAFF,
+        replace(SITE.plan, furniture=(*SITE.plan.furniture, box)),
+        seed=1,
+        start="1.6,6.2,3.1",
+    )
     made = Rig(sim, SITE.grid, 1)
     made.navigator.dock()
     done = made.run(400.0)

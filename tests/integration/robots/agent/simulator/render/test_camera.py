@@ -1,4 +1,6 @@
-"""The picture is a pinhole's: what stands at a place of the world is where the camera model puts it."""
+"""The picture is a pinhole's: what stands at a place of the world is where the camera model puts
+it.
+"""
 
 import dataclasses
 import math
@@ -44,12 +46,16 @@ def picture(
 
 
 def pixel_of(pose: Pose2D, tilt: float, point: tuple[float, float, float]) -> tuple[float, float]:
-    """Project with a rotation matrix and K, as a page that draws an overlay does; independent of lens.py."""
+    """Project with a rotation matrix and K, as a page that draws an overlay does; independent of
+    lens.py.
+    """
     model = GIRAFF.camera
     focal = model.width / 2 / math.tan(model.hfov / 2)
     yaw, pitch = pose.theta, model.pitch + tilt
     centre = np.array([pose.x + model.x * math.cos(yaw), pose.y + model.x * math.sin(yaw), model.z])
-    forward = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
+    forward = np.array(
+        [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)]
+    )
     right = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
     down = np.cross(forward, right)
     seen = np.array([right, down, forward]) @ (np.array(point) - centre)
@@ -58,7 +64,9 @@ def pixel_of(pose: Pose2D, tilt: float, point: tuple[float, float, float]) -> tu
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.6, 5.0), st.floats(-0.6, 0.6), st.sampled_from([-0.3, 0.0, HOME, 0.6, 0.9]))
-def test_a_pixels_floor_point_is_where_the_pinhole_puts_it(ahead: float, bearing: float, tilt: float) -> None:
+def test_a_pixels_floor_point_is_where_the_pinhole_puts_it(
+    ahead: float, bearing: float, tilt: float
+) -> None:
     lens = grind(GIRAFF.camera, tilt)
     pose = Pose2D(0.0, 0.0, 0.0)
     point = (GIRAFF.camera.x + ahead * math.cos(bearing), ahead * math.sin(bearing), 0.0)
@@ -71,7 +79,10 @@ def test_a_pixels_floor_point_is_where_the_pinhole_puts_it(ahead: float, bearing
     found = (away * lens.ahead[row] + GIRAFF.camera.x, -away * lens.right[column])
     corners = [(c, r) for c in (column, column + 1) for r in (row, row + 1)]
     assert lens.slope[row % 2, row // 2, column] < 0
-    pixel = max(math.dist(back_to_floor(tilt, *corner), back_to_floor(tilt, column + 0.5, row + 0.5)) for corner in corners)
+    pixel = max(
+        math.dist(back_to_floor(tilt, *corner), back_to_floor(tilt, column + 0.5, row + 0.5))
+        for corner in corners
+    )
     assert math.dist(found, point[:2]) <= pixel * 1.01 + 1e-3
 
 
@@ -86,8 +97,12 @@ def back_to_floor(tilt: float, u: float, v: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("tilt", [0.2, HOME, 0.5])
 @pytest.mark.parametrize("pose", [(2.9, 6.1, math.pi), (2.5, 6.0, 2.9), (2.7, 5.6, 2.75)])
-def test_the_yellow_lines_of_the_dock_are_drawn_where_they_lie(camera: SceneCamera, pose: tuple[float, float, float], tilt: float) -> None:
-    """Within 2 cm + 2 % on the floor: every probed point of the line is yellow, and 6 cm beside it is not."""
+def test_the_yellow_lines_of_the_dock_are_drawn_where_they_lie(
+    camera: SceneCamera, pose: tuple[float, float, float], tilt: float
+) -> None:
+    """Within 2 cm + 2 % on the floor: every probed point of the line is yellow, and 6 cm beside it
+    is not.
+    """
     dock = PLAN.dock_of("giraff")
     assert dock is not None
     image = picture(camera, pose, tilt).astype(int)
@@ -102,7 +117,9 @@ def test_the_yellow_lines_of_the_dock_are_drawn_where_they_lie(camera: SceneCame
         return bool(red - blue > 60)
 
     probes = [
-        (yellow(x, s * aside), yellow(x, s * (aside + 0.07)), yellow(x, s * (aside - 0.07))) for s in (-1, 1) for x in np.linspace(-0.6, 0.5, 12)
+        (yellow(x, s * aside), yellow(x, s * (aside + 0.07)), yellow(x, s * (aside - 0.07)))
+        for s in (-1, 1)
+        for x in np.linspace(-0.6, 0.5, 12)
     ]
     seen = [probe for probe in probes if None not in probe]
     assert len(seen) >= 6
@@ -111,7 +128,9 @@ def test_the_yellow_lines_of_the_dock_are_drawn_where_they_lie(camera: SceneCame
 
 
 def test_an_edge_of_furniture_is_where_the_pinhole_puts_it(camera: SceneCamera) -> None:
-    """The upper front corners of the corridor's cabinet: white below the edge, darker wood above it."""
+    """The upper front corners of the corridor's cabinet: white below the edge, darker wood above
+    it.
+    """
     cabinet = next(piece for piece in PLAN.furniture if piece.name == "cabinet-1")
     pose, image = (4.9, 1.0, 0.2), picture(camera, (4.9, 1.0, 0.2)).astype(int)
     left, front, top = cabinet.x - cabinet.width / 2, cabinet.y - cabinet.depth / 2, cabinet.height
@@ -145,7 +164,9 @@ def test_a_closed_door_is_seen(camera: SceneCamera) -> None:
 
 
 @pytest.mark.parametrize("tilt", [-0.2, 0.0, HOME, 0.5])
-def test_however_the_head_is_tilted_the_docks_marker_is_where_the_pinhole_puts_it(camera: SceneCamera, tilt: float) -> None:
+def test_however_the_head_is_tilted_the_docks_marker_is_where_the_pinhole_puts_it(
+    camera: SceneCamera, tilt: float
+) -> None:
     pose = Pose2D(10.2, 1.0, 0.0)
     image = picture(camera, tuple(pose), tilt).astype(int)
     station = PLAN.docks[1].station
@@ -172,12 +193,18 @@ def test_facing_the_mirror_the_robot_sees_itself_and_beside_it_not(camera: Scene
     assert blue_display < 0.001
 
 
-def test_each_mirror_has_its_own_side_however_alike_their_numbers_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_mirror_has_its_own_side_however_alike_their_numbers_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Python's hashes of -1.0 and -2.0 are the same."""
     camera, asked = SceneCamera(GIRAFF, PLAN, seed=1), []
     glasses = tuple(Glass(np.array([x, 8.0, x, 6.0]), 0.3, 2.0) for x in (-1.0, -2.0))
     camera.scene = dataclasses.replace(camera.scene, mirrors=glasses)
-    monkeypatch.setattr(camera_module, "before", lambda things, start, normal: asked.append(start[0]) or before(things, start, normal))
+    monkeypatch.setattr(
+        camera_module,
+        "before",
+        lambda things, start, normal: asked.append(start[0]) or before(things, start, normal),
+    )
     for _ in range(2):
         picture(camera, (0.0, 7.0, math.pi))
     assert asked == [-1.0, -2.0]
@@ -188,7 +215,8 @@ def test_left_in_the_mirror_is_left(camera: SceneCamera) -> None:
     mirror = PLAN.mirrors[0]
     pose = Pose2D(8.4, 3.4, math.pi)
     image = picture(camera, tuple(pose), 0.15).astype(int)
-    sideboard = next(piece for piece in PLAN.furniture if piece.name == "sideboard")  # south: at the left of who looks west
+    # south: at the left of who looks west
+    sideboard = next(piece for piece in PLAN.furniture if piece.name == "sideboard")
     u, v = pixel_of(pose, 0.15, (2 * mirror.start[0] - sideboard.x - 0.5, sideboard.y + 0.2, 0.3))
     assert u < 320
     assert image[int(v) - 3 : int(v) + 3, int(u) - 3 : int(u) + 3].mean() < 110  # dark wood
@@ -206,14 +234,24 @@ def test_what_stands_nearer_hides_what_stands_farther(camera: SceneCamera) -> No
 
 
 def test_the_same_seed_paints_the_same_scene_and_another_seed_another() -> None:
-    one, same, other = (picture(SceneCamera(RHODON, PLAN, seed=seed), (5.0, 1.0, 0.0), 0.0) for seed in (3, 3, 4))
+    one, same, other = (
+        picture(SceneCamera(RHODON, PLAN, seed=seed), (5.0, 1.0, 0.0), 0.0) for seed in (3, 3, 4)
+    )
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.floats(0.4, 11.6), st.floats(0.4, 7.2), st.floats(-3.1, 3.1), st.floats(-0.5, 0.9), st.booleans())
-def test_no_pose_breaks_the_picture(x: float, y: float, theta: float, tilt: float, closed: bool) -> None:
+@given(
+    st.floats(0.4, 11.6),
+    st.floats(0.4, 7.2),
+    st.floats(-3.1, 3.1),
+    st.floats(-0.5, 0.9),
+    st.booleans(),
+)
+def test_no_pose_breaks_the_picture(
+    x: float, y: float, theta: float, tilt: float, closed: bool
+) -> None:
     state: DoorState = "closed" if closed else "open"
     with np.errstate(all="ignore"):
         image = picture(CAMERA[0], (x, y, theta), tilt, dict.fromkeys(OPEN, state))
@@ -236,7 +274,9 @@ def test_many_lenses_and_doors_do_not_pile_up(camera: SceneCamera) -> None:
     assert len(camera._things) <= 8
 
 
-def test_what_stands_still_is_given_out_again_and_not_drawn_again(camera: SceneCamera, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_stands_still_is_given_out_again_and_not_drawn_again(
+    camera: SceneCamera, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first = picture(camera, (5.0, 1.0, 0.0))
     monkeypatch.setattr(camera, "_draw_all", lambda *_: pytest.fail("drawn again"))
     assert np.array_equal(picture(camera, (5.0, 1.0, 0.0)), first)

@@ -1,4 +1,6 @@
-"""People in the picture: they stand where they stand, walk as they walk, and walls, doors and mirrors treat them like anything else."""
+"""People in the picture: they stand where they stand, walk as they walk, and walls, doors and
+mirrors treat them like anything else.
+"""
 
 import math
 
@@ -30,15 +32,28 @@ def camera() -> SceneCamera:
     return SceneCamera(GIRAFF, PLAN, seed=1)
 
 
-def picture(camera: SceneCamera, pose: tuple[float, float, float], people: tuple[Person, ...], doors: dict[str, DoorState] = OPEN) -> np.ndarray:
+def picture(
+    camera: SceneCamera,
+    pose: tuple[float, float, float],
+    people: tuple[Person, ...],
+    doors: dict[str, DoorState] = OPEN,
+) -> np.ndarray:
     out = np.zeros((720, 640), dtype=np.uint8)
     camera.render(Pose2D(*pose), HOME, doors, people, out)
     return video_frame(Frame(out, 0.0, "yuv420p")).to_ndarray(format="rgb24").astype(int)
 
 
-def changed(camera: SceneCamera, pose: tuple[float, float, float], people: tuple[Person, ...], doors: dict[str, DoorState] = OPEN) -> np.ndarray:
+def changed(
+    camera: SceneCamera,
+    pose: tuple[float, float, float],
+    people: tuple[Person, ...],
+    doors: dict[str, DoorState] = OPEN,
+) -> np.ndarray:
     """Return which pixels people change, their soft shadows left out."""
-    return np.abs(picture(camera, pose, people, doors) - picture(camera, pose, (), doors)).max(axis=2) > 60
+    return (
+        np.abs(picture(camera, pose, people, doors) - picture(camera, pose, (), doors)).max(axis=2)
+        > 60
+    )
 
 
 def box(mask: np.ndarray) -> Box:
@@ -47,19 +62,30 @@ def box(mask: np.ndarray) -> Box:
     return int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1])
 
 
-def pixel_of(pose: tuple[float, float, float], point: tuple[float, float, float]) -> tuple[float, float]:
+def pixel_of(
+    pose: tuple[float, float, float], point: tuple[float, float, float]
+) -> tuple[float, float]:
     """Project a world point with K, independent of the camera's code."""
     model = GIRAFF.camera
     focal, pitch = model.width / 2 / math.tan(model.hfov / 2), model.pitch + HOME
     x, y, yaw = pose
     dx, dy = point[0] - x - model.x * math.cos(yaw), point[1] - y - model.x * math.sin(yaw)
-    forward, left, up = dx * math.cos(yaw) + dy * math.sin(yaw), dy * math.cos(yaw) - dx * math.sin(yaw), point[2] - model.z
-    depth, down = forward * math.cos(pitch) - up * math.sin(pitch), -forward * math.sin(pitch) - up * math.cos(pitch)
+    forward, left, up = (
+        dx * math.cos(yaw) + dy * math.sin(yaw),
+        dy * math.cos(yaw) - dx * math.sin(yaw),
+        point[2] - model.z,
+    )
+    depth, down = (
+        forward * math.cos(pitch) - up * math.sin(pitch),
+        -forward * math.sin(pitch) - up * math.cos(pitch),
+    )
     return model.width / 2 - focal * left / depth, model.height / 2 + focal * down / depth
 
 
 @pytest.mark.parametrize("place", [(8.0, 1.1), (9.0, 0.9), (10.0, 1.2)])
-def test_somebody_is_drawn_as_tall_as_they_are_where_they_stand(camera: SceneCamera, place: tuple[float, float]) -> None:
+def test_somebody_is_drawn_as_tall_as_they_are_where_they_stand(
+    camera: SceneCamera, place: tuple[float, float]
+) -> None:
     pose = (5.0, 1.0, 0.0)
     top, _, left, right = box(changed(camera, pose, (Person(*place, math.pi, 0.0, 1, 0.0),)))
     height = look_of(1).height
@@ -81,7 +107,11 @@ def test_a_wall_hides_who_is_in_the_next_room(camera: SceneCamera) -> None:
 
 
 def test_the_nearer_of_two_hides_the_other(camera: SceneCamera) -> None:
-    pose, near, far = (5.0, 1.0, 0.0), Person(7.4, 1.0, math.pi, 0.0, 1, 0.0), Person(9.4, 1.0, math.pi, 0.0, 2, 0.0)
+    pose, near, far = (
+        (5.0, 1.0, 0.0),
+        Person(7.4, 1.0, math.pi, 0.0, 1, 0.0),
+        Person(9.4, 1.0, math.pi, 0.0, 2, 0.0),
+    )
     alone, both = picture(camera, pose, (near,)), picture(camera, pose, (near, far))
     u, v = pixel_of(pose, (near.x, near.y, 1.2))
     chest = (slice(int(v) - 10, int(v) + 10), slice(int(u) - 10, int(u) + 10))
@@ -100,7 +130,10 @@ def test_somebody_before_the_mirror_is_seen_in_it_from_the_other_side(camera: Sc
     for place in ((x, y), (2 * mirror.start[0] - x, y)):
         u, v = pixel_of(pose, (*place, height - 0.14))
         metre = pixel_of(pose, (*place, height - 1.14))[1] - v
-        head = image[int(v - 0.05 * metre) : int(v + 0.05 * metre), int(u - 0.04 * metre) : int(u + 0.04 * metre)].reshape(-1, 3)
+        head = image[
+            int(v - 0.05 * metre) : int(v + 0.05 * metre),
+            int(u - 0.04 * metre) : int(u + 0.04 * metre),
+        ].reshape(-1, 3)
         distance = np.abs(head - look_of(1).skin * 255).max(axis=1)
         skins.append(float((distance < 70).mean()))
     back, face = skins
@@ -112,7 +145,9 @@ def test_a_shadow_lies_on_the_floor_at_their_feet(camera: SceneCamera) -> None:
     pose, person = (5.0, 1.0, 0.0), Person(8.0, 1.0, math.pi, 0.0, 1, 0.0)
     u, v = pixel_of(pose, (person.x - 0.08, person.y - 0.3, 0.0))
     spot = (slice(int(v) - 1, int(v) + 2), slice(int(u) - 2, int(u) + 3))
-    assert picture(camera, pose, (person,))[spot].mean() < picture(camera, pose, ())[spot].mean() - 5
+    assert (
+        picture(camera, pose, (person,))[spot].mean() < picture(camera, pose, ())[spot].mean() - 5
+    )
 
 
 def test_who_stands_behind_the_mirrors_wall_throws_no_shadow_into_it(camera: SceneCamera) -> None:
@@ -124,8 +159,14 @@ def test_who_stands_behind_the_mirrors_wall_throws_no_shadow_into_it(camera: Sce
 
 def test_who_walks_moves_the_legs_and_who_stands_does_not(camera: SceneCamera) -> None:
     pose = (5.0, 1.0, 0.0)
-    walk = [picture(camera, pose, (Person(8.0, 1.0, 1.5, stride, 1, 1.0),)) for stride in (0.0, math.pi / 2)]
-    stand = [picture(camera, pose, (Person(8.0, 1.0, 1.5, stride, 1, 0.0),)) for stride in (0.0, math.pi / 2)]
+    walk = [
+        picture(camera, pose, (Person(8.0, 1.0, 1.5, stride, 1, 1.0),))
+        for stride in (0.0, math.pi / 2)
+    ]
+    stand = [
+        picture(camera, pose, (Person(8.0, 1.0, 1.5, stride, 1, 0.0),))
+        for stride in (0.0, math.pi / 2)
+    ]
     assert (np.abs(walk[0] - walk[1]).max(axis=2) > 40).sum() > 200
     assert np.array_equal(stand[0], stand[1])
 
@@ -138,10 +179,15 @@ def test_the_left_foot_is_ahead_at_a_quarter_of_the_stride() -> None:
 
 @pytest.mark.parametrize("stride", [0.0, 1.1, 2.9, 4.4, None])
 @pytest.mark.parametrize("bearing", [0.0, 0.7, math.pi / 2, 2.2])
-def test_from_the_right_a_body_is_its_mirror_image_half_a_stride_later(stride: float | None, bearing: float) -> None:
+def test_from_the_right_a_body_is_its_mirror_image_half_a_stride_later(
+    stride: float | None, bearing: float
+) -> None:
     """What lets half of all pictures do."""
     other = None if stride is None else stride + math.pi
-    one, two = draw(limbs(look_of(3), stride), bearing, 1.95), draw(limbs(look_of(3), other), -bearing, 1.95)
+    one, two = (
+        draw(limbs(look_of(3), stride), bearing, 1.95),
+        draw(limbs(look_of(3), other), -bearing, 1.95),
+    )
     assert one.left == pytest.approx(-two.right, abs=0.021)
     columns = min(len(one.picture), len(two.picture))
     a, b = ~np.isnan(one.picture[:columns, :, 0]), ~np.isnan(two.picture[::-1][:columns, :, 0])
@@ -149,7 +195,9 @@ def test_from_the_right_a_body_is_its_mirror_image_half_a_stride_later(stride: f
 
 
 @given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.integers(-3, 10**6), st.floats(0.0, 2.0))
-def test_there_is_a_picture_for_every_stride_and_every_side(bearing: float, stride: float, look: int, speed: float) -> None:
+def test_there_is_a_picture_for_every_stride_and_every_side(
+    bearing: float, stride: float, look: int, speed: float
+) -> None:
     (number, phase, view), _ = chosen(Person(0.0, 0.0, 0.0, stride, look, speed), bearing)
     assert number == look
     assert phase == STANDING or 0 <= phase < PHASES
@@ -157,10 +205,20 @@ def test_there_is_a_picture_for_every_stride_and_every_side(bearing: float, stri
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.floats(0.4, 11.6), st.floats(0.4, 7.2), st.floats(-3.1, 3.1), st.floats(0.0, 0.6), st.floats(-3.1, 3.1))
-def test_no_place_of_somebody_breaks_the_picture(x: float, y: float, theta: float, distance: float, bearing: float) -> None:
+@given(
+    st.floats(0.4, 11.6),
+    st.floats(0.4, 7.2),
+    st.floats(-3.1, 3.1),
+    st.floats(0.0, 0.6),
+    st.floats(-3.1, 3.1),
+)
+def test_no_place_of_somebody_breaks_the_picture(
+    x: float, y: float, theta: float, distance: float, bearing: float
+) -> None:
     """Also not one inside of the robot's head."""
-    person = Person(x + distance * math.cos(bearing), y + distance * math.sin(bearing), bearing, theta, 1, 1.0)
+    person = Person(
+        x + distance * math.cos(bearing), y + distance * math.sin(bearing), bearing, theta, 1, 1.0
+    )
     assert picture(CAMERA[0], (x, y, theta), (person, person)).max() > 0
 
 

@@ -3,12 +3,18 @@
 from robots.agent.adapters.common.pending_actions import PendingAction, PendingActions
 from robots.api.docked import DockState
 
-APART, TOUCHING, SEATED = DockState(), DockState(touching=True), DockState(touching=True, docked=True)
+APART, TOUCHING, SEATED = (
+    DockState(),
+    DockState(touching=True),
+    DockState(touching=True, docked=True),
+)
 
 
 def told():
     news = []
-    return PendingActions(lambda progress: news.append((progress.action_id, progress.status, progress.reason))), news
+    return PendingActions(
+        lambda progress: news.append((progress.action_id, progress.status, progress.reason))
+    ), news
 
 
 def test_the_newer_errand_of_the_base_replaces_the_older_and_the_head_is_apart():
@@ -16,7 +22,12 @@ def test_the_newer_errand_of_the_base_replaces_the_older_and_the_head_is_apart()
     pending_actions.begin(PendingAction("g1", "goto", 0.0, (1.0, 1.0)))
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.2, 0.2)))
     pending_actions.begin(PendingAction("d", "dock", 0.0))
-    assert news == [("g1", "RUNNING", ""), ("t", "RUNNING", ""), ("g1", "CANCELLED", "replaced"), ("d", "RUNNING", "")]
+    assert news == [
+        ("g1", "RUNNING", ""),
+        ("t", "RUNNING", ""),
+        ("g1", "CANCELLED", "replaced"),
+        ("d", "RUNNING", ""),
+    ]
     assert pending_actions.of("t") is not None
     assert pending_actions.of("g1") is None
 
@@ -31,7 +42,12 @@ def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
     pending_actions.begin(PendingAction("u", "undock", 2.0))
     pending_actions.watch(3.0, dock=TOUCHING, tilt=None)
     pending_actions.watch(4.0, dock=APART, tilt=None)
-    assert news == [("d", "RUNNING", ""), ("d", "FINISHED", ""), ("u", "RUNNING", ""), ("u", "FINISHED", "")]
+    assert news == [
+        ("d", "RUNNING", ""),
+        ("d", "FINISHED", ""),
+        ("u", "RUNNING", ""),
+        ("u", "FINISHED", ""),
+    ]
 
 
 def test_what_takes_too_long_fails_with_the_reason():
@@ -40,7 +56,10 @@ def test_what_takes_too_long_fails_with_the_reason():
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     pending_actions.watch(6.0, dock=APART, tilt=0.1)
     pending_actions.watch(11.0, dock=APART, tilt=0.1)
-    assert news[2:] == [("t", "FAILED", "the head does not get there"), ("d", "FAILED", "it takes too long")]
+    assert news[2:] == [
+        ("t", "FAILED", "the head does not get there"),
+        ("d", "FAILED", "it takes too long"),
+    ]
 
 
 def test_a_head_is_there_when_its_angle_is():
@@ -66,4 +85,7 @@ def test_all_of_it_fails_with_the_architecture():
     pending_actions.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5)))
     pending_actions.end_all("the robot was lost")
-    assert news[2:] == [("g", "FAILED", "the robot was lost"), ("t", "FAILED", "the robot was lost")]
+    assert news[2:] == [
+        ("g", "FAILED", "the robot was lost"),
+        ("t", "FAILED", "the robot was lost"),
+    ]

@@ -14,7 +14,8 @@ from tests.support.paths import ROOT
 
 MINE = 'series = "mine"\nfootprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]\n[limits]\n'
 LIMITS = (
-    "linear = 0.5\nreverse = 0.2\nangular = 1.0\nlinear_acceleration = 0.3\nangular_acceleration = 0.8\nlinear_braking = 0.8\nangular_braking = 2.0\n"
+    "linear = 0.5\nreverse = 0.2\nangular = 1.0\nlinear_acceleration = 0.3\nangular_acceleration ="
+    " 0.8\nlinear_braking = 0.8\nangular_braking = 2.0\n"
 )
 REAL = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")
 
@@ -51,9 +52,19 @@ def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_pa
 
 def test_sensors_for_obstacles_are_the_profiles_and_each_gives_help_by_itself(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text("bumper = true\n" + MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwidth = 0.4\n[depth]\n[moos]\nwatchdog = 0.5\n")
+    file.write_text(
+        "bumper = true\n"
+        + MINE
+        + LIMITS
+        + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwidth = 0.4\n[depth]\n[moos]\nwatchdog ="
+        " 0.5\n"
+    )
     profile = registry.create("moos", str(file)).profile
-    assert (profile.sonars, profile.bumper, profile.depth) == ((Sonar(0.2, 0.0, 0.0, width=0.4),), True, DepthCamera())
+    assert (profile.sonars, profile.bumper, profile.depth) == (
+        (Sonar(0.2, 0.0, 0.0, width=0.4),),
+        True,
+        DepthCamera(),
+    )
     assert len(sources_of(profile)) == 3
 
 
@@ -93,7 +104,9 @@ def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
 def test_what_is_not_installed_is_named_with_the_line_that_installs_it(monkeypatch):
     import sys
 
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
     for module, library in (("ros2", "cyclonedds.core"), ("rosbridge", "websockets.exceptions")):
         monkeypatch.delitem(sys.modules, f"robots.agent.adapters.ros.{module}", raising=False)
         monkeypatch.setitem(sys.modules, library, None)

@@ -35,7 +35,12 @@ def test_a_stamp_is_believed_when_the_clocks_agree():
 def test_before_anything_was_heard_it_stands_nowhere():
     readings = Readings()
     state = readings.state(10.0)
-    assert (state.pose, state.velocity, state.odometry, state.distance) == (NOWHERE, ZERO, None, 0.0)
+    assert (state.pose, state.velocity, state.odometry, state.distance) == (
+        NOWHERE,
+        ZERO,
+        None,
+        0.0,
+    )
     assert readings.last_received_at == -math.inf
 
 
@@ -73,8 +78,11 @@ def test_an_old_fix_is_carried_on_by_the_odometry():
 def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
     readings = Readings()
     for number in range(10):
-        readings.moved(Pose2D(0.05 * number, 0.0, 0.0), AHEAD, 100.0 + 0.1 * number, 100.0 + 0.1 * number)
-    readings.located(Pose(x=5.0, y=0.0, theta=0.0), 100.3, 101.0)  # computed late, of a scan from before
+        readings.moved(
+            Pose2D(0.05 * number, 0.0, 0.0), AHEAD, 100.0 + 0.1 * number, 100.0 + 0.1 * number
+        )
+    # computed late, of a scan from before
+    readings.located(Pose(x=5.0, y=0.0, theta=0.0), 100.3, 101.0)
     assert readings.pose.x == pytest.approx(5.0 + 0.05 * 6)
 
 
@@ -82,7 +90,11 @@ def test_a_transform_says_where_the_odometry_lies_in_the_map_and_what_is_lost_is
     readings = Readings()
     readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
     readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
-    assert (readings.pose.x, readings.pose.y, readings.pose.localized) == (pytest.approx(1.0), pytest.approx(3.0), True)
+    assert (readings.pose.x, readings.pose.y, readings.pose.localized) == (
+        pytest.approx(1.0),
+        pytest.approx(3.0),
+        True,
+    )
     readings.lost(101.0)
     assert readings.pose == NOWHERE
 
@@ -153,7 +165,12 @@ def test_what_comes_out_is_sound():
 
 def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
     state = Readings().state(1.0)
-    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.charger_contact) == (None, None, None, False)
+    assert (
+        state.battery.charge,
+        state.battery.voltage,
+        state.battery.charging,
+        state.charger_contact,
+    ) == (None, None, None, False)
 
 
 def test_volts_say_nothing_of_the_charge_when_nobody_knows_the_battery_and_what_is_no_longer_known_is_unknown_again():
@@ -161,7 +178,12 @@ def test_volts_say_nothing_of_the_charge_when_nobody_knows_the_battery_and_what_
     readings.charged(voltage=25.0, charge=0.9, charging=True)
     readings.charged(voltage=25.0)
     state = readings.state(1.0)
-    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.charger_contact) == (None, 25.0, None, False)
+    assert (
+        state.battery.charge,
+        state.battery.voltage,
+        state.battery.charging,
+        state.charger_contact,
+    ) == (None, 25.0, None, False)
 
 
 def test_a_charge_that_is_no_number_is_unknown_and_the_reading_sound():

@@ -1,4 +1,6 @@
-"""When a robot may be told to move: after an answer, as often as it is heard, and never for a peer that may not read it."""
+"""When a robot may be told to move: after an answer, as often as it is heard, and never for a peer
+that may not read it.
+"""
 
 import pytest
 from hypothesis import given
@@ -101,7 +103,14 @@ def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time
     assert gate.shut(now + 0.95) == "says nothing of itself"
 
 
-@given(st.lists(st.tuples(st.sampled_from(["want", "stand", "heard", "ask", "answer"]), st.floats(0.0, 0.5)), max_size=60))
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["want", "stand", "heard", "ask", "answer"]), st.floats(0.0, 0.5)
+        ),
+        max_size=60,
+    )
+)
 def test_whatever_happens_nothing_moves_without_an_answer_of_just_now_and_a_fresh_reading(steps):
     gate, now, heard, asked, since = VelocityGate(PARAMS, 0.0), 0.0, 0.0, None, 0
     for number, (step, pause) in enumerate(steps):

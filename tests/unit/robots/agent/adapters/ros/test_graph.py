@@ -2,7 +2,15 @@
 
 import pytest
 
-from robots.agent.adapters.ros.graph import TWIST, TWIST_STAMPED, Need, TopicPeers, chosen_stamped, nobody_listens, not_said
+from robots.agent.adapters.ros.graph import (
+    TWIST,
+    TWIST_STAMPED,
+    Need,
+    TopicPeers,
+    chosen_stamped,
+    nobody_listens,
+    not_said,
+)
 
 SCAN = Need("/scan", "sensor_msgs/LaserScan", "scan")
 
@@ -27,24 +35,38 @@ def test_velocities_are_stamped_as_the_others_have_it(graph, before, now):
 
 
 def test_a_topic_of_another_type_is_named_with_the_option():
-    assert nobody_listens(heard_as(TWIST_STAMPED), "/cmd_vel", stamped=False) == (
-        "nobody listens on /cmd_vel for geometry_msgs/Twist: there it is geometry_msgs/TwistStamped; set stamped=true"
+    assert (
+        nobody_listens(heard_as(TWIST_STAMPED), "/cmd_vel", stamped=False)
+        == "nobody listens on /cmd_vel for geometry_msgs/Twist: there it is"
+        " geometry_msgs/TwistStamped; set stamped=true"
     )
-    assert "set cmd_vel to another topic" in nobody_listens(heard_as("std_msgs/String"), "/cmd_vel", stamped=False)
+    assert "set cmd_vel to another topic" in nobody_listens(
+        heard_as("std_msgs/String"), "/cmd_vel", stamped=False
+    )
 
 
 def test_a_topic_where_nobody_is_names_where_somebody_is():
-    graph = {"/base/cmd_vel": TopicPeers(frozenset({TWIST}), listeners=1), "/log": TopicPeers(frozenset({TWIST}), listeners=0)}
-    assert nobody_listens(graph, "/cmd_vel", stamped=False) == (
-        "nobody listens on /cmd_vel (geometry_msgs/Twist): set cmd_vel to the topic of the robot's base; here are /base/cmd_vel (geometry_msgs/Twist)"
+    graph = {
+        "/base/cmd_vel": TopicPeers(frozenset({TWIST}), listeners=1),
+        "/log": TopicPeers(frozenset({TWIST}), listeners=0),
+    }
+    assert (
+        nobody_listens(graph, "/cmd_vel", stamped=False)
+        == "nobody listens on /cmd_vel (geometry_msgs/Twist): set cmd_vel to the topic of the"
+        " robot's base; here are /base/cmd_vel (geometry_msgs/Twist)"
     )
-    assert nobody_listens(None, "/cmd_vel", stamped=False).endswith("set cmd_vel to the topic of the robot's base")
+    assert nobody_listens(None, "/cmd_vel", stamped=False).endswith(
+        "set cmd_vel to the topic of the robot's base"
+    )
 
 
 def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_somebody_does_is_not():
     front = {"/front": TopicPeers(frozenset({SCAN.kind}), speakers=1)}
     assert not_said(front, [SCAN]) == (
-        "nobody publishes /scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to nothing; here are /front",
+        (
+            "nobody publishes /scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to"
+            " nothing; here are /front"
+        ),
     )
     assert not_said({"/scan": TopicPeers(frozenset({SCAN.kind}), speakers=1)}, [SCAN]) == ()
     assert not_said({"/scan": TopicPeers(frozenset({"a/B"}), speakers=1)}, [SCAN]) == (

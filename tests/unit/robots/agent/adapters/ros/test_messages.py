@@ -15,13 +15,21 @@ HERE = {"position": {"x": 1.0, "y": 2.0, "z": 0.0}, "orientation": QUARTER}
 
 
 def laser(**fields):
-    return {"angle_min": -1.0, "angle_increment": 0.5, "range_min": 0.1, "range_max": 8.0, "ranges": [1.0, None, 0.05, 8.0, 2.0]} | fields
+    return {
+        "angle_min": -1.0,
+        "angle_increment": 0.5,
+        "range_min": 0.1,
+        "range_max": 8.0,
+        "ranges": [1.0, None, 0.05, 8.0, 2.0],
+    } | fields
 
 
 @settings(deadline=None)
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1, 3.1))
 def test_a_pose_on_the_floor_comes_back(x, y, theta):
-    assert messages.pose_in(messages.pose(Pose2D(x, y, theta))) == pytest.approx((x, y, theta), abs=1e-9)
+    assert messages.pose_in(messages.pose(Pose2D(x, y, theta))) == pytest.approx(
+        (x, y, theta), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -37,7 +45,10 @@ def test_without_a_stamp_the_arrival_counts():
 
 
 def test_odometry_is_read():
-    message = {"pose": {"pose": HERE}, "twist": {"twist": {"linear": {"x": 0.5}, "angular": {"z": -0.1}}}}
+    message = {
+        "pose": {"pose": HERE},
+        "twist": {"twist": {"linear": {"x": 0.5}, "angular": {"z": -0.1}}},
+    }
     here, velocity = messages.odometry_in(message)
     assert here == pytest.approx((1.0, 2.0, math.pi / 2))
     assert velocity == Velocity(linear=0.5, angular=-0.1)
@@ -58,7 +69,12 @@ def test_how_wide_a_fix_is_says_how_far_to_trust_it():
 def test_a_scan_keeps_what_came_back():
     scan = messages.scan_in(laser(), 3.0)
     assert scan.ranges == (1.0, None, None, None, 2.0)
-    assert (scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max) == (3.0, -1.0, 0.5, 8.0)
+    assert (scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max) == (
+        3.0,
+        -1.0,
+        0.5,
+        8.0,
+    )
 
 
 def test_a_laser_that_hangs_upside_down_is_turned_round():
@@ -74,14 +90,24 @@ def test_of_too_many_beams_every_so_many_are_kept():
 
 
 def test_a_battery_may_count_to_one_or_to_a_hundred_or_not_at_all():
-    assert messages.battery_in({"voltage": 24.5, "percentage": 0.5, "power_supply_status": 1}) == messages.Charge(24.5, 0.5, True)
+    assert messages.battery_in(
+        {"voltage": 24.5, "percentage": 0.5, "power_supply_status": 1}
+    ) == messages.Charge(24.5, 0.5, True)
     assert messages.battery_in({"voltage": 24.5, "percentage": 50.0}).charge == 0.5
-    assert messages.battery_in({"voltage": None, "percentage": float("nan")}) == messages.Charge(None, None, None)
+    assert messages.battery_in({"voltage": None, "percentage": float("nan")}) == messages.Charge(
+        None, None, None
+    )
 
 
 def test_a_transform_of_others_is_none_of_ours():
-    entry = {"header": {"frame_id": "/map"}, "child_frame_id": "odom", "transform": {"translation": {"x": 1.0, "y": 2.0}, "rotation": QUARTER}}
-    assert messages.transform_in({"transforms": [entry]}, "map", "odom") == pytest.approx((1.0, 2.0, math.pi / 2))
+    entry = {
+        "header": {"frame_id": "/map"},
+        "child_frame_id": "odom",
+        "transform": {"translation": {"x": 1.0, "y": 2.0}, "rotation": QUARTER},
+    }
+    assert messages.transform_in({"transforms": [entry]}, "map", "odom") == pytest.approx(
+        (1.0, 2.0, math.pi / 2)
+    )
     assert messages.transform_in({"transforms": [entry]}, "map", "base") is None
 
 
@@ -92,12 +118,25 @@ def test_a_joint_is_found_by_its_name():
 
 json = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["pose", "ranges", "header", "x", "transforms", "angle_min"]), inner),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["pose", "ranges", "header", "x", "transforms", "angle_min"]), inner
+        )
+    ),
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy computer is slow at everything
-@given(st.dictionaries(st.sampled_from(["pose", "twist", "ranges", "angle_min", "angle_increment", "range_max", "transforms"]), json))
+# a busy computer is slow at everything
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.dictionaries(
+        st.sampled_from(
+            ["pose", "twist", "ranges", "angle_min", "angle_increment", "range_max", "transforms"]
+        ),
+        json,
+    )
+)
 def test_nonsense_is_refused_and_nothing_else(message):
     for read in (
         messages.odometry_in,
@@ -114,7 +153,10 @@ def test_nonsense_is_refused_and_nothing_else(message):
 @pytest.mark.parametrize(
     ("message", "known"),
     [
-        ({"voltage": math.nan, "percentage": math.nan, "power_supply_status": 0}, (None, None, None)),
+        (
+            {"voltage": math.nan, "percentage": math.nan, "power_supply_status": 0},
+            (None, None, None),
+        ),
         ({"voltage": 0.0, "percentage": -1.0, "power_supply_status": 0}, (None, None, None)),
         ({"voltage": 25.0, "percentage": 0.0, "power_supply_status": 2}, (25.0, 0.0, False)),
         ({"voltage": 25.0, "percentage": 100.0, "power_supply_status": 4}, (25.0, 1.0, True)),

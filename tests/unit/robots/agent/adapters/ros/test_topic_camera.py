@@ -17,7 +17,12 @@ def png_of(grey: int) -> bytes:
     with av.open(kept, "w", format="image2pipe") as container:
         stream = container.add_stream("png", rate=25)
         stream.width, stream.height, stream.pix_fmt = 64, 48, "rgb24"
-        for packet in (*stream.encode(av.VideoFrame.from_ndarray(np.full((48, 64, 3), grey, np.uint8), format="rgb24")), *stream.encode()):
+        for packet in (
+            *stream.encode(
+                av.VideoFrame.from_ndarray(np.full((48, 64, 3), grey, np.uint8), format="rgb24")
+            ),
+            *stream.encode(),
+        ):
             container.mux(packet)
     return kept.getvalue()
 
@@ -35,7 +40,11 @@ def test_the_newest_picture_counts_whatever_its_kind():
     assert camera.read(0.0).image[:120].mean() == pytest.approx(16.0, abs=1.0)
 
 
-@pytest.mark.parametrize("rubbish", [b"", b"no picture", jpeg_of(0)[:40], png_of(0)[:30]], ids=["nothing", "words", "half a JPEG", "half a PNG"])
+@pytest.mark.parametrize(
+    "rubbish",
+    [b"", b"no picture", jpeg_of(0)[:40], png_of(0)[:30]],
+    ids=["nothing", "words", "half a JPEG", "half a PNG"],
+)
 def test_what_is_no_picture_is_said_in_a_sentence_and_the_next_one_is_shown(rubbish):
     camera = TopicCamera("/camera")
     camera.start()
@@ -57,7 +66,9 @@ def test_a_topic_on_which_nothing_comes_is_said_and_what_begins_late_is_shown(mo
     camera = TopicCamera("/camera")
     for _ in range(2):
         camera.start()
-        with pytest.raises(AdapterError, match=r"nobody publishes on /camera: nothing came in 0\.05 s"):
+        with pytest.raises(
+            AdapterError, match=r"nobody publishes on /camera: nothing came in 0\.05 s"
+        ):
             [camera.read(0.03) for _ in range(60)]
         camera.take(jpeg_of(255), 1.0)
         assert camera.read(0.0).stamp == 1.0

@@ -1,4 +1,6 @@
-"""The ladder of qualities, on a network that is a queue before a line of some rate, and with a page that says how old its picture is."""
+"""The ladder of qualities, on a network that is a queue before a line of some rate, and with a page
+that says how old its picture is.
+"""
 
 import random
 from collections import deque
@@ -12,24 +14,29 @@ from robots.agent.media.peers.bitrate import BitrateAdapter
 RATES = tuple(tier.bitrate for tier in LAYERS)
 BESIDE = 150_000.0  # bit/s of sound and words
 STEP = 0.05
-HURRY = 0.1  # s older than at its best, from which on a page says it more often (static/js/rounds.js)
+# s older than at its best, from which on a page says it more often (static/js/rounds.js)
+HURRY = 0.1
 
 
 @dataclass
 class Network:
-    """`capacity` in bit/s; its queue takes half a second, first in, first out, and what finds it full is lost.
+    """`capacity` in bit/s; its queue takes half a second, first in, first out, and what finds it
+    full is lost.
 
-    The page speaks every 0.2 s, ten times a second while its picture is old, and of packets lost every second.
+    The page speaks every 0.2 s, ten times a second while its picture is old, and of packets lost
+    every second.
     """
 
     capacity: float
     adapter: BitrateAdapter = field(default_factory=lambda: BitrateAdapter(RATES, 0.0))
     now: float = 0.0
-    queue: deque[tuple[float, float]] = field(default_factory=deque)  # (bits, when the picture in them was taken)
+    # (bits, when the picture in them was taken)
+    queue: deque[tuple[float, float]] = field(default_factory=deque)
     loss: float = 0.0
     lost: float = 0.0
     taken: float = 0.0  # when the picture on the screen was
-    busy_computer: float = 0.0  # s by which two pictures in ten are late for no fault of the network
+    # s by which two pictures in ten are late for no fault of the network
+    busy_computer: float = 0.0
     delays: list[float] = field(default_factory=list)
     layers: list[int] = field(default_factory=list)
     rng: random.Random = field(default_factory=lambda: random.Random(5))
@@ -57,7 +64,16 @@ class Network:
         taken = max(0.0, min(bits, 0.5 * self.capacity + self.capacity * STEP - waiting))
         self.lost = 0.8 * self.lost + 0.2 * (bits - taken) / bits
         # A picture of which a part is lost is not shown.
-        self.queue.append((taken, self.now - self.rng.uniform(0.03, 0.09) if shows and taken == bits else float("-inf")))
+        self.queue.append(
+            (
+                taken,
+                (
+                    self.now - self.rng.uniform(0.03, 0.09)
+                    if shows and taken == bits
+                    else float("-inf")
+                ),
+            )
+        )
         room = self.capacity * STEP
         while self.queue and self.queue[0][0] <= room:
             left, picture = self.queue.popleft()

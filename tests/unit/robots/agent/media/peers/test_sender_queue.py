@@ -48,7 +48,15 @@ def test_a_waiting_viewer_repeats_its_request_now_and_then() -> None:
     assert [n for n in range(70) if queue.put(_picture(n))] == [29, 59]
 
 
-@given(st.lists(st.tuples(st.sampled_from(["delta", "delta", "delta", "key", "take"]), st.sampled_from([0, 0, 0, MAX_BACKLOG + 1])), max_size=200))
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["delta", "delta", "delta", "key", "take"]),
+            st.sampled_from([0, 0, 0, MAX_BACKLOG + 1]),
+        ),
+        max_size=200,
+    )
+)
 def test_what_is_taken_never_has_a_hole(steps: list[tuple[str, int]]) -> None:
     queue, number, taken = ViewerQueue(), 0, []
     for what, backlog in steps:

@@ -24,11 +24,21 @@ class Camera:
 @pytest.fixture
 def viewer():
     """A viewer whose climb and connection are the test's: `sent` has the RTP times of its pictures."""
-    made = Viewer("p", camera=Camera(), microphone=None, on_command=lambda heard: None, on_end=lambda reason: None)
+    made = Viewer(
+        "p",
+        camera=Camera(),
+        microphone=None,
+        on_command=lambda heard: None,
+        on_end=lambda reason: None,
+    )
     made._watching = True
     made.sent = []
-    made._adapter = SimpleNamespace(layer=0, paused=False, pauses=lambda now: made._adapter.paused, look=lambda now: 0.0)
-    made._pictures = SimpleNamespace(more=0.0, put=lambda picture: made.sent.append((picture.layer, picture.rtp)))
+    made._adapter = SimpleNamespace(
+        layer=0, paused=False, pauses=lambda now: made._adapter.paused, look=lambda now: 0.0
+    )
+    made._pictures = SimpleNamespace(
+        more=0.0, put=lambda picture: made.sent.append((picture.layer, picture.rtp))
+    )
     return made
 
 
@@ -72,4 +82,9 @@ def test_on_a_narrow_network_scans_and_poses_come_seldom_and_nothing_else_does(v
     for _ in range(5):
         for suffix in ("scan", "pose", "state", "event"):
             viewer.send(suffix, f"{suffix}\n{{}}")
-    assert [heard.count(f"{suffix}\n{{}}") for suffix in ("scan", "pose", "state", "event")] == [1, 1, 5, 5]
+    assert [heard.count(f"{suffix}\n{{}}") for suffix in ("scan", "pose", "state", "event")] == [
+        1,
+        1,
+        5,
+        5,
+    ]

@@ -65,12 +65,21 @@ def test_a_picture_cut_into_payloads_is_put_together_again(picture: bytes) -> No
     assert {d.picture_id for d, _ in parsed} == {None}
 
 
-@given(st.integers(1, 14), st.integers(1, 14), st.integers(1, 14), st.text("abc012", min_size=1, max_size=16))
-def test_header_extensions_are_read_back(mid_id: int, time_id: int, delay_id: int, mid: str) -> None:
+@given(
+    st.integers(1, 14),
+    st.integers(1, 14),
+    st.integers(1, 14),
+    st.text("abc012", min_size=1, max_size=16),
+)
+def test_header_extensions_are_read_back(
+    mid_id: int, time_id: int, delay_id: int, mid: str
+) -> None:
     if len({mid_id, time_id, delay_id}) < 3:
         return
     ids = ExtensionIds(mid=mid_id, abs_send_time=time_id, playout_delay=delay_id)
-    stream = RtpStream(ssrc=5, payload_type=97, sequence=9, extension=extension_block(ids, mid), timed=True)
+    stream = RtpStream(
+        ssrc=5, payload_type=97, sequence=9, extension=extension_block(ids, mid), timed=True
+    )
     raw = stream.packets((b"data",), 1234, NOW)[0]
     assert len(raw) % 4 == 0
     words = int.from_bytes(raw[14:16], "big")
@@ -90,7 +99,12 @@ def test_only_what_was_agreed_stands_in_the_header() -> None:
 def _map() -> HeaderExtensionsMap:
     extensions = HeaderExtensionsMap()
     extensions.configure(
-        RTCRtpParameters(headerExtensions=[RTCRtpHeaderExtensionParameters(1, MID), RTCRtpHeaderExtensionParameters(3, ABS_SEND_TIME)])
+        RTCRtpParameters(
+            headerExtensions=[
+                RTCRtpHeaderExtensionParameters(1, MID),
+                RTCRtpHeaderExtensionParameters(3, ABS_SEND_TIME),
+            ]
+        )
     )
     return extensions
 
@@ -99,19 +113,29 @@ def test_aiortc_reads_our_packets_and_only_the_last_has_the_marker() -> None:
     block = extension_block(ExtensionIds(mid=1, abs_send_time=3), "0")
     stream = RtpStream(ssrc=5, payload_type=97, sequence=65_535, extension=block, timed=True)
     packets = [RtpPacket.parse(raw, _map()) for raw in stream.packets((b"one", b"two"), 77, NOW)]
-    assert [(p.sequence_number, p.marker, p.payload, p.timestamp, p.ssrc) for p in packets] == [(65_535, 0, b"one", 77, 5), (0, 1, b"two", 77, 5)]
+    assert [(p.sequence_number, p.marker, p.payload, p.timestamp, p.ssrc) for p in packets] == [
+        (65_535, 0, b"one", 77, 5),
+        (0, 1, b"two", 77, 5),
+    ]
     assert packets[0].extensions.mid == "0"
     assert packets[0].extensions.abs_send_time == ntp_time(NOW) >> 14 & 0xFFFFFF
     assert (stream.packets_sent, stream.octets_sent) == (2, 6)
 
 
 def test_a_lost_packet_is_wrapped_for_retransmission() -> None:
-    stream = RtpStream(ssrc=5, payload_type=97, sequence=100, rtx_ssrc=6, rtx_payload_type=98, rtx_sequence=3)
+    stream = RtpStream(
+        ssrc=5, payload_type=97, sequence=100, rtx_ssrc=6, rtx_payload_type=98, rtx_sequence=3
+    )
     stream.packets((b"one", b"two"), 77, NOW)
     rtx = RtpPacket.parse(stream.retransmission(101, NOW))
     assert (rtx.ssrc, rtx.payload_type, rtx.sequence_number) == (6, 98, 3)
     original = unwrap_rtx(rtx, payload_type=97, ssrc=5)
-    assert (original.sequence_number, original.payload, original.marker, original.timestamp) == (101, b"two", 1, 77)
+    assert (original.sequence_number, original.payload, original.marker, original.timestamp) == (
+        101,
+        b"two",
+        1,
+        77,
+    )
 
 
 def test_without_a_retransmission_stream_the_packet_is_sent_again_as_it_was() -> None:

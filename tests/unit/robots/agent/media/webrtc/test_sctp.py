@@ -9,7 +9,9 @@ from robots.agent.media.webrtc import sctp
 
 @pytest.fixture
 def transport(monkeypatch):
-    """An aiortc transport whose receiver has not acknowledged what was given up, and the clock that it is asked by."""
+    """An aiortc transport whose receiver has not acknowledged what was given up, and the clock that
+    it is asked by.
+    """
     clock = SimpleNamespace(now=100.0)
     monkeypatch.setattr(sctp.time, "monotonic", lambda: clock.now)
     association = SimpleNamespace(clock=clock, open=True, _forward_tsn_chunk=None)

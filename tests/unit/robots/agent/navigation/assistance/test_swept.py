@@ -55,7 +55,10 @@ def test_the_way_to_a_stand_is_the_way_that_the_base_goes(series, speeds):
 
 def test_an_arc_whose_turn_must_grow_first_bends_later():
     start = Velocity(linear=0.5, angular=0.0)
-    slow, quick = arcs(start, np.array([0.4]), 0.4, 2.0, 20)[0, -1], arcs(start, np.array([0.4]), 1e6, 2.0, 20)[0, -1]
+    slow, quick = (
+        arcs(start, np.array([0.4]), 0.4, 2.0, 20)[0, -1],
+        arcs(start, np.array([0.4]), 1e6, 2.0, 20)[0, -1],
+    )
     assert slow[2] == pytest.approx(0.4 * 2.0 - 0.4 / 2.0, abs=1e-6)
     assert quick[2] == pytest.approx(0.8, abs=0.03)
     assert 0.0 < slow[1] < quick[1]
@@ -74,8 +77,15 @@ def test_a_point_is_never_nearer_than_its_distance_says(pose, points, margin):
     assert found == pytest.approx(outside(shape, local) - margin, abs=1e-5)
     corners = np.array(GIRAFF.footprint)
     ends = np.roll(corners, -1, axis=0)
-    share = np.clip(((local[:, None] - corners) * (ends - corners)).sum(axis=2) / ((ends - corners) ** 2).sum(axis=1), 0, 1)
-    real = np.hypot(*np.moveaxis(local[:, None] - corners - share[:, :, None] * (ends - corners), 2, 0)).min(axis=1)
+    share = np.clip(
+        ((local[:, None] - corners) * (ends - corners)).sum(axis=2)
+        / ((ends - corners) ** 2).sum(axis=1),
+        0,
+        1,
+    )
+    real = np.hypot(
+        *np.moveaxis(local[:, None] - corners - share[:, :, None] * (ends - corners), 2, 0)
+    ).min(axis=1)
     assert (found + margin <= real + 1e-5).all()
 
 

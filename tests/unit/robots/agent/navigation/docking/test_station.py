@@ -17,7 +17,14 @@ PLAN, _ = load_plan("office")
 
 def sweep(sim: Simulation) -> LaserScan:
     laser = sim.model.laser
-    return LaserScan(0.0, laser.angle_min, laser.angle_increment, laser.range_max, sim.scan(), Pose2D(laser.x, 0.0, 0.0))
+    return LaserScan(
+        0.0,
+        laser.angle_min,
+        laser.angle_increment,
+        laser.range_max,
+        sim.scan(),
+        Pose2D(laser.x, 0.0, 0.0),
+    )
 
 
 def before_dock(model: RobotModel, offset: Pose2D, seed: int = 1) -> tuple[Simulation, Pose2D]:
@@ -31,13 +38,21 @@ def before_dock(model: RobotModel, offset: Pose2D, seed: int = 1) -> tuple[Simul
 
 @pytest.mark.parametrize("series", sorted(MODELS))
 @pytest.mark.parametrize("away", [0.1, 0.4, 0.9, 1.2])
-def test_the_front_is_found_to_the_centimetre_though_expected_elsewhere(series: str, away: float) -> None:
+def test_the_front_is_found_to_the_centimetre_though_expected_elsewhere(
+    series: str, away: float
+) -> None:
     model, rng = MODELS[series], np.random.default_rng(3)
     station = PLAN.dock_of(series).station
     for seed in range(4):
         aside = float(rng.uniform(-0.2, 0.2)) * min(1.0, away)
-        sim, front = before_dock(model, Pose2D(-away, aside, float(rng.uniform(-0.2, 0.2)) * min(1.0, away)), seed)
-        expected = Pose2D(front.x + rng.uniform(-0.2, 0.2), front.y + rng.uniform(-0.2, 0.2), front.theta + rng.uniform(-0.15, 0.15))
+        sim, front = before_dock(
+            model, Pose2D(-away, aside, float(rng.uniform(-0.2, 0.2)) * min(1.0, away)), seed
+        )
+        expected = Pose2D(
+            front.x + rng.uniform(-0.2, 0.2),
+            front.y + rng.uniform(-0.2, 0.2),
+            front.theta + rng.uniform(-0.15, 0.15),
+        )
         found = find(sweep(sim), expected, station, WIDE)
         assert found is not None
         error = front.inverse().compose(found.front)
@@ -55,7 +70,14 @@ def test_a_plain_wall_is_no_station() -> None:
 def test_nothing_is_found_where_nothing_came_back() -> None:
     sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
     seen = sweep(sim)
-    silent = LaserScan(0.0, seen.angle_min, seen.angle_increment, seen.range_max, np.full(len(seen.ranges), math.nan), seen.mount)
+    silent = LaserScan(
+        0.0,
+        seen.angle_min,
+        seen.angle_increment,
+        seen.range_max,
+        np.full(len(seen.ranges), math.nan),
+        seen.mount,
+    )
     assert find(silent, front, PLAN.dock_of("giraff").station, WIDE) is None
 
 
@@ -64,7 +86,9 @@ def test_somebody_who_stands_before_half_of_the_front_hides_it() -> None:
     seen = sweep(sim)
     ranges = seen.ranges.copy()
     ranges[(seen.angles > 0.0) & (seen.angles < 0.4)] = 0.4
-    hidden = LaserScan(0.0, seen.angle_min, seen.angle_increment, seen.range_max, ranges, seen.mount)
+    hidden = LaserScan(
+        0.0, seen.angle_min, seen.angle_increment, seen.range_max, ranges, seen.mount
+    )
     assert find(hidden, front, PLAN.dock_of("giraff").station, WIDE) is None
 
 

@@ -20,14 +20,23 @@ BEFORE_DOOR = "2.0,3.6,-1.5708"
 
 def sweep(sim: Simulation, stamp: float = 0.0) -> LaserScan:
     laser = sim.model.laser
-    return LaserScan(stamp, laser.angle_min, laser.angle_increment, laser.range_max, sim.scan(), Pose2D(laser.x, 0.0, 0.0))
+    return LaserScan(
+        stamp,
+        laser.angle_min,
+        laser.angle_increment,
+        laser.range_max,
+        sim.scan(),
+        Pose2D(laser.x, 0.0, 0.0),
+    )
 
 
 def with_thing(beams: LaserScan, bearing: float, distance: float) -> LaserScan:
     """A sweep in which something of 20 cm stands at a distance from the laser."""
     ranges = beams.ranges.copy()
     ranges[np.abs(beams.angles - bearing) <= 0.1 / distance] = distance
-    return LaserScan(beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, ranges, beams.mount)
+    return LaserScan(
+        beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, ranges, beams.mount
+    )
 
 
 def giraff(start: str = "lab-centre", **doors: str) -> tuple[Simulation, LocalObstacleMap]:
@@ -122,7 +131,14 @@ def test_a_sweep_in_which_nothing_came_back_clears_nothing() -> None:
     sim, obstacle_map = giraff()
     obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
     seen = sweep(sim, 0.1)
-    blind = LaserScan(0.1, seen.angle_min, seen.angle_increment, seen.range_max, np.full(len(seen.ranges), math.nan), seen.mount)
+    blind = LaserScan(
+        0.1,
+        seen.angle_min,
+        seen.angle_increment,
+        seen.range_max,
+        np.full(len(seen.ranges), math.nan),
+        seen.mount,
+    )
     obstacle_map.look(sim.pose, blind, 0.1)
     assert thing_at(obstacle_map, sim.pose, 1.0, 0.1)
 

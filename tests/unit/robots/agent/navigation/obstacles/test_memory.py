@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.navigation.obstacles.memory import MemorySettings, RollingObstacleMap, compare, into, out_of
+from robots.agent.navigation.obstacles.memory import (
+    MemorySettings,
+    RollingObstacleMap,
+    compare,
+    into,
+    out_of,
+)
 from robots.api.geometry import Pose2D
 from robots.world.raycaster import cast
 from robots.world.sensing import LaserScan
@@ -14,8 +20,12 @@ HALF_CIRCLE = np.linspace(-math.pi / 2, math.pi / 2, 181)
 MOUNT = Pose2D(0.15, 0.0, 0.0)
 START = Pose2D(0.0, 0.0, 0.0)
 #  a room of 4 m x 3 m about the origin
-ROOM = np.array([[-2.0, -1.5, 2.0, -1.5], [2.0, -1.5, 2.0, 1.5], [2.0, 1.5, -2.0, 1.5], [-2.0, 1.5, -2.0, -1.5]])
-BOX = np.array([[1.0, -0.2, 1.0, 0.2], [1.0, 0.2, 1.2, 0.2], [1.2, 0.2, 1.2, -0.2], [1.2, -0.2, 1.0, -0.2]])
+ROOM = np.array(
+    [[-2.0, -1.5, 2.0, -1.5], [2.0, -1.5, 2.0, 1.5], [2.0, 1.5, -2.0, 1.5], [-2.0, 1.5, -2.0, -1.5]]
+)
+BOX = np.array(
+    [[1.0, -0.2, 1.0, 0.2], [1.0, 0.2, 1.2, 0.2], [1.2, 0.2, 1.2, -0.2], [1.2, -0.2, 1.0, -0.2]]
+)
 
 
 def look(pose: Pose2D, segments: np.ndarray = ROOM, stamp: float = 0.0) -> LaserScan:
@@ -43,7 +53,9 @@ def test_what_was_ahead_is_remembered_behind_a_robot_that_has_turned_round():
 
 @pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
 def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
-    """The last beam, a degree from its neighbour, must not take away what is half a degree beyond it."""
+    """The last beam, a degree from its neighbour, must not take away what is half a degree beyond
+    it.
+    """
     memory, turned = RollingObstacleMap(), 0.0
     while abs(turned) < 90.0:
         pose = Pose2D(0.0, 0.0, math.radians(turned))
@@ -52,7 +64,11 @@ def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
     points = memory.near(pose, 4.0)
     eye = into(MOUNT, points)
     bearings = np.sort(np.degrees(np.arctan2(eye[:, 1], eye[:, 0])) % 360.0)
-    behind = bearings[(bearings > 95.0) & (bearings < 165.0) if step < 0 else (bearings > 195.0) & (bearings < 265.0)]
+    behind = bearings[
+        (bearings > 95.0) & (bearings < 165.0)
+        if step < 0
+        else (bearings > 195.0) & (bearings < 265.0)
+    ]
     assert np.diff(behind).max() < 3.0
 
 
@@ -161,7 +177,8 @@ def test_a_robot_that_stands_for_long_keeps_no_more_than_one_sweep():
 
 def test_a_clockwise_laser_is_compared_with_its_own_beams():
     points = np.array([[1.15, 0.5], [1.15, -0.5]])
-    ranges = np.where(np.arange(181) < 90, 3.0, np.hypot(1.0, 0.5))  # sees through to the left, where its beams begin
+    # sees through to the left, where its beams begin
+    ranges = np.where(np.arange(181) < 90, 3.0, np.hypot(1.0, 0.5))
     beams = LaserScan(0.0, math.pi / 2, math.radians(-1.0), 10.0, ranges, MOUNT)
     again, through = compare(points, beams, MemorySettings())
     assert again.tolist() == [False, True]
@@ -214,7 +231,8 @@ def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
     hidden = out_of(away, points[len(seen) :])
     assert len(points) == len(errors) > len(seen)
     assert np.array_equal(points[: len(seen)], seen)
-    # Both front corners, at (0.6, 0.2) and (0.6, -0.2), were edges, and the box goes on behind them as far as nobody looked.
+    # Both front corners, at (0.6, 0.2) and (0.6, -0.2), were edges, and the box goes on behind them
+    # as far as nobody looked.
     for corner in (0.2, -0.2):
         beside = np.hypot(hidden[:, 0] - 0.6, hidden[:, 1] - corner)
         assert beside.min() < 0.06
@@ -250,14 +268,21 @@ def test_what_an_edge_may_hide_is_forgotten_with_all_the_rest():
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.45, 0.8), st.floats(0.1, 0.3), st.floats(-0.4, 0.4))
-def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_it(distance: float, radius: float, aside: float):
+def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_it(
+    distance: float, radius: float, aside: float
+):
     turns = np.linspace(0.0, 2.0 * math.pi, 49)
-    circle = np.column_stack([distance + radius + radius * np.cos(turns), aside + radius * np.sin(turns)])
+    circle = np.column_stack(
+        [distance + radius + radius * np.cos(turns), aside + radius * np.sin(turns)]
+    )
     memory = RollingObstacleMap()
     away = turned_away(memory, np.vstack([ROOM, np.hstack([circle[:-1], circle[1:]])]))
     kept = out_of(away, memory.about(away, 2.0)[0])
-    flank = circle[np.hypot(circle[:, 0], circle[:, 1]) < np.hypot(circle[:, 0], circle[:, 1]).min() + 0.06]
-    # Whoever turns about the origin meets what is kept, less what it may be off, no later than the thing.
+    flank = circle[
+        np.hypot(circle[:, 0], circle[:, 1]) < np.hypot(circle[:, 0], circle[:, 1]).min() + 0.06
+    ]
+    # Whoever turns about the origin meets what is kept, less what it may be off, no later than the
+    # thing.
     reach = np.hypot(kept[:, 0], kept[:, 1])
     for point in flank:
         beside = np.hypot(*(kept - point).T) < 0.06

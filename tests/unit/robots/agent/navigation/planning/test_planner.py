@@ -64,13 +64,17 @@ def test_a_way_leads_round_a_wall_and_keeps_the_robot_clear_of_it() -> None:
     found = way(made, (0.8, 1.7), (2.6, 1.7))
     assert found.points[0] == pytest.approx((0.8, 1.7))
     assert found.end == pytest.approx((2.6, 1.7))
-    assert (made.costmap.sample(made.costmap.clearance, found.points) >= made.costmap.least - 0.05).all()
+    assert (
+        made.costmap.sample(made.costmap.clearance, found.points) >= made.costmap.least - 0.05
+    ).all()
     assert 2.2 < found.length < 3.6
 
 
 def test_over_an_open_floor_the_way_is_the_straight_line() -> None:
     made = planner()
-    assert way(made, (0.6, 0.55), (3.3, 0.75)).length == pytest.approx(math.dist((0.6, 0.55), (3.3, 0.75)), rel=0.05)
+    assert way(made, (0.6, 0.55), (3.3, 0.75)).length == pytest.approx(
+        math.dist((0.6, 0.55), (3.3, 0.75)), rel=0.05
+    )
 
 
 def test_there_is_no_way_into_a_room_without_a_door() -> None:
@@ -88,7 +92,10 @@ def test_what_stands_in_the_only_gap_leaves_no_way_and_elsewhere_a_detour() -> N
     one[made.costmap.cells(np.array([[2.7, 1.0]]))[:2]] = True
     detour = made.plan((2.3, 0.5), (3.1, 1.5), made.costmap.clearance_with(one))
     assert detour is not None
-    assert np.hypot(detour.points[:, 0] - 2.7, detour.points[:, 1] - 1.0).min() > made.costmap.inscribed
+    assert (
+        np.hypot(detour.points[:, 0] - 2.7, detour.points[:, 1] - 1.0).min()
+        > made.costmap.inscribed
+    )
 
 
 def test_a_map_without_free_space_is_refused() -> None:
@@ -105,9 +112,16 @@ def test_what_the_map_does_not_know_is_no_place_to_be() -> None:
 
 @pytest.mark.parametrize(
     ("goal", "reason"),
-    [((9.0, 1.0), "outside of the map"), ((math.nan, 1.0), "not a point"), ((1.7, 1.6), None), ((2.6, 1.6), None)],
+    [
+        ((9.0, 1.0), "outside of the map"),
+        ((math.nan, 1.0), "not a point"),
+        ((1.7, 1.6), None),
+        ((2.6, 1.6), None),
+    ],
 )
-def test_a_goal_is_taken_where_it_is_or_beside_the_wall_it_lies_in_or_refused(goal: tuple[float, float], reason: str | None) -> None:
+def test_a_goal_is_taken_where_it_is_or_beside_the_wall_it_lies_in_or_refused(
+    goal: tuple[float, float], reason: str | None
+) -> None:
     made = planner()
     if reason:
         with pytest.raises(NoWayError, match=reason):
@@ -124,29 +138,45 @@ def test_a_goal_deep_in_a_wall_is_refused() -> None:
 
 def test_a_turned_map_gives_the_same_way_in_its_own_frame() -> None:
     frame = Pose2D(3.0, -1.0, 0.7)
-    straight, turned = way(planner(), (0.8, 1.7), (2.6, 1.7)), way(planner(ROOMS, frame), frame.apply(0.8, 1.7), frame.apply(2.6, 1.7))
+    straight, turned = (
+        way(planner(), (0.8, 1.7), (2.6, 1.7)),
+        way(planner(ROOMS, frame), frame.apply(0.8, 1.7), frame.apply(2.6, 1.7)),
+    )
     assert turned.length == pytest.approx(straight.length, rel=0.02)
 
 
 def test_a_finer_map_is_coarsened_and_its_origin_stays() -> None:
     coarse = drawn(ROOMS)
     image = np.kron(coarse.image, np.ones((2, 2), dtype=np.uint8))[1:, :-1]
-    fine = CostMap(OccupancyGrid(image, MapTransform(0.025, coarse.transform.origin, image.shape[0])), SQUARE)
+    fine = CostMap(
+        OccupancyGrid(image, MapTransform(0.025, coarse.transform.origin, image.shape[0])), SQUARE
+    )
     assert fine.transform.resolution == pytest.approx(0.05)
     whole = CostMap(coarse, SQUARE)
     points = np.array([[0.8, 0.8], [2.5, 1.2], [1.5, 0.5]])
-    assert fine.sample(fine.clearance, points) == pytest.approx(whole.sample(whole.clearance, points), abs=0.051)
+    assert fine.sample(fine.clearance, points) == pytest.approx(
+        whole.sample(whole.clearance, points), abs=0.051
+    )
 
 
 @settings(max_examples=25, deadline=None)
-@example((1.0, 0.5), (3.59375, 1.78125))  # the last leg before a wall touches it, whichever single cell is barred
-@given(st.tuples(st.floats(0.3, 3.7), st.floats(0.3, 1.9)), st.tuples(st.floats(0.3, 3.7), st.floats(0.3, 1.9)))
-def test_every_way_joins_start_and_goal_without_touching(start: tuple[float, float], goal: tuple[float, float]) -> None:
+# the last leg before a wall touches it, whichever single cell is barred
+@example((1.0, 0.5), (3.59375, 1.78125))
+@given(
+    st.tuples(st.floats(0.3, 3.7), st.floats(0.3, 1.9)),
+    st.tuples(st.floats(0.3, 3.7), st.floats(0.3, 1.9)),
+)
+def test_every_way_joins_start_and_goal_without_touching(
+    start: tuple[float, float], goal: tuple[float, float]
+) -> None:
     made = planner()
     begin, end = made.goal(*start), made.goal(*goal)
     found = way(made, begin, end)
     assert (found.points[0], found.points[-1]) == (pytest.approx(begin), pytest.approx(end))
-    assert float(made.costmap.sample(made.costmap.clearance, found.points).min()) > made.costmap.inscribed - 0.05
+    assert (
+        float(made.costmap.sample(made.costmap.clearance, found.points).min())
+        > made.costmap.inscribed - 0.05
+    )
     assert float(np.hypot(*np.diff(found.points, axis=0).T).max(initial=0.0)) < 0.11
 
 

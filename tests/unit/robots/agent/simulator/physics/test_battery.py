@@ -19,7 +19,9 @@ def test_driving_costs_more_than_standing_and_both_cost() -> None:
 
 
 def test_an_hour_of_standing_costs_idle_power_over_capacity() -> None:
-    assert 0.9 - after(0.9, 3600, 0.0, charging=False) == pytest.approx(MODEL.idle / MODEL.capacity, rel=1e-6)
+    assert 0.9 - after(0.9, 3600, 0.0, charging=False) == pytest.approx(
+        MODEL.idle / MODEL.capacity, rel=1e-6
+    )
 
 
 def test_a_charge_lasts_hours_and_the_dock_fills_it_again() -> None:

@@ -71,7 +71,10 @@ def test_whatever_is_commanded_the_robot_never_stands_in_anything(seed: int, mod
         motion = Motion(float(rng.uniform(-1.5, 1.5)), float(rng.uniform(-2, 2)))
         for _ in range(25):
             then = OFFICE.move(footprint, pose, motion, 0.05).pose
-            assert then.distance(pose) <= (abs(motion.linear) + abs(motion.angular) * 0.4) * 0.05 * 4 + 0.01
+            assert (
+                then.distance(pose)
+                <= (abs(motion.linear) + abs(motion.angular) * 0.4) * 0.05 * 4 + 0.01
+            )
             pose = then
             assert not OFFICE.hits(place(footprint, pose))
 
@@ -87,7 +90,9 @@ def test_what_is_done_is_never_more_than_what_is_commanded() -> None:
 
 @given(st.floats(0.5, 11.5), st.floats(0.4, 7.2), st.floats(-3.1, 3.1))
 @settings(max_examples=80, deadline=None)
-def test_clearance_is_the_distance_to_the_nearest_of_many_points(x: float, y: float, theta: float) -> None:
+def test_clearance_is_the_distance_to_the_nearest_of_many_points(
+    x: float, y: float, theta: float
+) -> None:
     outline = place(GIRAFF_FOOT, Pose2D(x, y, theta))
     if OFFICE.hits(outline):
         return
@@ -96,7 +101,9 @@ def test_clearance_is_the_distance_to_the_nearest_of_many_points(x: float, y: fl
     points = (sides[None, :, :2] * (1 - share) + sides[None, :, 2:] * share).reshape(-1, 2)
     own = (outline[None] * (1 - share) + np.roll(outline, -1, axis=0)[None] * share).reshape(-1, 2)
     near = points[np.argsort(np.hypot(points[:, 0] - x, points[:, 1] - y))[:400]]
-    brute = float(np.hypot(near[:, None, 0] - own[None, :, 0], near[:, None, 1] - own[None, :, 1]).min())
+    brute = float(
+        np.hypot(near[:, None, 0] - own[None, :, 0], near[:, None, 1] - own[None, :, 1]).min()
+    )
     exact = OFFICE.clearance(outline)
     assert exact <= brute + 1e-9
     assert brute - exact < 0.06
@@ -104,4 +111,6 @@ def test_clearance_is_the_distance_to_the_nearest_of_many_points(x: float, y: fl
 
 def test_an_empty_world_is_infinitely_clear() -> None:
     assert Obstacles(()).clearance(GIRAFF_FOOT) == math.inf
-    assert Obstacles(()).move(GIRAFF_FOOT, Pose2D(0, 0, 0), Motion(0.5, 0), 0.1).pose.x == pytest.approx(0.05)
+    assert Obstacles(()).move(
+        GIRAFF_FOOT, Pose2D(0, 0, 0), Motion(0.5, 0), 0.1
+    ).pose.x == pytest.approx(0.05)

@@ -1,4 +1,6 @@
-"""Doors that swing: how fast, past whom, and what laser, camera and wheels make of a leaf on its way."""
+"""Doors that swing: how fast, past whom, and what laser, camera and wheels make of a leaf on its
+way.
+"""
 
 import math
 from itertools import pairwise
@@ -83,7 +85,9 @@ def test_a_leaf_that_is_called_back_on_its_way_turns_round_where_it_is() -> None
 def test_a_leaf_waits_for_the_robot_in_its_way_and_moves_when_it_is_gone(share: float) -> None:
     end = leaf_end(DOOR, share)
     sim = giraff()
-    sim.carry_to(Pose2D(0.3 * DOOR.start[0] + 0.7 * end[0], 0.3 * DOOR.start[1] + 0.7 * end[1], 0.3))
+    sim.carry_to(
+        Pose2D(0.3 * DOOR.start[0] + 0.7 * end[0], 0.3 * DOOR.start[1] + 0.7 * end[1], 0.3)
+    )
     sim.set_doors({"lab-door": "closed"})
     wait(sim, 3.0)
     assert sim.openings["lab-door"] == "open"
@@ -127,7 +131,9 @@ def test_a_leaf_waits_for_somebody_and_nobody_walks_through_it() -> None:
             for leaf in sim._doors.moving:
                 moved += 1
                 for person in sim.people:
-                    spot = np.array([person.x, person.y]) + 1e-6 * np.array([[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]])
+                    spot = np.array([person.x, person.y]) + 1e-6 * np.array(
+                        [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]]
+                    )
                     assert leaf.gap_to(spot)[0] > BODY / 2.0
     assert moved > 50
 
@@ -159,7 +165,13 @@ def test_the_camera_follows_a_moving_leaf_and_ends_with_the_picture_of_the_close
 
     def picture(opening: str | float) -> np.ndarray:
         out = np.zeros((GIRAFF.camera.height * 3 // 2, GIRAFF.camera.width), dtype=np.uint8)
-        camera.render(Pose2D(2.0, 3.6, -math.pi / 2.0), 0.0, {"lab-door": opening, "lounge-door": "open"}, (), out)
+        camera.render(
+            Pose2D(2.0, 3.6, -math.pi / 2.0),
+            0.0,
+            {"lab-door": opening, "lounge-door": "open"},
+            (),
+            out,
+        )
         return out[: GIRAFF.camera.height].astype(int)
 
     pictures = [picture(opening) for opening in ("open", 0.75, 0.5, 0.25, "closed")]

@@ -6,7 +6,15 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.simulator.physics.drive import STILL, Motion, advance, approach, clamp, follow, slip
+from robots.agent.simulator.physics.drive import (
+    STILL,
+    Motion,
+    advance,
+    approach,
+    clamp,
+    follow,
+    slip,
+)
 from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import Pose2D, wrap_angle
 
@@ -16,7 +24,9 @@ steps = st.floats(0.001, 0.2)
 
 
 @given(speeds, speeds, steps)
-def test_no_speed_changes_faster_than_accelerating_or_braking_allows(now: float, wanted: float, dt: float) -> None:
+def test_no_speed_changes_faster_than_accelerating_or_braking_allows(
+    now: float, wanted: float, dt: float
+) -> None:
     then = approach(now, wanted, 0.2, 0.8, dt)
     assert abs(then - now) <= 0.8 * dt + 1e-12
     if abs(then) > abs(now) and now * then >= 0.0:
@@ -37,7 +47,9 @@ def test_every_target_is_reached_in_the_end(now: float, wanted: float) -> None:
 
 
 @given(speeds, speeds, speeds, speeds)
-def test_the_base_never_goes_faster_than_its_profile(v: float, w: float, wanted_v: float, wanted_w: float) -> None:
+def test_the_base_never_goes_faster_than_its_profile(
+    v: float, w: float, wanted_v: float, wanted_w: float
+) -> None:
     motion = clamp(Motion(v, w), LIMITS)
     for _ in range(50):
         motion = follow(motion, Motion(wanted_v, wanted_w), LIMITS, 0.05)
@@ -72,6 +84,9 @@ def test_wheels_do_not_slip_unless_they_are_said_to_and_draw_all_the_same() -> N
 
 def test_slip_grows_with_the_root_of_the_way() -> None:
     rng = np.random.default_rng(7)
-    ends = [sum(slip(Motion(0.5, 0.0), 0.467, 0.05, 0.02, rng).linear * 0.02 for _ in range(100)) for _ in range(300)]
+    ends = [
+        sum(slip(Motion(0.5, 0.0), 0.467, 0.05, 0.02, rng).linear * 0.02 for _ in range(100))
+        for _ in range(300)
+    ]
     assert abs(np.mean(ends) - 1.0) < 0.01
     assert 0.02 < np.std(ends) < 0.05  # 0.05 a wheel and metre, two independent wheels: 0.035

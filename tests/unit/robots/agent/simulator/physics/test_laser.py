@@ -12,7 +12,10 @@ from robots.api.geometry import Pose2D
 from robots.world.solids import rectangle
 
 SILENT = dataclasses.replace(GIRAFF.laser, noise=0.0, dropout=0.0)
-ROOM = np.hstack([(box := rectangle(Pose2D(0, 0, 0), 4.0, 4.0))[::-1], np.roll(box[::-1], -1, axis=0)])  # seen from inside: clockwise
+# seen from inside: clockwise
+ROOM = np.hstack(
+    [(box := rectangle(Pose2D(0, 0, 0), 4.0, 4.0))[::-1], np.roll(box[::-1], -1, axis=0)]
+)
 
 
 def rng() -> np.random.Generator:
@@ -47,5 +50,15 @@ def test_noise_is_small_seeded_and_never_negative() -> None:
 
 
 def test_lost_beams_are_lost_at_the_given_rate() -> None:
-    ranges = np.concatenate([scan(ROOM, Pose2D(0, 0, 0), dataclasses.replace(SILENT, dropout=0.1), np.random.default_rng(i)) for i in range(20)])
+    ranges = np.concatenate(
+        [
+            scan(
+                ROOM,
+                Pose2D(0, 0, 0),
+                dataclasses.replace(SILENT, dropout=0.1),
+                np.random.default_rng(i),
+            )
+            for i in range(20)
+        ]
+    )
     assert 0.07 < np.isinf(ranges).mean() < 0.13

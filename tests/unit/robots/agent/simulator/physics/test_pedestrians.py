@@ -24,7 +24,9 @@ def crowd(count: int = 3, seed: int = 1, doors: dict = OPEN) -> Pedestrians:
     return Pedestrians(PLAN, count, doors, (0.5, 6.3), np.random.default_rng(seed))
 
 
-def walk(people: Pedestrians, seconds: float, doors: dict = OPEN, robot: Pose2D = AWAY) -> list[tuple[Person, ...]]:
+def walk(
+    people: Pedestrians, seconds: float, doors: dict = OPEN, robot: Pose2D = AWAY
+) -> list[tuple[Person, ...]]:
     seen = []
     for step in range(round(seconds / 0.02)):
         people.step(0.02, doors, FOOTPRINT, robot)
@@ -49,7 +51,9 @@ def test_people_get_about_at_their_pace_and_look_where_they_go() -> None:
         steps = [math.dist(a[:2], b[:2]) / 0.2 for a, b in pairwise(one)]
         assert max(steps) <= 1.2 + 1e-6
         assert sum(steps) * 0.2 > 15.0
-        assert {room_of(person) for person in one} >= {"corridor"} or len({room_of(person) for person in one}) > 1
+        assert {room_of(person) for person in one} >= {"corridor"} or len(
+            {room_of(person) for person in one}
+        ) > 1
         moving = [(a, b) for a, b in pairwise(one) if math.dist(a[:2], b[:2]) > 0.18]
         ahead = [math.cos(math.atan2(b.y - a.y, b.x - a.x) - b.heading) for a, b in moving]
         assert np.mean(ahead) > 0.95
@@ -62,7 +66,10 @@ def test_nobody_walks_through_walls_furniture_leaves_or_each_other(seed: int) ->
     for moment in walk(crowd(seed=seed), 60.0)[::2]:
         x, y = np.array([p.x for p in moment]), np.array([p.y for p in moment])
         assert not any(inside(each.outline, x, y).any() for each in solids)
-        assert min(math.dist(a[:2], b[:2]) for a in moment for b in moment if a is not b) > APART - 0.05
+        assert (
+            min(math.dist(a[:2], b[:2]) for a in moment for b in moment if a is not b)
+            > APART - 0.05
+        )
 
 
 @pytest.mark.parametrize("site", ["office", "clinic"])
@@ -74,16 +81,23 @@ def test_nobody_gets_stuck_for_long(site: str) -> None:
     for _ in range(300):
         for _ in range(50):
             people.step(0.02, doors, FOOTPRINT, AWAY)
-        moved = np.array([math.dist(a[:2], b[:2]) > 0.05 for a, b in zip(before, people.people, strict=True)])
+        moved = np.array(
+            [math.dist(a[:2], b[:2]) > 0.05 for a, b in zip(before, people.people, strict=True)]
+        )
         still, before = np.where(moved, 0.0, still + 1.0), people.people
         assert still.max() < 40.0
 
 
 def test_behind_closed_doors_people_stay() -> None:
     people = crowd(seed=5, doors=SHUT)
-    rooms = [{"corridor"} if room_of(person) == "corridor" else {"lab", "lounge", None} for person in people.people]
+    rooms = [
+        {"corridor"} if room_of(person) == "corridor" else {"lab", "lounge", None}
+        for person in people.people
+    ]
     for moment in walk(people, 120.0, SHUT):
-        assert all(room_of(person) in allowed for person, allowed in zip(moment, rooms, strict=True))
+        assert all(
+            room_of(person) in allowed for person, allowed in zip(moment, rooms, strict=True)
+        )
 
 
 def test_nobody_starts_beside_the_robot() -> None:
@@ -98,7 +112,13 @@ def test_a_plan_with_less_room_than_people_has_fewer() -> None:
 def test_who_is_held_up_by_the_robot_turns_round_after_a_while() -> None:
     people = crowd(1)
     walker = people._walkers[0]
-    walker.x, walker.y, walker.path, walker.stay, walker.patience = 2.0, 1.0, [(10.0, 1.0)], 0.0, 2.0
+    walker.x, walker.y, walker.path, walker.stay, walker.patience = (
+        2.0,
+        1.0,
+        [(10.0, 1.0)],
+        0.0,
+        2.0,
+    )
     walk(people, 8.0, robot=Pose2D(5.3, 1.0, 0.0))
     assert people.bumped == 1
     assert walker.path != [(10.0, 1.0)]

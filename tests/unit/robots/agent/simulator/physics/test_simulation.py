@@ -117,7 +117,9 @@ def test_each_robot_backs_out_of_its_dock_and_noses_in_again_without_a_contact(s
 def test_the_wrong_robot_does_not_charge_in_a_dock() -> None:
     dock = PLAN.dock_of("rhodon")
     assert dock is not None
-    assert not Simulation(GIRAFF, PLAN, seed=1, start=f"{dock.x - 0.1},{dock.y},{dock.theta}").docked
+    assert not Simulation(
+        GIRAFF, PLAN, seed=1, start=f"{dock.x - 0.1},{dock.y},{dock.theta}"
+    ).docked
 
 
 def test_beside_the_dock_or_turned_in_it_there_is_no_contact_with_it() -> None:
@@ -203,8 +205,12 @@ def test_a_robot_that_is_carried_away_does_not_notice_by_its_wheels() -> None:
     assert sim.motion == STILL
 
 
-@pytest.mark.parametrize(("pose", "words"), [((2.4, 7.2, 0.0), "desk-1 stands there"), ((50.0, 1.0, 0.0), "no room")])
-def test_a_robot_is_not_carried_into_things_or_out_of_the_site(pose: tuple[float, float, float], words: str) -> None:
+@pytest.mark.parametrize(
+    ("pose", "words"), [((2.4, 7.2, 0.0), "desk-1 stands there"), ((50.0, 1.0, 0.0), "no room")]
+)
+def test_a_robot_is_not_carried_into_things_or_out_of_the_site(
+    pose: tuple[float, float, float], words: str
+) -> None:
     sim = giraff()
     before = sim.pose
     with pytest.raises(StartError, match=words):
@@ -256,7 +262,9 @@ def test_a_door_that_somebody_set_moves_no_more_by_itself() -> None:
 
 
 def somebody(sim: Simulation, ahead: float, *, path: bool) -> None:
-    """Put the only person `ahead` metres before the robot's middle, to stand there or on the way to the robot and beyond."""
+    """Put the only person `ahead` metres before the robot's middle, to stand there or on the way to
+    the robot and beyond.
+    """
     walker = sim._pedestrians._walkers[0]
     walker.x, walker.y = sim.pose.apply(ahead, 0.0)
     walker.path, walker.stay = ([sim.pose.apply(-3.0, 0.0)], 0.0) if path else ([], 1e6)
@@ -275,7 +283,9 @@ def test_a_robot_that_drives_into_somebody_is_stopped_and_counts_one_contact() -
     assert sim.clearance() > 0.05
 
 
-def test_somebody_who_walks_into_a_standing_robot_waits_there_and_it_is_no_contact_of_the_robots() -> None:
+def test_somebody_who_walks_into_a_standing_robot_waits_there_and_it_is_no_contact_of_the_robots() -> (
+    None
+):
     sim = giraff("2.0,1.0,0", people=1)
     somebody(sim, 2.5, path=True)
     for _ in range(500):
@@ -350,7 +360,13 @@ def test_people_who_look_on_change_no_drive() -> None:
 
 @pytest.mark.parametrize(
     ("start", "words"),
-    [("moon", "no start"), ("1,2", "no start"), ("100,100,0", "no room"), ("nan,1,0", "no room"), ("2.4,7.2,0", "stands there")],
+    [
+        ("moon", "no start"),
+        ("1,2", "no start"),
+        ("100,100,0", "no room"),
+        ("nan,1,0", "no room"),
+        ("2.4,7.2,0", "stands there"),
+    ],
 )
 def test_a_start_that_cannot_be_is_refused_with_a_sentence(start: str, words: str) -> None:
     with pytest.raises(StartError, match=words):
@@ -375,7 +391,8 @@ def test_the_robot_runs_headless_much_faster_than_time() -> None:
             sim.command(0.4, 0.25)
             sim.scan()
         sim.step(0.02)
-    assert 10.0 / (time.process_time() - begun) > 10.0  # a tenth of what a quiet machine does; make bench has the figure
+    # a tenth of what a quiet machine does; make bench has the figure
+    assert 10.0 / (time.process_time() - begun) > 10.0
 
 
 def test_a_start_may_be_a_pose() -> None:
