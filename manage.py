@@ -8,9 +8,9 @@ import sys
 def main() -> None:
     """Run a management command."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
-    from django.core.management import (
+    from django.core.management import (  # noqa: PLC0415
         execute_from_command_line,
-    )  # noqa: PLC0415 -- after the settings module is named
+    )
 
     execute_from_command_line(sys.argv)
 

@@ -18,7 +18,7 @@ LIMITS_MET = frozenset({"too_many_login_attempts", "rate_limited"})
 class AccountAdapter(DefaultAccountAdapter):
     """Keeps the shown name of the sign-up form, and closes sign-up where the site says so."""
 
-    def is_open_for_signup(self, request: HttpRequest) -> bool:  # noqa: ARG002 -- allauth's signature
+    def is_open_for_signup(self, request: HttpRequest) -> bool:
         """Tell whether visitors may make their own accounts."""
         return settings.SIGNUP_OPEN
 
@@ -38,7 +38,7 @@ class AccountAdapter(DefaultAccountAdapter):
 
     def save_user(
         self, request: HttpRequest, user: User, form: BaseForm, commit: bool = True
-    ) -> User:  # noqa: FBT001, FBT002 -- allauth's signature
+    ) -> User:
         """Store a new account, with the name that others are to see."""
         user.display_name = form.cleaned_data.get("display_name", "")
         return super().save_user(request, user, form, commit=commit)

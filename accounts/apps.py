@@ -15,7 +15,7 @@ class AccountsConfig(AppConfig):
         """Have the audit log hear of what is done in the administration."""
         from accounts.audit import (
             note_administration,
-        )  # noqa: PLC0415 -- models are complete only now
+        )
 
         post_save.connect(
             note_administration, sender="admin.LogEntry", dispatch_uid="accounts.audit"

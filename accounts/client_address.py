@@ -49,4 +49,4 @@ def counted(address: str) -> str:
         str(found)
         if found.version == 4
         else str(ipaddress.ip_network((found, NETWORK_PREFIX), strict=False))
-    )  # noqa: PLR2004 -- IP version
+    )

@@ -20,6 +20,6 @@ class Profile(LoginRequiredMixin, SuccessMessageMixin, UpdateView):
     success_url = reverse_lazy("profile")
     success_message = _("Saved.")
 
-    def get_object(self, queryset: Any = None) -> User:  # noqa: ARG002 -- Django's signature
+    def get_object(self, queryset: Any = None) -> User:
         """Return a fresh copy, so that a refused change does not show in the page's header."""
         return User.objects.get(pk=self.request.user.pk)

@@ -75,7 +75,7 @@ class Client:
         """Be open."""
         self.is_open.set()
 
-    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:  # noqa: ARG002 -- a line's owner
+    def heard(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Note how long a message of ours took."""
         if f"/{HONEST}/" in topic and len(payload) == 8:
             (sent,) = struct.unpack("d", payload)

@@ -186,16 +186,16 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
 
     def get_form(
         self, request: HttpRequest, obj: Study | None = None, change: bool = False, **kwargs: Any
-    ) -> Any:  # noqa: FBT001, FBT002 -- Django's signature
+    ) -> Any:
         """Let the form know who sends it."""
         form = super().get_form(request, obj, change=change, **kwargs)
         return type("StudyFormOf", (form,), {"user": request.user})
 
-    def save_model(self, request: HttpRequest, obj: Study, form: ModelForm, change: bool) -> None:  # noqa: FBT001 -- Django's signature
+    def save_model(self, request: HttpRequest, obj: Study, form: ModelForm, change: bool) -> None:
         """Keep the settings; the form has stored the definition."""
         if form.stored is not None:
             named = {name: getattr(obj, name) for name in ("entry", "exclusive")} if change else {}
-            for field in Study._meta.concrete_fields:  # noqa: SLF001 -- Django's documented API
+            for field in Study._meta.concrete_fields:
                 setattr(
                     obj, field.attname, named.get(field.name, getattr(form.stored, field.attname))
                 )

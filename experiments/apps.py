@@ -14,6 +14,6 @@ class ExperimentsConfig(AppConfig):
         """Answer for the terms of participants' visits, and listen to the session manager."""
         from experiments.tasks import (
             signal_handlers,
-        )  # noqa: PLC0415 -- models are not there before
+        )
 
         signal_handlers.connect()

@@ -151,7 +151,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Who oversees all robots, and the owner."""
         return bool(super().has_change_permission(request, obj)) or self.is_of(request, obj)
 
-    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:  # noqa: FBT001 -- Django's signature
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         """Keep who may drive, and note who was given or lost it."""
         super().save_formset(request, form, formset, change)
         added, gone = getattr(formset, "new_objects", []), getattr(formset, "deleted_objects", [])

@@ -186,7 +186,7 @@ def _problems(
             f"The map's image takes {len(image) // 1024} kB as a PNG; robots take at most"
             f" {MAX_PNG // 1024} kB."
         )
-    if not 0.001 <= grid.transform.resolution <= 10.0:  # noqa: PLR2004 -- the model's own bounds
+    if not 0.001 <= grid.transform.resolution <= 10.0:
         found.append(
             f"A resolution of {grid.transform.resolution} m a pixel is not between 0.001 and 10."
         )
@@ -195,7 +195,7 @@ def _problems(
     if not grid.free().any():
         found.append("The map has no free cell: is `negate` right?")
     origin = grid.transform.origin
-    if not (abs(origin.x) <= 1e5 and abs(origin.y) <= 1e5 and abs(origin.theta) <= 7.0):  # noqa: PLR2004 -- robots.api.messages
+    if not (abs(origin.x) <= 1e5 and abs(origin.y) <= 1e5 and abs(origin.theta) <= 7.0):
         found.append("The origin must be (x, y, θ) in metres and radians.")
     if plan is not None and not found:
         found += [f"{problem[0].upper()}{problem[1:]}." for problem in inspect_site(plan, grid)]

@@ -63,7 +63,7 @@ def bearer(header: str) -> tuple[str, str]:
     """Return (robot, token) of an Authorization header, empty when there is none."""
     scheme, _, rest = header.partition(" ")
     name, _, token = rest.strip().partition(":")
-    return (name, token) if scheme.lower() == "bearer" and len(rest) < 512 else ("", "")  # noqa: PLR2004 -- far longer than any
+    return (name, token) if scheme.lower() == "bearer" and len(rest) < 512 else ("", "")
 
 
 def mqtt_urls_for(request: HttpRequest) -> list[str]:

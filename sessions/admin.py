@@ -207,20 +207,20 @@ class SessionAdmin(OwnersRows):
         related = {
             str(field.related_model._meta.verbose_name_plural): field.related_model
             for field in Session._meta.related_objects
-        }  # noqa: SLF001 -- Django's documented API
+        }
         names = {"chunks", "events", "network_samples", "snapshots"}
         kept = {
             str(field.related_model._meta.verbose_name_plural): field
             for field in Session._meta.related_objects
             if field.name in names
-        }  # noqa: SLF001
+        }
         counts = {name: related[name].objects.filter(session__in=keys).count() for name in kept}
         return (
             [str(obj) for obj in objs],
             {str(Session._meta.verbose_name_plural): len(keys), **counts},
             set(),
             [],
-        )  # noqa: SLF001
+        )
 
     def get_search_results(
         self, request: HttpRequest, queryset: QuerySet[Session], search_term: str

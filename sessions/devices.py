@@ -107,4 +107,4 @@ def network_of(address: str) -> str:
     found = parsed(address)
     if found is None:
         return ""
-    return str(ipaddress.ip_network((found, 24 if found.version == 4 else 48), strict=False))  # noqa: PLR2004 -- IP versions
+    return str(ipaddress.ip_network((found, 24 if found.version == 4 else 48), strict=False))

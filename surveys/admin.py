@@ -88,10 +88,10 @@ class QuestionnaireAdmin(ShownFilters):
 
     def save_model(
         self, _request: HttpRequest, obj: Questionnaire, form: ModelForm, _change: bool
-    ) -> None:  # noqa: FBT001 -- Django's signature
+    ) -> None:
         """Show the row that the form has stored."""
         stored = form.stored
-        for field in Questionnaire._meta.concrete_fields:  # noqa: SLF001 -- Django's documented API
+        for field in Questionnaire._meta.concrete_fields:
             setattr(obj, field.attname, getattr(stored, field.attname))
         obj._state.adding = False  # noqa: SLF001 -- it is in the database already
 

@@ -274,7 +274,7 @@ def standings(
 
 def _standing(
     question: Question, given: AnswerValue | None, asked: bool, reached: int
-) -> AnswerValue:  # noqa: FBT001 -- private, named at the call
+) -> AnswerValue:
     if question.page >= reached and given is None:
         return AnswerValue(missing=Missing.NOT_REACHED)
     if not asked:

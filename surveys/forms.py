@@ -80,8 +80,8 @@ class QuestionnaireForm(forms.ModelForm):
             if name != own:
                 raise BadDefinitionError(
                     [
-                        f"This is version {own[1]} of {own[0]}; slug and version of a questionnaire"
-                        " stay."
+                        (f"This is version {own[1]} of {own[0]}; slug and version of a questionnaire"
+                        " stay.")
                     ]
                 )
         elif Questionnaire.objects.filter(
@@ -89,7 +89,7 @@ class QuestionnaireForm(forms.ModelForm):
         ).exists():
             raise BadDefinitionError(
                 [
-                    f"Version {name[1]} of {name[0]} is here already: change that one, or give"
-                    " yours another version."
+                    (f"Version {name[1]} of {name[0]} is here already: change that one, or give"
+                    " yours another version.")
                 ]
             )

@@ -48,8 +48,8 @@ def _replace(definition: Definition, fields: dict[str, Any]) -> Questionnaire:
     if row.sha256 != fields["sha256"]:
         raise BadDefinitionError(
             [
-                f"Version {definition.version} of {definition.slug} is in use and cannot change:"
-                " give yours another version."
+                (f"Version {definition.version} of {definition.slug} is in use and cannot change:"
+                " give yours another version.")
             ]
         )
     return row
@@ -90,8 +90,8 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
         if questionnaire.as_definition().template:
             raise BadDefinitionError(
                 [
-                    f"{questionnaire.slug} is a template: fill in its text and set template to"
-                    " false before it is used."
+                    (f"{questionnaire.slug} is a template: fill in its text and set template to"
+                    " false before it is used.")
                 ]
             )
         Questionnaire.objects.filter(pk=questionnaire.pk, frozen_at=None).update(frozen_at=now)

@@ -22,7 +22,7 @@ def sus(answers: Sequence[int | None]) -> float | None:
     Raises:
         ValueError: when there are not ten, or one is not from 1 to 5.
     """
-    if len(answers) != 10:  # noqa: PLR2004 -- the scale has ten items
+    if len(answers) != 10:
         raise ValueError(f"SUS has 10 items, not {len(answers)}")
     if any(answer is not None and not 1 <= answer <= SUS_HIGHEST for answer in answers):
         raise ValueError(f"SUS answers are from 1 to {SUS_HIGHEST}")
@@ -40,9 +40,9 @@ def tlx_raw(ratings: Sequence[float | None]) -> float | None:
     Raises:
         ValueError: when there are not six, or one is not from 0 to 100.
     """
-    if len(ratings) != 6:  # noqa: PLR2004 -- the index has six scales
+    if len(ratings) != 6:
         raise ValueError(f"the TLX has 6 scales, not {len(ratings)}")
-    if any(rating is not None and not 0 <= rating <= 100 for rating in ratings):  # noqa: PLR2004 -- per cent
+    if any(rating is not None and not 0 <= rating <= 100 for rating in ratings):
         raise ValueError("TLX ratings are from 0 to 100")
     given = [rating for rating in ratings if rating is not None]
     return sum(given) / len(given) if len(given) == len(ratings) else None

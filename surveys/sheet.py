@@ -242,7 +242,7 @@ def _can_join(before: Fieldset, block: Fieldset, definition: Definition) -> bool
     return scales[0] == scales[1]
 
 
-def _control(question: Question, shown: bool, condition: str, reader: Reader) -> Control:  # noqa: FBT001 -- private
+def _control(question: Question, shown: bool, condition: str, reader: Reader) -> Control:
     item, said = question.item, _said(question, reader)
     sent = [value for value in reader.sent.get(question.key, ()) if value]
     chosen = sent or said

@@ -12,6 +12,6 @@ class TelepresenceSiteConfig(AppConfig):
 
     def ready(self) -> None:
         """Register the system checks."""
-        from telepresence_site import checks  # noqa: PLC0415 -- settings are complete only now
+        from telepresence_site import checks
 
         checks.register_all()

@@ -13,11 +13,11 @@ from whitenoise.middleware import WhiteNoiseMiddleware
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
 http = get_asgi_application()
 
-from robots.interpreter import set_up_for_latency  # noqa: E402
-from sessions.consumers.backpressure import Backpressure  # noqa: E402
+from robots.interpreter import set_up_for_latency
+from sessions.consumers.backpressure import Backpressure
 from sessions.urls import (
     websocket_urlpatterns,
-)  # noqa: E402 -- consumers import models, which need the set-up above
+)
 from telepresence_site.web.asgi_limits import (
     BodyLimit,
     ConnectLimit,
@@ -25,9 +25,9 @@ from telepresence_site.web.asgi_limits import (
     SameOrigin,
     address_of,
     user_of,
-)  # noqa: E402
-from telepresence_site.web.request_log import RequestLog  # noqa: E402
-from telepresence_site.web.static_answers import StaticAnswers  # noqa: E402
+)
+from telepresence_site.web.request_log import RequestLog
+from telepresence_site.web.static_answers import StaticAnswers
 
 pages = OpenLimit(URLRouter(websocket_urlpatterns), settings.SOCKETS_PER_USER, user_of)
 # Refuses a foreign Origin, and a missing one.

@@ -16,9 +16,9 @@ from django.core.checks import (
     CheckMessage,
     Error,
     Tags,
-    Warning,
+    Warning,  # noqa: A004
     register,
-)  # noqa: A004 -- Django's own word
+)
 
 from robots.api.disk_space import MIB, DiskSpace
 

@@ -30,9 +30,9 @@ def fill(
     return sent
 
 
-def _answer(
+def _answer(  # noqa: PLR0911
     asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
-) -> Sent:  # noqa: PLR0911 -- a table
+) -> Sent:
     match asked.kind:
         case "radio":
             return _one_of(asked, persona, circumstances)

@@ -82,9 +82,9 @@ class Browser:
         """
         url = self._absolute(address)
         body = urllib.parse.urlencode(list(fields)).encode()
-        request = urllib.request.Request(
+        request = urllib.request.Request(  # noqa: S310
             url, data=body, headers={**self._headers, "Origin": self.site, "Referer": url}
-        )  # noqa: S310 -- as above
+        )
         return self._ask(request)
 
     def send(

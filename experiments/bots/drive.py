@@ -232,7 +232,7 @@ class Drive:
         """
         if self.view.state is not None and self.view.state.safety.inhibited == "stopped":
             return STAND
-        if self.ending == Ending.LETS_TIME_RUN_OUT and self._driven_for() > 30.0:  # noqa: PLR2004 -- seconds; the robot has moved
+        if self.ending == Ending.LETS_TIME_RUN_OUT and self._driven_for() > 30.0:
             return STAND
         return speed
 
@@ -252,7 +252,7 @@ class Drive:
         is_midway = len(self.view.task.passed) >= max(
             1, (len(self.study.get("checkpoints", ())) - 1) // 2
         )
-        if self.study.get("kind") == "practice" and self._driven_for() > 20.0:  # noqa: PLR2004 -- seconds; enough to know how it drives
+        if self.study.get("kind") == "practice" and self._driven_for() > 20.0:
             await self._leave()
             return True
         if not is_midway:

@@ -156,7 +156,7 @@ class Driver:
 
     def _in_station(self, pose: Pose2D) -> bool:
         seen = self.guide.dock.inverse().compose(pose)
-        return -CLEAR_OF_DOCK < seen.x < 0.3 and abs(seen.y) < 0.3 and abs(seen.theta) < 0.6  # noqa: PLR2004 -- metres and radians about it
+        return -CLEAR_OF_DOCK < seen.x < 0.3 and abs(seen.y) < 0.3 and abs(seen.theta) < 0.6
 
     def _way_to(self, pose: Pose2D, goal: Point, now: float) -> Sequence[Point]:
         if self._ways is None or self._ways.closed != self.closed:
@@ -220,15 +220,15 @@ class Driver:
         seen = dock.inverse().compose(pose)
         staging = dock.apply(-STAGING, 0.0)
         if not self._docking:
-            if math.dist(staging, (pose.x, pose.y)) > 0.2:  # noqa: PLR2004 -- metres; near enough to turn in
+            if math.dist(staging, (pose.x, pose.y)) > 0.2:
                 self._look_at_doors(view)
                 way = self._way_to(pose, staging, now)
                 return follow(pose, way, self.fastest) if way else STAND
             turned = turn_to(pose, dock.theta, self.fastest, within=0.1)
             self._docking = turned.is_zero
             return turned
-        too_far_aside = seen.x > -0.5 and abs(seen.y) > MISSED  # noqa: PLR2004 -- metres before it
-        if too_far_aside or seen.x > 0.1 or abs(wrap_angle(seen.theta)) > 0.7:  # noqa: PLR2004 -- beyond it, or turned away
+        too_far_aside = seen.x > -0.5 and abs(seen.y) > MISSED
+        if too_far_aside or seen.x > 0.1 or abs(wrap_angle(seen.theta)) > 0.7:
             self._docking, self._backing_until = False, now + 3.0 * BACK_SECONDS
             return STAND
         return into(pose, dock, self.fastest)
@@ -246,7 +246,7 @@ class Driver:
         if cue in {"photo_turn_left", "photo_turn_right"}:
             return Intent(Speed(0.0, LOOKING if cue == "photo_turn_left" else -LOOKING))
         at = self.guide.stops.get(self.guide.photo_at if self.guide.photo_at is not None else -1)
-        if at is None or math.dist(at, (pose.x, pose.y)) < 0.15:  # noqa: PLR2004 -- metres; there is nothing better to do
+        if at is None or math.dist(at, (pose.x, pose.y)) < 0.15:
             return Intent(Speed(0.0, LOOKING))
         return Intent(self._unstuck(pose, self._go(view, pose, at, now), now))
 
@@ -270,4 +270,4 @@ def _on_leaf(door: Door, point: Point) -> bool:
     length = math.hypot(dx, dy)
     along = ((point[0] - door.start[0]) * dx + (point[1] - door.start[1]) * dy) / length**2
     aside = abs((point[0] - door.start[0]) * dy - (point[1] - door.start[1]) * dx) / length
-    return 0.25 < along < 0.75 and aside < LEAF_NEAR  # noqa: PLR2004 -- the middle of the leaf
+    return 0.25 < along < 0.75 and aside < LEAF_NEAR

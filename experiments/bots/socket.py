@@ -19,7 +19,7 @@ OPEN_SECONDS = 30.0
 SWITCHING = b" 101 "
 
 
-class SocketClosed(Exception):  # noqa: N818 -- not an error: it is how every connection ends
+class SocketClosed(Exception):
     """The connection is over; `code` is what the server said, 1006 when it said nothing."""
 
     def __init__(self, code: int, reason: str = "") -> None:

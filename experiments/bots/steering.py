@@ -76,5 +76,5 @@ def into(pose: Pose2D, dock: Pose2D, fastest: Speed) -> Speed:
     to_go = -seen.x
     heading = math.atan2(-seen.y, max(0.35, min(0.8, to_go)))
     turn = max(-0.5, min(0.5, 2.0 * wrap_angle(heading - seen.theta)))
-    linear = CREEP if to_go < 0.35 else min(0.25, fastest.linear, CREEP + 0.35 * (to_go - 0.35))  # noqa: PLR2004 -- metres before it
+    linear = CREEP if to_go < 0.35 else min(0.25, fastest.linear, CREEP + 0.35 * (to_go - 0.35))
     return Speed(linear, turn)

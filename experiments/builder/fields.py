@@ -336,7 +336,7 @@ def _points(text: str) -> list[list[float]] | str:
 def _point(line: str) -> list[float] | None:
     numbers = [_number(word, whole=False) for word in line.replace(";", " ").split()]
     x_and_y = [number for number in numbers if isinstance(number, float)]
-    return x_and_y if len(x_and_y) == len(numbers) == 2 else None  # noqa: PLR2004 -- x and y
+    return x_and_y if len(x_and_y) == len(numbers) == 2 else None
 
 
 # --- what cannot be kept --------------------------------------------------------------------------

@@ -79,7 +79,7 @@ def _response(
     session: str,
     names: Pseudonyms,
     choice: Choice,
-) -> Response:  # noqa: PLR0917 -- all that a response is made of
+) -> Response:
     stands = row.standings(definition, {answer.item: answer.given for answer in answers})
     values, missing = {}, {}
     for question in definition.questions():

@@ -111,7 +111,7 @@ class Decoded(Field):
         super().__init__()
         self._kind, self._decoder = kind, msgspec.json.Decoder(kind)
 
-    def from_db_value(self, value: Any, expression: Any, connection: Any) -> Any:  # noqa: ARG002 -- Django's signature
+    def from_db_value(self, value: Any, expression: Any, connection: Any) -> Any:
         """Return what a row holds."""
         return (
             self._decoder.decode(value)

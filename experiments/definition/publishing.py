@@ -87,8 +87,8 @@ def _replace(definition: Study, fields: dict[str, Any]) -> Row:
     if row.sha256 != fields["sha256"]:
         raise BadDefinitionError(
             [
-                f"Version {definition.version} of {definition.slug} is published and cannot change:"
-                " make a new version."
+                (f"Version {definition.version} of {definition.slug} is published and cannot change:"
+                " make a new version.")
             ]
         )
     return row

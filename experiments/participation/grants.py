@@ -51,7 +51,7 @@ ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhi
 Stage = Participant.Stage
 
 
-class AssignmentContention(RuntimeError):  # noqa: N818 -- the name says what happened
+class AssignmentContention(RuntimeError):
     """Somebody else was assigned under every attempt."""
 
 

@@ -181,7 +181,7 @@ def run_command(*words: str) -> None:
             capture_output=True,
             timeout=SECONDS,
             text=True,
-        )  # noqa: S603 -- our own command
+        )
     except subprocess.TimeoutExpired as error:
         raise NotComputedError(f"It took longer than {SECONDS:.0f} s.") from error
     except subprocess.CalledProcessError as error:

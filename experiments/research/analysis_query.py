@@ -48,7 +48,7 @@ def asked_of(request: HttpRequest, slug: str) -> Asked:
             rows.filter(version=int(version))
             if version.isdecimal() and len(version) < 6
             else rows.none()
-        )  # noqa: PLR2004 -- digits
+        )
     study = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
     if study is None:
         raise Http404

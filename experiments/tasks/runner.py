@@ -218,7 +218,7 @@ class Runner:
         """A session that is being granted has no drive yet: it is asked for again at the next look,
         which knows of it.
         """
-        if len(self._foreign) > 1000:  # noqa: PLR2004 -- more than ever live at once
+        if len(self._foreign) > 1000:
             self._foreign.clear()
         self._foreign.add(session)
 

@@ -90,7 +90,7 @@ class Agent:
         rng: random.Random | None = None,
     ) -> None:
         self._config, self._make_adapter, self._make_media = config, make_adapter, make_media
-        self._rng = rng or random.Random()  # noqa: S311 -- spreads attempts in time, keeps no secret
+        self._rng = rng or random.Random()
         self._stopping = threading.Event()
         self._link: MqttLink | None = None
         self._store = Store(config.var / "agent" / config.robot)

@@ -7,7 +7,7 @@ RejectionReason = Literal[
 ]
 
 
-class Rejection(ValueError):  # noqa: N818 -- the wire's own word: a message is rejected, nothing has failed
+class Rejection(ValueError):
     """A message that was refused before anybody acted on it.
 
     Args:

@@ -268,7 +268,7 @@ def _type_words(kind: object) -> str:
     if origin is typing.Literal:
         return " \\| ".join(f'`"{word}"`' for word in arguments)
     if origin is tuple:
-        many = len(arguments) == 2 and arguments[1] is Ellipsis  # noqa: PLR2004 -- tuple[x, ...]
+        many = len(arguments) == 2 and arguments[1] is Ellipsis
         return (
             f"list of {_type_words(arguments[0])}"
             if many

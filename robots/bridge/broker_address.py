@@ -22,7 +22,7 @@ MAX_INFLIGHT = 1000
 REFUSED = 0x80
 
 
-class BadAddress(ValueError):  # noqa: N818 -- named for what it is about
+class BadAddress(ValueError):
     """A broker URL that cannot be used; the message is one sentence for the operator."""
 
 

@@ -34,11 +34,11 @@ def read_quickly(client: aiomqtt.Client, chunk: int = CHUNK) -> bool:
     if not known or not isinstance(getattr(paho, "_sock", None), socket.socket):
         return False
     pieces = _Pieces(paho, chunk, getattr(paho._sock, "pending", _nothing))  # noqa: SLF001 -- see the top
-    paho._sock_recv, paho.loop_read, paho._sockpairW = (
+    paho._sock_recv, paho.loop_read, paho._sockpairW = (  # noqa: SLF001
         pieces.receive,
         pieces.read_all,
         None,
-    )  # noqa: SLF001 -- see the top
+    )
     return True
 
 

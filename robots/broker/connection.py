@@ -100,7 +100,7 @@ class Connection(asyncio.BufferedProtocol):
             transport.pause_reading()
             self._task = asyncio.get_running_loop().create_task(self._secure(self._tls))
 
-    def connection_lost(self, error: Exception | None) -> None:  # noqa: ARG002 -- asyncio's signature
+    def connection_lost(self, error: Exception | None) -> None:
         """Tell the hub, and free the place. One that ends in the handshake of TLS is told so by
         asyncio sometimes, and by `_secure`.
         """
@@ -128,7 +128,7 @@ class Connection(asyncio.BufferedProtocol):
         if self.session is not None:
             self._desk.hub.push(self.session)
 
-    def get_buffer(self, sizehint: int) -> memoryview:  # noqa: ARG002 -- asyncio's signature
+    def get_buffer(self, sizehint: int) -> memoryview:
         """Return where to read to: of a stranger no more than its CONNECT."""
         if self.session is not None:
             return _scratch
@@ -312,7 +312,7 @@ class Connection(asyncio.BufferedProtocol):
                 raise ProtocolError("second CONNECT")
 
     def _published(self, session: Session, message: Publish) -> None:
-        if message.qos == 2:  # noqa: PLR2004 -- exactly once
+        if message.qos == 2:
             self._desk.hub.receive_once(session, message)
             self.write(packets.acknowledgement(packets.PUBREC, message.packet_id))
             return

@@ -125,7 +125,7 @@ class PacketReader:
         Raises:
             ProtocolError: it is oversized, or its length is none.
         """
-        if len(self._buffer) < 2:  # noqa: PLR2004 -- the shortest packet
+        if len(self._buffer) < 2:
             return 0
         self._head = self._head or self._header()
         return self._head[1] if self._head is not None and len(self._buffer) >= self._head[1] else 0
@@ -242,7 +242,7 @@ def _other(kind: int, body: _Body) -> Packet:
 
 def _publish(flags: int, body: _Body) -> Publish:
     qos = (flags >> 1) & 3
-    if qos == 3:  # noqa: PLR2004 -- the one reserved value
+    if qos == 3:
         raise ProtocolError("QoS 3")
     topic = body.text()
     if not is_topic(topic):
@@ -279,7 +279,7 @@ def _will(flags: int, body: _Body) -> Publish | None:
         if qos or flags & _WILL_RETAIN:
             raise ProtocolError("will flags without a will")
         return None
-    if qos == 3:  # noqa: PLR2004 -- the one reserved value
+    if qos == 3:
         raise ProtocolError("QoS 3")
     return Publish(body.text(), body.blob(), qos, bool(flags & _WILL_RETAIN))
 
@@ -287,7 +287,7 @@ def _will(flags: int, body: _Body) -> Publish | None:
 def _subscriptions(body: _Body) -> Iterator[tuple[str, int]]:
     for text in _texts(body):
         qos = body.byte()
-        if qos > 2:  # noqa: PLR2004 -- the highest quality of service
+        if qos > 2:
             raise ProtocolError(f"QoS {qos}")
         yield text, qos
 

@@ -149,7 +149,7 @@ def _check_size(width: int, height: int, name: str) -> None:
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
     """Return (h, w) grey or (h, w, 3) RGB as a PNG."""
-    grey = image.ndim == 2  # noqa: PLR2004 -- a plane without colours
+    grey = image.ndim == 2
     codec = av.CodecContext.create("png", "w")
     codec.width, codec.height, codec.pix_fmt = (
         image.shape[1],

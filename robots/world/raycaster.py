@@ -50,7 +50,7 @@ def cast(
     return ranges, np.where(np.isfinite(ranges), nearest, -1)
 
 
-def sweep(segments: Floats, x: float, y: float, start: float, step: float, count: int) -> Floats:  # noqa: PLR0917 -- x and y are one thing
+def sweep(segments: Floats, x: float, y: float, start: float, step: float, count: int) -> Floats:
     """Return (count,) how far the beams of a scanner go: `cast` for evenly spaced rays and the
     sides of solids, five times faster.
 

@@ -39,7 +39,7 @@ def rasterise(plan: FloorPlan, resolution: float = RESOLUTION) -> OccupancyGrid:
     share = occupied.reshape(rows, SAMPLES, columns, SAMPLES).mean(axis=(1, 3))
     image = np.full((rows, columns), UNKNOWN, dtype=np.uint8)
     image[_indoors(plan, *_centres(low, rows, columns, resolution))] = FREE
-    image[share >= 0.5] = OCCUPIED  # noqa: PLR2004 -- half
+    image[share >= 0.5] = OCCUPIED
     origin = Pose2D(round(float(low[0]) * resolution, 6), round(float(low[1]) * resolution, 6), 0.0)
     return OccupancyGrid(image, MapTransform(resolution, origin, rows))
 

@@ -66,7 +66,7 @@ class ApiKeyAdmin(OfRobots):
 
     def get_form(
         self, request: HttpRequest, obj: ApiKey | None = None, change: bool = False, **kwargs: Any
-    ) -> Any:  # noqa: FBT001, FBT002 -- Django's
+    ) -> Any:
         """Say what a label is for."""
         return super().get_form(
             request,
@@ -76,7 +76,7 @@ class ApiKeyAdmin(OfRobots):
             **kwargs,
         )
 
-    def save_model(self, request: HttpRequest, obj: ApiKey, form: Any, change: bool) -> None:  # noqa: ARG002, FBT001 -- Django's signature
+    def save_model(self, request: HttpRequest, obj: ApiKey, form: Any, change: bool) -> None:
         """Make the key; only its hash is kept, and the answer to this very request shows it."""
         request.api_key = cut(obj, timezone.now())  # type: ignore[attr-defined]
         obj.save(force_insert=True)
@@ -84,7 +84,7 @@ class ApiKeyAdmin(OfRobots):
 
     def response_add(
         self, request: HttpRequest, obj: ApiKey, post_url_continue: str | None = None
-    ) -> HttpResponse:  # noqa: ARG002 -- as above
+    ) -> HttpResponse:
         """Show the key, once."""
         context = self.admin_site.each_context(request) | {
             "title": _now("Key of %(robot)s") % {"robot": obj.robot},

@@ -101,7 +101,7 @@ class Close:
 Effect = Publish | Halt | Verb | Report | Spare | Deny | Close
 
 
-class Refused(Exception):  # noqa: N818 -- the page's word for it
+class Refused(Exception):
     """A frame that this page may not send now; the message is the reason in one word."""
 
 

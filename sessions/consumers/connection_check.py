@@ -25,11 +25,11 @@ class CheckConsumer(DirectConsumer):
         await asyncio.sleep(SECONDS)
         await self.close()
 
-    async def disconnect(self, code: int) -> None:  # noqa: ARG002 -- its signature
+    async def disconnect(self, code: int) -> None:
         """Forget the end that is not needed any more."""
         self.ending.cancel()
 
-    async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:  # noqa: ARG002 -- likewise
+    async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Say a short word back."""
         if text_data is None or len(text_data) > LONGEST or self.left == 0:
             await self.close(protocol.FLOODED)

@@ -37,7 +37,7 @@ class ScreenAuthorization(Authorization):
     def __init__(self, peer: str, title: str, ice_servers: tuple[IceServer, ...] = ()) -> None:
         super().__init__(peer, title, None, ice_servers)
 
-    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:  # noqa: ARG002 -- as the room's
+    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
         self._check_rate(message, now)
         match message:
             case Stop() | EStop():

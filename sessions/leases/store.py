@@ -65,7 +65,7 @@ BEGINS_ANEW = "begins_anew"
 LEFT_QUEUE = "left_queue"  # the reason of a visit that ended before it had the robot
 
 
-class LeaseContention(RuntimeError):  # noqa: N818 -- the name says what happened
+class LeaseContention(RuntimeError):
     """The lease changed under every attempt to take it."""
 
 
@@ -552,7 +552,7 @@ def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
     return {key: _pause(held, returns, phase, reason) for key, held, returns, phase, reason in rows}
 
 
-def _pause(held: str, returns: bool, phase: str, reason: str) -> str:  # noqa: FBT001 -- a row
+def _pause(held: str, returns: bool, phase: str, reason: str) -> str:
     if held:
         return f"{Robot.Turnaround.PAUSED}: {held}"
     return f"{phase}: {reason}" if returns and phase != Robot.Turnaround.READY else ""

@@ -57,7 +57,7 @@ prepare(Terms)
 FREE = Terms()
 
 
-class NotGranted(Exception):  # noqa: N818 -- the name says what happened
+class NotGranted(Exception):
     """The robot is not for this visit after all; the message is the reason, one of
     sessions.protocol.Refused.
     """

@@ -88,7 +88,7 @@ class Intake:
             self._hear(topic, payload, retained=message.retain)
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
-            if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:  # noqa: PLR2004 -- a flood fills no disk
+            if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:
                 logger.warning(
                     "message_rejected topic=%s reason=%s count=%d",
                     topic,

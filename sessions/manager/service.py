@@ -69,7 +69,7 @@ TOGETHER = 200  # letters on their way to the broker at once, of the thousand th
 FLUSH_SECONDS = 20.0
 
 
-class RecorderDied(RuntimeError):  # noqa: N818 -- the name says what happened
+class RecorderDied(RuntimeError):
     """The recorder's thread ended by an error that is not the database's."""
 
 

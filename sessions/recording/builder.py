@@ -223,7 +223,7 @@ class RecordBuilder:
                 item.robot,
             )
 
-    def _session_event(  # noqa: PLR0917 -- the columns
+    def _session_event(
         self,
         session: str,
         source: str,

@@ -55,7 +55,7 @@ class Chunks:
         body: msgspec.Raw,
         received_at: float,
         offset: float | None,
-    ) -> Chunk | None:  # noqa: PLR0917 -- the fields of a state
+    ) -> Chunk | None:
         """Take a state that was not there before; return the chunk that it closed."""
         chunk, closed = self._open.get((session, boot)), None
         if chunk is None or not chunk.takes(seq, stamp):

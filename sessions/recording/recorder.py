@@ -164,12 +164,12 @@ class Recorder:
                 step()
             except (DatabaseError, InterfaceError) as error:
                 self._failures += 1
-                logger.error(
+                logger.error(  # noqa: TRY400
                     "record_not_written failures=%d waiting=%d reason=%s",
                     self._failures,
                     len(self._buffer),
                     error,
-                )  # noqa: TRY400 -- the reason says it
+                )
                 time.sleep(pause)
                 pause = min(LAST_RETRY, pause * 2)
                 if not is_disk_full(error):  # without room SQLite could not open another one

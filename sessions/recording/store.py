@@ -132,7 +132,7 @@ class RecordStore:
         return name
 
     def _remember_unknown(self, session: str, now: float) -> None:
-        if len(self._unknown) > 10_000:  # noqa: PLR2004 -- only somebody who invents sessions gets here
+        if len(self._unknown) > 10_000:
             self._unknown.clear()
         self._unknown[session] = now
 

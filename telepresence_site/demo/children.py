@@ -20,7 +20,7 @@ TAIL_BYTES = 4096  # of a log, in which its last line is looked for
 LARGEST_LOG = 5_000_000  # bytes; a longer one is begun anew when its child is started again
 
 
-class StartFailed(Exception):  # noqa: N818 -- the demo's own word for it
+class StartFailed(Exception):
     """A child ended, or was not ready in time; the message is one sentence."""
 
 
@@ -95,7 +95,7 @@ class Children:
         started_at = datetime.datetime.now(datetime.UTC)
         with log.open("ab" if goes_on else "wb") as output:
             log_start = output.tell()  # before the child writes, which moves it
-            process = subprocess.Popen(  # noqa: S603 -- our own commands
+            process = subprocess.Popen(
                 [sys.executable, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,

@@ -150,9 +150,9 @@ def _quoted(value: Any) -> str:
 
 def known_secrets() -> tuple[str, ...]:
     """Return the values of this site's settings that nobody may read in a log, longest first."""
-    from django.conf import (
+    from django.conf import (  # noqa: PLC0415
         settings,
-    )  # noqa: PLC0415 -- logging is set up while settings are being read
+    )
 
     values = {
         settings.SECRET_KEY,

@@ -42,7 +42,7 @@ SETTLE_SECONDS = 120.0
 END_SECONDS = 2 * STOP_SECONDS
 
 
-class PlayFailed(Exception):  # noqa: N818 -- the command's word for it
+class PlayFailed(Exception):
     """There is no such sandbox, it did not come up, or it ended early; one sentence."""
 
 
@@ -95,7 +95,7 @@ def play(
         )
     )
     command = [sys.executable, str(settings.BASE_DIR / "manage.py"), "play_in_sandbox"]
-    process = subprocess.Popen(  # noqa: S603 -- our own command
+    process = subprocess.Popen(
         command,
         env=environment,
         stdin=subprocess.DEVNULL,

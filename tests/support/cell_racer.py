@@ -14,15 +14,15 @@ import django
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
 django.setup()
 
-from django.utils import timezone  # noqa: E402
+from django.utils import timezone
 
-from experiments.models import Participant  # noqa: E402
-from experiments.participation import grants  # noqa: E402
-from robots.models import Robot  # noqa: E402
+from experiments.models import Participant
+from experiments.participation import grants
+from robots.models import Robot
 
 
 def main() -> None:
-    print("ready", flush=True)  # noqa: T201 -- its parent reads this
+    print("ready", flush=True)
     robot = Robot.objects.select_related("floor_plan").get()
     for line in sys.stdin:
         start, key = line.split()
@@ -32,7 +32,7 @@ def main() -> None:
         while time.time() < float(start):
             pass  # a sleep wakes up late, and then nobody races
         condition = grants.assign(standing, timezone.now())
-        print(condition.key if condition is not None else "full", flush=True)  # noqa: T201
+        print(condition.key if condition is not None else "full", flush=True)
 
 
 if __name__ == "__main__":

@@ -34,9 +34,9 @@ async def drive(address: str, linear: float, media: bool) -> None:
         adapter.apply(Velocity(linear=linear, angular=0.0))
         if not told and abs(state.velocity.linear) > 0.2:
             told = True
-            print("driving", flush=True)  # noqa: T201 -- for who started it
+            print("driving", flush=True)
             if address == "child":
-                print(adapter.address, flush=True)  # noqa: T201 -- as above
+                print(adapter.address, flush=True)
 
 
 if __name__ == "__main__":

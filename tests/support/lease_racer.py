@@ -17,13 +17,13 @@ import django
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
 django.setup()
 
-from accounts.models import User  # noqa: E402
-from robots.models import Robot  # noqa: E402
-from sessions.leases.store import take  # noqa: E402
+from accounts.models import User
+from robots.models import Robot
+from sessions.leases.store import take
 
 
 def main() -> None:
-    print("ready", flush=True)  # noqa: T201 -- its parent reads this
+    print("ready", flush=True)
     for line in sys.stdin:
         start, robot_name, visitor_name, peer = line.split()
         robot, visitor = Robot.objects.get(name=robot_name), User.objects.get(username=visitor_name)
@@ -35,7 +35,7 @@ def main() -> None:
             "epoch": getattr(taken, "epoch", None),
             "session": str(taken.session),
         }
-        print(json.dumps(answer), flush=True)  # noqa: T201
+        print(json.dumps(answer), flush=True)
 
 
 if __name__ == "__main__":

@@ -13,15 +13,15 @@ import django
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
 django.setup()
 
-from django.core.management import call_command  # noqa: E402
-from django.utils import timezone  # noqa: E402
+from django.core.management import call_command
+from django.utils import timezone
 
-from accounts.models import User  # noqa: E402
-from robots.api import codec, messages  # noqa: E402
-from robots.models import Robot  # noqa: E402
-from sessions.models import Session, StateChunk  # noqa: E402
-from sessions.recording.items import StateItem  # noqa: E402
-from sessions.recording.recorder import Recorder  # noqa: E402
+from accounts.models import User
+from robots.api import codec, messages
+from robots.models import Robot
+from sessions.models import Session, StateChunk
+from sessions.recording.items import StateItem
+from sessions.recording.recorder import Recorder
 
 NUL = b',"said":"a\\u0000b"}'
 # Not UTF-8, inside a field that nobody knows and therefore nobody decodes.
@@ -43,7 +43,7 @@ def item(session: Session, seq: int, tail: bytes = b"}") -> StateItem:
 
 
 def say(**words: object) -> None:
-    print(json.dumps(words), flush=True)  # noqa: T201 -- its parent reads this
+    print(json.dumps(words), flush=True)
 
 
 def main() -> None:

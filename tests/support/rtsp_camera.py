@@ -15,7 +15,7 @@ import gi
 gi.require_version("Gst", "1.0")
 gi.require_version("GstRtsp", "1.0")
 gi.require_version("GstRtspServer", "1.0")
-from gi.repository import GLib, Gst, GstRtsp, GstRtspServer  # noqa: E402 -- versions come first
+from gi.repository import GLib, Gst, GstRtsp, GstRtspServer
 
 FPS = 15
 PIPELINE = (

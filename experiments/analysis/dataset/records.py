@@ -141,7 +141,7 @@ class Columns:
     """Numbers in named columns: `columns["x"]` is (n,)."""
 
     def __init__(self, layout: tuple[Column, ...], values: Floats) -> None:
-        if values.ndim != 2 or values.shape[1] != len(layout):  # noqa: PLR2004 -- rows and columns
+        if values.ndim != 2 or values.shape[1] != len(layout):
             raise ValueError(
                 f"{len(layout)} columns are expected, not an array of shape {values.shape}"
             )

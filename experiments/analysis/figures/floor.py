@@ -177,7 +177,7 @@ def thinned(way: Floats, tolerance: float = 0.02) -> Floats:
 
     Where a way jumps by more than LONGEST_STEP, both ends are kept with a row of NaN between them.
     """
-    if len(way) < 3:  # noqa: PLR2004 -- nothing between two ends
+    if len(way) < 3:
         return way
     jumps = np.flatnonzero(np.hypot(*np.diff(way, axis=0).T) > LONGEST_STEP)
     ends = np.unique([0, *jumps.tolist(), *(jumps + 1).tolist(), len(way) - 1]).tolist()
@@ -186,7 +186,7 @@ def thinned(way: Floats, tolerance: float = 0.02) -> Floats:
     open_parts = list(pairwise(ends))
     while open_parts:
         first, last = open_parts.pop()
-        if last - first < 2:  # noqa: PLR2004 -- nothing between them
+        if last - first < 2:
             continue
         away = _off_the_line(way[first + 1 : last], way[first], way[last])
         worst = int(away.argmax())

@@ -270,7 +270,7 @@ def _segments(
     found: Milestones,
     task: Track,
     network: Columns,
-) -> Iterable[Segment]:  # noqa: PLR0917 -- all that is known of a session
+) -> Iterable[Segment]:
     if course is None:
         return
     home = course.checkpoints[0]

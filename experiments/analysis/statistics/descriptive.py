@@ -80,7 +80,7 @@ def welch(first: Floats, second: Floats) -> tuple[Floats, Floats]:
     with fewer than two in one.
     """
     n, m = first.shape[-1], second.shape[-1]
-    if min(n, m) < 2:  # noqa: PLR2004 -- a variance needs two
+    if min(n, m) < 2:
         nothing = np.full(np.broadcast_shapes(first.shape[:-1], second.shape[:-1]), np.nan)
         return nothing, nothing
     a, b = first.var(axis=-1, ddof=1) / n, second.var(axis=-1, ddof=1) / m
@@ -96,7 +96,7 @@ def paired(first: Floats, second: Floats) -> tuple[Floats, Floats]:
     """
     differences = first - second
     n = differences.shape[-1]
-    if n < 2:  # noqa: PLR2004 -- a variance needs two
+    if n < 2:
         return np.full(differences.shape[:-1], np.nan), np.full(differences.shape[:-1], np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = differences.mean(axis=-1) / (differences.std(axis=-1, ddof=1) / math.sqrt(n))
@@ -107,7 +107,7 @@ def between(first: Floats, second: Floats) -> Test:
     """Compare two groups of participants; the effect is Cohen's d."""
     t, p = welch(first, second)
     n, m = len(first), len(second)
-    if min(n, m) < 2:  # noqa: PLR2004 -- a variance needs two
+    if min(n, m) < 2:
         return Test("Welch t", n + m, math.nan, math.nan, math.nan)
     pooled = math.sqrt(((n - 1) * first.var(ddof=1) + (m - 1) * second.var(ddof=1)) / (n + m - 2))
     difference = float(first.mean() - second.mean())
@@ -135,7 +135,7 @@ def within(first: Floats, second: Floats) -> Test:
 def several_between(groups: Sequence[Floats]) -> Test:
     """Compare three or more groups of participants (Welch's F); the effect is eta squared."""
     total = sum(len(group) for group in groups)
-    if min(len(group) for group in groups) < 2:  # noqa: PLR2004 -- a variance needs two
+    if min(len(group) for group in groups) < 2:
         return Test("Welch F", total, math.nan, math.nan, math.nan)
     k = len(groups)
     means = np.array([group.mean() for group in groups])
@@ -166,7 +166,7 @@ def several_within(table: Floats) -> Test:
     Kendall's W.
     """
     n, k = table.shape
-    if n < 2 or (table == table[:, :1]).all():  # noqa: PLR2004 -- one participant ranks nothing against nobody
+    if n < 2 or (table == table[:, :1]).all():
         return Test("Friedman chi2", n, math.nan, math.nan, math.nan)
     found = stats.friedmanchisquare(*table.T)
     return Test(
@@ -184,7 +184,7 @@ def correlation(first: Floats, second: Floats) -> Test:
     """
     given = np.isfinite(first) & np.isfinite(second)
     x, y = first[given], second[given]
-    if len(x) < 4 or (x == x[0]).all() or (y == y[0]).all():  # noqa: PLR2004 -- three ranks agree by chance one time in six
+    if len(x) < 4 or (x == x[0]).all() or (y == y[0]).all():
         return Test("Spearman rho", len(x), math.nan, math.nan, math.nan)
     found = stats.spearmanr(x, y)
     return Test(

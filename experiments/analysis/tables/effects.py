@@ -133,16 +133,16 @@ def _by_participant(
 
 def difference(groups: Sequence[Mapping[str, float]], *, paired: bool) -> Test:
     """Return the test of a difference between conditions, each with a value a participant."""
-    if len(groups) < 2:  # noqa: PLR2004 -- a comparison needs two
+    if len(groups) < 2:
         return Test("–", sum(len(group) for group in groups), math.nan, math.nan, math.nan)
     if paired:
         shared = sorted(set.intersection(*(set(group) for group in groups)))
         table = np.array(
             [[group[who] for group in groups] for who in shared], dtype=np.float64
         ).reshape(len(shared), len(groups))
-        return within(table[:, 0], table[:, 1]) if len(groups) == 2 else several_within(table)  # noqa: PLR2004 -- two
+        return within(table[:, 0], table[:, 1]) if len(groups) == 2 else several_within(table)
     arrays: list[Floats] = [np.array(list(group.values()), dtype=np.float64) for group in groups]
-    return between(arrays[0], arrays[1]) if len(arrays) == 2 else several_between(arrays)  # noqa: PLR2004 -- two
+    return between(arrays[0], arrays[1]) if len(arrays) == 2 else several_between(arrays)
 
 
 def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Table:
@@ -232,7 +232,7 @@ def by_network(measured: Sequence[Measured]) -> Table:
     way that most commands took.
     """
     rows = [row for cause in CAUSES for row in _classes(measured, cause)]
-    mostly = {way: [one for one in measured if one.values[f"share_{way}"] > 0.5] for way in WAYS}  # noqa: PLR2004 -- more than half
+    mostly = {way: [one for one in measured if one.values[f"share_{way}"] > 0.5] for way in WAYS}
     rows += [_class_row("control way", way, own) for way, own in mostly.items()]
     head = (
         "Of the network",

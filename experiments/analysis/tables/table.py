@@ -95,7 +95,7 @@ def count(value: int, sessions: Iterable[str] = ()) -> Cell:
 
 def probability(value: float) -> Cell:
     """Return a cell of a p value."""
-    if math.isfinite(value) and value < 0.001:  # noqa: PLR2004 -- smaller ones say nothing more
+    if math.isfinite(value) and value < 0.001:
         return Cell("<0.001", value)
     return number(value, 3)
 

@@ -98,11 +98,11 @@ def _threads(clocks: Clocks) -> None:
         join(self, None if timeout is None else clocks.shorter(timeout))
 
     changed: Any = threading
-    changed.Condition.wait, changed.Thread.join, changed._time = (
+    changed.Condition.wait, changed.Thread.join, changed._time = (  # noqa: SLF001
         quick_wait,
         quick_join,
         clocks.monotonic,
-    )  # noqa: SLF001 -- no other way in
+    )
     queued: Any = queue
     queued.time = clocks.monotonic
 

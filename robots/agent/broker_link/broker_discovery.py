@@ -68,9 +68,9 @@ def ask(config: AgentConfig) -> tuple[str, ...]:
         },
     )
     try:
-        with urllib.request.urlopen(
+        with urllib.request.urlopen(  # noqa: S310
             request, timeout=TIMEOUT, context=trust(str(config.server), config.ca)
-        ) as response:  # noqa: S310
+        ) as response:
             answer = response.read(LARGEST_ANSWER)
     except urllib.error.HTTPError as error:
         if error.code in REFUSALS:

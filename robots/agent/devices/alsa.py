@@ -171,7 +171,7 @@ class _Child:
         )
         records = program == "arecord"
         try:
-            self._process = subprocess.Popen(  # noqa: S603 -- the owner's words are one argument of alsa-utils
+            self._process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL if records else subprocess.PIPE,
                 stdout=subprocess.PIPE if records else subprocess.DEVNULL,
@@ -284,7 +284,7 @@ def devices(program: Program) -> tuple[str, ...]:
     try:
         said = subprocess.run(
             (program, "-L"), capture_output=True, text=True, timeout=LIMITS.listing, check=False
-        ).stdout  # noqa: S603 -- a fixed list
+        ).stdout
     except (OSError, subprocess.TimeoutExpired):
         return ()
     return tuple(line for line in said.splitlines() if line.startswith(CARDS))

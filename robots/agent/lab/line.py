@@ -63,7 +63,7 @@ class Line:
     def __init__(self, lab: NetworkLab) -> None:
         self.lab = lab
         self.counts = Counts()
-        self._rng = random.Random(lab.seed)  # noqa: S311 -- chance that can be repeated is the point
+        self._rng = random.Random(lab.seed)
         self._under_way: list[_Packet] = []
         self._overtaken: list[_Packet] = []  # each comes out after the next packet that is offered
         self._place = 0

@@ -82,7 +82,7 @@ def needed(poses: Floats, sampling: Sampling) -> int:
     `error` (Fox 2003).
     """
     filled = int(groups(poses, sampling.place, sampling.heading).max(initial=0)) + 1
-    if filled < 2:  # noqa: PLR2004 -- one cell: the formula has no degree of freedom left
+    if filled < 2:
         return sampling.fewest
     ninth = 2.0 / (9.0 * (filled - 1))
     count = (

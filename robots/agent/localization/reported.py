@@ -25,7 +25,7 @@ class ReportedLocalizer:
     def forget(self) -> None:
         """Do nothing: the architecture knows."""
 
-    def update(self, stamp: float, odometry: Pose2D, beams: LaserScan | None) -> Estimate:  # noqa: ARG002 -- as our own
+    def update(self, stamp: float, odometry: Pose2D, beams: LaserScan | None) -> Estimate:
         """Return what was reported last, as lost when it was nothing."""
         pose = self._pose
         if pose is None or not pose.localized:

@@ -62,7 +62,7 @@ def _step(
     prior: Floats,
     certainty: float,
     scale: float,
-) -> Floats:  # noqa: PLR0917
+) -> Floats:
     x, y = placed(points, poses)
     distance, slope_x, slope_y = field.distances(x, y)
     turning = slope_y * (x - poses[:, :1]) - slope_x * (y - poses[:, 1:2])

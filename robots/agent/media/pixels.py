@@ -26,11 +26,11 @@ def video_frame(frame: Frame) -> av.VideoFrame:
 
 def _fits(shape: tuple[int, ...], kind: str) -> bool:
     if kind == RGB:
-        return len(shape) == 3 and shape[2] == 3 and min(shape) > 0  # noqa: PLR2004 -- red, green, blue
+        return len(shape) == 3 and shape[2] == 3 and min(shape) > 0
     return (
         kind == YUV
         and len(shape) == 2
         and shape[0] % 3 == 0
         and shape[1] % 2 == 0
         and min(shape) > 0
-    )  # noqa: PLR2004 -- one plane under the other
+    )

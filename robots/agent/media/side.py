@@ -99,7 +99,7 @@ class MediaSide:
         self._on_command = on_command
         self._pages = Connections(viewers, self._viewer_for, reply, self._lead)
         self._relays = Relays(trust=trust)
-        clock = RtpClock(origin=random.randrange(1 << 32))  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
+        clock = RtpClock(origin=random.randrange(1 << 32))
         self._camera: CameraFeed | PageCamera | None = None
         if video == FROM_PAGE:
             self._camera = PageCamera(lambda: self._post(self._pages.ask_screens), self._pages.show)

@@ -119,7 +119,7 @@ class Navigator:
             NoWayError: less than two points, no numbers, or an end where the robot does not fit.
         """
         line = np.array(points, dtype=np.float64).reshape(-1, 2)
-        if len(line) < 2 or not np.isfinite(line).all():  # noqa: PLR2004
+        if len(line) < 2 or not np.isfinite(line).all():
             raise NoWayError("a line needs two points or more")
         end = self._planner.goal(float(line[-1, 0]), float(line[-1, 1]))
         drawn = resampled(line, DRAWN_SPACING)[:-1]

@@ -120,7 +120,7 @@ class LaserSource:
         """Return what was seen lately."""
         return self._memory.near(here, radius)
 
-    def looks(self, bearing: float) -> bool:  # noqa: ARG002 -- as the others
+    def looks(self, bearing: float) -> bool:
         """Return True: it has looked there, or may remember to have."""
         return True
 
@@ -302,7 +302,7 @@ class BumperSource:
             np.concatenate([NO_POINTS, *(points for _, points in self._felt)]), here, radius
         )
 
-    def looks(self, bearing: float) -> bool:  # noqa: ARG002 -- as the others
+    def looks(self, bearing: float) -> bool:
         """Return False: it knows nothing before it is touched."""
         return False
 

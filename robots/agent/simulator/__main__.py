@@ -114,7 +114,7 @@ def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
 
 def announce(address: str) -> None:
     """Print where the robot is."""
-    print(json.dumps({"address": address, "pid": os.getpid()}), flush=True)  # noqa: T201 -- its only output, for programs
+    print(json.dumps({"address": address, "pid": os.getpid()}), flush=True)
 
 
 def watch_input(loop: asyncio.AbstractEventLoop, server: Server) -> None:
@@ -166,13 +166,13 @@ def main(arguments: list[str] | None = None) -> int:
             **company(words.people, words.door_changes),
         )
     except (UnknownProfileError, SiteError, StartError, ValueError) as error:
-        print(error, file=sys.stderr)  # noqa: T201 -- one sentence for who started it
+        print(error, file=sys.stderr)
         return 2
 
     def renderer() -> Renderer:
-        from robots.agent.simulator.render.camera import (
+        from robots.agent.simulator.render.camera import (  # noqa: PLC0415
             SceneCamera,
-        )  # noqa: PLC0415 -- textures take long; nothing waits for them
+        )
 
         return SceneCamera(model, plan, seed=words.seed)
 
@@ -188,7 +188,7 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 0
     except OSError as error:
-        print(f"cannot listen on {words.listen}: {error}", file=sys.stderr)  # noqa: T201 -- as above
+        print(f"cannot listen on {words.listen}: {error}", file=sys.stderr)
         return 1
     return 0
 

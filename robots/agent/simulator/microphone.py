@@ -23,7 +23,7 @@ def room_tone(rng: np.random.Generator) -> npt.NDArray[np.float32]:
     count = RATE * ROOM_SECONDS
     frequencies = np.fft.rfftfreq(count, 1.0 / RATE)
     strength = 1.0 / np.maximum(frequencies, 60.0)
-    strength[frequencies < 30.0] = 0.0  # noqa: PLR2004 -- Hz: below hearing, above nothing
+    strength[frequencies < 30.0] = 0.0
     phases = rng.uniform(0.0, 2.0 * np.pi, len(frequencies))
     tone = np.fft.irfft(strength * np.exp(1j * phases), count)
     scaled: npt.NDArray[np.float32] = (tone * (ROOM_LEVEL / tone.std())).astype(np.float32)

@@ -38,7 +38,7 @@ class Command(BaseCommand):
         elif (
             not options["label"]
             or len(options["label"]) > ApiKey._meta.get_field("label").max_length
-        ):  # noqa: SLF001 -- Django's own way
+        ):
             raise CommandError(
                 "Give the key a label of at most 60 characters, such as home-assistant."
             )

@@ -39,8 +39,8 @@ class Command(BaseCommand):
 
     async def _run(self) -> None:
         manager = SessionManager(
-            settings.MQTT_URL, server_credentials("session-manager"), random.Random()
-        )  # noqa: S311 -- spreads reconnections
+            settings.MQTT_URL, server_credentials("session-manager"), random.Random()  # noqa: S311
+        )
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, manager.stop)

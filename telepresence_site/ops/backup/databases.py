@@ -95,7 +95,7 @@ def _run(program: str, *arguments: str) -> None:
         capture_output=True,
         text=True,
         check=False,
-    )  # noqa: S603 -- our own arguments
+    )
     if done.returncode:
         raise BackupError(
             f"{program} failed:"

@@ -68,7 +68,7 @@ class Complaints(list[str]):
         assert not missing
 
 
-def test_every_module_that_no_page_names_can_be_loaded_by_itself(opened):  # noqa: F811 -- a fixture
+def test_every_module_that_no_page_names_can_be_loaded_by_itself(opened):
     page = opened()
     page.goto("/about/")
     names = {
@@ -83,7 +83,7 @@ def test_every_module_that_no_page_names_can_be_loaded_by_itself(opened):  # noq
     )
 
 
-def test_every_script_that_a_page_names_runs_on_it(opened, browser):  # noqa: F811 -- fixtures
+def test_every_script_that_a_page_names_runs_on_it(opened, browser):
     ran: set[str] = set()
 
     visit, robot = made(), p.site()
@@ -145,7 +145,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):  # noqa: F8
     assert ran == entries(), "a script that no page of this test runs"
 
 
-def test_the_course_map_of_the_study_builder_is_drawn(opened):  # noqa: F811 -- a fixture
+def test_the_course_map_of_the_study_builder_is_drawn(opened):
     p.site()
     Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     study = p.published(p.of("exploration"))

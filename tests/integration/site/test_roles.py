@@ -380,7 +380,7 @@ def table() -> list[tuple]:
 # --- asking ---------------------------------------------------------------------------------------
 
 
-class Reached(Exception):  # noqa: N818 -- the name says what happened
+class Reached(Exception):
     """The page was let in, and what it would work out takes too long for this test."""
 
 

@@ -121,21 +121,21 @@ class RemoteAdapter(ABC):
             AdapterError: the RCA does not take it.
         """
 
-    async def _ask(self) -> None:  # noqa: B027 -- not every RCA can be asked
+    async def _ask(self) -> None:
         """Ask the RCA something and wait for its answer: it has read then what it was told before.
 
         Raises:
             AdapterError: it is gone.
         """
 
-    def _cut(self) -> None:  # noqa: B027 -- not every RCA needs it
+    def _cut(self) -> None:
         """Throw away what the lost RCA was told and has not got yet; at once."""
 
     def _unheard(self) -> str:
         """Return why nobody would hear a velocity, in a sentence, "" while somebody does."""
         return ""
 
-    async def _settle(self) -> None:  # noqa: B027 -- not every RCA needs it
+    async def _settle(self) -> None:
         """Wait, a moment at most, for what takes its time after the first reading."""
 
     def _why_silent(self) -> str:
@@ -151,13 +151,13 @@ class RemoteAdapter(ABC):
         """
         raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
 
-    async def _withdraw(self, pending: PendingAction) -> None:  # noqa: B027 -- not every RCA needs it
+    async def _withdraw(self, pending: PendingAction) -> None:
         """Take an order back."""
 
-    def _look(self, now: float) -> None:  # noqa: B027 -- not every RCA needs it
+    def _look(self, now: float) -> None:
         """Look after what only time tells; called twenty times a second."""
 
-    def _turn_head(self, angle: float) -> None:  # noqa: B027 -- not every RCA needs it
+    def _turn_head(self, angle: float) -> None:
         """Tilt the head to an angle in radians."""
 
     # --- what a subclass uses ---------------------------------------------------------------------
@@ -393,7 +393,7 @@ class RemoteAdapter(ABC):
         """Return no microphone: the RCA gives none."""
         return None
 
-    def configure(self, config: Any) -> None:  # noqa: B027 -- not every RCA needs it
+    def configure(self, config: Any) -> None:
         """Ignore a `Config`: nothing in it is the RCA's."""
 
     async def close(self) -> None:

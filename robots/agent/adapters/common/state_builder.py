@@ -189,12 +189,12 @@ class Readings:
         self._track.append((stamp, here))
 
     def _estimate(self) -> Velocity:
-        if len(self._track) < 2:  # noqa: PLR2004 -- a motion has two ends
+        if len(self._track) < 2:
             return ZERO
         stamp, here = self._track[-1]
         past = [entry for entry in self._track if stamp - entry[0] <= WINDOW]
         began, there = past[0]
-        if len(past) < 2 or there == here or stamp - began < WINDOW / 4:  # noqa: PLR2004 -- as above
+        if len(past) < 2 or there == here or stamp - began < WINDOW / 4:
             return ZERO
         moved = there.inverse().compose(here)
         return Velocity(

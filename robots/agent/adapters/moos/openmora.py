@@ -127,7 +127,7 @@ def status_of(text: str) -> Status:
         DialectError: it is none.
     """
     fields = text.split("|")
-    if len(fields) < 6:  # noqa: PLR2004 -- the six above
+    if len(fields) < 6:
         raise DialectError(f"a status of {len(fields)} fields")
     pose, place, destination, mode, volts, charging = fields[:6]
     try:
@@ -158,7 +158,7 @@ def scan_of(text: str, stamp: float, farthest: float) -> Scan:
         ranges = [float(value) for value in values.removeprefix("Values").split()[:MOST_RANGES]]
     except ValueError as error:
         raise DialectError(f"no laser scan: {text[:40]!r}") from error
-    if len(ranges) < 2 or not 0.0 < angle <= math.tau:  # noqa: PLR2004 -- an angle between beams needs two
+    if len(ranges) < 2 or not 0.0 < angle <= math.tau:
         raise DialectError(f"no laser scan: {text[:40]!r}")
     return Scan(
         stamp=stamp,

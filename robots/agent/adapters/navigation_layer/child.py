@@ -144,7 +144,7 @@ class NavigationProcess:
             raise AdapterError(f"the robot's navigation is not there: {self.problem}") from error
 
     async def _run(self) -> None:
-        backoff = Backoff(random.Random(self._seed), first=0.2, longest=10.0)  # noqa: S311 -- spreads attempts, keeps no secret
+        backoff = Backoff(random.Random(self._seed), first=0.2, longest=10.0)
         while True:
             await self._area_came.wait()
             began = asyncio.get_running_loop().time()
@@ -255,7 +255,7 @@ def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
     flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     # from where `robots` is imported, so that a child finds it from anywhere
     root = str(Path(__file__).resolve().parents[4])
-    child = subprocess.Popen(  # noqa: S603 -- our own module, with our own interpreter
+    child = subprocess.Popen(
         [sys.executable, "-m", "robots.agent.autonomy", address],
         stdin=subprocess.PIPE,
         start_new_session=True,

@@ -126,7 +126,7 @@ def fix_in(message: Said) -> Pose:
         covariance=(xx, xy, xt, yy, yt, tt),
         localized=score >= 0.5,
         score=score,
-    )  # noqa: PLR2004 -- as Pose says
+    )
 
 
 def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:

@@ -123,7 +123,7 @@ class NodeBus:
         command = [self._python, str(self.script), str(port)]
         flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         try:
-            child = subprocess.Popen(  # noqa: S603 -- our own script, with the interpreter that the owner named
+            child = subprocess.Popen(
                 command,
                 stdin=subprocess.PIPE,
                 start_new_session=True,

@@ -400,6 +400,6 @@ def _nulled(value: Any) -> Any:
         return [_nulled(each) for each in value]
     return (
         None
-        if isinstance(value, float) and (value != value or value in {float("inf"), float("-inf")})
+        if isinstance(value, float) and (value != value or value in {float("inf"), float("-inf")})  # noqa: PLR0124
         else value
-    )  # noqa: PLR0124 -- NaN
+    )

@@ -51,7 +51,7 @@ def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[by
     # the agent.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-    child = subprocess.Popen(  # noqa: S603 -- our own module, with our own interpreter
+    child = subprocess.Popen(
         command,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

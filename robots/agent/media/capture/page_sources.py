@@ -68,13 +68,13 @@ class PageCamera:
     def close(self) -> None:
         """Nothing to end."""
 
-    def watch(self, number: int, layer: int = 0) -> None:  # noqa: ARG002 -- there is one
+    def watch(self, number: int, layer: int = 0) -> None:
         """Note that `number` more watch, fewer when negative."""
         if self._viewers == 0:
             self._wanted_since = time.monotonic()
         self._viewers += number
 
-    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:  # noqa: ARG002 -- as above
+    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask the page for a key frame, not too often."""
         self._keys.ask(reason)
         now = time.monotonic()

@@ -154,6 +154,6 @@ class SoundQueue:
     def key_frame_wanted(self) -> None:
         """Sound has no key frames."""
 
-    def heard(self, loss: float | None) -> None:  # noqa: ARG002 -- sound has no rate to adapt
+    def heard(self, loss: float | None) -> None:
         """Hear that the listener is there."""
         self.last_report = time.monotonic()

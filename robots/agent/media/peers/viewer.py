@@ -89,7 +89,7 @@ class Viewer:
         )
         # the quality that is shown, and the one whose next key frame takes over
         self._layer = self._coming = 0
-        origin = random.randrange(1 << 32)  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
+        origin = random.randrange(1 << 32)
         self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
         self._sounds = SoundQueue(origin) if microphone is not None else None
         self._page = PageConnection(

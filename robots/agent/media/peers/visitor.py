@@ -109,14 +109,14 @@ class VisitorMedia:
         """
         return (0,)
 
-    def watch(self, number: int, layer: int = 0) -> None:  # noqa: ARG002 -- there is one
+    def watch(self, number: int, layer: int = 0) -> None:
         """Note that `number` more screens are connected, fewer when negative."""
         self._screens += number
 
     def listen(self, number: int) -> None:
         """Nothing to begin: what the visitor says comes anyway."""
 
-    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:  # noqa: ARG002 -- as above
+    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask the visitor's page for a key frame, not too often."""
         self._keys.ask(reason)
         if self._keys.is_due(time.monotonic()):

@@ -167,7 +167,7 @@ class PacketSender(RTCRtpSender):
             transport = inner.transport
         return int(transport.get_write_buffer_size())
 
-    async def _run_rtp(self, codec: RTCRtpCodecParameters) -> None:  # noqa: ARG002 -- aiortc's signature
+    async def _run_rtp(self, codec: RTCRtpCodecParameters) -> None:
         getattr(self, "_RTCRtpSender__rtp_started").set()  # noqa: B009 -- mypy knows no mangled names
         assert self._stream is not None
         try:
@@ -323,7 +323,7 @@ class _EncodedFrameTap(queue.Queue[Any]):
         super().__init__()
         self._take = take
 
-    def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:  # noqa: FBT001, FBT002 -- the queue's signature
+    def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:
         if item is None:
             super().put(item, block, timeout)
             return
@@ -373,7 +373,7 @@ class _WithLoopback:
     def __init__(self, found_by: Callable[..., list[str]]) -> None:
         self.found_by = found_by
 
-    def __call__(self, use_ipv4: bool, use_ipv6: bool) -> list[str]:  # noqa: FBT001 -- aioice's signature
+    def __call__(self, use_ipv4: bool, use_ipv6: bool) -> list[str]:
         return self.found_by(use_ipv4=use_ipv4, use_ipv6=use_ipv6) or [LOOPBACK]
 
 
@@ -401,12 +401,12 @@ def _stream_for(parameters: RTCRtpSendParameters, ssrc: int, rtx_ssrc: int) -> R
     return RtpStream(
         ssrc=ssrc,
         payload_type=payload_type,
-        sequence=random.randrange(0x8000),  # noqa: S311 -- below the half, so that SRTP does not wrap early
+        sequence=random.randrange(0x8000),
         extension=extension_block(agreed, parameters.muxId),
         timed=agreed.abs_send_time is not None,
         rtx_ssrc=rtx_ssrc,
         rtx_payload_type=rtx[0].payloadType if rtx else None,
-        rtx_sequence=random.randrange(0x8000),  # noqa: S311
+        rtx_sequence=random.randrange(0x8000),
     )
 
 

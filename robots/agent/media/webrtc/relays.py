@@ -94,7 +94,7 @@ class _Ear(asyncio.DatagramProtocol):
     def __init__(self, answer: "asyncio.Future[None]") -> None:
         self._answer = answer
 
-    def datagram_received(self, data: bytes, addr: object) -> None:  # noqa: ARG002 -- asyncio's signature
+    def datagram_received(self, data: bytes, addr: object) -> None:
         if not self._answer.done():
             self._answer.set_result(None)
 

@@ -260,7 +260,7 @@ class RtpStream:
 
     def _header(
         self, payload_type: int, marker: bool, sequence: int, timestamp: int, ssrc: int
-    ) -> bytes:  # noqa: FBT001 -- RTP's bit
+    ) -> bytes:
         first = 0x90 if self.extension else 0x80
         return struct.pack("!BBHLL", first, marker << 7 | payload_type, sequence, timestamp, ssrc)
 
@@ -272,7 +272,7 @@ class RtpStream:
             return self.extension
         return self.extension[:-3] + (ntp_time(now) >> 14 & 0xFFFFFF).to_bytes(3, "big")
 
-    def _remember(self, payload: bytes, marker: bool, timestamp: int) -> None:  # noqa: FBT001 -- RTP's bit
+    def _remember(self, payload: bytes, marker: bool, timestamp: int) -> None:
         self._history[self.sequence] = (payload, marker, timestamp)
         if len(self._history) > HISTORY:
             oldest, _ = self._history.popitem(last=False)

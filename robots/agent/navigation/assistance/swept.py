@@ -39,13 +39,13 @@ def hull(footprint: tuple[tuple[float, float], ...]) -> Hull:
     corners = np.array(footprint, dtype=np.float64).reshape(-1, 2)
     along = np.roll(corners, -1, axis=0) - corners
     lengths = np.hypot(along[:, 0], along[:, 1])
-    if len(corners) < 3 or not np.isfinite(corners).all() or lengths.min() <= 0.0:  # noqa: PLR2004 -- a polygon
+    if len(corners) < 3 or not np.isfinite(corners).all() or lengths.min() <= 0.0:
         raise ValueError("a footprint is a convex polygon of at least three different corners")
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
     offsets = (normals * corners).sum(axis=1)
     if offsets.sum() < 0.0:
         normals, offsets = -normals, -offsets
-    if offsets.min() <= 0.0 or ((corners @ normals.T) - offsets).max() > 1e-9:  # noqa: PLR2004 -- rounding
+    if offsets.min() <= 0.0 or ((corners @ normals.T) - offsets).max() > 1e-9:
         raise ValueError("a footprint is a convex polygon about the robot's centre")
     turning = np.vstack([normals * (1.0, -1.0), normals[:, ::-1]])
     return Hull(normals, offsets, float(np.hypot(corners[:, 0], corners[:, 1]).max()), turning)

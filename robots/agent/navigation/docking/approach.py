@@ -147,7 +147,7 @@ class Docking:
             return self._again(sense, "the robot came in beside the contacts")
         if here.x >= PUSH or self._stalled(sense):
             return self._again(sense, "the contacts did not meet")
-        if abs(math.atan2(-here.y, STEER_AHEAD) - here.theta) > 0.5:  # noqa: PLR2004 -- radians: turn first
+        if abs(math.atan2(-here.y, STEER_AHEAD) - here.theta) > 0.5:
             turned = self._glance.turn(-here.theta, sense.velocity, self._others(sense), 0.1)
             return self._running(turned.velocity, "", 0.75)
         done = self._check.fastest(sense.velocity, self._servo(here), self._others(sense))
@@ -246,7 +246,7 @@ class Docking:
         return Velocity(linear=speed, angular=min(max(turn, -STEER_MOST), STEER_MOST))
 
     def _off_course(self, here: Pose2D) -> bool:
-        near = -0.2 < here.x < -0.08  # noqa: PLR2004 -- metres: later, the contacts may meet all the same
+        near = -0.2 < here.x < -0.08
         return (near and (abs(here.y) > ASIDE or abs(here.theta) > 2.0 * ASKEW)) or abs(
             here.y
         ) > TOO_FAR_ASIDE
@@ -308,7 +308,7 @@ class _Reverse:
         done = self._check.fastest(
             sense.velocity, Velocity(linear=-speed, angular=0.0), sense.hazards
         )
-        if abs(sense.velocity.linear) > 0.01:  # noqa: PLR2004 -- m/s
+        if abs(sense.velocity.linear) > 0.01:
             self._moving_at = sense.now
         if sense.now - self._moving_at > PATIENCE:
             return failed("something stands behind the robot")

@@ -183,7 +183,7 @@ class Journey:
                 over.append(point)
                 ways.append(driven)
         points = np.vstack(legs)
-        distinct = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-6])  # noqa: PLR2004 -- the same point twice
+        distinct = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-6])
         return _Way(Path(points[distinct]), over, ways)
 
     def _leg(

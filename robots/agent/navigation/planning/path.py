@@ -76,7 +76,7 @@ def resampled(points: Floats, spacing: float = SPACING) -> Floats:
     left out.
     """
     steps = np.hypot(*np.diff(points, axis=0).T)
-    kept: Floats = points[np.concatenate([[True], steps > 1e-9])]  # noqa: PLR2004 -- the same point twice
+    kept: Floats = points[np.concatenate([[True], steps > 1e-9])]
     if len(kept) == 1:
         return kept
     path = Path(kept)

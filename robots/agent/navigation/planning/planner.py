@@ -160,7 +160,7 @@ class Planner:
         is no dearer.
         """
         line = resampled(corners, 0.1)
-        for _ in range(ROUNDS if len(line) > 2 else 0):  # noqa: PLR2004 -- ends stay
+        for _ in range(ROUNDS if len(line) > 2 else 0):
             moved = line.copy()
             moved[1:-1] += 0.25 * (line[:-2] + line[2:] - 2.0 * line[1:-1])
             dearer = self.costmap.sample(cost, moved) > np.maximum(
@@ -180,7 +180,7 @@ class Planner:
         tight &= (np.hypot(*(line - line[0]).T) > AT_AN_END) & (
             np.hypot(*(line - line[-1]).T) > AT_AN_END
         )
-        if len(line) < 2 or not tight.any():  # noqa: PLR2004
+        if len(line) < 2 or not tight.any():
             return np.zeros(len(line), dtype=np.bool_)
         along = np.gradient(line, axis=0)
         headings = np.arctan2(along[:, 1], along[:, 0])[tight]

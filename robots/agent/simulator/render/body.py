@@ -6,8 +6,6 @@ stick figures: the thighs swing by a sine, the knee of the leg that comes forwar
 swing against the legs, and the body rises and falls so that the lower foot is always on the floor.
 """
 
-# ruff: noqa: PLR2004 -- a drawing is made of numbers
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ geometry and scene.py for the scene.
 A mirror is a window in which everything is drawn once more, from behind the glass.
 """
 
-# ruff: noqa: PLR0917 -- pose, tilt, doors and people: everybody's order
-
 import math
 from collections.abc import Mapping
 

@@ -9,8 +9,6 @@ Longer than most files, because all steps share the same buffers: pixels are han
 stay in the processor's cache, and hardly anything is allocated.
 """
 
-# ruff: noqa: PLR0917 -- lens, eye, window and stencil go through every step
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ sides.
 What the robot bumps into is the plain outline of world/solids.py; this is only what it looks like.
 """
 
-# ruff: noqa: PLR0917 -- x, y, width, depth, bottom, top: everybody's order
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -444,7 +442,7 @@ def leaf_block(door: Door, state: DoorState, rng: np.random.Generator) -> Block:
         if number % 2 == 0:
             faces.append(
                 pictures.door_leaf(columns, rows, colour, FINE, rng, handle_left=number == 2)
-            )  # noqa: PLR2004 -- its far side
+            )
         else:
             faces.append(
                 np.broadcast_to(colour * np.float32(0.85), (columns, rows, 3)).astype(np.float32)

@@ -6,8 +6,6 @@ texels. A floor's is (rows, columns, 3) along y and x. Coordinates are in metres
 anywhere, so that patterns go on round corners and from room to room.
 """
 
-# ruff: noqa: PLR2004 -- a drawing is made of numbers
-
 from collections.abc import Callable
 
 import numpy as np

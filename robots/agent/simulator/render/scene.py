@@ -130,7 +130,7 @@ class Scene:
 
     def swinging(self, door: Door, opening: float) -> Item:
         """Return a leaf on its way, as it is lit at the nearer end of it."""
-        state: DoorState = "open" if opening > 0.5 else "closed"  # noqa: PLR2004 -- half way
+        state: DoorState = "open" if opening > 0.5 else "closed"
         leaf, turn = (
             self.leaves[door.name, state],
             leaf_turn(door, opening) - leaf_turn(door, state),
@@ -288,7 +288,7 @@ class Builder:
             round(decoration.width * WALL_DENSITY),
             round(decoration.height * WALL_DENSITY),
         )
-        if at is None or columns < 4 or rows < 4:  # noqa: PLR2004 -- too small to be seen
+        if at is None or columns < 4 or rows < 4:
             return
         if decoration.kind == "sign":
             drawn = textures.sign(columns, rows, decoration.text)
@@ -309,7 +309,7 @@ class Builder:
     def _lintel(self, opening: Door | Passage) -> list[Item]:
         """Return the piece of wall above an opening."""
         above = self.plan.ceiling - opening.height
-        if above < 0.02:  # noqa: PLR2004 -- up to the ceiling
+        if above < 0.02:
             return []
         outline = bar(opening.start, opening.end, opening.thickness)
         looks = (
@@ -594,6 +594,6 @@ def _guide(width: float) -> Picture:
     v, u = np.mgrid[0:rows, 0:columns] / FLOOR_DENSITY
     aside = np.abs(v - rows / FLOOR_DENSITY / 2.0)
     yellow = rgb("#f2c230")
-    picture[np.abs(aside - width / 2.0 - 0.04) < 0.025] = yellow  # noqa: PLR2004 -- a line's half width
-    picture[(np.mod(u + aside, 0.34) < 0.07) & (aside < 0.12) & (u < 1.0)] = yellow  # noqa: PLR2004 -- arrows
+    picture[np.abs(aside - width / 2.0 - 0.04) < 0.025] = yellow
+    picture[(np.mod(u + aside, 0.34) < 0.07) & (aside < 0.12) & (u < 1.0)] = yellow
     return picture

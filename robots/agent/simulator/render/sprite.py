@@ -58,7 +58,7 @@ def draw(limbs: list[Limb], bearing: float, height: float) -> Sprite:
 
 def _draw_limb(
     picture: Picture, depth: Plane, across: Plane, up: Plane, limb: Limb, view: Floats
-) -> None:  # noqa: PLR0917 -- picture, depth, axes
+) -> None:
     start, end = (view @ limb.start).astype(np.float32), (view @ limb.end).astype(np.float32)
     thick = max(limb.start_radius, limb.end_radius)
     low, high = np.minimum(start, end) - thick, np.maximum(start, end) + thick

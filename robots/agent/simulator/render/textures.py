@@ -7,8 +7,6 @@ width and a height in texels: column 0 is at the left of who looks at it, row 0 
 Longer than most files: a catalogue, to be read one picture at a time.
 """
 
-# ruff: noqa: PLR2004 -- a drawing is made of numbers
-
 from collections.abc import Callable
 
 import numpy as np

@@ -214,8 +214,8 @@ def test_the_home_page_shows_what_is_published_and_open_to_all_and_of_what_is_cl
     opens = {one.slug: one.opens_at for one in landing.invitations("en", now)}
     assert opens == {
         "assistance": None,
-        "exploration": datetime.datetime(2026, 3, 9, 9, 0),
-    }  # noqa: DTZ001 -- as the wall clock shows it there
+        "exploration": datetime.datetime(2026, 3, 9, 9, 0),  # noqa: DTZ001
+    }
     Study.objects.filter(pk=twice.pk).update(entry="personal")
     assert [one.slug for one in progress.visible_studies(now)] == ["exploration"]
 

@@ -58,9 +58,9 @@ def from_robot(intake: Intake, suffix: str, message: m.Message) -> None:
 @pytest.fixture
 def told():
     heard = []
-    receiver = lambda **news: heard.append(
+    receiver = lambda **news: heard.append(  # noqa: E731
         (news["robot"], news["session"], news["message"], news["received_at"])
-    )  # noqa: E731 -- a handle
+    )
     signals.message_received.connect(receiver, weak=False, dispatch_uid="test")
     yield heard
     signals.message_received.disconnect(dispatch_uid="test")

@@ -137,7 +137,7 @@ class Account:
 # --- what may happen: one function an event, with the account of what it permits ------------------
 
 
-def _lease(bench, account, session, epoch, peer, renewal, retained, limit, ttl, video):  # noqa: PLR0917 -- as the event has them
+def _lease(bench, account, session, epoch, peer, renewal, retained, limit, ttl, video):
     limits = m.LeaseLimits(linear=limit)
     lease = m.Lease(
         session=session,
@@ -168,7 +168,7 @@ def _empty(bench, account):
     account.lease_until = -math.inf
 
 
-def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, age, frame_age):  # noqa: PLR0917 -- as above
+def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, age, frame_age):
     command = bench.command(
         linear,
         angular,
@@ -195,7 +195,7 @@ def _good(bench, account, linear, angular):
         account.accepted_at = bench.now
 
 
-def _stop(bench, _account, way, peer, role, session, epoch, seq, number):  # noqa: PLR0917 -- as above
+def _stop(bench, _account, way, peer, role, session, epoch, seq, number):
     bench.stop(
         action_id=f"stop-{number}",
         seq=seq,
@@ -215,7 +215,7 @@ def only_watches(bench, way, peer, role):
     return lease is None or lease.peer != peer
 
 
-def _estop(bench, account, way, peer, role, number):  # noqa: PLR0917 -- as above
+def _estop(bench, account, way, peer, role, number):
     known = ("estop", f"estop-{number}") in bench.kernel._stops
     latched = bench.kernel.latch
     bench.estop(action_id=f"estop-{number}", way=way, peer=peer, role=role)
