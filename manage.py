@@ -8,9 +8,7 @@ import sys
 def main() -> None:
     """Run a management command."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
-    from django.core.management import (  # noqa: PLC0415
-        execute_from_command_line,
-    )
+    from django.core.management import execute_from_command_line  # noqa: PLC0415 -- settings first
 
     execute_from_command_line(sys.argv)
 

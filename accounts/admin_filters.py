@@ -11,7 +11,9 @@ from django.http import HttpRequest
 
 
 class ShownFilters(admin.ModelAdmin):
-    """A list that answers the filters it shows, those of the site's own links to it, and no others."""
+    """A list that answers the filters it shows, those of the site's own links to
+    it, and no others.
+    """
 
     linked: tuple[str, ...] = ()  # lookups of links to it, such as `robot__id__exact`
 

@@ -62,7 +62,7 @@ def _key(user: Any) -> Any:
     )
 
 
-def note_administration(sender: Any, instance: Any, created: bool, **_more: Any) -> None:  # noqa: ARG001 -- Django's signature
+def note_administration(instance: Any, created: bool, **_more: Any) -> None:
     """Note what the administration writes into its own log, whose words may name people."""
     if created:
         kind = instance.content_type

@@ -96,7 +96,9 @@ def tilting(plan: FloorPlan) -> Iterator[Shot]:
 def measure(
     camera: SceneCamera, shots: list[Shot], doors: dict[str, DoorState]
 ) -> tuple[list[float], list[float]]:
-    """Return the milliseconds of each frame at first and at best; everything was drawn once before."""
+    """Return the milliseconds of each frame at first and at best; everything was
+    drawn once before.
+    """
     out = np.zeros((camera.camera.height * 3 // 2, camera.camera.width), dtype=np.uint8)
     elsewhere = Pose2D(shots[0].pose.x, shots[0].pose.y, shots[0].pose.theta + 1.0)
     for shot in shots:

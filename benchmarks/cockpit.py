@@ -34,7 +34,9 @@ STROKE_SECONDS = 2.0  # of each key in turn
 KEYS = ("ArrowUp", "ArrowLeft", "ArrowDown", "ArrowRight")
 SHOWN = re.compile(r"/static/js/(hud|overlay|map|task|technical)/")
 WATCH = """window.longTasks = [];
-new PerformanceObserver((list) => longTasks.push(...list.getEntries().map(({ duration }) => duration))).observe({ type: 'longtask' });"""
+new PerformanceObserver((list) => {
+  longTasks.push(...list.getEntries().map(({ duration }) => duration));
+}).observe({ type: 'longtask' });"""
 TASKS = {"RunTask", "ThreadControllerImpl::RunTask"}
 PLAYING = "#cockpit[data-playing][data-link=live]"
 
@@ -104,7 +106,9 @@ async def metrics(session: CDPSession) -> dict[str, float]:
 async def drive(
     browser: Browser, page: Page, seconds: float
 ) -> tuple[dict[str, float], dict[str, Any], bytes]:
-    """Drive and return what the counters rose by, the CPU profile of it, and the browser's trace."""
+    """Drive and return what the counters rose by, the CPU profile of it, and the
+    browser's trace.
+    """
     session = await page.context.new_cdp_session(page)
     await session.send("Performance.enable", {"timeDomain": "threadTicks"})
     await session.send("Profiler.enable")

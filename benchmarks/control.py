@@ -27,14 +27,20 @@ STOPS = 40
 WAYS = {"datachannel": 5.0, "mqtt": 10.0}
 HOOKS = """
   window.presses = []; window.muffled = false; window.deaf = %s;
-  addEventListener('keydown', (e) => { if (!e.repeat) window.presses.push((performance.timeOrigin + e.timeStamp) / 1000); }, true);
+  addEventListener('keydown', (e) => {
+    if (!e.repeat) window.presses.push((performance.timeOrigin + e.timeStamp) / 1000);
+  }, true);
   const { WebSocket: Socket, RTCPeerConnection: Connection } = window;
   const muffle = (thing, dumb) => {
     const send = thing.send.bind(thing);
-    thing.send = (data) => { if (!dumb() && !(window.muffled && String(data).startsWith('command/'))) send(data); };
+    thing.send = (data) => {
+      if (!dumb() && !(window.muffled && String(data).startsWith('command/'))) send(data);
+    };
     return thing;
   };
-  window.WebSocket = class extends Socket { constructor(...a) { super(...a); muffle(this, () => false); } };
+  window.WebSocket = class extends Socket {
+    constructor(...a) { super(...a); muffle(this, () => false); }
+  };
   window.RTCPeerConnection = class extends Connection {
     createDataChannel(...a) { return muffle(super.createDataChannel(...a), () => window.deaf); }
   };

@@ -133,7 +133,7 @@ class Place:
             sent += 3
             await asyncio.sleep(rng.uniform(0.5, 1.5) / RATE)
         latest = time.perf_counter() + LATEST_SECONDS
-        while len(robot.arrived) + len(server.arrived) < sent and time.perf_counter() < latest:  # noqa: ASYNC110 -- two lists, and a clock
+        while len(robot.arrived) + len(server.arrived) < sent and time.perf_counter() < latest:
             await asyncio.sleep(0.01)
         coming.cancel()
         await asyncio.gather(coming, return_exceptions=True)

@@ -88,7 +88,9 @@ class Step:
 
 
 def quantiles(seconds: list[float]) -> dict[str, float]:
-    """Return p50, p99 and max in milliseconds; of no sample infinity, for then nothing has arrived."""
+    """Return p50, p99 and max in milliseconds; of no sample infinity, for then
+    nothing has arrived.
+    """
     if not seconds:
         return dict.fromkeys(("p50", "p99", "max"), float("inf"))
     values = np.asarray(seconds) * 1000.0
@@ -112,7 +114,9 @@ def adapter(place: Place, robots: Hands, visitors: Hands) -> list[Step]:
 
 
 def grow(place: Place, robots: Hands, visitors: Hands, have: int, wanted: int) -> None:
-    """Let robots come, and then their visitors; wait until all drive, or as long as patience lasts."""
+    """Let robots come, and then their visitors; wait until all drive, or as long
+    as patience lasts.
+    """
     names = [f"light-{number}" for number in range(have, wanted)]
     robots.ask("add", place.site.mqtt_port, place.make_robots(names))
     wait_for(lambda: robots.ask("online") == wanted, 60, f"{wanted} robots online")

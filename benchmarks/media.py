@@ -54,7 +54,9 @@ class Line:
 
 
 async def glass_to_glass(browser: Browser, address: str, kind: str, what: str) -> list[float]:
-    """Return the delays in ms of one block with one viewer; `what` names them in the page's report."""
+    """Return the delays in ms of one block with one viewer; `what` names them in
+    the page's report.
+    """
     exchange = Exchange(asyncio.get_running_loop())
     robot: Any = await asyncio.to_thread(RobotProcess, kind, exchange)
     page = await BrowserPage.open(browser, address, robot, exchange, "p1")

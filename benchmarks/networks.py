@@ -56,14 +56,20 @@ TURNS_WITHIN = 10.0  # s
 # Keeps hold of the page's connections, whose statistics say which way the packets take. The page
 # itself hides them from everybody.
 KEEP = """window.links = [];
-window.RTCPeerConnection = class extends RTCPeerConnection { constructor(...terms) { super(...terms); window.links.push(this); } };"""
+window.RTCPeerConnection = class extends RTCPeerConnection {
+  constructor(...terms) { super(...terms); window.links.push(this); }
+};"""
 PAIR = """async () => {
   const link = window.links.find(({ connectionState }) => connectionState === 'connected');
   const report = new Map(link ? await link.getStats() : []);
-  const transport = [...report.values()].find(({ type, selectedCandidatePairId }) => type === 'transport' && selectedCandidatePairId);
+  const transport = [...report.values()].find(
+    ({ type, selectedCandidatePairId }) => type === 'transport' && selectedCandidatePairId,
+  );
   const pair = transport && report.get(transport.selectedCandidatePairId);
-  const [mine, theirs] = pair ? [report.get(pair.localCandidateId), report.get(pair.remoteCandidateId)] : [];
-  return mine && { mine: mine.candidateType, by: mine.relayProtocol ?? '', theirs: theirs.candidateType };
+  if (!pair) return undefined;
+  const mine = report.get(pair.localCandidateId);
+  const theirs = report.get(pair.remoteCandidateId).candidateType;
+  return mine && { mine: mine.candidateType, by: mine.relayProtocol ?? '', theirs };
 }"""
 SINCE = "(performance.now() - performance.getEntriesByName('drive:taking')[0].startTime) / 1000"
 FIRST_FRAME = (
@@ -74,9 +80,11 @@ RECORD = """
 import json
 from sessions.models import NetworkSample, Session, StateChunk
 drive = Session.objects.order_by("-queued_at").first()
-states = [state for chunk in StateChunk.objects.filter(session=drive).order_by("first_stamp") for state in chunk.states]
+chunks = StateChunk.objects.filter(session=drive).order_by("first_stamp")
+states = [state for chunk in chunks for state in chunk.states]
 samples = NetworkSample.objects.filter(session=drive)
-trips = [1000.0 * sample.data["roundTrip"] for sample in samples if sample.data.get("roundTrip") and sample.data["way"]]
+timed = [sample.data for sample in samples if sample.data.get("roundTrip") and sample.data["way"]]
+trips = [1000.0 * data["roundTrip"] for data in timed]
 turned = any(state.get("applied") and abs(state["velocity"]["angular"]) > 0.05 for state in states)
 print(json.dumps({"trips": sorted(trips), "turned": turned}))
 """
@@ -244,7 +252,8 @@ def relay_settings(*, relay: bool) -> dict[str, str]:
     443, or none.
     """
     turn = (
-        f"turn:{RELAY}:3478?transport=udp,turn:{RELAY}:3478?transport=tcp,turns:{RELAY}:443?transport=tcp"
+        f"turn:{RELAY}:3478?transport=udp,turn:{RELAY}:3478?transport=tcp,"
+        f"turns:{RELAY}:443?transport=tcp"
         if relay
         else ""
     )

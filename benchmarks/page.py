@@ -28,8 +28,14 @@ TIMES = """(() => {
   const [load] = performance.getEntriesByType('navigation');
   const [scripts, socket, robot] = [at('drive:taking'), at('drive:socket'), at('drive:driving')];
   return {
-    document: load.responseEnd, scripts: scripts - load.responseEnd, socket: socket - scripts, robot: robot - socket,
-    link: at('drive:link') - robot, picture: at('drive:first-frame') - robot, ready: scripts, whole: at('drive:first-frame'),
+    document: load.responseEnd,
+    scripts: scripts - load.responseEnd,
+    socket: socket - scripts,
+    robot: robot - socket,
+    link: at('drive:link') - robot,
+    picture: at('drive:first-frame') - robot,
+    ready: scripts,
+    whole: at('drive:first-frame'),
   };
 })()"""
 

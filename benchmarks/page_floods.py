@@ -52,8 +52,9 @@ FRAMES = [
 SEND = """([frames, rate]) => {
   window.sent = 0;
   const began = performance.now();
+  const room = () => window.channel?.readyState === 'open' && channel.bufferedAmount < 1e6;
   window.flood = setInterval(() => {
-    while (window.channel && sent < ((performance.now() - began) * rate) / 1000 && channel.readyState === 'open' && channel.bufferedAmount < 1e6) {
+    while (room() && sent < ((performance.now() - began) * rate) / 1000) {
       channel.send(frames[sent % frames.length]);
       sent += 1;
     }
@@ -158,7 +159,7 @@ async def measure_beside(browser: Browser, address: str, directory: Path) -> int
         audio=SyntheticMicrophone(),
         viewers=4,
         reply=exchange.reply,
-        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),  # noqa: PLW0108 -- the rig comes later
+        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
     )
     rig = ThreadedControlRig(directory, media=media)
     media.start()

@@ -29,7 +29,9 @@ LIMIT_MS = 10.0
 
 
 class Echo(RobotDouble):
-    """A robot that answers every velocity at once with a pose whose stamp is the command's number."""
+    """A robot that answers every velocity at once with a pose whose stamp is the
+    command's number.
+    """
 
     async def _read(self) -> None:
         with contextlib.suppress(aiomqtt.MqttError):
@@ -90,12 +92,14 @@ async def pace(watch: Stopwatch, send: Callable[[int], object]) -> None:
             await sending
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(2.0):
-            while len(watch.times) < wanted:  # noqa: ASYNC110 -- the watch is for numbers, not for waiting
+            while len(watch.times) < wanted:
                 await asyncio.sleep(0.01)
 
 
 async def measure(site: Rig, cookie: str) -> tuple[Stopwatch, Stopwatch, float]:
-    """Return both stopwatches and the share of a core that the web process took while it relayed."""
+    """Return both stopwatches and the share of a core that the web process took
+    while it relayed.
+    """
     through_server, broker_alone, cpu, relayed_for = Stopwatch(), Stopwatch(), 0.0, 0.0
     user, password = site.django(
         "from robots.enrol.credentials import server_credentials as of; print(*of('web'))"

@@ -28,13 +28,17 @@ MAKE = f"""
 from accounts.models import User
 from tests.support import replays
 User.objects.update(is_superuser=True, is_staff=True)
-visit = replays.session(replays.cabin_robot("cabin"), User.objects.create(username="ada"), seconds={SECONDS}, closed_at=replays.GRANTED)
+robot, ada, ben = replays.cabin_robot("cabin"), User(username="ada"), User(username="ben")
+ada.save(), ben.save()
+recorded = dict(seconds={SECONDS}, closed_at=replays.GRANTED)
+visit = replays.session(robot, ada, **recorded)
 replays.record(visit, seconds={SECONDS}, applied={COMMANDS})
-drive = replays.drive(replays.participant(replays.study(), visit.visitor), visit, settled_at=replays.GRANTED)
+participant = replays.participant(replays.study(), ada)
+drive = replays.drive(participant, visit, settled_at=replays.GRANTED)
 for n in range({EVENTS} // 2):
     replays.told(visit, n * 6.0, "collision", detail="front")
     replays.task_told(drive, n * 6.0 + 1.0, "cue", name="go_to_checkpoint", number=1)
-bare = replays.session(visit.robot, User.objects.create(username="ben"), seconds={SECONDS}, closed_at=replays.GRANTED)
+bare = replays.session(robot, ben, **recorded)
 print(visit.pk, bare.pk)
 """
 
@@ -64,7 +68,9 @@ def answer(site: Site, cookie: str, address: str) -> tuple[float, int]:
 
 @contextlib.contextmanager
 def web_alone(var: Path) -> Iterator[Site]:
-    """A site with a web server and nothing else: a replay needs neither broker nor session manager."""
+    """A site with a web server and nothing else: a replay needs neither broker
+    nor session manager.
+    """
     site = Site(var)
     try:
         site.prepare()

@@ -36,7 +36,9 @@ LIMIT_SECONDS = 180.0
 
 
 def main() -> int:
-    """Measure both brokers, print a table, keep the numbers; the number of bounds that were missed."""
+    """Measure both brokers, print a table, keep the numbers; the number of bounds
+    that were missed.
+    """
     with tempfile.TemporaryDirectory(prefix="telepresence-states-") as folder:
         os.environ |= {
             "VAR_DIR": folder,
@@ -335,12 +337,14 @@ def packet(name: str, seq: int, payload: bytes) -> bytes:
 def report(stored: int, lines: dict[str, dict[str, float]]) -> int:
     """Print and keep the numbers; return how many bounds were missed."""
     print(
-        f"{'states/s end to end':22}{'committed':>11}{'published':>11}{'bound':>8}{'states':>8}{'CPU µs/state':>14}"
+        f"{'states/s end to end':22}{'committed':>11}{'published':>11}"
+        f"{'bound':>8}{'states':>8}{'CPU µs/state':>14}"
     )
     for kind, line in lines.items():
         cpu = 1e6 * line["manager_cpu_seconds"] / line["states"]
         print(
-            f"{kind:22}{line['per_second']:11.0f}{line['publish_per_second']:11.0f}{line['bound']:8.0f}{line['states']:8.0f}{cpu:14.0f}"
+            f"{kind:22}{line['per_second']:11.0f}{line['publish_per_second']:11.0f}"
+            f"{line['bound']:8.0f}{line['states']:8.0f}{cpu:14.0f}"
         )
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(

@@ -199,7 +199,7 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
                 setattr(
                     obj, field.attname, named.get(field.name, getattr(form.stored, field.attname))
                 )
-            obj._state.adding = False  # noqa: SLF001 -- it is in the database already
+            obj._state.adding = False
             publishing.own(obj, request.user)
         if change:
             Study.objects.filter(pk=obj.pk).update(

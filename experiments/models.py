@@ -402,7 +402,9 @@ class Drive(models.Model):
 
 
 class TaskEvent(models.Model):
-    """What the task engine told of a drive; rewritten from the stored record when that is closed."""
+    """What the task engine told of a drive; rewritten from the stored record when
+    that is closed.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     drive = models.ForeignKey(Drive, models.CASCADE, related_name="events", verbose_name=_("drive"))

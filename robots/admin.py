@@ -267,7 +267,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             state = _now("none: it cannot connect")
         else:
             state = _now("made %(when)s") % {"when": _moment(robot.credential_made_at)}
-        if robot._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+        if robot._state.adding:
             return _now("Save the robot first.")
         if robot.renewal_asked_at is not None:
             state = _now("%(made)s, new ones asked for and not fetched yet") % {"made": state}
@@ -280,7 +280,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.display(description=_("screen"))
     def screen(self, robot: Robot) -> str | SafeString:
         """Whether its display has an address, and the way to a new one."""
-        if robot._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+        if robot._state.adding:
             return _now("Save the robot first.")
         made = robot.screen_made_at
         state = _now("none") if made is None else _now("made %(when)s") % {"when": _moment(made)}

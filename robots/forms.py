@@ -40,7 +40,7 @@ class FloorPlanForm(forms.ModelForm):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._values: dict[str, Any] = {}
-        if self.instance._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+        if self.instance._state.adding:
             for name in ("name", "title"):  # a plan.json brings both
                 self.fields[name].required = False
 
@@ -62,7 +62,7 @@ class FloorPlanForm(forms.ModelForm):
         files = [cleaned.get(name) for name in ("map_file", "image_file", "plan_file")]
         if self.errors:
             return cleaned
-        if not any(files) and not self.instance._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+        if not any(files) and not self.instance._state.adding:
             return cleaned
         if files[0] is None or files[1] is None:
             raise forms.ValidationError(_now("Choose the map's YAML file and its image."))
@@ -72,7 +72,7 @@ class FloorPlanForm(forms.ModelForm):
     def _read(
         self, map_file: bytes, image: bytes, plan: bytes | None, cleaned: dict[str, Any]
     ) -> dict[str, Any]:
-        adding = self.instance._state.adding  # noqa: SLF001 -- as above
+        adding = self.instance._state.adding
         name = (cleaned.get("name") if adding else self.instance.name) or ""
         try:
             values = read_upload(map_file, image, plan, name=name, title=cleaned.get("title") or "")

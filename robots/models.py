@@ -5,6 +5,7 @@ import datetime
 import uuid
 
 from django.conf import settings
+from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
 from django.db import models
 from django.utils.translation import gettext_lazy as _
@@ -17,8 +18,6 @@ ONLINE_SECONDS = 15.0
 
 def refuse_reserved_name(name: str) -> None:
     """Raise ValidationError for a name that the topic tree uses itself."""
-    from django.core.exceptions import ValidationError  # noqa: PLC0415
-
     if name in RESERVED_NAMES:
         raise ValidationError(_("“%(name)s” is reserved."), params={"name": name})
 

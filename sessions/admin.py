@@ -253,7 +253,8 @@ class SessionAdmin(OwnersRows):
         """From the first connection to the end."""
         if session.driving_at is None:
             return NOTHING
-        return f"{((session.ended_at or timezone.now()) - session.driving_at).total_seconds() / 60.0:.1f}"
+        driven = (session.ended_at or timezone.now()) - session.driving_at
+        return f"{driven.total_seconds() / 60.0:.1f}"
 
     @admin.display(description=_("distance (m)"))
     def distance(self, session: Session) -> str:

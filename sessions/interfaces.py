@@ -26,5 +26,7 @@ def suggest_by(rule: Rule) -> None:
 
 
 def suggested_to(user: "User") -> Interface | None:
-    """Return what the first rule with an opinion suggests to a visitor; None when nobody has one."""
+    """Return what the first rule with an opinion suggests to a visitor; None when
+    nobody has one.
+    """
     return next((found for rule in _rules if (found := rule(user)) is not None), None)

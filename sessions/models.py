@@ -288,7 +288,9 @@ class ApiKey(models.Model):
 
 
 class ManagerBeat(models.Model):
-    """The one running session manager of the site; another one may take over when the beat is old."""
+    """The one running session manager of the site; another one may take over when
+    the beat is old.
+    """
 
     name = models.CharField(primary_key=True, max_length=20, default="session_manager")
     holder = models.CharField(max_length=64, blank=True)

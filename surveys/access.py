@@ -1,4 +1,6 @@
-"""Who may see which response: its own respondent, and nobody else. For all others it is not there."""
+"""Who may see which response: its own respondent, and nobody else. For all others
+it is not there.
+"""
 
 from uuid import UUID
 

@@ -93,7 +93,7 @@ class QuestionnaireAdmin(ShownFilters):
         stored = form.stored
         for field in Questionnaire._meta.concrete_fields:
             setattr(obj, field.attname, getattr(stored, field.attname))
-        obj._state.adding = False  # noqa: SLF001 -- it is in the database already
+        obj._state.adding = False
 
     @admin.display(description=_("state"), ordering="frozen_at")
     def state(self, row: Questionnaire) -> str:

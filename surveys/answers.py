@@ -35,7 +35,9 @@ WESTERNMOST, EASTERNMOST = -12, 14
 
 
 class Missing(StrEnum):
-    """Why there is no value. NOT_REACHED is never stored: whoever did not come so far said nothing."""
+    """Why there is no value. NOT_REACHED is never stored: whoever did not come so
+    far said nothing.
+    """
 
     SKIPPED = "skipped"
     PREFERRED_NOT = "preferred_not"

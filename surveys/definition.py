@@ -69,7 +69,9 @@ class Row(Part, frozen=True, kw_only=True):
 
 
 class Item(Part, frozen=True, kw_only=True):
-    """What every item says. Who may decline says so here; an optional item may also be left empty."""
+    """What every item says. Who may decline says so here; an optional item may
+    also be left empty.
+    """
 
     kind: ClassVar[str]
     key: Key

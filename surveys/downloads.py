@@ -63,7 +63,9 @@ def as_long_csv(responses: QuerySet[Response], name: str) -> StreamingHttpRespon
 
 
 def as_wide_csv(slug: str) -> StreamingHttpResponse:
-    """Return a download with a line a response to any version of a questionnaire, with its scores."""
+    """Return a download with a line a response to any version of a questionnaire,
+    with its scores.
+    """
     return _download(wide_lines(slug), f"{slug}-wide")
 
 

@@ -36,7 +36,7 @@ class QuestionnaireForm(forms.ModelForm):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        if not self.instance._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+        if not self.instance._state.adding:
             self.fields["document"].initial = to_json(self.instance.as_definition()).decode()
         self.stored: Questionnaire | None = None
 
@@ -76,20 +76,16 @@ class QuestionnaireForm(forms.ModelForm):
             (definition.slug, definition.version),
             (self.instance.slug, self.instance.version),
         )
-        if not self.instance._state.adding:  # noqa: SLF001
+        if not self.instance._state.adding:
             if name != own:
+                version = f"version {own[1]} of {own[0]}"
                 raise BadDefinitionError(
-                    [
-                        (f"This is version {own[1]} of {own[0]}; slug and version of a questionnaire"
-                        " stay.")
-                    ]
+                    [f"This is {version}; slug and version of a questionnaire stay."]
                 )
         elif Questionnaire.objects.filter(
             slug=definition.slug, version=definition.version
         ).exists():
+            version = f"Version {name[1]} of {name[0]}"
             raise BadDefinitionError(
-                [
-                    (f"Version {name[1]} of {name[0]} is here already: change that one, or give"
-                    " yours another version.")
-                ]
+                [f"{version} is here already: change that one, or give yours another version."]
             )

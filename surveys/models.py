@@ -108,7 +108,9 @@ class Response(models.Model):
     def standings(
         self, definition: Definition, stored: dict[str, AnswerValue]
     ) -> dict[str, AnswerValue]:
-        """Return how every question stands, from what is stored: its value, or why there is none."""
+        """Return how every question stands, from what is stored: its value, or
+        why there is none.
+        """
         reached = self.reached if self.finished_at is None else len(definition.pages)
         return standings(definition, stored, self.circumstances, reached)
 

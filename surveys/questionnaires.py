@@ -46,11 +46,9 @@ def _replace(definition: Definition, fields: dict[str, Any]) -> Questionnaire:
     rows.filter(frozen_at=None).exclude(sha256=fields["sha256"]).update(**fields)
     row = rows.get()
     if row.sha256 != fields["sha256"]:
+        version = f"Version {definition.version} of {definition.slug}"
         raise BadDefinitionError(
-            [
-                (f"Version {definition.version} of {definition.slug} is in use and cannot change:"
-                " give yours another version.")
-            ]
+            [f"{version} is in use and cannot change: give yours another version."]
         )
     return row
 
@@ -90,8 +88,10 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
         if questionnaire.as_definition().template:
             raise BadDefinitionError(
                 [
-                    (f"{questionnaire.slug} is a template: fill in its text and set template to"
-                    " false before it is used.")
+                    (
+                        f"{questionnaire.slug} is a template: fill in its text and set template to"
+                        " false before it is used."
+                    )
                 ]
             )
         Questionnaire.objects.filter(pk=questionnaire.pk, frozen_at=None).update(frozen_at=now)

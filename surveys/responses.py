@@ -240,7 +240,9 @@ def _read_page(
 
 
 def leave_page(response: Response, definition: Definition, page: int) -> int | None:
-    """Note that a page was left behind and return the next one with questions; None after the last."""
+    """Note that a page was left behind and return the next one with questions;
+    None after the last.
+    """
     following = next((n for n in pages_shown(response, definition) if n > page), None)
     left_behind = len(definition.pages) if following is None else following
     Response.objects.filter(pk=response.pk, finished_at=None, reached__lt=left_behind).update(

@@ -65,7 +65,9 @@ class Control:
 
     @property
     def has_plain_scale(self) -> bool:
-        """Whether only the ends of its scale have names, so that it stays in one line on a phone."""
+        """Whether only the ends of its scale have names, so that it stays in one
+        line on a phone.
+        """
         return self.kind == "scale" and not all(choice.label for choice in self.choices)
 
     @property
@@ -80,7 +82,9 @@ class Control:
 
     @property
     def described_by(self) -> str:
-        """The ids of hint and error, for aria-describedby; the page may put an error there later."""
+        """The ids of hint and error, for aria-describedby; the page may put an
+        error there later.
+        """
         return " ".join(
             f"q-{self.key}-{name}" for name in ("hint", "error") if name == "error" or self.hint
         )
@@ -207,7 +211,9 @@ def _may_appear(condition: Condition | None, here: set[str], reader: Reader) -> 
 
 
 def _condition_here(condition: Condition | None, here: list[Question]) -> str:
-    """Return the part of a condition that the page itself can follow, as JSON; empty without one."""
+    """Return the part of a condition that the page itself can follow, as JSON;
+    empty without one.
+    """
     if condition is None or condition.item not in {question.key for question in here}:
         return ""
     return json.dumps(

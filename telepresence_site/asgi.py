@@ -54,5 +54,6 @@ application = ProtocolTypeRouter(
     }
 )
 
-get_resolver().url_patterns  # noqa: B018 -- the addresses, and with them forms and administration, would else come with the first page
+# Addresses, forms and administration are loaded now and not with the first page.
+get_resolver().url_patterns  # noqa: B018 -- reading it loads them
 set_up_for_latency()

@@ -16,7 +16,7 @@ from django.core.checks import (
     CheckMessage,
     Error,
     Tags,
-    Warning,  # noqa: A004
+    Warning,  # noqa: A004 -- Django's name
     register,
 )
 
@@ -88,7 +88,9 @@ def check_ice(**_: Any) -> list[CheckMessage]:
 
 
 def check_mail(**_: Any) -> list[CheckMessage]:
-    """The word for verification is one (E004), and mail that everybody must receive is sent (W002)."""
+    """The word for verification is one (E004), and mail that everybody must
+    receive is sent (W002).
+    """
     word = settings.ACCOUNT_EMAIL_VERIFICATION
     if word not in {"none", "optional", "mandatory"}:
         return [

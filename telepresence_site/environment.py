@@ -1,4 +1,6 @@
-"""What the environment of the process says, read once; docs/reference/settings.md lists every name."""
+"""What the environment of the process says, read once; docs/reference/settings.md
+lists every name.
+"""
 
 import contextlib
 import os

@@ -13,10 +13,12 @@ if "VAR_DIR" not in os.environ:
 os.environ.setdefault("HTTP_ONLY", "1")
 os.environ.setdefault("LOG_LEVEL", "WARNING")
 
-from telepresence_site.settings import *  # noqa: F403
+from telepresence_site.settings import *  # noqa: F403 -- the settings of the site, and more
 
 PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
-STORAGES["staticfiles"] = {"BACKEND": "tests.support.collected.CollectedFiles"}  # noqa: F405
+STORAGES["staticfiles"] = {  # noqa: F405 -- as above
+    "BACKEND": "tests.support.collected.CollectedFiles",
+}
 STATICFILES_FINDERS = ["tests.support.collected.CollectedFinder"]
 WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = True
-STATIC_ROOT.mkdir(parents=True, exist_ok=True)  # noqa: F405 -- WhiteNoise warns of a folder that is not there
+STATIC_ROOT.mkdir(parents=True, exist_ok=True)  # noqa: F405 -- WhiteNoise warns where none is

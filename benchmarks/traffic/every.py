@@ -8,7 +8,9 @@ from collections.abc import Callable
 
 
 class Timers:
-    """Repeats things; `late` has the seconds by which each came too late since it was emptied last."""
+    """Repeats things; `late` has the seconds by which each came too late since it
+    was emptied last.
+    """
 
     def __init__(self) -> None:
         self.late = array("d")

@@ -39,7 +39,8 @@ made = []
 for name in {names!r}:
     user = User.objects.create(username=name)
     session = import_module(settings.SESSION_ENGINE).SessionStore()
-    session[SESSION_KEY], session[BACKEND_SESSION_KEY] = str(user.pk), settings.AUTHENTICATION_BACKENDS[0]
+    session[SESSION_KEY] = str(user.pk)
+    session[BACKEND_SESSION_KEY] = settings.AUTHENTICATION_BACKENDS[0]
     session[HASH_SESSION_KEY] = user.get_session_auth_hash()
     session.save()
     made.append(session.session_key)
@@ -50,28 +51,46 @@ import json
 from sessions.models import SessionEvent, StateChunk
 chunks = StateChunk.objects.order_by("first_stamp").select_related("session__robot")
 states = [
-    [chunk.session.robot.name, chunk.boot, state["seq"], state["session"], state.get("epoch", 0)] for chunk in chunks for state in chunk.states
+    [chunk.session.robot.name, chunk.boot, state["seq"], state["session"], state.get("epoch", 0)]
+    for chunk in chunks
+    for state in chunk.states
 ]
-missing = [[str(event.session_id), event.data["count"]] for event in SessionEvent.objects.filter(type="states_missing")]
+events = SessionEvent.objects.filter(type="states_missing")
+missing = [[str(event.session_id), event.data["count"]] for event in events]
 print(json.dumps({"states": states, "missing": missing}))
 """
 STORED = """
 import json
 from django.db.models import Sum
 from sessions.models import StateChunk
-print(json.dumps({str(row["session"]): row["total"] for row in StateChunk.objects.values("session").annotate(total=Sum("count"))}))
+rows = StateChunk.objects.values("session").annotate(total=Sum("count"))
+print(json.dumps({str(row["session"]): row["total"] for row in rows}))
 """
 DRIVEN = """
 import json
 from sessions.models import StateChunk
-chunks = StateChunk.objects.filter(first_stamp__gt={since}).values_list("session__robot__name", "states")
-print(json.dumps(sorted({{name for name, states in chunks if any(state.get("applied") for state in states)}})))
+chunks = StateChunk.objects.filter(first_stamp__gt={since})
+driven = {{
+    name
+    for name, states in chunks.values_list("session__robot__name", "states")
+    if any(state.get("applied") for state in states)
+}}
+print(json.dumps(sorted(driven)))
 """
 SESSIONS = """
 import json
 from sessions.models import Session
 rows = Session.objects.exclude(granted_at=None).order_by("granted_at").select_related("robot")
-print(json.dumps([[str(row.pk), row.robot.name, row.granted_at.timestamp(), row.ended_at and row.ended_at.timestamp(), row.outcome] for row in rows]))
+print(json.dumps([
+    [
+        str(row.pk),
+        row.robot.name,
+        row.granted_at.timestamp(),
+        row.ended_at and row.ended_at.timestamp(),
+        row.outcome,
+    ]
+    for row in rows
+]))
 """
 
 
@@ -220,7 +239,9 @@ class Place:
         return [Drive(*row) for row in json.loads(self.site.django(SESSIONS))]
 
     def is_ready(self) -> bool:
-        """Tell whether every web process says that broker, database and session manager are there."""
+        """Tell whether every web process says that broker, database and session
+        manager are there.
+        """
         return all(_is_ready(port) for port in self.webs.values())
 
 

@@ -50,8 +50,9 @@ class Site:
 
     def _ask(self, url: str, body: bytes | None = None) -> Any:
         headers = {"Authorization": f"Bearer {self._key}", "Content-Type": "application/json"}
-        with urllib.request.urlopen(  # noqa: S310
-            urllib.request.Request(url, body, headers), timeout=TIMEOUT  # noqa: S310
+        with urllib.request.urlopen(
+            urllib.request.Request(url, body, headers),
+            timeout=TIMEOUT,
         ) as answer:
             return json.loads(answer.read())
 

@@ -30,7 +30,7 @@ def fill(
     return sent
 
 
-def _answer(  # noqa: PLR0911
+def _answer(
     asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
 ) -> Sent:
     match asked.kind:

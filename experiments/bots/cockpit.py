@@ -133,7 +133,9 @@ class Cockpit:
     # --- what the visitor does --------------------------------------------------------------------
 
     def take(self, *, takeover: bool = False) -> None:
-        """Ask for the robot; `takeover` brings a visit here that another page of the visitor has."""
+        """Ask for the robot; `takeover` brings a visit here that another page of
+        the visitor has.
+        """
         self.view.turn = False
         self._say(
             "session/take",

@@ -86,7 +86,8 @@ class Drive:
             if wanted in allowed
             else next((name for name in CONTROLLERS if name in allowed), "keyboard")
         )
-        page = Cockpit(self.browser, self.config["socket"], method, self.clock)  # type: ignore[arg-type]  # one of CONTROLLERS
+        address = self.config["socket"]
+        page = Cockpit(self.browser, address, method, self.clock)  # type: ignore[arg-type]
         page.view.laser, page.is_mute = self._laser, self.ending == Ending.GETS_NO_CONNECTION
         return page
 

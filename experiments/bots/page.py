@@ -68,7 +68,9 @@ class Button:
 
 @dataclass
 class Form:
-    """A form: where it goes, what it holds already (`hidden`), what is asked, and how it is sent."""
+    """A form: where it goes, what it holds already (`hidden`), what is asked, and
+    how it is sent.
+    """
 
     id: str
     action: str

@@ -145,7 +145,7 @@ class Participant:
         finally:
             entry.seconds = self.clock() - began
 
-    async def _act(self, here: Answer) -> Answer | None:  # noqa: PLR0911 -- a table of pages
+    async def _act(self, here: Answer) -> Answer | None:
         if "config" in here.page.json and "socket" in here.page.json["config"]:
             return await self._drive(here)
         if here.page.by_id.get("code"):

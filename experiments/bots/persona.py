@@ -35,7 +35,8 @@ AGENTS = (
 )
 MARK = " TelepresenceBot/1.0"
 FORM = re.compile(
-    r"^(?P<item>[a-z][a-z0-9_]*)(@(?P<name>[a-z_]+)=(?P<value>[^:@=]+))?:(?P<size>[-+]?[0-9]*\.?[0-9]+)$"
+    r"^(?P<item>[a-z][a-z0-9_]*)(@(?P<name>[a-z_]+)=(?P<value>[^:@=]+))?"
+    r":(?P<size>[-+]?[0-9]*\.?[0-9]+)$"
 )
 PACE = "pace"  # the one name of an effect that is no question: how fast the bot drives
 

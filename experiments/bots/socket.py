@@ -75,7 +75,8 @@ class Socket:
             head = await self._reader.readuntil(b"\r\n\r\n")
         except (asyncio.IncompleteReadError, ConnectionError) as error:
             raise SocketClosed(1006, "no handshake") from error
-        accept = base64.b64encode(hashlib.sha1(key + GUID).digest())  # noqa: S324 -- RFC 6455, section 4.2.2
+        digest = hashlib.sha1(key + GUID).digest()  # noqa: S324 -- RFC 6455, section 4.2.2
+        accept = base64.b64encode(digest)
         if SWITCHING not in head.split(b"\r\n")[0] + b" " or accept not in head:
             raise SocketClosed(1006, head.split(b"\r\n")[0].decode(errors="replace"))
 

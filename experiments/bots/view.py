@@ -72,7 +72,7 @@ class View:
             return
         self._take(suffix, message, now)
 
-    def _take(self, suffix: str, message: Any, now: float) -> None:  # noqa: C901, PLR0912 -- a table
+    def _take(self, suffix: str, message: Any, now: float) -> None:  # noqa: C901, PLR0912 -- table
         match message:
             case State():
                 self._state(message)

@@ -135,7 +135,9 @@ def _raster(plan: FloorPlan) -> _Raster:
 
 
 def _room(plan: FloorPlan, closed: frozenset[str], raster: _Raster) -> Cells:
-    """Return metres from each cell to the nearest thing; 0 on things and where there is no floor."""
+    """Return metres from each cell to the nearest thing; 0 on things and where
+    there is no floor.
+    """
     x, y = raster.centres()
     free = np.zeros(x.shape, bool)
     for room in plan.rooms:

@@ -61,7 +61,7 @@ class StudyForm(forms.ModelForm):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.stored: Study | None = None
-        self.is_new = self.instance._state.adding  # noqa: SLF001 -- Django's documented way to ask
+        self.is_new = self.instance._state.adding
 
     def clean(self) -> dict[str, Any]:
         """Store the definition, so that what was published a moment ago is told like any other

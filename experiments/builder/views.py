@@ -473,7 +473,9 @@ def _new(section: str, kind: str, whole: Document) -> Document:
 
 
 def _drawn(course: Document) -> Document:
-    """Return what a page needs to draw the ground of a course; no plan when there is no such site."""
+    """Return what a page needs to draw the ground of a course; no plan when there
+    is no such site.
+    """
     plan = FloorPlan.objects.filter(name=course.get("site", "")).first()
     return {
         "plan": plan_content(plan) if plan is not None else None,

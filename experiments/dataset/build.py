@@ -61,7 +61,9 @@ def dataset_of(
 
 
 def places_of(drives: Sequence[Drive], names: Pseudonyms) -> dict[Round, str]:
-    """Return the code of the session of each round, the last one where somebody had to begin again."""
+    """Return the code of the session of each round, the last one where somebody
+    had to begin again.
+    """
     return {
         (drive.participant_id, drive.visit, drive.round): names.session(drive.session_id)
         for drive in drives

@@ -16,7 +16,9 @@ from sessions.models import NetworkSample, SessionEvent, StateChunk
 
 
 def events_of(drives: Iterable[Drive], names: Pseudonyms, choice: Choice) -> Iterator[Event]:
-    """Yield the events of drives, session by session and in order of time, by the server's clock."""
+    """Yield the events of drives, session by session and in order of time, by the
+    server's clock.
+    """
     for drive in drives:
         told = [*_task(drive, names, choice), *_told(drive, names, choice)]
         yield from sorted(told, key=lambda event: (event.stamp, event.source, event.type))

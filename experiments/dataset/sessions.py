@@ -1,6 +1,7 @@
 """Drives as the sessions of a dataset. Times are seconds since the grant, by the server's clock."""
 
 import datetime
+import math
 from collections.abc import Iterable, Sequence
 
 import msgspec
@@ -192,7 +193,7 @@ def _first_motion(drive: Drive) -> float:
     if drive.settled_at is not None and not drive.exposed:
         return NAN
     noted = _after(drive, drive.session.first_motion_at)
-    return _from_states(drive) if drive.exposed and noted != noted else noted  # noqa: PLR0124 -- NaN
+    return _from_states(drive) if drive.exposed and math.isnan(noted) else noted
 
 
 def _from_states(drive: Drive) -> float:

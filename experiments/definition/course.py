@@ -44,7 +44,9 @@ class Stop:
 
 @dataclass(frozen=True)
 class Doorway:
-    """A door of the plan; `required` where the course asks for it and the condition leaves it open."""
+    """A door of the plan; `required` where the course asks for it and the
+    condition leaves it open.
+    """
 
     name: str
     start: Point

@@ -85,12 +85,8 @@ def _replace(definition: Study, fields: dict[str, Any]) -> Row:
     rows.filter(status=Row.Status.DRAFT).exclude(sha256=fields["sha256"]).update(**fields)
     row = rows.get()
     if row.sha256 != fields["sha256"]:
-        raise BadDefinitionError(
-            [
-                (f"Version {definition.version} of {definition.slug} is published and cannot change:"
-                " make a new version.")
-            ]
-        )
+        name = f"Version {definition.version} of {definition.slug}"
+        raise BadDefinitionError([f"{name} is published and cannot change: make a new version."])
     return row
 
 
@@ -346,7 +342,9 @@ def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
 
 
 def log(row: Model, user: Any, text: str) -> None:
-    """Note in the administration's log what somebody did with a study, or with what belongs to it."""
+    """Note in the administration's log what somebody did with a study, or with
+    what belongs to it.
+    """
     if user is not None:
         LogEntry.objects.log_actions(user.pk, [row], CHANGE, text, single_object=True)
 

@@ -61,7 +61,9 @@ class StepReport:
 
 @dataclass
 class Report:
-    """All of it. `problems` stand in the way of publishing, `notes` do not; each is one sentence."""
+    """All of it. `problems` stand in the way of publishing, `notes` do not; each
+    is one sentence.
+    """
 
     bots: int
     passed: bool = False

@@ -60,7 +60,9 @@ def _record(drive: Drive, *, is_practice: bool) -> Record:
 
 
 def _empty(dataset: Dataset, definition: Definition) -> Iterator[str]:
-    """Yield the questions that no bot answered, and the columns that have no number in any session."""
+    """Yield the questions that no bot answered, and the columns that have no
+    number in any session.
+    """
     steps = {getattr(step, "questionnaire", "") for step in definition.steps}
     for questionnaire in dataset.questionnaires:
         if questionnaire.slug not in steps:

@@ -335,7 +335,9 @@ prepare(Study)
 
 
 def to_json(study: Study) -> bytes:
-    """Return a study as the JSON that import takes: indented, fields in the order of the classes."""
+    """Return a study as the JSON that import takes: indented, fields in the order
+    of the classes.
+    """
     return msgspec.json.format(msgspec.json.encode(study), indent=2) + b"\n"
 
 

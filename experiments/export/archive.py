@@ -73,7 +73,12 @@ def zipped(files: Iterable[File]) -> Iterator[bytes]:
     """
     sink, packing = _Sink(), deque[Future[None]]()
     with (
-        zipfile.ZipFile(sink, "w", zipfile.ZIP_DEFLATED, compresslevel=LEVEL) as archive,  # type: ignore[call-overload]
+        zipfile.ZipFile(
+            sink,  # type: ignore[call-overload]
+            "w",
+            zipfile.ZIP_DEFLATED,
+            compresslevel=LEVEL,
+        ) as archive,
         closing(_Writer(archive)) as writer,
         ThreadPoolExecutor(1, "zip") as thread,
     ):

@@ -38,11 +38,12 @@ IDENTITIES = (
 )
 READ_ME = """# {title}
 
-Records of the study {slug}, version {version}. `dataset_description.json` tells what stands in every column of every file; times are
-seconds since the robot was granted, by the clock that the column names. An empty cell or `nan` is a missing value.
+Records of the study {slug}, version {version}. `dataset_description.json` tells what each column
+of each file means; times are seconds since the robot was granted, by the clock that the column
+names. An empty cell or `nan` is a missing value.
 
-All sessions are here, also failed, empty, practice and excluded ones, and those of pilots and bots: the columns `kind`, `practice`,
-`outcome` and `excluded` of the sessions tell them apart.
+All sessions are here, also failed, empty, practice and excluded ones, and those of pilots and bots:
+the columns `kind`, `practice`, `outcome` and `excluded` of the sessions tell them apart.
 
 The tables and figures are made from this folder alone by
 

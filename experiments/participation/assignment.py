@@ -52,7 +52,9 @@ class Held:
 
 @dataclass(frozen=True)
 class Choice:
-    """The cell of a participant, the ones that it was drawn from, and the seed that draws it again."""
+    """The cell of a participant, the ones that it was drawn from, and the seed
+    that draws it again.
+    """
 
     cell: Cell
     candidates: tuple[str, ...]
@@ -116,7 +118,7 @@ def choose(
         return None
     least = min(loads[cell.key] for cell in free)
     candidates = [cell for cell in free if loads[cell.key] == least]
-    drawn = random.Random(seed).choice(candidates)  # noqa: S311 -- a draw that can be repeated, not a secret
+    drawn = random.Random(seed).choice(candidates)
     return Choice(drawn, tuple(cell.key for cell in candidates), seed)
 
 

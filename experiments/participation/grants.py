@@ -351,7 +351,7 @@ def _begin(
         try:
             assigned["track"] = laid_out(definition, condition, session.robot)
         except CourseError as error:
-            log.error("study_without_course study=%s reason=%s", definition.slug, error)  # noqa: TRY400 -- the reason says it
+            log.error("study_without_course study=%s reason=%s", definition.slug, error)
             raise NotGranted("not_allowed") from error
     here = {"step": participant.step, "visit": participant.visit, "round": participant.round}
     number = 1 + Drive.objects.filter(participant=participant, step=participant.step).count()

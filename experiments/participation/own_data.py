@@ -196,7 +196,7 @@ def _delete_answers(participant: Participant) -> None:
     PersonalLink.objects.filter(participant=participant).update(label="")
 
 
-def clear_settled(*, now: datetime.datetime, **_more: Any) -> None:  # noqa: ARG001 -- a receiver of sessions.signals.looked
+def clear_settled(**_more: Any) -> None:
     """Delete the drives of those who withdrew, with all that was recorded, once nobody writes on
     them any more.
     """

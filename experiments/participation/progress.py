@@ -158,7 +158,9 @@ def kept_parameters(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def language_of(study: Definition, wanted: str) -> str:
-    """Return the language in which a study speaks to somebody who reads `wanted` ("es", "es-mx")."""
+    """Return the language in which a study speaks to somebody who reads `wanted`
+    ("es", "es-mx").
+    """
     names = (wanted, wanted.split("-", maxsplit=1)[0], *study.languages)
     return next(name for name in names if name in study.languages)
 

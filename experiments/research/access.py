@@ -22,7 +22,9 @@ SEES_SESSIONS = "telepresence_sessions.view_session"
 
 
 def role_of(user: Any, slug: str) -> Role | None:
-    """Return what somebody is in a study: superusers own all; None for whoever has no part in it."""
+    """Return what somebody is in a study: superusers own all; None for whoever
+    has no part in it.
+    """
     if not (user.is_authenticated and user.is_active):
         return None
     if user.is_superuser:

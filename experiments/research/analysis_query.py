@@ -16,7 +16,9 @@ from experiments.models import Study
 
 @dataclass(frozen=True)
 class Asked:
-    """A study's version, kinds of participants, and a selection (experiments/analysis/report.py)."""
+    """A study's version, kinds of participants, and a selection
+    (experiments/analysis/report.py).
+    """
 
     study: Study
     kinds: tuple[Kind, ...]

@@ -69,7 +69,9 @@ def studies_with(robot: Robot) -> list[Study]:
 
 
 def addresses_of(study: Study) -> list[str]:
-    """Return the addresses of a study's owners and researchers; who only looks at it cannot help."""
+    """Return the addresses of a study's owners and researchers; who only looks at
+    it cannot help.
+    """
     members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(
         role=StudyMember.Role.VIEWER
     )
@@ -104,4 +106,4 @@ def _send(
             connection=connection,
         ).send()
     except (OSError, smtplib.SMTPException) as error:
-        log.error("staff_not_told study=%s robot=%s reason=%s", study.slug, robot.name, error)  # noqa: TRY400 -- the reason says it
+        log.error("staff_not_told study=%s robot=%s reason=%s", study.slug, robot.name, error)

@@ -162,7 +162,9 @@ class Runner:
         clock_offset: float | None,
         **_more: object,
     ) -> None:
-        """Take an event, the end of an action, or what the page says; `robot` is empty for a page."""
+        """Take an event, the end of an action, or what the page says; `robot` is
+        empty for a page.
+        """
         running = self._of(session)
         if running is None or robot not in {"", running.robot}:
             return

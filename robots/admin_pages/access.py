@@ -116,7 +116,7 @@ class PermitForm(ModelForm):
     def clean(self) -> dict[str, Any]:
         """Find the person of a new permit."""
         cleaned = super().clean() or self.cleaned_data
-        if self.instance._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+        if self.instance._state.adding:
             found = User.objects.filter(username=cleaned.get("person", ""), is_active=True).first()
             if found is None:
                 raise ValidationError({"person": _("There is no such user.")})

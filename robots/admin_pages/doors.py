@@ -1,4 +1,6 @@
-"""The doors of a simulated site, opened and closed from the administration while the robot drives."""
+"""The doors of a simulated site, opened and closed from the administration while
+the robot drives.
+"""
 
 from typing import Any
 

@@ -13,41 +13,43 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
 from accounts import audit
-from robots.admin_pages.access import theirs_to_change
+from robots.admin_pages.access import OfRobots, theirs_to_change
 from robots.enrol.credentials import ask_for_renewal
 from robots.enrol.tokens import make_token
 from robots.models import Robot
 
 
-class EnrolmentPage:
-    """Mixed into the robots' administration, for its permissions and its log."""
+class EnrolmentPage(OfRobots):
+    """A part of the robots' administration."""
 
     def enrol_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Ask whether to make a one-time token, and show it once."""
-        robot: Robot = self.managed(request, pk)  # type: ignore[attr-defined]
-        context: dict[str, Any] = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
+        robot: Robot = self.managed(request, pk)
+        context: dict[str, Any] = self.admin_site.each_context(request) | {
             "title": _("Enrolment of %(robot)s") % {"robot": robot},
             "robot": robot,
-            "opts": self.opts,  # type: ignore[attr-defined]
+            "opts": self.opts,
         }
         if request.method == "POST":
             context["token"] = make_token(robot, timezone.now())
             context["server"] = request.build_absolute_uri("/").rstrip("/")
-            self.log_change(request, robot, _("New one-time token."))  # type: ignore[attr-defined]
+            self.log_change(request, robot, _("New one-time token."))
             audit.note("enrolment_made", actor=request.user, robot=robot)
         return render(request, "admin/robots/robot/enrol.html", context)
 
     @admin.action(description=gettext_lazy("Have new credentials fetched"), permissions=["change"])
     def rotate_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Let the agents take new credentials by themselves; the present ones hold for a day more."""
+        """Let the agents take new credentials by themselves; the present ones
+        hold for a day more.
+        """
         chosen = list(theirs_to_change(request, robots).exclude(credential_hash=""))
         for robot in chosen:
             ask_for_renewal(robot, timezone.now())
-            self.log_change(request, robot, _("New credentials asked for."))  # type: ignore[attr-defined]
+            self.log_change(request, robot, _("New credentials asked for."))
             audit.note("rotation_asked", actor=request.user, robot=robot)
         text = ngettext(
             "%(n)d robot takes new credentials by itself.",
             "%(n)d robots take new credentials by themselves.",
             len(chosen),
         )
-        self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)  # type: ignore[attr-defined]
+        self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)

@@ -9,32 +9,33 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from accounts import audit
+from robots.admin_pages.access import OfRobots
 from robots.models import Robot
 from robots.screens import make_screen_key, revoke_screen_key, screen_address
 
 
-class ScreenPage:
-    """Mixed into the robots' administration, for its permissions and its log."""
+class ScreenPage(OfRobots):
+    """A part of the robots' administration."""
 
     def screen_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Ask whether to make a new key, and show the address once; a POST with `revoke` takes the
         present one away.
         """
-        robot: Robot = self.managed(request, pk)  # type: ignore[attr-defined]
-        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
+        robot: Robot = self.managed(request, pk)
+        context = self.admin_site.each_context(request) | {
             "title": _("Screen of %(robot)s") % {"robot": robot},
             "robot": robot,
-            "opts": self.opts,  # type: ignore[attr-defined]
+            "opts": self.opts,
         }
         if request.method == "POST" and "revoke" in request.POST:
             revoke_screen_key(robot)
-            self.log_change(request, robot, _("Screen key taken away."))  # type: ignore[attr-defined]
+            self.log_change(request, robot, _("Screen key taken away."))
             audit.note("screen_key_revoked", actor=request.user, robot=robot)
             messages.success(request, _("The screen's address no longer works."))
             return HttpResponseRedirect(request.path)
         if request.method == "POST":
             key = make_screen_key(robot, timezone.now())
-            self.log_change(request, robot, _("New screen key."))  # type: ignore[attr-defined]
+            self.log_change(request, robot, _("New screen key."))
             audit.note("screen_key_made", actor=request.user, robot=robot)
             context["address"] = screen_address(
                 robot, key, request.build_absolute_uri("/").rstrip("/")

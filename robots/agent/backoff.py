@@ -1,4 +1,6 @@
-"""How long to wait before trying again: longer each time, and never in step with a thousand others."""
+"""How long to wait before trying again: longer each time, and never in step with
+a thousand others.
+"""
 
 import random
 from dataclasses import dataclass

@@ -21,7 +21,9 @@ LOW_MB = 200  # of room for these files, logs and updates, below which the robot
 
 
 class Store:
-    """Files of one robot in one directory. Methods block for a disk write: call them off the loop."""
+    """Files of one robot in one directory. Methods block for a disk write: call
+    them off the loop.
+    """
 
     def __init__(self, directory: Path) -> None:
         self._latch = directory / "estop.json"

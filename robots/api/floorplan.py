@@ -195,7 +195,9 @@ class Rug(Part, frozen=True, kw_only=True):
 
 
 class Station(Part, frozen=True, kw_only=True):
-    """The body of a charging station: its front is `distance` ahead of the docked robot's centre."""
+    """The body of a charging station: its front is `distance` ahead of the docked
+    robot's centre.
+    """
 
     distance: Length
     width: Length = 0.5
@@ -245,7 +247,9 @@ class Route(Part, frozen=True, kw_only=True):
 
 
 class FloorPlan(Part, frozen=True, kw_only=True):
-    """A whole site. `ceiling` is its height in metres; `map_id` names the map that it belongs to."""
+    """A whole site. `ceiling` is its height in metres; `map_id` names the map
+    that it belongs to.
+    """
 
     version: Literal[1] = 1
     map_id: Key

@@ -385,7 +385,9 @@ class Scan(Message, frozen=True, kw_only=True):
 
 
 class Path(Message, frozen=True, kw_only=True):
-    """`path`: what the robot will follow by itself, in map metres; empty when it follows nothing."""
+    """`path`: what the robot will follow by itself, in map metres; empty when it
+    follows nothing.
+    """
 
     stamp: Stamp
     points: Annotated[tuple[Point, ...], Meta(max_length=2000)]
@@ -510,7 +512,9 @@ class MediaClock(Message, frozen=True, kw_only=True):
 
 
 class LeaseLimits(Message, frozen=True, kw_only=True):
-    """What a lease allows, below what the robot allows itself; absent means the robot's own limit."""
+    """What a lease allows, below what the robot allows itself; absent means the
+    robot's own limit.
+    """
 
     linear: Positive | None = None
     angular: Positive | None = None
@@ -790,7 +794,9 @@ class IceServer(Message, frozen=True, kw_only=True):
 
 
 class Offer(Message, frozen=True, kw_only=True, tag_field="type", tag="offer"):
-    """`signal/<peer>`: the page always offers. Role, session and epoch are stamped by the server."""
+    """`signal/<peer>`: the page always offers. Role, session and epoch are
+    stamped by the server.
+    """
 
     sdp: Sdp
     role: Role = "observer"

@@ -1,4 +1,6 @@
-"""The JSON Schema of Robot API v1: what a writer of an agent in another language validates against."""
+"""The JSON Schema of Robot API v1: what a writer of an agent in another language
+validates against.
+"""
 
 from typing import Any, cast
 

@@ -250,7 +250,9 @@ class Bridge:
         return self._delivery.known[robot]
 
     def ignore(self, robot: str, listener: Listener) -> None:
-        """Stop bringing a robot's messages to a listener; the last one out ends the subscription."""
+        """Stop bringing a robot's messages to a listener; the last one out ends
+        the subscription.
+        """
         if not self._delivery.ignore(robot, listener):
             return
         for key in [key for key in self._retained if key[0] == robot]:
@@ -282,7 +284,9 @@ class Bridge:
         return self._fly(topics.of(robot, suffix), codec.encode(message), qos=line.qos)
 
     def send_stop(self, robot: str, action: Action) -> None:
-        """Publish a stop or an e-stop; while the broker does not confirm it, again for 3 s at most."""
+        """Publish a stop or an e-stop; while the broker does not confirm it,
+        again for 3 s at most.
+        """
         self._fly_stop(
             _Stop(
                 topics.of(robot, "command/action"),
@@ -430,7 +434,7 @@ class _Process:
 def current() -> Bridge:
     """Return the bridge of this process, started on the running loop by whoever asks first."""
     if _Process.bridge is None or not _Process.bridge.serves(asyncio.get_running_loop()):
-        _Process.bridge = Bridge(settings.MQTT_URL, server_credentials("web"), random.Random())  # noqa: S311 -- spreads reconnections, keeps no secret
+        _Process.bridge = Bridge(settings.MQTT_URL, server_credentials("web"), random.Random())
     bridge: Bridge = _Process.bridge
     return bridge
 

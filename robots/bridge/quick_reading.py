@@ -33,8 +33,8 @@ def read_quickly(client: aiomqtt.Client, chunk: int = CHUNK) -> bool:
     )
     if not known or not isinstance(getattr(paho, "_sock", None), socket.socket):
         return False
-    pieces = _Pieces(paho, chunk, getattr(paho._sock, "pending", _nothing))  # noqa: SLF001 -- see the top
-    paho._sock_recv, paho.loop_read, paho._sockpairW = (  # noqa: SLF001
+    pieces = _Pieces(paho, chunk, getattr(paho._sock, "pending", _nothing))
+    paho._sock_recv, paho.loop_read, paho._sockpairW = (
         pieces.receive,
         pieces.read_all,
         None,
@@ -53,7 +53,7 @@ class _Pieces:
 
     def __init__(self, paho: Any, chunk: int, pending: Callable[[], int]) -> None:
         self._paho, self._chunk, self._pending = paho, chunk, pending
-        self._receive = paho._sock_recv  # noqa: SLF001 -- see the top
+        self._receive = paho._sock_recv
         self._read = paho.loop_read
         self._ahead = b""
         self._at = 0
@@ -64,7 +64,7 @@ class _Pieces:
         this turn, as a socket does.
         """
         if self._at == len(self._ahead):
-            if self._has_read and self._paho._in_packet["command"]:  # noqa: SLF001 -- see the top
+            if self._has_read and self._paho._in_packet["command"]:
                 return bytes(self._receive(size))
             if self._has_read:
                 raise BlockingIOError

@@ -31,7 +31,7 @@ class QuickWriter:
         """Publish at QoS 0, behind what already waits; False when the broker is away or does not
         keep up.
         """
-        waiting = self._paho._out_packet  # noqa: SLF001 -- see the top
+        waiting = self._paho._out_packet
         if len(waiting) >= MOST_WAITING:
             return False
         packet = packets.publish(packets.Publish(topic, payload))
@@ -44,7 +44,7 @@ class QuickWriter:
         if sent < len(packet):
             # Said to be a ping, because paho would look for somebody to whom to announce that a
             # message has left.
-            self._paho._packet_queue(MessageType.PINGREQ, packet[sent:], 0, 0)  # noqa: SLF001 -- see the top
+            self._paho._packet_queue(MessageType.PINGREQ, packet[sent:], 0, 0)
         return True
 
 

@@ -40,7 +40,7 @@ STOP_SECONDS = 5.0
 # Debian and macOS keep it off the PATH of ordinary users
 SBIN = ("/usr/sbin", "/usr/local/sbin", "/opt/homebrew/sbin")
 EVERYWHERE = {
-    "0.0.0.0": "127.0.0.1",  # noqa: S104
+    "0.0.0.0": "127.0.0.1",  # noqa: S104 -- where to find who listens anywhere
     "::": "::1",
 }
 
@@ -173,10 +173,10 @@ class MosquittoBroker:
             configuration(host, port, self._directory, tls, user),
         )
         # A session of its own: Ctrl-C reaches us, and we end it in order.
-        self._child = subprocess.Popen(  # noqa: ASYNC220 -- milliseconds, in the thread that it is to die with; a program that we found, with our own file
+        self._child = subprocess.Popen(  # noqa: ASYNC220 -- it dies with this thread
             [program, "-c", str(self._directory / "mosquitto.conf")],
             start_new_session=True,
-            preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
+            preexec_fn=tied_to_parent(),
         )
         await self._answering(host, port)
         return port

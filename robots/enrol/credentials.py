@@ -213,7 +213,7 @@ def server_credentials(part: ServerPart) -> tuple[str, str]:
     """
     return (
         SERVER_USERS[part],
-        salted_hmac("robots.enrol.credentials.server", part, algorithm="sha256").hexdigest(),
+        salted_hmac("robots.credentials.server", part, algorithm="sha256").hexdigest(),
     )
 
 
@@ -224,7 +224,8 @@ def server_client_id(part: ServerPart) -> str:
     With Mosquitto a client id is all it takes to take a session over, whoever one is; so ids are
     secrets or random.
     """
-    return f"{part}-{salted_hmac('robots.enrol.credentials.client_id', part, algorithm='sha256').hexdigest()[:24]}"
+    digest = salted_hmac("robots.credentials.client_id", part, algorithm="sha256")
+    return f"{part}-{digest.hexdigest()[:24]}"
 
 
 class Verifier:

@@ -207,7 +207,7 @@ class Authorization:
         self._told[key] = now
         return (Deny(suffix[:80], reason),)
 
-    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:  # noqa: PLR0911 -- a table
+    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
         self._check_rate(message, now)
         match message:
             case VelocityCommand():
@@ -329,8 +329,10 @@ class Authorization:
         if len(encoded) > protocol.MAX_REPORT:
             raise Refused("oversized")
         return protocol.PageReport(
-            suffix=suffix, session=self.session, message=msgspec.Raw(encoded)
-        )  # type: ignore[arg-type]
+            suffix=suffix,  # type: ignore[arg-type]
+            session=self.session,
+            message=msgspec.Raw(encoded),
+        )
 
     def parting_stop(
         self, action_id: str, stamp: float, lease: Lease | None, now: float

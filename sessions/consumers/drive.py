@@ -291,8 +291,8 @@ class RobotConsumer(DirectConsumer):
     async def _keep_time(self, page_session: PageSession) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""
         # Pages that came together do not ask together from then on.
-        asked = time.monotonic() - random.random() * WELCOME_EVERY / 2  # noqa: S311
-        pause = random.random() * PAGE_SEEN_EVERY  # noqa: S311
+        asked = time.monotonic() - random.random() * WELCOME_EVERY / 2
+        pause = random.random() * PAGE_SEEN_EVERY
         while True:
             await asyncio.sleep(pause)
             pause = PAGE_SEEN_EVERY

@@ -231,7 +231,9 @@ class PageSession:
             self.sender.post(*told)
 
     def lost_lease(self, lease: Lease | None) -> bool:
-        """Act on a lease that is not this page's any more; True when only the database knows why."""
+        """Act on a lease that is not this page's any more; True when only the
+        database knows why.
+        """
         if (
             self.authorization.standing != "driver"
             or self.authorization.holds(lease)

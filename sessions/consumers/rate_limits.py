@@ -50,5 +50,7 @@ class Allowance:
         return self._report.spend(now)
 
     def floods(self, now: float) -> bool:
-        """Count one refused frame, and tell whether there are so many that the connection must end."""
+        """Count one refused frame, and tell whether there are so many that the
+        connection must end.
+        """
         return not self._refusals.spend(now)

@@ -146,7 +146,7 @@ def _fault(part: Any, known: KnownRobot, now: float) -> protocol.Fault:
     return protocol.Fault(part=part, then="stops", seconds=left)
 
 
-def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None:  # noqa: PLR0911 -- a table
+def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None:
     """Return news of a session in the page's words; None for those that say nothing to it.
 
     `start_seconds` is how long an offered turn stays open when the news do not say.
@@ -185,7 +185,7 @@ def _task(news: ServerNews) -> tuple[str, Message] | None:
             {**news.data, "session": news.session, "stamp": news.stamp}, protocol.Task
         )
     except msgspec.ValidationError as error:
-        log.error("task_news_malformed session=%s reason=%s", news.session, error)  # noqa: TRY400 -- the reason says it
+        log.error("task_news_malformed session=%s reason=%s", news.session, error)
         return None
 
 

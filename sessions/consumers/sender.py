@@ -59,7 +59,9 @@ class Sender:
             self.end(protocol.TOO_SLOW)
 
     def put_picture(self, frame: bytes) -> None:
-        """Send the page a picture, or a newer one when its network does not take this one in time."""
+        """Send the page a picture, or a newer one when its network does not take
+        this one in time.
+        """
         self.queue.put_picture(frame)
 
     def end(self, code: int) -> None:

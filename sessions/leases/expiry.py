@@ -47,7 +47,7 @@ def tick(
     )
 
 
-def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.datetime) -> bool:  # noqa: PLR0911 -- a table
+def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.datetime) -> bool:
     match act:
         case Free(epoch):
             return change_lease(robot, epoch, session=None, peer="", now=now)

@@ -318,7 +318,9 @@ def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
 
 
 def page_gone(session: str, peer: str, now: datetime.datetime) -> None:
-    """Note that a page closed its socket; ignored when another page of the visitor has taken over."""
+    """Note that a page closed its socket; ignored when another page of the
+    visitor has taken over.
+    """
     if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
         return
     Session.objects.filter(pk=session, state__in=LIVE).update(seen_at=None)
@@ -598,5 +600,7 @@ def is_free_drive(lease: Lease) -> bool:
 
 
 def living_session_of(robot: Robot, visitor: User) -> Session | None:
-    """Return the visitor's living session at a robot, for `hello`'s live_elsewhere and for links."""
+    """Return the visitor's living session at a robot, for `hello`'s
+    live_elsewhere and for links.
+    """
     return Session.objects.filter(live_key=live_key(robot, visitor)).first()

@@ -63,7 +63,9 @@ class ManagerMessage:
 
 
 class Scheduler:
-    """Everything that the session manager remembers between two looks; the rest is in the database."""
+    """Everything that the session manager remembers between two looks; the rest
+    is in the database.
+    """
 
     def __init__(self) -> None:
         self.outbox: deque[ManagerMessage] = deque()
@@ -270,7 +272,7 @@ class Scheduler:
             if known != epoch:
                 # Robots that were taken together, as by a class, are not renewed together from then
                 # on.
-                due[key] = random.random() * settings.LEASE_RENEWAL_SECONDS  # noqa: S311 -- spreads renewals
+                due[key] = random.random() * settings.LEASE_RENEWAL_SECONDS
             elif now.timestamp() - renewed >= settings.LEASE_RENEWAL_SECONDS:
                 due[key] = 0.0
         if due:

@@ -152,7 +152,9 @@ class Recorder:
             connection.close()
 
     def _write(self) -> None:
-        """Write; carefully after so long a pause that another session manager may have taken over."""
+        """Write; carefully after so long a pause that another session manager may
+        have taken over.
+        """
         self._transcript.write(careful=time.monotonic() - self._written_at > STALE_SECONDS / 2)
         self._written_at = time.monotonic()
 
@@ -164,7 +166,7 @@ class Recorder:
                 step()
             except (DatabaseError, InterfaceError) as error:
                 self._failures += 1
-                logger.error(  # noqa: TRY400
+                logger.error(
                     "record_not_written failures=%d waiting=%d reason=%s",
                     self._failures,
                     len(self._buffer),

@@ -115,7 +115,9 @@ class RecordStore:
         self.counts: Counter[str] = Counter()
 
     def robot_of(self, session: str, now: float) -> str | None:
-        """Return the name of the robot that a session is with; None when there is no such session."""
+        """Return the name of the robot that a session is with; None when there is
+        no such session.
+        """
         if session in self._robot_of_session:
             return self._robot_of_session[session]
         if now - self._unknown.get(session, -UNKNOWN_SECONDS) < UNKNOWN_SECONDS:

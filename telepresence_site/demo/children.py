@@ -103,7 +103,7 @@ class Children:
                 env=self.environment,
                 # Ctrl-C reaches the demo alone, which then ends them in order
                 start_new_session=True,
-                preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
+                preexec_fn=tied_to_parent(),
             )
             child = Child(name, process, log, log_start, started_at)
         self.running.append(child)
@@ -159,7 +159,9 @@ class Children:
         return next((child for child in self.running if child.process.poll() is not None), None)
 
     def stop(self) -> None:
-        """End all of them, last started first; who does not listen within some seconds is killed."""
+        """End all of them, last started first; who does not listen within some
+        seconds is killed.
+        """
         for child in reversed(self.running):
             with contextlib.suppress(ProcessLookupError):
                 child.process.terminate()

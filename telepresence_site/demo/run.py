@@ -147,7 +147,8 @@ class Demo:
 
     def prepare(self) -> None:
         """Bring database, static files and seed up to date."""
-        require_free("0.0.0.0" if self.options.lan else LOOPBACK, self.options.port)  # noqa: S104 -- LAN=1 asks for it
+        host = "0.0.0.0" if self.options.lan else LOOPBACK  # noqa: S104 -- LAN=1 asks for it
+        require_free(host, self.options.port)
         if self.options.reset:
             with self.terminal.step("start over"):
                 self._reset()

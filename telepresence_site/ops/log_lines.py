@@ -150,9 +150,7 @@ def _quoted(value: Any) -> str:
 
 def known_secrets() -> tuple[str, ...]:
     """Return the values of this site's settings that nobody may read in a log, longest first."""
-    from django.conf import (  # noqa: PLC0415
-        settings,
-    )
+    from django.conf import settings  # noqa: PLC0415 -- the settings name this module
 
     values = {
         settings.SECRET_KEY,

@@ -102,7 +102,7 @@ def play(
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
+        preexec_fn=tied_to_parent(),
     )
     last = ""
     try:

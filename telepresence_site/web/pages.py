@@ -182,7 +182,9 @@ def _barred(user: Any, robot: Any) -> str:
 
 
 def _for_visitor(built: Card, user: Any) -> Card:
-    """Lead a stranger through the sign-up to the robot, and everybody else straight to its wheel."""
+    """Lead a stranger through the sign-up to the robot, and everybody else
+    straight to its wheel.
+    """
     if not user.is_authenticated:
         return replace(built, url=f"{reverse('account_signup')}?{urlencode({'next': built.url})}")
     return replace(built, url=f"{built.url}?go=1") if built.drives else built

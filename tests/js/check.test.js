@@ -8,17 +8,47 @@ import { cardFor } from "../../static/js/hud/card.js";
 import { newVisit } from "../../static/js/connection/session.js";
 import { newState } from "../../static/js/state.js";
 
-const TEMPLATE = readFileSync(new URL("../../templates/sessions/_check_words.html", import.meta.url), "utf8");
-const SENTENCES = new Map(Array.from(TEMPLATE.matchAll(/data-word="([^"]+)">\{% translate "(.*)" %\}<\/p>/g), ([, key, sentence]) => [key, sentence]));
+const TEMPLATE = readFileSync(
+  new URL("../../templates/sessions/_check_words.html", import.meta.url),
+  "utf8",
+);
+const SENTENCES = new Map(
+  Array.from(
+    TEMPLATE.matchAll(/data-word="([^"]+)">\{% translate "(.*)" %\}<\/p>/g),
+    ([, key, sentence]) => [key, sentence],
+  ),
+);
 const STUN = [{ urls: ["stun:a.example"] }];
-const TURN = [{ urls: "stun:a.example" }, { urls: ["turn:a.example?transport=udp"], username: "u", credential: "c" }];
-const FOUND = { reached: true, roundTrip: 0.02, live: true, app: "", codecs: ["video/VP8"], ways: ["host", "srflx"], microphone: "there", camera: "there", gamepad: "" };
-const IN_WORDS = (changes, servers = STUN) => Object.fromEntries(judge({ ...FOUND, ...changes }, servers).map(({ topic, word }) => [topic, word.split(".").at(-1)]));
+const TURN = [
+  { urls: "stun:a.example" },
+  { urls: ["turn:a.example?transport=udp"], username: "u", credential: "c" },
+];
+const FOUND = {
+  reached: true,
+  roundTrip: 0.02,
+  live: true,
+  app: "",
+  codecs: ["video/VP8"],
+  ways: ["host", "srflx"],
+  microphone: "there",
+  camera: "there",
+  gamepad: "",
+};
+const IN_WORDS = (changes, servers = STUN) =>
+  Object.fromEntries(
+    judge({ ...FOUND, ...changes }, servers).map(({ topic, word }) => [
+      topic,
+      word.split(".").at(-1),
+    ]),
+  );
 
 describe("the check of browser and network", () => {
   test("finds nothing to say against a good one", () => {
     const lines = judge(FOUND, STUN);
-    assert.deepEqual(lines.filter(({ mark }) => mark !== "good").map(({ topic }) => topic), ["gamepad"]);
+    assert.deepEqual(
+      lines.filter(({ mark }) => mark !== "good").map(({ topic }) => topic),
+      ["gamepad"],
+    );
     assert.deepEqual([overall(lines), advice(lines)], ["good", null]);
   });
 
@@ -48,7 +78,7 @@ describe("the check of browser and network", () => {
     assert.equal(verdict({ microphone: "blocked", camera: "none" }), "good");
   });
 
-  test("says of a browser without live video whether it is one inside an app, and asks nothing more of it", () => {
+  test("says of a browser without live video whether an app holds it, and asks no more", () => {
     const none = { live: false, ways: [], codecs: [] };
     assert.deepEqual([IN_WORDS(none).browser, IN_WORDS(none).way], ["off", undefined]);
     assert.equal(IN_WORDS({ ...none, app: "WeChat" }).browser, "in_app");
@@ -61,24 +91,52 @@ describe("the check of browser and network", () => {
   });
 
   test("gives the gravest piece of advice", () => {
-    assert.equal(advice(judge({ ...FOUND, roundTrip: 0.5, ways: ["host"] }, STUN)).word, "check.way.blocked");
+    assert.equal(
+      advice(judge({ ...FOUND, roundTrip: 0.5, ways: ["host"] }, STUN)).word,
+      "check.way.blocked",
+    );
     assert.equal(advice(judge({ ...FOUND, roundTrip: 0.5 }, STUN)).word, "check.server.slow");
   });
 
   test("fits into a page event: few fields, plain values", () => {
-    const record = forRecord(judge({ ...FOUND, app: "LINE", live: false }, TURN), { ...FOUND, app: "LINE" });
+    const record = forRecord(judge({ ...FOUND, app: "LINE", live: false }, TURN), {
+      ...FOUND,
+      app: "LINE",
+    });
     assert.ok(Object.keys(record).length <= 16);
-    assert.ok(Object.values(record).every((value) => value === null || ["string", "number"].includes(typeof value)));
+    assert.ok(
+      Object.values(record).every(
+        (value) => value === null || ["string", "number"].includes(typeof value),
+      ),
+    );
     assert.deepEqual([record.browser, record.overall, record.app], ["in_app", "slow", "LINE"]);
   });
 
-  test("has a sentence for everything it finds, of at most twenty words and without a protocol's name", () => {
-    const some = [{ ...FOUND, gamepad: "Pad" }, { ...FOUND, reached: false, roundTrip: null }, { ...FOUND, roundTrip: 1 }, { ...FOUND, live: false }, { ...FOUND, live: false, app: "X" }, { ...FOUND, codecs: ["video/AV1"] }];
-    const ways = [["host"], ["host", "relay"], [], ["srflx", "relay"]].flatMap((kinds) => [STUN, TURN, []].map((servers) => [{ ...FOUND, ways: kinds }, servers]));
-    const devices = ["there", "none", "blocked", "barred"].map((state) => ({ ...FOUND, microphone: state, camera: state }));
-    const lines = [...[...some, ...devices].map((found) => [found, TURN]), ...ways].flatMap(([found, servers]) => judge(found, servers));
+  test("has a sentence of twenty words at most for everything, without a protocol's name", () => {
+    const some = [
+      { ...FOUND, gamepad: "Pad" },
+      { ...FOUND, reached: false, roundTrip: null },
+      { ...FOUND, roundTrip: 1 },
+      { ...FOUND, live: false },
+      { ...FOUND, live: false, app: "X" },
+      { ...FOUND, codecs: ["video/AV1"] },
+    ];
+    const ways = [["host"], ["host", "relay"], [], ["srflx", "relay"]].flatMap((kinds) =>
+      [STUN, TURN, []].map((servers) => [{ ...FOUND, ways: kinds }, servers]),
+    );
+    const devices = ["there", "none", "blocked", "barred"].map((state) => ({
+      ...FOUND,
+      microphone: state,
+      camera: state,
+    }));
+    const lines = [...[...some, ...devices].map((found) => [found, TURN]), ...ways].flatMap(
+      ([found, servers]) => judge(found, servers),
+    );
     for (const { topic, mark, word } of lines) {
-      assert.deepEqual([`check.topic.${topic}`, `check.mark.${mark}`, word].filter((key) => !SENTENCES.has(key)), []);
+      assert.deepEqual(
+        [`check.topic.${topic}`, `check.mark.${mark}`, word].filter((key) => !SENTENCES.has(key)),
+        [],
+      );
     }
     for (const [key, sentence] of SENTENCES) {
       assert.ok(sentence.split(/\s+/).length <= 20, key);
@@ -88,8 +146,12 @@ describe("the check of browser and network", () => {
 });
 
 describe("browsers inside apps", () => {
-  const IPHONE = "Mozilla/5.0 (iPhone; CPU iPhone OS 17_5 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like Gecko) Mobile/15E148";
-  const ANDROID = "Mozilla/5.0 (Linux; Android 14; Pixel 8; wv) AppleWebKit/537.36 (KHTML, like Gecko) Version/4.0 Chrome/126.0 Mobile Safari/537.36";
+  const IPHONE =
+    "Mozilla/5.0 (iPhone; CPU iPhone OS 17_5 like Mac OS X) AppleWebKit/605.1.15" +
+    " (KHTML, like Gecko) Mobile/15E148";
+  const ANDROID =
+    "Mozilla/5.0 (Linux; Android 14; Pixel 8; wv) AppleWebKit/537.36" +
+    " (KHTML, like Gecko) Version/4.0 Chrome/126.0 Mobile Safari/537.36";
 
   test("are known by their names, and browsers proper are not taken for them", () => {
     assert.equal(appOf(`${IPHONE} Instagram 334.0.4.32.98 (iPhone15,2; iOS 17_5)`), "Instagram");
@@ -97,7 +159,10 @@ describe("browsers inside apps", () => {
     assert.equal(appOf(`${IPHONE} MicroMessenger/8.0.49(0x1800312b)`), "WeChat");
     assert.equal(appOf(ANDROID), "app");
     assert.equal(appOf(`${IPHONE} Version/17.5 Safari/604.1`), "");
-    assert.equal(appOf("Mozilla/5.0 (X11; Linux x86_64; rv:128.0) Gecko/20100101 Firefox/128.0"), "");
+    assert.equal(
+      appOf("Mozilla/5.0 (X11; Linux x86_64; rv:128.0) Gecko/20100101 Firefox/128.0"),
+      "",
+    );
   });
 
   test("lead to the browser that the device has", () => {
@@ -105,9 +170,17 @@ describe("browsers inside apps", () => {
   });
 
   test("are told so with a link to copy, and may drive with a slow picture", () => {
-    const state = (more = {}) => ({ ...newState(), betterBrowser: "Safari", ...more, visit: { ...newVisit(), phase: "closed", reason: "in_app" } });
+    const state = (more = {}) => ({
+      ...newState(),
+      betterBrowser: "Safari",
+      ...more,
+      visit: { ...newVisit(), phase: "closed", reason: "in_app" },
+    });
     const card = cardFor(state());
-    assert.deepEqual([card.values.browser, card.main.action, card.extra.action], ["Safari", "copy_link", "go_slow"]);
+    assert.deepEqual(
+      [card.values.browser, card.main.action, card.extra.action],
+      ["Safari", "copy_link", "go_slow"],
+    );
     assert.equal(cardFor(state({ copied: true })).main.word, "do.link_copied");
   });
 });
@@ -115,7 +188,12 @@ describe("browsers inside apps", () => {
 describe("a connection that does not come about", () => {
   test("is explained on the cards that wait for it and on those of its end", () => {
     const finding = { word: "check.way.blocked", values: {} };
-    const card = (visit) => cardFor({ ...newState(), finding, visit: { ...newVisit(), socket: "open", online: true, ...visit } });
+    const card = (visit) =>
+      cardFor({
+        ...newState(),
+        finding,
+        visit: { ...newVisit(), socket: "open", online: true, ...visit },
+      });
     assert.equal(card({ phase: "driving", link: "connecting" }).detail, finding);
     assert.equal(card({ phase: "driving", link: "lost" }).detail, finding);
     assert.equal(card({ phase: "connecting", socket: "lost" }).detail, finding);

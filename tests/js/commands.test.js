@@ -16,10 +16,13 @@ const stream = () => {
   commands.bind(LEASE);
   return commands;
 };
-const stateWith = (safety, epoch = 3) => ({ epoch, safety: { estop: false, stopId: null, stopSeq: null, ...safety } });
+const stateWith = (safety, epoch = 3) => ({
+  epoch,
+  safety: { estop: false, stopId: null, stopSeq: null, ...safety },
+});
 
 describe("velocities", () => {
-  test("beginning, letting go and reversing are sent at once, more of the same with the next tick", () => {
+  test("beginning, letting go and reversing are sent at once, more of the same next tick", () => {
     const commands = stream();
     assert.equal(commands.intend(AHEAD), true);
     assert.equal(commands.intend({ ...AHEAD, linear: 0.5 }), false);
@@ -28,10 +31,18 @@ describe("velocities", () => {
     assert.equal(commands.intend(STILL), false);
   });
 
-  test("a command carries its lease, its number, its time and the picture that the visitor saw", () => {
+  test("a command has its lease, its number, its time and the picture that the visitor saw", () => {
     const commands = stream();
     commands.intend(AHEAD);
-    assert.deepEqual(commands.velocity(12.5, 12.4), { ...LEASE, seq: 1, stamp: 12.5, linear: 0.4, angular: 0, method: "keyboard", frame: 12.4 });
+    assert.deepEqual(commands.velocity(12.5, 12.4), {
+      ...LEASE,
+      seq: 1,
+      stamp: 12.5,
+      linear: 0.4,
+      angular: 0,
+      method: "keyboard",
+      frame: 12.4,
+    });
     assert.equal(commands.velocity(12.55, null).frame, undefined);
   });
 
@@ -79,7 +90,13 @@ describe("stop", () => {
     const commands = stream();
     commands.intend(AHEAD);
     commands.velocity(0, null);
-    assert.deepEqual(commands.stop(1), { type: "stop", actionId: "stop-1", ...LEASE, seq: 2, stamp: 1 });
+    assert.deepEqual(commands.stop(1), {
+      type: "stop",
+      actionId: "stop-1",
+      ...LEASE,
+      seq: 2,
+      stamp: 1,
+    });
   });
 
   test("until the robot echoes it, it is repeated and nothing else is said", () => {
@@ -88,7 +105,10 @@ describe("stop", () => {
     commands.stop(1);
     assert.equal(commands.intend(AHEAD), false);
     assert.equal(commands.velocity(1.05, null), null);
-    assert.deepEqual([commands.repeat(1.05).actionId, commands.repeat(1.1).seq, commands.repeat(1.1).stamp], ["stop-1", 1, 1.1]);
+    assert.deepEqual(
+      [commands.repeat(1.05).actionId, commands.repeat(1.1).seq, commands.repeat(1.1).stamp],
+      ["stop-1", 1, 1.1],
+    );
     commands.heardState(stateWith({ stopId: "another", stopSeq: 0 }));
     assert.notEqual(commands.repeat(1.15), null);
     commands.heardState(stateWith({ stopId: "stop-1" }));
@@ -144,7 +164,7 @@ describe("stop", () => {
     assert.deepEqual(commands.stop(1), { type: "stop", actionId: "x", seq: 1, stamp: 1 });
   });
 
-  test("a stop that nobody confirms within a second is said to be unconfirmed, and repeated more patiently after ten", () => {
+  test("a stop unconfirmed for a second is said to be so, and repeated slower after ten", () => {
     const commands = stream();
     commands.stop(1);
     assert.equal(commands.isUnconfirmed(1.9), false);
@@ -167,9 +187,14 @@ describe("which way", () => {
     return { carrier, sent };
   };
   const echo = ({ carrier }, way, n, now) =>
-    carrier.pulse.heard(way, { n: 1, stamp: now, echoes: [{ peer: "p", n, stamp: now - 0.02, received: now - 0.01 }] }, "p", now);
+    carrier.pulse.heard(
+      way,
+      { n: 1, stamp: now, echoes: [{ peer: "p", n, stamp: now - 0.02, received: now - 0.01 }] },
+      "p",
+      now,
+    );
 
-  test("velocities take the WebSocket until the robot has echoed the data channel, and again when it stops echoing", () => {
+  test("velocities take the WebSocket unless the robot is echoing the data channel", () => {
     const one = rig();
     one.carrier.commands.intend(AHEAD);
     one.carrier.beat(1, null);
@@ -178,11 +203,17 @@ describe("which way", () => {
     echo(one, "datachannel", 0, 1.1);
     one.carrier.sendVelocity(1.15, null);
     one.carrier.sendVelocity(1.65, null);
-    assert.deepEqual(one.sent.map(([way]) => way), ["mqtt", "datachannel", "mqtt"]);
-    assert.deepEqual(one.sent.map(([, frame]) => JSON.parse(frame.split("\n")[1]).seq), [1, 2, 3]);
+    assert.deepEqual(
+      one.sent.map(([way]) => way),
+      ["mqtt", "datachannel", "mqtt"],
+    );
+    assert.deepEqual(
+      one.sent.map(([, frame]) => JSON.parse(frame.split("\n")[1]).seq),
+      [1, 2, 3],
+    );
   });
 
-  test("the server is told when the robot is heard directly and when no longer, once each, and by every connection anew", () => {
+  test("the server is told once each when the robot is heard directly and when no longer", () => {
     const one = rig();
     const told = () => one.sent.splice(0).map(([way, frame]) => [way, ...frame.split("\n")]);
     one.carrier.tellDirect(1);
@@ -198,14 +229,17 @@ describe("which way", () => {
     assert.deepEqual(told(), [["mqtt", "page/direct", '{"direct":false}']]);
   });
 
-  test("a data channel that cannot take a command hands it to the WebSocket under the same number", () => {
+  test("a data channel that cannot take a command gives it and its number to the WebSocket", () => {
     const one = rig({ linkOpen: false });
     one.carrier.commands.intend(AHEAD);
     one.carrier.beat(1, null);
     echo(one, "datachannel", 0, 1.1);
     one.sent.length = 0;
     one.carrier.sendVelocity(1.15, null);
-    assert.deepEqual(one.sent.map(([way, , options]) => [way, options]), [["mqtt", { droppable: true }]]);
+    assert.deepEqual(
+      one.sent.map(([way, , options]) => [way, options]),
+      [["mqtt", { droppable: true }]],
+    );
   });
 
   test("a dot takes the way that commands take, one way alone, and is never kept for later", () => {
@@ -217,10 +251,13 @@ describe("which way", () => {
     one.sent.length = 0;
     one.carrier.sendPoint(1.15, dot);
     one.carrier.sendPoint(1.65, dot);
-    assert.deepEqual(one.sent.map(([way, frame, options]) => [way, frame.split("\n")[0], options]), [
-      ["datachannel", "command/point", undefined],
-      ["mqtt", "command/point", { droppable: true }],
-    ]);
+    assert.deepEqual(
+      one.sent.map(([way, frame, options]) => [way, frame.split("\n")[0], options]),
+      [
+        ["datachannel", "command/point", undefined],
+        ["mqtt", "command/point", { droppable: true }],
+      ],
+    );
     assert.deepEqual(JSON.parse(one.sent[0][1].split("\n")[1]), dot);
     const behind = rig({ linkOpen: false });
     behind.carrier.only = "datachannel";
@@ -233,7 +270,10 @@ describe("which way", () => {
     carrier.stop(1, "stop");
     carrier.repeatStop(1.05);
     assert.deepEqual(sent.map(([way]) => way), ["datachannel", "mqtt", "datachannel", "mqtt"]);
-    assert.equal(new Set(sent.map(([, frame]) => JSON.parse(frame.split("\n")[1]).actionId)).size, 1);
+    assert.equal(
+      new Set(sent.map(([, frame]) => JSON.parse(frame.split("\n")[1]).actionId)).size,
+      1,
+    );
   });
 
   test("a beat goes out on each way with a number that says which", () => {
@@ -244,7 +284,7 @@ describe("which way", () => {
     assert.deepEqual(beats, [["datachannel", 0], ["mqtt", 1], ["datachannel", 2], ["mqtt", 3]]);
   });
 
-  test("what the page writes is not what it reads: its own suffixes are unknown to its decoder", () => {
+  test("what the page writes is not what it reads: its decoder does not know its suffixes", () => {
     const { carrier, sent } = rig();
     carrier.stop(1, "stop");
     assert.throws(() => decodeFrame(sent[0][1]));

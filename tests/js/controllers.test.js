@@ -16,7 +16,12 @@ const STILL = { linear: 0, angular: 0 };
 describe("arbiter", () => {
   const rig = () => {
     const emitted = [];
-    return { arbiter: new Arbiter((intent) => emitted.push(`${intent.method} ${intent.linear} ${intent.angular}`)), emitted };
+    return {
+      arbiter: new Arbiter((intent) =>
+        emitted.push(`${intent.method} ${intent.linear} ${intent.angular}`),
+      ),
+      emitted,
+    };
   };
 
   test("the controller that was taken up last steers", () => {
@@ -27,7 +32,7 @@ describe("arbiter", () => {
     assert.deepEqual(emitted, ["keyboard 0.4 0", "stick 0 0.5"]);
   });
 
-  test("when it is let go the robot stands; the older one counts again when it is taken up anew", () => {
+  test("when it is let go the robot stands; the older one counts when taken up anew", () => {
     const { arbiter, emitted } = rig();
     arbiter.offer("keyboard", AHEAD);
     arbiter.offer("stick", LEFT);
@@ -85,7 +90,11 @@ describe("speeds", () => {
   });
 
   test("a lease can only lower it", () => {
-    assert.deepEqual(fullSpeeds(robot, { linear: 0.2, angular: 5 }, 2), { linear: 0.2, reverse: 0.2, angular: 0.7 });
+    assert.deepEqual(fullSpeeds(robot, { linear: 0.2, angular: 5 }, 2), {
+      linear: 0.2,
+      reverse: 0.2,
+      angular: 0.7,
+    });
   });
 
   test("an unknown robot is driven cautiously", () => {
@@ -147,7 +156,7 @@ describe("keyboard", () => {
   };
   const button = { closest: (selector) => (selector.includes("button") ? {} : null) };
 
-  test("a pressed key drives at once, faster while it is held, and not at all when it is let go", () => {
+  test("a pressed key drives at once, faster while held, and not at all when let go", () => {
     const { log, press, pass } = rig();
     press("keydown", "ArrowUp");
     pass(50);

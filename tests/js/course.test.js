@@ -1,7 +1,15 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { formatPoints, parsePoints, rounded, stepOf, without, withMoved, withPoint } from "../../static/js/admin/course_points.js";
+import {
+  formatPoints,
+  parsePoints,
+  rounded,
+  stepOf,
+  without,
+  withMoved,
+  withPoint,
+} from "../../static/js/admin/course_points.js";
 
 test("points are read from lines and written back to the centimetre", () => {
   assert.deepEqual(parsePoints("1 2\n\n 3,5;-4 \n"), [[1, 2], [3.5, -4]]);

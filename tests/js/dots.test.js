@@ -15,13 +15,26 @@ describe("a spot of a picture", () => {
     assert.deepEqual(spotIn(tall, { clientX: 200, clientY: 275 + 337.5 }), [0.25, 0.75]);
   });
 
-  test("counts from the picture's corner also where bars stand beside it, or its edges are cut off", () => {
-    assert.deepEqual(frameOf({ width: 720, height: 1280 }, 800, 640, "contain"), { left: 220, top: 0, width: 360, height: 640 });
-    assert.deepEqual(frameOf(WIDE, 800, 600, "cover"), { left: (800 - (600 * 16) / 9) / 2, top: 0, width: (600 * 16) / 9, height: 600 });
+  test("counts from the picture's corner, with bars beside it or its edges cut off too", () => {
+    assert.deepEqual(frameOf({ width: 720, height: 1280 }, 800, 640, "contain"), {
+      left: 220,
+      top: 0,
+      width: 360,
+      height: 640,
+    });
+    assert.deepEqual(frameOf(WIDE, 800, 600, "cover"), {
+      left: (800 - (600 * 16) / 9) / 2,
+      top: 0,
+      width: (600 * 16) / 9,
+      height: 600,
+    });
   });
 
   test("of a hand that has left the picture is at its edge", () => {
-    assert.deepEqual(spotIn({ left: 10, top: 10, width: 100, height: 50 }, { clientX: 300, clientY: -5 }), [1, 0]);
+    assert.deepEqual(
+      spotIn({ left: 10, top: 10, width: 100, height: 50 }, { clientX: 300, clientY: -5 }),
+      [1, 0],
+    );
   });
 });
 
@@ -41,7 +54,7 @@ describe("a hand on a picture", () => {
     assert.ok(said.every((at, index) => index === 0 || at - said[index - 1] >= EVERY - 1e-9));
   });
 
-  test("that rests is told again while it is pressed, before its dot is gone, and not while it only hovers", () => {
+  test("that rests is told again before its dot is gone, while pressed and not hovering", () => {
     const hand = new Hand();
     hand.is([0.5, 0.5], true);
     const at = [0, 0.1, 0.5, 0.9, 1.0, 1.8].filter((now) => hand.take(now));

@@ -3,13 +3,16 @@ import test from "node:test";
 
 import { fetched } from "../../static/js/lib/fetched.js";
 
-test("a part that did not arrive is fetched again when it is needed again, and kept once it is there", async () => {
+test("a part that did not arrive is fetched when needed again, and then kept", async () => {
   const answers = [Promise.reject(new TypeError("no network")), Promise.resolve("part")];
   let fetches = 0;
   const part = fetched(() => answers[fetches++]);
   const seen = [];
   const settle = () => new Promise(setImmediate);
-  part((it) => seen.push(it), () => seen.push("missing"));
+  part(
+    (it) => seen.push(it),
+    () => seen.push("missing"),
+  );
   await settle();
   part((it) => seen.push(it));
   await settle();

@@ -6,12 +6,26 @@ import { judge } from "../../static/js/connection/link_watch.js";
 
 const OFFSET = 7; // the robot's clock is seven seconds ahead
 
-/** A robot that answers a beat after `there` seconds on the way, `pause` thinking, `back` on the way. */
-const exchange = (pulse, way, at, { there = 0.01, pause = 0.05, back = 0.01, answerOn = way } = {}) => {
+/** A robot that answers a beat: `there` seconds on the way, `pause` thinking, `back` on the way. */
+const exchange = (
+  pulse,
+  way,
+  at,
+  { there = 0.01, pause = 0.05, back = 0.01, answerOn = way } = {},
+) => {
   const beat = pulse.beat(way, at);
   const received = at + there + OFFSET;
   const now = at + there + pause + back;
-  pulse.heard(answerOn, { n: 1, stamp: received + pause, echoes: [{ peer: "me", n: beat.n, stamp: beat.stamp, received }] }, "me", now);
+  pulse.heard(
+    answerOn,
+    {
+      n: 1,
+      stamp: received + pause,
+      echoes: [{ peer: "me", n: beat.n, stamp: beat.stamp, received }],
+    },
+    "me",
+    now,
+  );
   return now;
 };
 
@@ -42,7 +56,7 @@ test("a way is fresh for half a second after the robot has echoed a new beat of 
   assert.equal(pulse.isFresh("mqtt", now), false);
 });
 
-test("the echo of a data channel's beat counts for the data channel on whichever way it comes, but is no round trip of it", () => {
+test("an echo counts for the data channel whichever way it comes, but is no round trip", () => {
   const pulse = new Pulse();
   const now = exchange(pulse, "datachannel", 100, { answerOn: "mqtt" });
   assert.equal(pulse.isFresh("datachannel", now), true);
@@ -53,7 +67,11 @@ test("the echo of a data channel's beat counts for the data channel on whichever
 test("the same echo again proves nothing new", () => {
   const pulse = new Pulse();
   const beat = pulse.beat("datachannel", 100);
-  const answer = { n: 1, stamp: 100.05 + OFFSET, echoes: [{ peer: "me", n: beat.n, stamp: 100, received: 100.01 + OFFSET }] };
+  const answer = {
+    n: 1,
+    stamp: 100.05 + OFFSET,
+    echoes: [{ peer: "me", n: beat.n, stamp: 100, received: 100.01 + OFFSET }],
+  };
   pulse.heard("datachannel", answer, "me", 100.06);
   pulse.heard("datachannel", answer, "me", 100.56);
   assert.equal(pulse.isFresh("datachannel", 100.57), false);
@@ -63,15 +81,30 @@ test("the same echo again proves nothing new", () => {
 test("an echo of another peer's beat, or of one that was never sent, is ignored", () => {
   const pulse = new Pulse();
   pulse.beat("datachannel", 100);
-  pulse.heard("datachannel", { n: 1, stamp: 107, echoes: [{ peer: "other", n: 0, stamp: 100, received: 107 }] }, "me", 100.1);
-  pulse.heard("datachannel", { n: 2, stamp: 107, echoes: [{ peer: "me", n: 4000, stamp: 100, received: 107 }] }, "me", 100.1);
+  pulse.heard(
+    "datachannel",
+    { n: 1, stamp: 107, echoes: [{ peer: "other", n: 0, stamp: 100, received: 107 }] },
+    "me",
+    100.1,
+  );
+  pulse.heard(
+    "datachannel",
+    { n: 2, stamp: 107, echoes: [{ peer: "me", n: 4000, stamp: 100, received: 107 }] },
+    "me",
+    100.1,
+  );
   assert.equal(pulse.offset, null);
 });
 
 test("an echo that claims to have travelled back in time gives no sample", () => {
   const pulse = new Pulse();
   const beat = pulse.beat("datachannel", 100);
-  pulse.heard("datachannel", { n: 1, stamp: 120, echoes: [{ peer: "me", n: beat.n, stamp: 100, received: 107 }] }, "me", 100.1);
+  pulse.heard(
+    "datachannel",
+    { n: 1, stamp: 120, echoes: [{ peer: "me", n: beat.n, stamp: 100, received: 107 }] },
+    "me",
+    100.1,
+  );
   assert.equal(pulse.offset, null);
 });
 
@@ -100,17 +133,23 @@ test("a link lives while the robot is heard on its data channel", () => {
   assert.equal(judge(LINK, 21.6), "silent");
 });
 
-test("a link is given up when it fails, is not answered, finds no way, or opens and stays silent", () => {
+test("a link is given up when it fails, is not answered, finds no way, or stays silent", () => {
   assert.equal(judge({ ...LINK, state: "failed" }, 20.1), "failed");
-  assert.equal(judge({ ...LINK, answeredAt: null, openedAt: null, heardAt: -Infinity }, 14.9), "waiting");
-  assert.equal(judge({ ...LINK, answeredAt: null, openedAt: null, heardAt: -Infinity }, 15.1), "no_answer");
+  assert.equal(
+    judge({ ...LINK, answeredAt: null, openedAt: null, heardAt: -Infinity }, 14.9),
+    "waiting",
+  );
+  assert.equal(
+    judge({ ...LINK, answeredAt: null, openedAt: null, heardAt: -Infinity }, 15.1),
+    "no_answer",
+  );
   assert.equal(judge({ ...LINK, openedAt: null, heardAt: -Infinity }, 19.9), "waiting");
   assert.equal(judge({ ...LINK, openedAt: null, heardAt: -Infinity }, 20.1), "no_way");
   assert.equal(judge({ ...LINK, heardAt: -Infinity }, 13.4), "waiting");
   assert.equal(judge({ ...LINK, heardAt: -Infinity }, 13.6), "silent");
 });
 
-test("a picture that grows old is noticed within a tenth of a second of age, and one that is always as old is not", () => {
+test("a picture that grows old is noticed within 0.1 s, and one that is always old is not", () => {
   const aging = new Aging();
   const looks = (/** @type {number[]} */ ages) => ages.map((age) => aging.look(age));
   assert.ok(!looks([0.08, 0.05, 0.08, 0.11, 0.14]).some(Boolean));

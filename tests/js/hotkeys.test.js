@@ -9,7 +9,7 @@ import { Hotkeys, keyUse } from "../../static/js/input/hotkeys.js";
 import { TalkKey } from "../../static/js/presence/talk_key.js";
 import { stepOf } from "../../static/js/presence/tilt.js";
 
-/** An element that the rule's selectors are asked of, by its tag and attributes, as a browser would answer. */
+/** An element of a tag with attributes that answers the rule's selectors as a browser would. */
 const at = (tag, attributes = {}) => ({
   closest: (selectors) =>
     selectors.match(/[a-z]*(?:\[[^\]]*\]|:not\([^)]*\))*/g).some((one) => {
@@ -18,7 +18,9 @@ const at = (tag, attributes = {}) => ({
         const [, key, , value] = /^\[([a-z-]+)(='([^']*)')?\]$/.exec(part);
         return key in attributes && (value === undefined || attributes[key] === value);
       };
-      const without = [...rest.matchAll(/:not\(([^)]*)\)/g)].flatMap(([, list]) => list.split(", "));
+      const without = [...rest.matchAll(/:not\(([^)]*)\)/g)].flatMap(([, list]) =>
+        list.split(", "),
+      );
       const wanted = rest.replace(/:not\([^)]*\)/g, "").match(/\[[^\]]*\]/g) ?? [];
       return one !== "" && (name === "" || name === tag) && wanted.every(has) && !without.some(has);
     }) || null,
@@ -45,7 +47,11 @@ const rig = () => {
   new TalkKey({ keys, onTalk: (down) => log.push(down ? "talk" : "quiet") });
   keys.add({ down: (event) => stepOf(event) && log.push("tilt") });
   const send = (type, code, { on = BODY, ...more } = {}) => {
-    const event = Object.assign(new Event(type, { cancelable: true }), { code, key: code, ...more });
+    const event = Object.assign(new Event(type, { cancelable: true }), {
+      code,
+      key: code,
+      ...more,
+    });
     Object.defineProperty(event, "target", { value: on });
     target.dispatchEvent(event);
     return event;
@@ -57,7 +63,25 @@ const rig = () => {
   };
   return { keys, log, send, shows, holder, root };
 };
-const ALL = ["KeyW", "KeyA", "KeyS", "KeyD", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "KeyR", "KeyF", "KeyT", "Equal", "Minus", "Slash", "BracketRight", "NumpadAdd", "NumpadSubtract"];
+const ALL = [
+  "KeyW",
+  "KeyA",
+  "KeyS",
+  "KeyD",
+  "ArrowUp",
+  "ArrowDown",
+  "ArrowLeft",
+  "ArrowRight",
+  "KeyR",
+  "KeyF",
+  "KeyT",
+  "Equal",
+  "Minus",
+  "Slash",
+  "BracketRight",
+  "NumpadAdd",
+  "NumpadSubtract",
+];
 
 describe("the page's keys", () => {
   test("drive, tilt, talk and change the speed where nothing has them", () => {
@@ -68,8 +92,16 @@ describe("the page's keys", () => {
     }
   });
 
-  test("do nothing in anything that is written in, chosen from or made rich, the space bar included", () => {
-    const fields = [FIELD, at("input"), at("input", { type: "search" }), at("textarea"), at("select"), at("div", { contenteditable: "true" }), at("div", { contenteditable: "" })];
+  test("do nothing, nor does space, in what is written in, chosen from or made rich", () => {
+    const fields = [
+      FIELD,
+      at("input"),
+      at("input", { type: "search" }),
+      at("textarea"),
+      at("select"),
+      at("div", { contenteditable: "true" }),
+      at("div", { contenteditable: "" }),
+    ];
     for (const on of fields) {
       const { log, send } = rig();
       [...ALL, "Space"].forEach((code) => send("keydown", code, { on }));
@@ -78,15 +110,25 @@ describe("the page's keys", () => {
   });
 
   test("do nothing with Ctrl, Alt or Meta, nor as part of a letter that is being composed", () => {
-    for (const more of [{ ctrlKey: true }, { altKey: true }, { metaKey: true }, { isComposing: true }, { keyCode: 229 }]) {
+    for (const more of [
+      { ctrlKey: true },
+      { altKey: true },
+      { metaKey: true },
+      { isComposing: true },
+      { keyCode: 229 },
+    ]) {
       const { log, send } = rig();
       [...ALL, "Space"].forEach((code) => send("keydown", code, more));
       assert.deepEqual(log, []);
     }
   });
 
-  test("do nothing on a slider, a box and the map, where the space bar still stops unless it ticks", () => {
-    for (const [on, stops] of [[at("input", { type: "range" }), 1], [at("canvas", { "data-own-keys": "" }), 1], [at("input", { type: "checkbox" }), 0]]) {
+  test("do nothing on a slider, a box and the map; space stops there unless it ticks", () => {
+    for (const [on, stops] of [
+      [at("input", { type: "range" }), 1],
+      [at("canvas", { "data-own-keys": "" }), 1],
+      [at("input", { type: "checkbox" }), 0],
+    ]) {
       const { log, send } = rig();
       [...ALL, "Space"].forEach((code) => send("keydown", code, { on }));
       assert.deepEqual(log, Array(stops).fill("stop"));
@@ -102,8 +144,11 @@ describe("the page's keys", () => {
     assert.deepEqual(log, ["stop"]);
   });
 
-  test("that are down when something opens are released at once, and mean nothing after it has closed until they are pressed anew", () => {
-    for (const [code, begins, ends] of [["KeyW", "drive", "still"], ["KeyT", "talk", "quiet"]]) {
+  test("that are down when something opens are let go, and mean nothing until pressed anew", () => {
+    for (const [code, begins, ends] of [
+      ["KeyW", "drive", "still"],
+      ["KeyT", "talk", "quiet"],
+    ]) {
       const { log, send, shows } = rig();
       send("keydown", code);
       shows(true);
@@ -117,7 +162,7 @@ describe("the page's keys", () => {
     }
   });
 
-  test("that are pressed in a field and still down when it has closed do not tilt by their repetition", () => {
+  test("that are pressed in a field and still down when it has closed do not tilt", () => {
     const { log, send } = rig();
     send("keydown", "KeyR", { on: FIELD });
     send("keydown", "KeyR", { repeat: true });
@@ -128,8 +173,11 @@ describe("the page's keys", () => {
     assert.deepEqual(log, ["tilt", "tilt"]);
   });
 
-  test("that are down when a field gets the focus, or the window loses it, are released, and a release inside the field does no harm", () => {
-    for (const [type, more] of [["focusin", { on: FIELD }], ["blur", {}]]) {
+  test("are let go when a field gets the focus or the window loses it, and once only", () => {
+    for (const [type, more] of [
+      ["focusin", { on: FIELD }],
+      ["blur", {}],
+    ]) {
       const { log, send } = rig();
       send("keydown", "KeyW");
       send(type, "", more);
@@ -176,9 +224,16 @@ describe("the page's keys", () => {
 
 test("whatever listens to keys asks the rule", () => {
   const root = new URL("../../static/js/", import.meta.url);
-  const others = ["hud/signs.js", "overlay/wiring.js", "pages/site.js"]; // a sign of presence, which hand it was, and Escape of a menu of a light page
+  // a sign of presence, which hand it was, and Escape of a menu of a light page
+  const others = ["hud/signs.js", "overlay/wiring.js", "pages/site.js"];
   const heard = readdirSync(root, { recursive: true })
-    .filter((name) => name.endsWith(".js") && /["'](keydown|keyup|keypress)["']|\.onkey/.test(readFileSync(new URL(name, root), "utf8")))
-    .filter((name) => !/from "[^"]*input\/hotkeys\.js"/.test(readFileSync(new URL(name, root), "utf8")));
+    .filter(
+      (name) =>
+        name.endsWith(".js") &&
+        /["'](keydown|keyup|keypress)["']|\.onkey/.test(readFileSync(new URL(name, root), "utf8")),
+    )
+    .filter(
+      (name) => !/from "[^"]*input\/hotkeys\.js"/.test(readFileSync(new URL(name, root), "utf8")),
+    );
   assert.deepEqual(heard.sort(), [...others, "input/hotkeys.js"].sort());
 });

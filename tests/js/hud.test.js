@@ -10,19 +10,73 @@ import { statusFor } from "../../static/js/hud/status.js";
 import { createWords } from "../../static/js/lib/words.js";
 import { createStore, newState } from "../../static/js/state.js";
 
-const TEMPLATE = readFileSync(new URL("../../templates/sessions/_words.html", import.meta.url), "utf8");
-const SENTENCES = new Map(Array.from(TEMPLATE.matchAll(/data-word="([^"]+)">(.*)<\/p>/g), ([, key, sentence]) => [key, sentence]));
+const TEMPLATE = readFileSync(
+  new URL("../../templates/sessions/_words.html", import.meta.url),
+  "utf8",
+);
+const SENTENCES = new Map(
+  Array.from(TEMPLATE.matchAll(/data-word="([^"]+)">(.*)<\/p>/g), ([, key, sentence]) => [
+    key,
+    sentence,
+  ]),
+);
 const ROOT = new URL("../../static/js/", import.meta.url);
 
-const state = (visit = {}, more = {}) => ({ ...newState(), ...more, visit: { ...newVisit(), socket: "open", online: true, mayDrive: true, mayObserve: true, ...visit } });
+const state = (visit = {}, more = {}) => ({
+  ...newState(),
+  ...more,
+  visit: {
+    ...newVisit(),
+    socket: "open",
+    online: true,
+    mayDrive: true,
+    mayObserve: true,
+    ...visit,
+  },
+});
 const ROBOT = { safety: { estop: false, inhibited: null, collision: false } };
-const PHASES = ["connecting", "lobby", "taking", "queued", "turn", "driving", "watching", "elsewhere"];
-const REFUSED = ["offline", "disabled", "not_invited", "not_trained", "observers_full", "not_allowed", "paused"];
-const ENDED = ["completed", "timed_out", "connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost", "moved", "left", "turn_missed", "idle"];
+const PHASES = [
+  "connecting",
+  "lobby",
+  "taking",
+  "queued",
+  "turn",
+  "driving",
+  "watching",
+  "elsewhere",
+];
+const REFUSED = [
+  "offline",
+  "disabled",
+  "not_invited",
+  "not_trained",
+  "observers_full",
+  "not_allowed",
+  "paused",
+];
+const ENDED = [
+  "completed",
+  "timed_out",
+  "connection_refused",
+  "cancelled",
+  "stopped_by_operator",
+  "robot_fault",
+  "connection_lost",
+  "moved",
+  "left",
+  "turn_missed",
+  "idle",
+];
 const CLOSED = ["signed_out", "not_allowed", "no_such_robot", "unsupported", "in_app"];
 
 const everyState = () => [
-  ...PHASES.flatMap((phase) => ["none", "connecting", "live", "lost"].flatMap((link) => [state({ phase, link }), state({ phase, link, socket: "lost" }), state({ phase, link, online: false })])),
+  ...PHASES.flatMap((phase) =>
+    ["none", "connecting", "live", "lost"].flatMap((link) => [
+      state({ phase, link }),
+      state({ phase, link, socket: "lost" }),
+      state({ phase, link, online: false }),
+    ]),
+  ),
   state({ phase: "queued", place: 1 }),
   state({ phase: "queued", place: 3 }),
   state({ phase: "lobby", liveElsewhere: true }),
@@ -31,10 +85,19 @@ const everyState = () => [
   state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 0 } }),
   state({ phase: "lobby" }, { room: { driver: null, driving: true, observers: 0, waiting: 0 } }),
   state({ phase: "driving" }, { leaving: true }),
-  state({ phase: "driving", link: "live", askedUntil: 20 }, { leaving: true, playing: true, now: 5 }),
+  state(
+    { phase: "driving", link: "live", askedUntil: 20 },
+    { leaving: true, playing: true, now: 5 },
+  ),
   state({ phase: "queued", place: 2 }, { notifiable: true }),
-  ...["off", "starting", "on"].map((practice) => state({ phase: "queued", place: 2 }, { practice, notifiable: true })),
-  ...["driving", "watching"].flatMap((phase) => ["connecting", "lost"].map((link) => state({ phase, link }, { slow: true, playing: true, robot: ROBOT }))),
+  ...["off", "starting", "on"].map((practice) =>
+    state({ phase: "queued", place: 2 }, { practice, notifiable: true }),
+  ),
+  ...["driving", "watching"].flatMap((phase) =>
+    ["connecting", "lost"].map((link) =>
+      state({ phase, link }, { slow: true, playing: true, robot: ROBOT }),
+    ),
+  ),
   ...REFUSED.map((reason) => state({ phase: "refused", reason })),
   ...ENDED.map((reason) => state({ phase: "ended", reason })),
   ...CLOSED.map((reason) => state({ phase: "closed", reason })),
@@ -44,8 +107,20 @@ describe("cards", () => {
   test("every state that the page can be in has its words, and every button as well", () => {
     for (const one of everyState()) {
       const card = cardFor(one);
-      const keys = card ? [`${card.word}.title`, `${card.word}.text`, card.main?.word, card.extra?.word, card.other?.word] : [];
-      assert.deepEqual(keys.filter((key) => key && !SENTENCES.has(key)), [], JSON.stringify(one.visit));
+      const keys = card
+        ? [
+            `${card.word}.title`,
+            `${card.word}.text`,
+            card.main?.word,
+            card.extra?.word,
+            card.other?.word,
+          ]
+        : [];
+      assert.deepEqual(
+        keys.filter((key) => key && !SENTENCES.has(key)),
+        [],
+        JSON.stringify(one.visit),
+      );
       assert.ok(SENTENCES.has(statusFor(one).word));
       assert.ok(!alertFor(one) || SENTENCES.has(alertFor(one).word));
     }
@@ -58,7 +133,7 @@ describe("cards", () => {
     }
   });
 
-  test("while the picture is there, nothing lies over it; a lost link has its line and not a card", () => {
+  test("while the picture is there, nothing lies over it; a lost link has a line, no card", () => {
     assert.equal(cardFor(state({ phase: "driving", link: "live" }, { playing: true })), null);
     const lost = state({ phase: "driving", link: "lost" });
     assert.equal(cardFor(lost), null);
@@ -70,28 +145,53 @@ describe("cards", () => {
     assert.deepEqual([card.word, card.main.action], ["ended.completed", "home"]);
   });
 
-  test("whoever is asked to give a sign has one button for it and sees how long the robot waits", () => {
-    const card = cardFor(state({ phase: "driving", link: "live", askedUntil: 130 }, { now: 100.2, playing: true }));
-    assert.deepEqual(card, { word: "idle", countdown: 30, main: { action: "here", word: "do.here" }, quiet: true });
+  test("whoever is asked for a sign has one button for it and sees how long robots wait", () => {
+    const card = cardFor(
+      state({ phase: "driving", link: "live", askedUntil: 130 }, { now: 100.2, playing: true }),
+    );
+    assert.deepEqual(card, {
+      word: "idle",
+      countdown: 30,
+      main: { action: "here", word: "do.here" },
+      quiet: true,
+    });
   });
 
-  test("whoever waits may ask to be told, as long as the browser can still ask them to allow it", () => {
-    const waits = (notifiable) => cardFor(state({ phase: "queued", place: 2 }, { notifiable })).main?.action;
+  test("whoever waits may ask to be told, while the browser can still ask for permission", () => {
+    const waits = (notifiable) =>
+      cardFor(state({ phase: "queued", place: 2 }, { notifiable })).main?.action;
     assert.deepEqual([waits(true), waits(false)], ["tell_me", undefined]);
   });
 
-  test("whoever waits may practise where there is a robot for it, and sees that one is being made ready", () => {
-    const card = (practice) => cardFor(state({ phase: "queued", place: 2 }, { practice, notifiable: true }));
-    assert.deepEqual([card("off").main.action, card("off").extra.action, card("none").main.action], ["practise", "tell_me", "tell_me"]);
-    assert.deepEqual([card("starting").busy, card("starting").detail.word, card("starting").main], [true, "practice.starting", undefined]);
+  test("whoever waits may practise where a robot is for it, and sees one being made ready", () => {
+    const card = (practice) =>
+      cardFor(state({ phase: "queued", place: 2 }, { practice, notifiable: true }));
+    assert.deepEqual(
+      [card("off").main.action, card("off").extra.action, card("none").main.action],
+      ["practise", "tell_me", "tell_me"],
+    );
+    assert.deepEqual(
+      [card("starting").busy, card("starting").detail.word, card("starting").main],
+      [true, "practice.starting", undefined],
+    );
   });
 
   test("a robot that somebody drives is in use, and says which place one would have", () => {
-    const one = state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 2 } });
+    const one = state(
+      { phase: "lobby" },
+      { room: { driver: "Ana", driving: true, observers: 0, waiting: 2 } },
+    );
     assert.deepEqual([statusFor(one).word, cardFor(one).values.place], ["status.busy", 3]);
     assert.equal(statusFor(state({ phase: "lobby" })).word, "status.ready");
     for (const phase of ["queued", "turn"]) {
-      assert.equal(statusFor({ ...state({ phase, link: "live", online: true, socket: "open" }), playing: true }).word, "status.waiting", "also while they watch");
+      assert.equal(
+        statusFor({
+          ...state({ phase, link: "live", online: true, socket: "open" }),
+          playing: true,
+        }).word,
+        "status.waiting",
+        "also while they watch",
+      );
     }
   });
 
@@ -108,7 +208,13 @@ describe("alerts", () => {
   });
 
   test("a latched e-stop, a fault and a contact are said to whoever drives or watches", () => {
-    const say = (safety) => alertFor(state({ phase: "watching", link: "live" }, { robot: { safety: { ...ROBOT.safety, ...safety } } }))?.word;
+    const say = (safety) =>
+      alertFor(
+        state(
+          { phase: "watching", link: "live" },
+          { robot: { safety: { ...ROBOT.safety, ...safety } } },
+        ),
+      )?.word;
     assert.equal(say({ estop: true }), "alert.estop");
     assert.equal(say({ inhibited: "fault" }), "alert.fault");
     assert.equal(say({ collision: true }), "alert.collision");
@@ -116,36 +222,67 @@ describe("alerts", () => {
   });
 
   test("a lost server does not alarm whoever drives over a living link", () => {
-    assert.equal(alertFor(state({ phase: "driving", link: "live", socket: "lost" })).word, "alert.server_only");
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "live", socket: "lost" })).word,
+      "alert.server_only",
+    );
   });
 
   test("a robot that talks to the page is not called lost because the server has lost it", () => {
-    assert.equal(alertFor(state({ phase: "driving", link: "live", online: false })).word, "alert.server_only");
-    assert.equal(alertFor(state({ phase: "driving", link: "lost", online: false })).word, "alert.robot_offline");
-    assert.equal(alertFor(state({ phase: "driving", link: "lost", online: false, serverBlind: true })).word, "alert.server");
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "live", online: false })).word,
+      "alert.server_only",
+    );
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "lost", online: false })).word,
+      "alert.robot_offline",
+    );
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "lost", online: false, serverBlind: true })).word,
+      "alert.server",
+    );
   });
 
   const PARTS = ["broker", "session_manager", "database"];
-  const fault = (part, then, at = null) => ({ faults: [{ part, then, at }], now: 100, robot: ROBOT });
-  const driving = (more, visit = {}) => alertFor(state({ phase: "driving", link: "live", ...visit }, more));
+  const fault = (part, then, at = null) => ({
+    faults: [{ part, then, at }],
+    now: 100,
+    robot: ROBOT,
+  });
+  const driving = (more, visit = {}) =>
+    alertFor(state({ phase: "driving", link: "live", ...visit }, more));
 
   test("every part that fails has words for what follows, whoever looks", () => {
     for (const phase of ["driving", "watching", "queued", "turn", "taking"]) {
       for (const part of PARTS) {
         for (const [then, at] of [["waits", null], ["stops", 105], ["stopped", null]]) {
-          const said = alertFor(state({ phase, link: phase === "driving" ? "live" : "none" }, fault(part, then, at)));
-          assert.ok(said?.word.startsWith(`fault.${part}.`) && SENTENCES.has(said.word), `${phase} ${part} ${then}: ${said?.word}`);
+          const said = alertFor(
+            state({ phase, link: phase === "driving" ? "live" : "none" }, fault(part, then, at)),
+          );
+          assert.ok(
+            said?.word.startsWith(`fault.${part}.`) && SENTENCES.has(said.word),
+            `${phase} ${part} ${then}: ${said?.word}`,
+          );
         }
       }
     }
-    for (const word of ["fault.disk_low", "fault.disk_full", "fault.robot.stopped", "fault.robot.waits"]) {
+    for (const word of [
+      "fault.disk_low",
+      "fault.disk_full",
+      "fault.robot.stopped",
+      "fault.robot.waits",
+    ]) {
       assert.ok(SENTENCES.has(word), word);
     }
   });
 
   test("the seconds until the robot stops are counted down, and then it has stopped", () => {
     const stops = fault("session_manager", "stops", 107.2);
-    assert.deepEqual(driving(stops), { word: "fault.session_manager.stops", tone: "danger", values: { seconds: 8 } });
+    assert.deepEqual(driving(stops), {
+      word: "fault.session_manager.stops",
+      tone: "danger",
+      values: { seconds: 8 },
+    });
     assert.equal(driving({ ...stops, now: 108 }).word, "fault.session_manager.stopped");
     assert.equal(driving({ ...stops, faults: [] }), null);
   });
@@ -161,25 +298,35 @@ describe("alerts", () => {
     assert.equal(driving(fault("robot", "stopped"), { link: "lost" }).word, "fault.robot.stopped");
   });
 
-  test("a server that says nothing any more is out of reach, and what it said last is not repeated", () => {
+  test("a server that falls silent is out of reach, and what it said last is not repeated", () => {
     const silent = { ...fault("session_manager", "stops", 107), serverSilent: true };
     assert.equal(driving(silent).word, "alert.server_only");
     assert.equal(driving(silent, { link: "lost" }).word, "alert.server_driver");
-    assert.equal(driving({ ...silent, serverSilent: false }, { link: "lost", socket: "lost" }).word, "alert.server_driver");
+    assert.equal(
+      driving({ ...silent, serverSilent: false }, { link: "lost", socket: "lost" }).word,
+      "alert.server_driver",
+    );
     assert.equal(alertFor(state({ phase: "queued" }, { serverSilent: true })).word, "alert.server");
   });
 
-  test("an e-stop is said before a part of the server, and a full disk after what keeps the robot from moving", () => {
+  test("an e-stop comes before a server's part, a full disk after what stops the robot", () => {
     const estop = { robot: { safety: { ...ROBOT.safety, estop: true } } };
     assert.equal(driving({ ...fault("database", "stops", 107), ...estop }).word, "alert.estop");
     const disk = fault("disk_full", "goes_on");
     assert.deepEqual(driving(disk), { word: "fault.disk_full", tone: "busy" });
     assert.equal(driving({ ...disk, ...estop }).word, "alert.estop");
-    assert.equal(driving({ ...disk, faults: [...disk.faults, { part: "database", then: "stops", at: 107 }] }).word, "fault.database.stops");
+    assert.equal(
+      driving({ ...disk, faults: [...disk.faults, { part: "database", then: "stops", at: 107 }] })
+        .word,
+      "fault.database.stops",
+    );
   });
 
   test("the end of the turn is counted in minutes and seconds", () => {
-    const one = state({ phase: "driving", link: "live", turnEnds: 175 }, { now: 100, robot: ROBOT });
+    const one = state(
+      { phase: "driving", link: "live", turnEnds: 175 },
+      { now: 100, robot: ROBOT },
+    );
     assert.deepEqual(alertFor(one).values, { time: "1:15" });
   });
 });
@@ -190,14 +337,16 @@ describe("words", () => {
     assert.deepEqual([words.say("w", { n: 1 }), words.say("w", { n: 3 })], ["1 Gast", "3 Gäste"]);
   });
 
-  test("a name in braces that is not given stays as it is, and a value is not read as a pattern", () => {
+  test("a name in braces without a value stays, and a value is not read as a pattern", () => {
     const words = createWords(new Map([["w", "{a} {b}"]]), "en");
     assert.equal(words.say("w", { a: "$&{b}" }), "$&{b} {b}");
   });
 
   test("no sentence is longer than twenty words or speaks of protocols", () => {
     for (const [key, sentence] of SENTENCES) {
-      const said = sentence.replace(/\{%.*?%\}/g, (tag) => tag.match(/"(.*)"/)?.[1] ?? "").replace(/\{\{.*?\}\}/g, "robot");
+      const said = sentence
+        .replace(/\{%.*?%\}/g, (tag) => tag.match(/"(.*)"/)?.[1] ?? "")
+        .replace(/\{\{.*?\}\}/g, "robot");
       assert.ok(said.split(/\s+/).length <= 20, key);
       assert.ok(!/\b(?:WebRTC|MQTT|ICE|sessions?|leases?|WebSocket|epoch)\b/i.test(said), key);
     }
@@ -208,7 +357,10 @@ describe("dials", () => {
   const L = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]];
 
   test("a point is in a room of any shape or it is not", () => {
-    assert.deepEqual([contains(L, 0.5, 2), contains(L, 3, 0.5), contains(L, 3, 2), contains(L, -1, 1)], [true, true, false, false]);
+    assert.deepEqual(
+      [contains(L, 0.5, 2), contains(L, 3, 0.5), contains(L, 3, 2), contains(L, -1, 1)],
+      [true, true, false, false],
+    );
     assert.equal(roomAt({ rooms: [{ title: "Hall", polygon: L }] }, { x: 3, y: 0.5 }), "Hall");
     assert.equal(roomAt(null, { x: 0, y: 0 }), "");
   });
@@ -233,13 +385,21 @@ describe("store", () => {
 });
 
 describe("modules", () => {
-  const files = readdirSync(ROOT, { recursive: true }).filter((name) => name.endsWith(".js") && !/^(pages|survey|admin|live|replay|screen|boot|waiting|check|technical)/.test(name));
+  const files = readdirSync(ROOT, { recursive: true }).filter(
+    (name) =>
+      name.endsWith(".js") &&
+      !/^(pages|survey|admin|live|replay|screen|boot|waiting|check|technical)/.test(name),
+  );
   const source = (name) => readFileSync(new URL(name, ROOT), "utf8");
 
-  test("every import is relative and ends in a semicolon on its line, because hashed file names are only written into such", () => {
+  test("every import is relative and ends in a semicolon, so that it gets its hashed name", () => {
     for (const name of files) {
       for (const [statement] of source(name).matchAll(/^import .*$|^export .* from .*$/gm)) {
-        assert.match(statement, /^(?:import|export) .* from ["']\.\.?\/[\w./]+\.js["'];$/, `${name}: ${statement}`);
+        assert.match(
+          statement,
+          /^(?:import|export) .* from ["']\.\.?\/[\w./]+\.js["'];$/,
+          `${name}: ${statement}`,
+        );
       }
     }
   });
@@ -250,12 +410,17 @@ describe("modules", () => {
     }
   });
 
-  test("the page asks at once for every module but those that are fetched when needed, and for no other", () => {
-    const template = readFileSync(new URL("../../templates/sessions/_modules.html", import.meta.url), "utf8");
+  test("the page asks at once for all modules but those fetched when needed, and no others", () => {
+    const template = readFileSync(
+      new URL("../../templates/sessions/_modules.html", import.meta.url),
+      "utf8",
+    );
     const preloaded = Array.from(template.matchAll(/static 'js\/([^']+)'/g), ([, name]) => name);
     const reached = new Set(["console.js"]);
     for (const name of reached) {
-      for (const [, target] of source(name).matchAll(/^(?:import|export) .* from ["'](.+)["'];$/gm)) {
+      for (const [, target] of source(name).matchAll(
+        /^(?:import|export) .* from ["'](.+)["'];$/gm,
+      )) {
         reached.add(new URL(target, new URL(name, "file:///")).pathname.slice(1));
       }
     }
@@ -265,23 +430,43 @@ describe("modules", () => {
 });
 
 describe("a camera that gives no video", () => {
-  const camera = (status, reason = "") => ({ robot: { ...ROBOT, cameraStatus: { status, reason } } });
+  const camera = (status, reason = "") => ({
+    robot: { ...ROBOT, cameraStatus: { status, reason } },
+  });
 
   test("is said to start while it does, though the link is there", () => {
-    assert.equal(cardFor(state({ phase: "driving", link: "live" }, camera("starting"))).word, "link");
+    assert.equal(
+      cardFor(state({ phase: "driving", link: "live" }, camera("starting"))).word,
+      "link",
+    );
     assert.equal(cardFor(state({ phase: "driving", link: "live" }, { robot: ROBOT })), null);
   });
 
-  test("is said with its reason when it has failed, and while it is tried again, instead of what a network may lack", () => {
+  test("is said with its reason when it failed or is tried again, before any other finding", () => {
     for (const status of ["failed", "starting"]) {
-      const card = cardFor(state({ phase: "watching", link: "live" }, { ...camera(status, "connection refused"), finding: { word: "finding.relay" } }));
-      assert.deepEqual([card.word, card.detail], ["camera", { word: "camera.reason", values: { reason: "connection refused" } }]);
-      assert.ok(["camera.title", "camera.text", "camera.reason", "alert.camera"].every((key) => SENTENCES.has(key)));
+      const card = cardFor(
+        state(
+          { phase: "watching", link: "live" },
+          { ...camera(status, "connection refused"), finding: { word: "finding.relay" } },
+        ),
+      );
+      assert.deepEqual(
+        [card.word, card.detail],
+        ["camera", { word: "camera.reason", values: { reason: "connection refused" } }],
+      );
+      assert.ok(
+        ["camera.title", "camera.text", "camera.reason", "alert.camera"].every((key) =>
+          SENTENCES.has(key),
+        ),
+      );
     }
   });
 
-  test("is said over the last picture when it goes in the middle, and not while it only starts", () => {
-    const shown = (status, reason) => alertFor(state({ phase: "driving", link: "live" }, { ...camera(status, reason), playing: true }))?.word;
+  test("is said over the last picture when it goes midway, and not while it only starts", () => {
+    const shown = (status, reason) =>
+      alertFor(
+        state({ phase: "driving", link: "live" }, { ...camera(status, reason), playing: true }),
+      )?.word;
     assert.equal(shown("failed", "connection refused"), "alert.camera");
     assert.equal(shown("starting", "connection refused"), "alert.camera");
     assert.notEqual(shown("starting", ""), "alert.camera");
@@ -289,7 +474,8 @@ describe("a camera that gives no video", () => {
 });
 
 describe("a picture that comes through the server", () => {
-  const slow = (link, more = {}) => state({ phase: "driving", link }, { slow: true, playing: true, robot: ROBOT, ...more });
+  const slow = (link, more = {}) =>
+    state({ phase: "driving", link }, { slow: true, playing: true, robot: ROBOT, ...more });
 
   test("is marked in the bar and over the picture, whatever becomes of the direct way", () => {
     for (const link of ["connecting", "lost"]) {
@@ -312,7 +498,10 @@ describe("a picture that comes through the server", () => {
   });
 
   test("does not tell a watcher to drive gently", () => {
-    const watching = state({ phase: "watching", link: "lost" }, { slow: true, playing: true, robot: ROBOT });
+    const watching = state(
+      { phase: "watching", link: "lost" },
+      { slow: true, playing: true, robot: ROBOT },
+    );
     assert.equal(alertFor(watching).word, "alert.slow_picture_observer");
   });
 });

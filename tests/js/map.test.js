@@ -8,7 +8,9 @@ import { boundsOf, fit, imageTransform, toScreen, toWorld } from "../../static/j
 
 const BOUNDS = { left: -0.2, bottom: -0.2, right: 12.2, top: 7.8 };
 const close = (actual, expected, tolerance = 1e-9) =>
-  actual.forEach((value, i) => assert.ok(Math.abs(value - expected[i]) <= tolerance, `${actual} is not ${expected}`));
+  actual.forEach((value, i) =>
+    assert.ok(Math.abs(value - expected[i]) <= tolerance, `${actual} is not ${expected}`),
+  );
 
 test("to the screen and back is where it was", () => {
   const view = fit(BOUNDS, 344, 500);
@@ -27,7 +29,12 @@ test("a fitted view shows everything with its margin, in the middle, undistorted
     const view = fit(BOUNDS, width, height, 10);
     const [left, bottom] = toScreen(view, BOUNDS.left, BOUNDS.bottom);
     const [right, top] = toScreen(view, BOUNDS.right, BOUNDS.top);
-    assert.ok(left >= 10 - 1e-9 && right <= width - 10 + 1e-9 && top >= 10 - 1e-9 && bottom <= height - 10 + 1e-9);
+    assert.ok(
+      left >= 10 - 1e-9 &&
+        right <= width - 10 + 1e-9 &&
+        top >= 10 - 1e-9 &&
+        bottom <= height - 10 + 1e-9,
+    );
     close([(left + right) / 2, (top + bottom) / 2], [width / 2, height / 2]);
     assert.ok(Math.min(left, height - bottom) <= 10 + 1e-9);
   }
@@ -45,15 +52,38 @@ test("an image of a map lies where ROS says, turned origins included", () => {
     for (const [u, v] of [[0, 164], [0, 0], [252, 37]]) {
       // robots.api.geometry.MapTransform.to_world
       const [right, up] = [u * 0.05, (164 - v) * 0.05];
-      const world = [-0.3 + right * Math.cos(theta) - up * Math.sin(theta), -0.4 + right * Math.sin(theta) + up * Math.cos(theta)];
-      close([a * u + c * v + e, b * u + d * v + f], toScreen(view, ...world).map((pixel) => 2 * pixel), 1e-6);
+      const world = [
+        -0.3 + right * Math.cos(theta) - up * Math.sin(theta),
+        -0.4 + right * Math.sin(theta) + up * Math.cos(theta),
+      ];
+      close(
+        [a * u + c * v + e, b * u + d * v + f],
+        toScreen(view, ...world).map((pixel) => 2 * pixel),
+        1e-6,
+      );
     }
   }
 });
 
 test("a site is as large as its rooms, or as its image when it has no plan", () => {
   const grid = { resolution: 0.5, origin: [1, 2, 0], width: 4, height: 6 };
-  assert.deepEqual(boundsOfSite({ ...grid, plan: { rooms: [{ polygon: [[0, 0], [3, 0], [3, 2]] }] } }), { left: 0, bottom: 0, right: 3, top: 2 });
+  assert.deepEqual(
+    boundsOfSite({
+      ...grid,
+      plan: {
+        rooms: [
+          {
+            polygon: [
+              [0, 0],
+              [3, 0],
+              [3, 2],
+            ],
+          },
+        ],
+      },
+    }),
+    { left: 0, bottom: 0, right: 3, top: 2 },
+  );
   assert.deepEqual(boundsOfSite({ ...grid, plan: {} }), { left: 1, bottom: 2, right: 3, top: 5 });
   assert.deepEqual(boundsOf([[1, 5], [-2, 3]]), { left: -2, bottom: 3, right: 1, top: 5 });
 });
@@ -85,7 +115,11 @@ describe("looking around", () => {
   test("a turned map is found again by hand, and what the robot looks at is above it", () => {
     const turned = view({ zoom: 3, follows: true, turns: true });
     assert.deepEqual(toScreen(turned, robot.x, robot.y), [200, 150]);
-    const [x, y] = toScreen(turned, robot.x + Math.cos(robot.theta), robot.y + Math.sin(robot.theta));
+    const [x, y] = toScreen(
+      turned,
+      robot.x + Math.cos(robot.theta),
+      robot.y + Math.sin(robot.theta),
+    );
     assert.ok(Math.abs(x - 200) < 1e-9 && y < 150);
     const [px, py] = toScreen(turned, ...toWorld(turned, 37, 91));
     assert.ok(Math.hypot(px - 37, py - 91) < 1e-9);
@@ -98,15 +132,23 @@ describe("looking around", () => {
     const [px, py] = toScreen(view(nearer), ...under);
     assert.ok(Math.hypot(px - 120, py - 80) < 1e-9);
     assert.equal(zoomed({ ...ALL, ...nearer }, view(nearer), bounds, 1e9).zoom, NEAREST);
-    assert.deepEqual(zoomed({ ...ALL, ...nearer }, view(nearer), bounds, 0.01), { zoom: 1, x: null, y: null });
+    assert.deepEqual(zoomed({ ...ALL, ...nearer }, view(nearer), bounds, 0.01), {
+      zoom: 1,
+      x: null,
+      y: null,
+    });
   });
 
-  test("who moves the map by hand does not follow the robot any more, and never loses the map", () => {
+  test("who moves the map by hand follows the robot no more, and never loses the map", () => {
     const near = view({ zoom: 4, follows: true });
     const there = moved(near, bounds, -30, 0);
     assert.equal(there.follows, false);
     assert.ok(Math.abs(there.x - (robot.x + 30 / near.scale)) < 1e-9);
     assert.deepEqual(moved(near, bounds, 1e6, 1e6), { follows: false, x: 0, y: 8 });
-    assert.deepEqual(zoomed({ ...ALL, follows: true }, near, bounds, 1.5), { zoom: 1.5 }, "the robot stays in the middle");
+    assert.deepEqual(
+      zoomed({ ...ALL, follows: true }, near, bounds, 1.5),
+      { zoom: 1.5 },
+      "the robot stays in the middle",
+    );
   });
 });

@@ -3,35 +3,65 @@ import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 
 import { Track, along, into, outOf } from "../../static/js/overlay/frames.js";
-import { boxOf, depthOf, fromElement, sideOf, toElement, toFloor, toPicture } from "../../static/js/overlay/lens.js";
+import {
+  boxOf,
+  depthOf,
+  fromElement,
+  sideOf,
+  toElement,
+  toFloor,
+  toPicture,
+} from "../../static/js/overlay/lens.js";
 import { hidesWall, isBehind } from "../../static/js/overlay/sight.js";
 import { arcSteps, heldSteps, lineSteps, reachOf, sweep } from "../../static/js/overlay/swath.js";
 
-const TRUTH = JSON.parse(readFileSync(new URL("../golden/projection.json", import.meta.url), "utf8"));
+const TRUTH = JSON.parse(
+  readFileSync(new URL("../golden/projection.json", import.meta.url), "utf8"),
+);
 const GIRAFF = TRUTH.giraff;
-const LIMITS = { linearAcceleration: 0.2, linearBraking: 0.8, angularAcceleration: 0.4, angularBraking: 1.6 };
+const LIMITS = {
+  linearAcceleration: 0.2,
+  linearBraking: 0.8,
+  angularAcceleration: 0.4,
+  angularBraking: 1.6,
+};
 const ORIGIN = { x: 0, y: 0, theta: 0, tilt: 0, linear: 0, angular: 0, stamp: 0, localized: true };
-const close = (one, other, within) => assert.ok(Math.hypot(one[0] - other[0], one[1] - other[1]) <= within, `${one} is not within ${within} of ${other}`);
+const close = (one, other, within) =>
+  assert.ok(
+    Math.hypot(one[0] - other[0], one[1] - other[1]) <= within,
+    `${one} is not within ${within} of ${other}`,
+  );
 
 describe("the sides of the picture", () => {
   const PICTURE = { width: 640, height: 480 };
 
   test("are a finger wide at least, and whatever lies beside the picture", () => {
     const wide = boxOf(PICTURE, 1000, 480, "contain"); // 180 px beside it on either side
-    assert.deepEqual([20, 200, 230, 500, 770, 800, 999].map((px) => sideOf(wide, PICTURE, px)), [1, 1, 0, 0, 0, -1, -1]);
+    assert.deepEqual(
+      [20, 200, 230, 500, 770, 800, 999].map((px) => sideOf(wide, PICTURE, px)),
+      [1, 1, 0, 0, 0, -1, -1],
+    );
   });
 
   test("are those of what is seen of a picture that is cut off", () => {
     const narrow = boxOf(PICTURE, 390, 400, "cover");
-    assert.deepEqual([0, 43, 45, 345, 347].map((px) => sideOf(narrow, PICTURE, px)), [1, 1, 0, 0, -1]);
+    assert.deepEqual(
+      [0, 43, 45, 345, 347].map((px) => sideOf(narrow, PICTURE, px)),
+      [1, 1, 0, 0, -1],
+    );
   });
 });
 
 describe("lens", () => {
   for (const [series, { camera, cases }] of Object.entries(TRUTH)) {
-    test(`a pixel of ${series} lies on the floor where its simulator draws it, within 2 cm and 2 in 100`, () => {
+    test(`a pixel of ${series} lies where its simulator draws it, within 2 cm and 2 in 100`, () => {
       assert.ok(cases.length >= 250);
-      for (const { pose: [x, y, theta], tilt, pixel, floor } of cases) {
+      for (const {
+        pose: [x, y, theta],
+        tilt,
+        pixel,
+        floor,
+      } of cases) {
         const found = outOf({ x, y, theta }, toFloor(camera, tilt, pixel));
         close(found, floor, 0.02 + 0.02 * Math.hypot(floor[0] - x, floor[1] - y));
         const back = toPicture(camera, tilt, into({ x, y, theta }, floor));
@@ -40,7 +70,7 @@ describe("lens", () => {
     });
   }
 
-  test("at the horizon and above there is no floor, and what is behind the lens has no depth", () => {
+  test("at the horizon and above there is no floor, and behind the lens there is no depth", () => {
     const { pitch, ...level } = GIRAFF.camera;
     assert.equal(pitch, 0, "what is the usual is left out of messages");
     assert.equal(toFloor(level, 0, [320, 240]), null);
@@ -59,7 +89,12 @@ describe("lens", () => {
 });
 
 describe("track", () => {
-  const said = (stamp, x, tilt = 0, theta = 0) => ({ stamp, pose: { x, y: 0, theta, localized: true }, velocity: { linear: 1, angular: 0 }, tilt });
+  const said = (stamp, x, tilt = 0, theta = 0) => ({
+    stamp,
+    pose: { x, y: 0, theta, localized: true },
+    velocity: { linear: 1, angular: 0 },
+    tilt,
+  });
 
   test("knows whether anybody knows where the head looks", () => {
     const track = new Track();
@@ -81,7 +116,7 @@ describe("track", () => {
     assert.equal(track.at(null).x, 0.2);
   });
 
-  test("takes every moment once, forgets the oldest, and begins anew when the robot's clock was set", () => {
+  test("takes every moment once, forgets the oldest, begins anew when the clock was set", () => {
     const track = new Track();
     for (let i = 0; i < 200; i += 1) {
       track.add(said(10 + i / 30, i));
@@ -90,7 +125,10 @@ describe("track", () => {
     assert.equal(track.moments.length, 90);
     assert.equal(track.newest.x, 199);
     track.add(said(1, 5));
-    assert.deepEqual(track.moments.map(({ x }) => x), [5]);
+    assert.deepEqual(
+      track.moments.map(({ x }) => x),
+      [5],
+    );
     assert.equal(new Track().at(3), null);
   });
 });
@@ -100,7 +138,11 @@ describe("swath", () => {
     const [linear, angular] = [0.5, 0.4];
     let place = { x: 0, y: 0, theta: 0 };
     for (let i = 0; i < 3000; i += 1) {
-      place = { x: place.x + (linear / 1000) * Math.cos(place.theta), y: place.y + (linear / 1000) * Math.sin(place.theta), theta: place.theta + angular / 1000 };
+      place = {
+        x: place.x + (linear / 1000) * Math.cos(place.theta),
+        y: place.y + (linear / 1000) * Math.sin(place.theta),
+        theta: place.theta + angular / 1000,
+      };
     }
     const end = along({ x: 0, y: 0, theta: 0 }, linear, angular, 3);
     close([end.x, end.y], [place.x, place.y], 0.002);
@@ -109,10 +151,25 @@ describe("swath", () => {
   });
 
   for (const [series, { drives, limits }] of Object.entries(TRUTH)) {
-    test(`what a held command will do is where the simulated ${series} gets to, within 10 cm`, () => {
-      const own = Object.fromEntries(Object.entries(limits).map(([name, value]) => [name.replace(/_(.)/g, (_, letter) => letter.toUpperCase()), value]));
-      for (const { begin: [linear, angular], told, end } of drives) {
-        const last = heldSteps({ ...ORIGIN, linear, angular }, { linear: told[0], angular: told[1] }, own, 2.5).at(-1) ?? ORIGIN;
+    test(`what a held command will do is where the simulated ${series} gets, within 10 cm`, () => {
+      const own = Object.fromEntries(
+        Object.entries(limits).map(([name, value]) => [
+          name.replace(/_(.)/g, (_, letter) => letter.toUpperCase()),
+          value,
+        ]),
+      );
+      for (const {
+        begin: [linear, angular],
+        told,
+        end,
+      } of drives) {
+        const last =
+          heldSteps(
+            { ...ORIGIN, linear, angular },
+            { linear: told[0], angular: told[1] },
+            own,
+            2.5,
+          ).at(-1) ?? ORIGIN;
         close([last.x, last.y], end, 0.1);
       }
     });
@@ -127,14 +184,19 @@ describe("swath", () => {
       const [left, right] = reachOf(GIRAFF.footprint, curvature);
       const radius = curvature ? 1 / curvature : 0;
       for (const [x, y] of GIRAFF.footprint) {
-        const aside = curvature ? Math.sign(radius) * (Math.abs(radius) - Math.hypot(x, y - radius)) : y;
-        assert.ok(aside <= left + 1e-9 && aside >= -right - 1e-9, `${curvature}: ${aside} in ${left}, ${right}`);
+        const aside = curvature
+          ? Math.sign(radius) * (Math.abs(radius) - Math.hypot(x, y - radius))
+          : y;
+        assert.ok(
+          aside <= left + 1e-9 && aside >= -right - 1e-9,
+          `${curvature}: ${aside} in ${left}, ${right}`,
+        );
       }
     }
     assert.deepEqual(reachOf(GIRAFF.footprint, 0), [0.28, 0.28]);
   });
 
-  test("a way ends before what stands in it, and tells how near it comes to what stands beside", () => {
+  test("a way ends before what stands in it, and tells how near it comes to what is beside", () => {
     const steps = arcSteps(ORIGIN, 0, 3);
     const free = sweep(steps, GIRAFF.footprint, []);
     assert.equal(free.blocked, false);
@@ -159,7 +221,10 @@ describe("swath", () => {
 });
 
 describe("sight", () => {
-  const plan = { walls: [{ start: [0, 2], end: [4, 2] }], doors: [{ start: [1, 2.02], end: [2, 2.02] }] };
+  const plan = {
+    walls: [{ start: [0, 2], end: [4, 2] }],
+    doors: [{ start: [1, 2.02], end: [2, 2.02] }],
+  };
 
   test("walls hide, doorways do not", () => {
     assert.equal(hidesWall(plan, [3, 0], [3, 4]), true);

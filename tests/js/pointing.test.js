@@ -7,15 +7,40 @@ import { Arbiter } from "../../static/js/controllers/arbiter.js";
 import { Errand } from "../../static/js/controllers/errand.js";
 import { Gamepads } from "../../static/js/controllers/gamepad.js";
 import { HOLD_SECONDS, Pointing } from "../../static/js/controllers/pointing.js";
-import { BACK_OUT, SIDE_TURN, backOut, lookingAt, reach, towards, turnTo, wayTo } from "../../static/js/controllers/pursuit.js";
+import {
+  BACK_OUT,
+  SIDE_TURN,
+  backOut,
+  lookingAt,
+  reach,
+  towards,
+  turnTo,
+  wayTo,
+} from "../../static/js/controllers/pursuit.js";
 import { alertFor } from "../../static/js/hud/alert.js";
 import { stuckFor } from "../../static/js/hud/stuck.js";
 import { cuesFor } from "../../static/js/overlay/cues.js";
 import { along } from "../../static/js/overlay/frames.js";
 import { newState } from "../../static/js/state.js";
 
-const WORDS = new Set(Array.from(readFileSync(new URL("../../templates/sessions/_words.html", import.meta.url), "utf8").matchAll(/data-word="([^"]+)"/g), ([, key]) => key));
-const FOOTPRINT = [[0.32, 0.14], [0.18, 0.28], [-0.18, 0.28], [-0.32, 0.14], [-0.32, -0.14], [-0.18, -0.28], [0.18, -0.28], [0.32, -0.14]];
+const WORDS = new Set(
+  Array.from(
+    readFileSync(new URL("../../templates/sessions/_words.html", import.meta.url), "utf8").matchAll(
+      /data-word="([^"]+)"/g,
+    ),
+    ([, key]) => key,
+  ),
+);
+const FOOTPRINT = [
+  [0.32, 0.14],
+  [0.18, 0.28],
+  [-0.18, 0.28],
+  [-0.32, 0.14],
+  [-0.32, -0.14],
+  [-0.18, -0.28],
+  [0.18, -0.28],
+  [0.32, -0.14],
+];
 const FULL = { linear: 0.7, reverse: 0.3, angular: 0.7 };
 const LIMITS = { linearBraking: 0.8 };
 const HOME = { x: 0, y: 0, theta: 0, tilt: 0, linear: 0, angular: 0, stamp: 0, localized: true };
@@ -30,9 +55,15 @@ describe("driving to a point", () => {
       let ticks = 0;
       for (let velocity; (velocity = towards(place, goal, FULL, 0.4)); ticks += 1) {
         assert.ok(ticks < 1200, "it never comes there");
-        assert.ok(Math.abs(velocity.linear) <= FULL.linear && Math.abs(velocity.angular) <= FULL.angular + 1e-9);
+        assert.ok(
+          Math.abs(velocity.linear) <= FULL.linear &&
+            Math.abs(velocity.angular) <= FULL.angular + 1e-9,
+        );
         place = along(place, velocity.linear, velocity.angular, 0.05);
-        far = Math.max(far, Math.min(...shown.map(({ x, y }) => Math.hypot(x - place.x, y - place.y))));
+        far = Math.max(
+          far,
+          Math.min(...shown.map(({ x, y }) => Math.hypot(x - place.x, y - place.y))),
+        );
       }
       assert.ok(Math.hypot(place.x - goal[0], place.y - goal[1]) < 0.13);
       assert.ok(far < 0.1, `${far} m beside`);
@@ -49,11 +80,13 @@ describe("driving to a point", () => {
   });
 
   for (const side of [1, -1]) {
-    test(`a press at a side turns on the spot, by as much as the picture moves on (${side})`, () => {
+    test(`a press at a side turns on the spot, as much as the picture moves on (${side})`, () => {
       let place = { ...HOME, x: 2, y: 1, theta: 3 };
       const point = lookingAt(place, side * SIDE_TURN);
       for (let velocity, ticks = 0; (velocity = turnTo(place, point, FULL)); ticks += 1) {
-        assert.ok(ticks < 200 && velocity.linear === 0 && Math.abs(velocity.angular) <= FULL.angular);
+        assert.ok(
+          ticks < 200 && velocity.linear === 0 && Math.abs(velocity.angular) <= FULL.angular,
+        );
         place = along(place, 0, velocity.angular, 0.05);
       }
       assert.ok(Math.abs(place.theta - 3 - side * SIDE_TURN) < 0.06);
@@ -77,7 +110,15 @@ describe("an errand", () => {
       },
       onEnd: (end, kind) => ends.push([end, kind]),
     });
-    const world = (more = {}) => ({ moment: HOME, age: 0, full: FULL, limits: LIMITS, footprint: FOOTPRINT, seen: [], ...more });
+    const world = (more = {}) => ({
+      moment: HOME,
+      age: 0,
+      full: FULL,
+      limits: LIMITS,
+      footprint: FOOTPRINT,
+      seen: [],
+      ...more,
+    });
     return { arbiter, errand, sent, ends, world };
   };
 
@@ -94,7 +135,7 @@ describe("an errand", () => {
     assert.deepEqual(sent.at(-1), { linear: 0, angular: 0, method: "touch" });
   });
 
-  test("turns where nothing else has room, and says nothing of having turned but that it is over", () => {
+  test("turns where nothing else has room, and says no more of it than that it is over", () => {
     const { errand, sent, ends, world } = rig();
     errand.start("turn", lookingAt(HOME, SIDE_TURN), "mouse", 0);
     errand.tick(world({ seen: wall(0.4) }), 0.05);
@@ -116,8 +157,13 @@ describe("an errand", () => {
     assert.equal(sent.at(-1).method, "mouse");
   });
 
-  test("ends before what stands in the way, when it gets no farther, and when nothing is known of the robot", () => {
-    for (const [more, at, end] of [[{ seen: wall(0.6) }, 0.1, "blocked"], [{}, 4, "stuck"], [{ age: 1 }, 0.1, "lost"], [{ moment: null }, 0.1, "lost"]]) {
+  test("ends before an obstacle, when it gets no farther, or with no news of the robot", () => {
+    for (const [more, at, end] of [
+      [{ seen: wall(0.6) }, 0.1, "blocked"],
+      [{}, 4, "stuck"],
+      [{ age: 1 }, 0.1, "lost"],
+      [{ moment: null }, 0.1, "lost"],
+    ]) {
       const { errand, ends, world, sent } = rig();
       errand.start("goal", [3, 0], "mouse", 0);
       errand.tick(world(), 0);
@@ -155,13 +201,32 @@ describe("pressing on the picture", () => {
     };
     const said = [];
     const clock = { ms: 0 };
-    const note = (name) => (what) => said.push([name, what?.px ?? what, what?.py, what?.method].filter((one) => one !== undefined));
+    const note = (name) => (what) =>
+      said.push(
+        [name, what?.px ?? what, what?.py, what?.method].filter((one) => one !== undefined),
+      );
     const pointing = new Pointing({
-      stage, allowed, now: () => clock.ms,
-      onAim: note("aim"), onGo: note("go"), onHold: note("hold"), onEnd: note("end"), barred: note("barred"), stop: () => said.push(["stop"]),
+      stage,
+      allowed,
+      now: () => clock.ms,
+      onAim: note("aim"),
+      onGo: note("go"),
+      onHold: note("hold"),
+      onEnd: note("end"),
+      barred: note("barred"),
+      stop: () => said.push(["stop"]),
     });
     pointing.enable();
-    const send = (name, clientX, clientY, more = {}) => listeners.get(name)?.({ target: stage, button: 0, pointerId: 1, pointerType: "mouse", clientX, clientY, ...more });
+    const send = (name, clientX, clientY, more = {}) =>
+      listeners.get(name)?.({
+        target: stage,
+        button: 0,
+        pointerId: 1,
+        pointerType: "mouse",
+        clientX,
+        clientY,
+        ...more,
+      });
     return { pointing, said, clock, send, listeners };
   };
 
@@ -170,7 +235,12 @@ describe("pressing on the picture", () => {
     send("pointerdown", 110, 220);
     send("pointermove", 160, 220);
     send("pointerup", 160, 220);
-    assert.deepEqual(said, [["aim", 100, 200, "mouse"], ["aim", 150, 200, "mouse"], ["end", false], ["go", 150, 200, "mouse"]]);
+    assert.deepEqual(said, [
+      ["aim", 100, 200, "mouse"],
+      ["aim", 150, 200, "mouse"],
+      ["end", false],
+      ["go", 150, 200, "mouse"],
+    ]);
   });
 
   test("held still it drives for as long as it is held, and not a moment longer", () => {
@@ -188,7 +258,7 @@ describe("pressing on the picture", () => {
     assert.deepEqual(said.at(-1), ["end", true]);
   });
 
-  test("a lost touch and a disabled controller say stop; a second finger, another button and the page's own buttons are none of it", () => {
+  test("a lost touch and a disabled controller stop; other fingers and buttons do nothing", () => {
     const { pointing, said, send, listeners } = rig();
     send("pointerdown", 110, 220);
     send("pointerdown", 10, 20, { pointerId: 2 });
@@ -216,12 +286,23 @@ describe("pressing on the picture", () => {
     const { said, send } = rig((method) => method !== "touch");
     send("pointerdown", 110, 220, { pointerType: "touch" });
     assert.deepEqual(said, [["barred", "touch"]]);
-    assert.ok(WORDS.has("off.touch") || readFileSync(new URL("../../templates/sessions/_study_words.html", import.meta.url), "utf8").includes("off.touch"));
+    assert.ok(
+      WORDS.has("off.touch") ||
+        readFileSync(
+          new URL("../../templates/sessions/_study_words.html", import.meta.url),
+          "utf8",
+        ).includes("off.touch"),
+    );
   });
 });
 
 describe("gamepad", () => {
-  const pad = (axes = [0, 0, 0, 0], pressed = []) => ({ index: 0, mapping: "standard", axes, buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: pressed.includes(i) })) });
+  const pad = (axes = [0, 0, 0, 0], pressed = []) => ({
+    index: 0,
+    mapping: "standard",
+    axes,
+    buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: pressed.includes(i) })),
+  });
   const rig = () => {
     const target = new EventTarget();
     const [said, frames] = [[], []];
@@ -239,17 +320,21 @@ describe("gamepad", () => {
       there.pad = next;
       frames.shift()?.();
     };
-    const plug = (name, gamepad) => target.dispatchEvent(Object.assign(new Event(name), { gamepad }));
+    const plug = (name, gamepad) =>
+      target.dispatchEvent(Object.assign(new Event(name), { gamepad }));
     return { gamepads, said, look, plug, there };
   };
 
-  test("is found when it is plugged in, drives with its left stick, and stops when it is pulled out", () => {
+  test("is found when plugged in, drives with its left stick, and stops when pulled out", () => {
     const { gamepads, said, look, plug } = rig();
     gamepads.enable();
     plug("gamepadconnected", pad());
     look(pad());
     look(pad([0, -1, 0, 0]));
-    assert.deepEqual(said, [["pad", true, "left"], ["drive", 1, 0]]);
+    assert.deepEqual(said, [
+      ["pad", true, "left"],
+      ["drive", 1, 0],
+    ]);
     plug("gamepaddisconnected", pad());
     assert.deepEqual(said.slice(2), [["drive", 0, 0], ["stop"], ["pad", false, "left"]]);
   });
@@ -268,7 +353,7 @@ describe("gamepad", () => {
     assert.deepEqual(said.slice(-3), [["stop"], ["step", 1], ["drive", 0, 0]]);
   });
 
-  test("a stick that is held when everything lets go counts again after it was let go itself", () => {
+  test("a stick held when everything lets go counts again after it was let go itself", () => {
     const { gamepads, said, look, there } = rig();
     there.pad = pad();
     gamepads.enable();
@@ -286,15 +371,33 @@ describe("gamepad", () => {
 });
 
 describe("I press and nothing moves", () => {
-  const robot = { safety: { estop: false, collision: false, inhibited: null }, refused: {}, errors: [], docked: false, pose: { localized: true } };
+  const robot = {
+    safety: { estop: false, collision: false, inhibited: null },
+    refused: {},
+    errors: [],
+    docked: false,
+    pose: { localized: true },
+  };
   const pressing = (more = {}, robotMore = {}) => ({
-    ...newState(), pressing: { since: 10 }, playing: true, now: 20,
+    ...newState(),
+    pressing: { since: 10 },
+    playing: true,
+    now: 20,
     robot: { ...robot, ...robotMore, safety: { ...robot.safety, ...robotMore.safety } },
-    ...more, visit: { ...newVisit(), phase: "driving", link: "live", online: true, socket: "open", ...more.visit },
+    ...more,
+    visit: {
+      ...newVisit(),
+      phase: "driving",
+      link: "live",
+      online: true,
+      socket: "open",
+      ...more.visit,
+    },
   });
-  const why = (state, more = {}) => stuckFor(state, { now: 10.6, heardAt: 10.5, movedAt: 0, ...more })?.word ?? null;
+  const why = (state, more = {}) =>
+    stuckFor(state, { now: 10.6, heardAt: 10.5, movedAt: 0, ...more })?.word ?? null;
 
-  test("nothing is said before half a second, to whoever presses nothing, and while the robot moves", () => {
+  test("nothing is said before half a second, to who presses nothing, or while moving", () => {
     assert.equal(why(pressing(), { now: 10.4 }), null);
     assert.equal(why(pressing({ pressing: null })), null);
     assert.equal(why(pressing(), { movedAt: 10.5 }), null);
@@ -330,11 +433,17 @@ describe("I press and nothing moves", () => {
     assert.equal(why(pressing(), { now: 12, heardAt: 10.5 }), "stuck.silent");
   });
 
-  test("what the line says anyway comes first, and a slow connection does not hide the reason", () => {
+  test("what the line says anyway comes first, and slow connections do not hide the reason", () => {
     const stuck = { word: "stuck.late" };
     assert.equal(alertFor(pressing({ stuck }, { safety: { estop: true } })).word, "alert.estop");
-    assert.equal(alertFor(pressing({ stuck }, { safety: { collision: true } })).word, "alert.collision");
-    assert.equal(alertFor(pressing({ stuck, pushedAt: 19 }, { docked: true })).word, "alert.docked_forward");
+    assert.equal(
+      alertFor(pressing({ stuck }, { safety: { collision: true } })).word,
+      "alert.collision",
+    );
+    assert.equal(
+      alertFor(pressing({ stuck, pushedAt: 19 }, { docked: true })).word,
+      "alert.docked_forward",
+    );
     assert.equal(alertFor(pressing({ stuck, roundTrip: 2 })).word, "stuck.late");
   });
 
@@ -342,19 +451,48 @@ describe("I press and nothing moves", () => {
     assert.equal(alertFor(pressing({ said: { word: "point.wall", at: 19 } })).word, "point.wall");
     assert.equal(alertFor(pressing({ said: { word: "point.wall", at: 10 } })), null);
     const said = ["sky", "wall", "close", "blocked", "stuck", "lost"].map((end) => `point.${end}`);
-    assert.deepEqual([...said, "pad.left", "pad.right", "pad.gone", "pad.unknown"].filter((word) => !WORDS.has(word)), []);
+    assert.deepEqual(
+      [...said, "pad.left", "pad.right", "pad.gone", "pad.unknown"].filter(
+        (word) => !WORDS.has(word),
+      ),
+      [],
+    );
   });
 });
 
 describe("cues in the picture", () => {
-  const plan = { walls: [{ start: [2, -5], end: [2, 5] }], docks: [{ type: "giraff", x: 1, y: 0, theta: 0 }, { type: "rhodon", x: 1, y: 1, theta: 0 }] };
-  const study = { kind: "task", checkpoints: [{ number: 0, title: "", radius: 0.6 }, { number: 2, title: "", radius: 0.5 }] };
-  const told = { cue: "go_to_checkpoint", number: 2, x: 4, y: 0, outcome: "", window: "shut", passed: [] };
+  const plan = {
+    walls: [{ start: [2, -5], end: [2, 5] }],
+    docks: [
+      { type: "giraff", x: 1, y: 0, theta: 0 },
+      { type: "rhodon", x: 1, y: 1, theta: 0 },
+    ],
+  };
+  const study = {
+    kind: "task",
+    checkpoints: [
+      { number: 0, title: "", radius: 0.6 },
+      { number: 2, title: "", radius: 0.5 },
+    ],
+  };
+  const told = {
+    cue: "go_to_checkpoint",
+    number: 2,
+    x: 4,
+    y: 0,
+    outcome: "",
+    window: "shut",
+    passed: [],
+  };
 
-  test("mark where the task leads, behind walls too, and without a task the robot's own station where it can be seen", () => {
-    assert.deepEqual(cuesFor({ ...newState(), plan, study, told }, HOME), [{ point: [4, 0], radius: 0.5, sign: "2", hidden: true }]);
+  test("mark where the task leads, behind walls too, or else the station that can be seen", () => {
+    assert.deepEqual(cuesFor({ ...newState(), plan, study, told }, HOME), [
+      { point: [4, 0], radius: 0.5, sign: "2", hidden: true },
+    ]);
     const free = { ...newState(), plan, factsheet: { series: "Giraff" } };
-    assert.deepEqual(cuesFor(free, HOME), [{ point: [1, 0], radius: 0.3, sign: "", hidden: false }]);
+    assert.deepEqual(cuesFor(free, HOME), [
+      { point: [1, 0], radius: 0.3, sign: "", hidden: false },
+    ]);
     assert.deepEqual(cuesFor(free, { ...HOME, x: 3 }), []);
     assert.deepEqual(cuesFor({ ...free, robot: { docked: true } }, HOME), []);
     assert.deepEqual(cuesFor(free, { ...HOME, localized: false }), []);

@@ -2,7 +2,14 @@ import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
 import { Devices, troubleOf } from "../../static/js/presence/devices.js";
-import { callOf, isHeard, mustSay, newOwn, noteOf, previewOf } from "../../static/js/presence/sending.js";
+import {
+  callOf,
+  isHeard,
+  mustSay,
+  newOwn,
+  noteOf,
+  previewOf,
+} from "../../static/js/presence/sending.js";
 import { Hotkeys } from "../../static/js/input/hotkeys.js";
 import { TalkKey } from "../../static/js/presence/talk_key.js";
 import { Tilting, stepOf } from "../../static/js/presence/tilt.js";
@@ -41,26 +48,50 @@ describe("what is sent", () => {
     assert.equal(noteOf(own({ camera: "on", mic: "muted" }), accepted, 1), "presence.seen_muted");
     assert.equal(noteOf(own({ mic: "on" }), accepted, 1), "presence.heard");
     assert.equal(noteOf(own({ mic: "muted" }), accepted, 1), "presence.muted");
-    assert.equal(noteOf(own({ mic: "on" }), { ...accepted, status: "ringing" }, 1), "presence.ringing");
-    assert.equal(noteOf(own({ mic: "on" }), { ...accepted, status: "ringing" }, 0), "presence.no_screen");
-    assert.equal(noteOf(own({ mic: "on" }), { ...accepted, status: "unanswered" }, 1), "presence.unanswered");
+    assert.equal(
+      noteOf(own({ mic: "on" }), { ...accepted, status: "ringing" }, 1),
+      "presence.ringing",
+    );
+    assert.equal(
+      noteOf(own({ mic: "on" }), { ...accepted, status: "ringing" }, 0),
+      "presence.no_screen",
+    );
+    assert.equal(
+      noteOf(own({ mic: "on" }), { ...accepted, status: "unanswered" }, 1),
+      "presence.unanswered",
+    );
     assert.equal(noteOf(own({ turnedAway: true }), null, 1), "presence.declined");
     assert.equal(noteOf(own({ camera: "asking" }), null, 1), "presence.asking");
   });
 });
 
 describe("a screen that is shown", () => {
-  const track = () => Object.assign(new EventTarget(), { stopped: 0, stop() { this.stopped += 1; } });
+  const track = () =>
+    Object.assign(new EventTarget(), {
+      stopped: 0,
+      stop() {
+        this.stopped += 1;
+      },
+    });
   const stream = (one) => ({ getTracks: () => [one] });
 
-  test("takes the place of the camera, which is given back; its end by the browser's own button is told", async () => {
+  test("takes the camera's place and gives it back; its end by the browser is told", async () => {
     const [camera, screen] = [track(), track()];
     const lost = [];
-    const devices = new Devices({ onLost: (kind) => lost.push(kind), media: { getUserMedia: async () => stream(camera), getDisplayMedia: async () => stream(screen) } });
+    const devices = new Devices({
+      onLost: (kind) => lost.push(kind),
+      media: {
+        getUserMedia: async () => stream(camera),
+        getDisplayMedia: async () => stream(screen),
+      },
+    });
     await devices.open("video");
     assert.ok(devices.canShare);
     assert.equal(await devices.share(), true);
-    assert.deepEqual([camera.stopped, devices.tracks.video === screen, screen.contentHint], [1, true, "text"]);
+    assert.deepEqual(
+      [camera.stopped, devices.tracks.video === screen, screen.contentHint],
+      [1, true, "text"],
+    );
     camera.dispatchEvent(new Event("ended"));
     assert.deepEqual(lost, []);
     screen.dispatchEvent(new Event("ended"));
@@ -69,8 +100,12 @@ describe("a screen that is shown", () => {
 
   test("that the visitor would rather not show leaves the camera as it is", async () => {
     const camera = track();
-    const refused = () => Promise.reject(Object.assign(new Error("no"), { name: "NotAllowedError" }));
-    const devices = new Devices({ onLost: () => undefined, media: { getUserMedia: async () => stream(camera), getDisplayMedia: refused } });
+    const refused = () =>
+      Promise.reject(Object.assign(new Error("no"), { name: "NotAllowedError" }));
+    const devices = new Devices({
+      onLost: () => undefined,
+      media: { getUserMedia: async () => stream(camera), getDisplayMedia: refused },
+    });
     await devices.open("video");
     assert.equal(await devices.share(), false);
     assert.deepEqual([camera.stopped, devices.tracks.video === camera], [0, true]);
@@ -79,9 +114,21 @@ describe("a screen that is shown", () => {
   test("is not offered where the browser has none, and is said once it is seen", () => {
     assert.equal(new Devices({ onLost: () => undefined, media: {} }).canShare, false);
     assert.equal(noteOf(own({ camera: "on", shares: true }), accepted, 1), "presence.shared");
-    assert.equal(noteOf(own({ camera: "on", shares: true, mic: "on" }), accepted, 1), "presence.shared_heard");
-    assert.equal(noteOf(own({ camera: "on", shares: true }), { ...accepted, status: "ringing" }, 1), "presence.ringing");
-    assert.deepEqual(callOf(own({ camera: "on", shares: true })), { ringing: true, audio: false, video: true, volume: 1, shares: true });
+    assert.equal(
+      noteOf(own({ camera: "on", shares: true, mic: "on" }), accepted, 1),
+      "presence.shared_heard",
+    );
+    assert.equal(
+      noteOf(own({ camera: "on", shares: true }), { ...accepted, status: "ringing" }, 1),
+      "presence.ringing",
+    );
+    assert.deepEqual(callOf(own({ camera: "on", shares: true })), {
+      ringing: true,
+      audio: false,
+      video: true,
+      volume: 1,
+      shares: true,
+    });
   });
 });
 
@@ -89,16 +136,22 @@ describe("what they see of a screen", () => {
   const shared = own({ camera: "on", shares: true });
   const seen = { ...accepted, shares: true };
 
-  test("is shown to the visitor once they do see it, and takes dots where a display of the robot shows them", () => {
+  test("is shown to visitors once they see it, and takes dots where the robot shows them", () => {
     assert.deepEqual(previewOf(shared, seen, 1), { seen: true, points: true });
     assert.deepEqual(previewOf(shared, seen, 0), { seen: true, points: false });
-    assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), { seen: false, points: false });
-    assert.deepEqual(previewOf(shared, { ...seen, video: false }, 1), { seen: false, points: false });
+    assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), {
+      seen: false,
+      points: false,
+    });
+    assert.deepEqual(previewOf(shared, { ...seen, video: false }, 1), {
+      seen: false,
+      points: false,
+    });
     assert.deepEqual(previewOf(shared, null, 1), { seen: false, points: false });
     assert.deepEqual(previewOf(own({ camera: "on" }), seen, 1), { seen: false, points: false });
   });
 
-  test("takes none while the robot takes it for a face, and such a robot is told, unless it cannot know", () => {
+  test("takes none while it is a face to the robot, which is told if it can know", () => {
     assert.deepEqual(previewOf(shared, accepted, 1), { seen: true, points: false });
     const heard = { ...accepted, audio: false };
     assert.equal(mustSay(shared, { ...heard, shares: false }, true), true);
@@ -121,19 +174,36 @@ describe("microphone and camera", () => {
       ["TypeError", "unsupported"],
     ]) {
       assert.equal(troubleOf(name), why);
-      assert.equal(await new Devices({ onLost: () => undefined, media: failing(name) }).open("audio"), why);
-      assert.equal(noteOf(own({ trouble: { kind: "video", why } }), null, 0), `presence.video.${why}`);
+      assert.equal(
+        await new Devices({ onLost: () => undefined, media: failing(name) }).open("audio"),
+        why,
+      );
+      assert.equal(
+        noteOf(own({ trouble: { kind: "video", why } }), null, 0),
+        `presence.video.${why}`,
+      );
     }
-    assert.equal(await new Devices({ onLost: () => undefined, media: undefined }).open("video"), "unsupported");
+    assert.equal(
+      await new Devices({ onLost: () => undefined, media: undefined }).open("video"),
+      "unsupported",
+    );
   });
 
-  test("only what was clicked is asked for; what is closed is stopped and no loss; what is unplugged is", async () => {
+  test("asks only for what was clicked; closing is no loss, and unplugging is one", async () => {
     const asked = [];
     const lost = [];
-    const track = Object.assign(new EventTarget(), { stopped: 0, stop() { this.stopped += 1; } });
+    const track = Object.assign(new EventTarget(), {
+      stopped: 0,
+      stop() {
+        this.stopped += 1;
+      },
+    });
     const devices = new Devices({
       onLost: (kind) => lost.push(kind),
-      media: media((wanted) => { asked.push(Object.keys(wanted)); return { getTracks: () => [track] }; }),
+      media: media((wanted) => {
+        asked.push(Object.keys(wanted));
+        return { getTracks: () => [track] };
+      }),
     });
     assert.equal(await devices.open("audio"), null);
     assert.deepEqual(asked, [["audio"]]);
@@ -147,12 +217,17 @@ describe("microphone and camera", () => {
 });
 
 describe("push to talk", () => {
-  const key = (type, fields = {}) => Object.assign(new Event(type), { code: "KeyT", repeat: false, ...fields });
+  const key = (type, fields = {}) =>
+    Object.assign(new Event(type), { code: "KeyT", repeat: false, ...fields });
 
   test("T is heard once, and let go by its release or by the loss of the window", () => {
     const target = new EventTarget();
     const talk = [];
-    const keys = new Hotkeys({ target, root: { querySelectorAll: () => [] }, watch: () => undefined });
+    const keys = new Hotkeys({
+      target,
+      root: { querySelectorAll: () => [] },
+      watch: () => undefined,
+    });
     new TalkKey({ keys, onTalk: (down) => talk.push(down) });
     target.dispatchEvent(key("keydown"));
     target.dispatchEvent(key("keydown", { repeat: true }));
@@ -207,7 +282,8 @@ describe("the robot's own display", () => {
     state: { safety: { estop: false, estopSource: null }, call: null },
     ...changes,
   });
-  const calling = (call, more = {}) => told({ state: { safety: { estop: false }, call: { ...accepted, ...call } }, ...more });
+  const calling = (call, more = {}) =>
+    told({ state: { safety: { estop: false }, call: { ...accepted, ...call } }, ...more });
   const scene = (from, now = 100) => sceneFor(from, now).scene;
 
   test("says what it lacks, and who is there", () => {
@@ -215,7 +291,10 @@ describe("the robot's own display", () => {
     assert.equal(scene(told({ screen: null })), "starting");
     assert.equal(scene(told({ online: false })), "offline");
     assert.equal(scene(told(), 105), "offline");
-    assert.equal(scene(told({ screen: { title: "Giraff", session: null, visitor: null, study: false } })), "idle");
+    assert.equal(
+      scene(told({ screen: { title: "Giraff", session: null, visitor: null, study: false } })),
+      "idle",
+    );
     assert.equal(scene(told()), "visiting");
   });
 
@@ -231,20 +310,39 @@ describe("the robot's own display", () => {
 
   test("shows a screen whole, and has it pointed at while it is seen", () => {
     const points = (call, now = 100) => sceneFor(calling(call), now).canPoint;
-    assert.deepEqual([points({ shares: true }), points({ shares: false }), points({ shares: true, status: "ringing" })], [true, false, false]);
-    assert.deepEqual([points({ shares: true, video: false }), points({ shares: true }, 105)], [false, false]);
+    assert.deepEqual(
+      [
+        points({ shares: true }),
+        points({ shares: false }),
+        points({ shares: true, status: "ringing" }),
+      ],
+      [true, false, false],
+    );
+    assert.deepEqual(
+      [points({ shares: true, video: false }), points({ shares: true }, 105)],
+      [false, false],
+    );
     assert.equal(sceneFor(calling({ shares: true }), 100).whole, true);
     assert.equal(sceneFor(calling({}), 100).whole, false);
     assert.equal(sceneFor(told(), 100).canPoint, false);
   });
 
   test("tells of a study only while its visitor is there", () => {
-    assert.equal(sceneFor(told({ screen: { title: "G", session: "s", visitor: "Ana", study: true } }), 100).study, true);
-    assert.equal(sceneFor(told({ screen: { title: "G", session: null, visitor: null, study: true } }), 100).study, false);
+    assert.equal(
+      sceneFor(told({ screen: { title: "G", session: "s", visitor: "Ana", study: true } }), 100)
+        .study,
+      true,
+    );
+    assert.equal(
+      sceneFor(told({ screen: { title: "G", session: null, visitor: null, study: true } }), 100)
+        .study,
+      false,
+    );
   });
 
   test("says who stopped the robot, and that a stop is not confirmed", () => {
-    const latched = (estopSource) => told({ state: { safety: { estop: true, estopSource }, call: null } });
+    const latched = (estopSource) =>
+      told({ state: { safety: { estop: true, estopSource }, call: null } });
     assert.equal(sceneFor(latched("screen:Giraff"), 100).stopped, "ours");
     assert.equal(sceneFor(latched("staff:Berta"), 100).stopped, "other");
     assert.equal(sceneFor(told({ stop: { id: "x", since: 99.5 } }), 100).stopped, "wait");
@@ -253,10 +351,20 @@ describe("the robot's own display", () => {
 
   test("speaks where the browser can, in the words' language", () => {
     const spoken = [];
-    const voice = createVoice({ synthesis: { speak: (one) => spoken.push(one), cancel: () => undefined }, Utterance: class { constructor(text) { this.text = text; } } });
+    const voice = createVoice({
+      synthesis: { speak: (one) => spoken.push(one), cancel: () => undefined },
+      Utterance: class {
+        constructor(text) {
+          this.text = text;
+        }
+      },
+    });
     assert.equal(voice.speak("Hola", "es", 0.5), true);
     assert.deepEqual([spoken[0].text, spoken[0].lang, spoken[0].volume], ["Hola", "es", 0.5]);
     assert.equal(voice.speak("Hola", "es", 0), false);
-    assert.equal(createVoice({ synthesis: undefined, Utterance: undefined }).speak("Hola", "es", 1), false);
+    assert.equal(
+      createVoice({ synthesis: undefined, Utterance: undefined }).speak("Hola", "es", 1),
+      false,
+    );
   });
 });

@@ -1,8 +1,22 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { advance, newPlayer, pressed, seek, setSpeed, SPEEDS, toggle } from "../../static/js/replay/player.js";
-import { commandAt, lastBefore, momentAt, networkAt, piecesOf } from "../../static/js/replay/record.js";
+import {
+  advance,
+  newPlayer,
+  pressed,
+  seek,
+  setSpeed,
+  SPEEDS,
+  toggle,
+} from "../../static/js/replay/player.js";
+import {
+  commandAt,
+  lastBefore,
+  momentAt,
+  networkAt,
+  piecesOf,
+} from "../../static/js/replay/record.js";
 import { stretches } from "../../static/js/replay/strips.js";
 import { asked, clamp, ticks, timeAt, written, xOf } from "../../static/js/replay/timeline.js";
 
@@ -16,7 +30,16 @@ const statesOf = (rows) => ({
 
 test("the last state before a moment is found for every moment", () => {
   const times = [0, 0.25, 0.5, 0.5, 3];
-  for (const [t, index] of [[-1, -1], [0, 0], [0.2, 0], [0.25, 1], [0.5, 3], [2.9, 3], [3, 4], [99, 4]]) {
+  for (const [t, index] of [
+    [-1, -1],
+    [0, 0],
+    [0.2, 0],
+    [0.25, 1],
+    [0.5, 3],
+    [2.9, 3],
+    [3, 4],
+    [99, 4],
+  ]) {
     assert.equal(lastBefore(times, t), index, `${t}`);
   }
   assert.equal(lastBefore([], 1), -1);
@@ -37,7 +60,13 @@ test("where states are missing the robot stays where it was last seen, and that 
 });
 
 test("a robot that found itself somewhere else is not drawn on the way there", () => {
-  const states = statesOf([[0, 0, 0, 0], [0.25, 0.1, 0, 0], [0.5, 5, 5, 0], [0.75, 5.1, 5, 0], [1, 5.2, 5, 0, 0]]);
+  const states = statesOf([
+    [0, 0, 0, 0],
+    [0.25, 0.1, 0, 0],
+    [0.5, 5, 5, 0],
+    [0.75, 5.1, 5, 0],
+    [1, 5.2, 5, 0, 0],
+  ]);
   assert.deepEqual(piecesOf(states), [[0, 1], [2, 3]]);
   assert.equal(momentAt(states, 0.4).x, 0.1);
   assert.deepEqual(piecesOf(statesOf([])), []);
@@ -49,7 +78,13 @@ test("a command is in force for half a second, a network sample for three", () =
     words: ["touch", "mqtt"],
     network: { t: [1], roundTrip: [0.1], loss: [null] },
   };
-  assert.deepEqual(commandAt(record, 1.4), { v: 0.3, w: 0, method: "touch", way: "mqtt", age: 0.05 });
+  assert.deepEqual(commandAt(record, 1.4), {
+    v: 0.3,
+    w: 0,
+    method: "touch",
+    way: "mqtt",
+    age: 0.05,
+  });
   assert.equal(commandAt(record, 1.6), null);
   assert.equal(commandAt(record, 0.9), null);
   assert.equal(networkAt(record, 3.9).roundTrip, 0.1);
@@ -60,12 +95,22 @@ test("pixels and seconds go into each other, and never leave the time line", () 
   for (const t of [0, 12.5, 600]) {
     assert.ok(Math.abs(timeAt(xOf(t, 600, 358), 600, 358) - t) < 1e-9);
   }
-  assert.deepEqual([timeAt(-20, 600, 358), timeAt(400, 600, 358), timeAt(5, 600, 0), xOf(5, 0, 358)], [0, 600, 0, 0]);
+  assert.deepEqual(
+    [timeAt(-20, 600, 358), timeAt(400, 600, 358), timeAt(5, 600, 0), xOf(5, 0, 358)],
+    [0, 600, 0, 0],
+  );
   assert.deepEqual([clamp(NaN, 10), clamp(Infinity, 10), clamp(-1, 10)], [0, 0, 0]);
 });
 
 test("ticks stand so far apart that their words do not touch", () => {
-  for (const [duration, width] of [[600, 358], [600, 1200], [7, 300], [7200, 358], [0, 358], [600, 0]]) {
+  for (const [duration, width] of [
+    [600, 358],
+    [600, 1200],
+    [7, 300],
+    [7200, 358],
+    [0, 358],
+    [600, 0],
+  ]) {
     const found = ticks(duration, width);
     assert.equal(found[0], 0);
     assert.ok(found.at(-1) <= duration);
@@ -76,11 +121,17 @@ test("ticks stand so far apart that their words do not touch", () => {
 });
 
 test("a moment is written in minutes and seconds", () => {
-  assert.deepEqual([written(0), written(59.999), written(125.36), written(125.36, true), written(3600, true)], ["0:00", "0:59", "2:05", "2:05.3", "60:00.0"]);
+  assert.deepEqual(
+    [written(0), written(59.999), written(125.36), written(125.36, true), written(3600, true)],
+    ["0:00", "0:59", "2:05", "2:05.3", "60:00.0"],
+  );
 });
 
 test("an address asks for a moment within the session", () => {
-  assert.deepEqual(["?t=12.5", "?t=9999", "?t=-3", "?t=soon", ""].map((search) => asked(search, 600)), [12.5, 600, 0, 0, 0]);
+  assert.deepEqual(
+    ["?t=12.5", "?t=9999", "?t=-3", "?t=soon", ""].map((search) => asked(search, 600)),
+    [12.5, 600, 0, 0, 0],
+  );
 });
 
 test("playing goes on at its speed and stops at the end, from where it begins again", () => {
@@ -110,12 +161,17 @@ test("keys seek, play, and change the speed within what there is", () => {
   assert.equal(seek(player, 1e9).t, 100);
 });
 
-test("commands one after the other with one input method are one stretch, and a pause or another method begins a new one", () => {
+test("commands in a row with one input method are one stretch, until a pause or another", () => {
   const t = [0, 0.1, 0.2, 0.5, 0.6, 0.65];
-  assert.deepEqual(stretches({ t, method: [0, 0, 0, 0, 1, 1] }).map((one) => one.map((value) => Number(value.toFixed(2)))), [
-    [0, 0.32, 0],
-    [0.5, 0.62, 0],
-    [0.6, 0.77, 1],
-  ]);
+  assert.deepEqual(
+    stretches({ t, method: [0, 0, 0, 0, 1, 1] }).map((one) =>
+      one.map((value) => Number(value.toFixed(2))),
+    ),
+    [
+      [0, 0.32, 0],
+      [0.5, 0.62, 0],
+      [0.6, 0.77, 1],
+    ],
+  );
   assert.deepEqual(stretches({ t: [], method: [] }), []);
 });

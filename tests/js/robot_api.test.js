@@ -4,8 +4,22 @@ import { test } from "node:test";
 
 import { Rejection, decode, decodeFrame, encodeFrame } from "../../static/js/robot_api.js";
 
-const golden = (name) => JSON.parse(readFileSync(new URL(`../golden/${name}.json`, import.meta.url), "utf8"));
-const TOPICS = ["factsheet", "state", "pose", "scan", "path", "event", "action", "words", "pointer", "heartbeat", "media", "signal-reply"];
+const golden = (name) =>
+  JSON.parse(readFileSync(new URL(`../golden/${name}.json`, import.meta.url), "utf8"));
+const TOPICS = [
+  "factsheet",
+  "state",
+  "pose",
+  "scan",
+  "path",
+  "event",
+  "action",
+  "words",
+  "pointer",
+  "heartbeat",
+  "media",
+  "signal-reply",
+];
 const WIRE = golden("wire");
 
 /** Every field that the sender wrote and this page knows must come out as it was written. */
@@ -35,12 +49,16 @@ for (const topic of TOPICS) {
 
 for (const [suffix, examples] of Object.entries(WIRE.toPage)) {
   for (const [name, message] of Object.entries(examples)) {
-    test(`the server's word ${suffix} (${name}) is read as it was written`, () => assertHolds(decode(suffix, JSON.stringify(message)), message));
+    test(`the server's word ${suffix} (${name}) is read as it was written`, () =>
+      assertHolds(decode(suffix, JSON.stringify(message)), message));
   }
 }
 
 test("every word that the server can say to a page has an example, and so is known", () => {
-  assert.deepEqual(Object.keys(WIRE.toPage).filter((suffix) => Object.keys(WIRE.toPage[suffix]).length === 0), []);
+  assert.deepEqual(
+    Object.keys(WIRE.toPage).filter((suffix) => Object.keys(WIRE.toPage[suffix]).length === 0),
+    [],
+  );
 });
 
 test("what is left out comes back as its default", () => {
@@ -50,29 +68,44 @@ test("what is left out comes back as its default", () => {
   assert.equal(state.pose.localized, true);
   assert.deepEqual(state.applied, []);
   assert.equal(decode("media", JSON.stringify(golden("media").messages.least)).rate, 90000);
-  assert.equal(decode("session/granted", JSON.stringify(WIRE.toPage["session/granted"].least)).limits.linear, null);
+  assert.equal(
+    decode("session/granted", JSON.stringify(WIRE.toPage["session/granted"].least)).limits.linear,
+    null,
+  );
 });
 
 for (const { why, suffix, payload, reason } of golden("refused")) {
   test(`refused: ${why}`, () => {
-    assert.throws(() => decode(suffix, payload), (error) => error instanceof Rejection && error.reason === reason);
+    assert.throws(
+      () => decode(suffix, payload),
+      (error) => error instanceof Rejection && error.reason === reason,
+    );
   });
 }
 
 test("a frame without a suffix, and one that is not text, are malformed", () => {
   for (const frame of ["{}", "", new ArrayBuffer(3), null]) {
-    assert.throws(() => decodeFrame(frame), (error) => error instanceof Rejection && error.reason === "malformed");
+    assert.throws(
+      () => decodeFrame(frame),
+      (error) => error instanceof Rejection && error.reason === "malformed",
+    );
   }
 });
 
 test("a suffix named like a method of every object is unknown", () => {
   for (const suffix of ["constructor", "toString", "__proto__"]) {
-    assert.throws(() => decode(suffix, "{}"), (error) => error instanceof Rejection && error.reason === "unknown_topic");
+    assert.throws(
+      () => decode(suffix, "{}"),
+      (error) => error instanceof Rejection && error.reason === "unknown_topic",
+    );
   }
 });
 
 test("a field that JavaScript leaves undefined is not sent", () => {
-  assert.equal(encodeFrame("command/velocity", { seq: 1, frame: undefined }), 'command/velocity\n{"seq":1}');
+  assert.equal(
+    encodeFrame("command/velocity", { seq: 1, frame: undefined }),
+    'command/velocity\n{"seq":1}',
+  );
 });
 
 test("a deeply nested bomb is malformed, not a crash", () => {

@@ -6,8 +6,19 @@ import { Giving } from "../../static/js/screen/giving.js";
 /** A peer whose robot wants what is named, and what each of its lines was given. */
 const peerThatWants = (...kinds) => {
   const given = {};
-  const line = (kind, yes, no) => ({ currentDirection: kinds.includes(kind) ? yes : no, sender: { replaceTrack: async (track) => void (given[kind] = track) } });
-  return { lines: [line("audio", "sendrecv", "recvonly"), { currentDirection: "recvonly" }, line("video", "sendonly", "inactive")], isClosed: false, given };
+  const line = (kind, yes, no) => ({
+    currentDirection: kinds.includes(kind) ? yes : no,
+    sender: { replaceTrack: async (track) => void (given[kind] = track) },
+  });
+  return {
+    lines: [
+      line("audio", "sendrecv", "recvonly"),
+      { currentDirection: "recvonly" },
+      line("video", "sendonly", "inactive"),
+    ],
+    isClosed: false,
+    given,
+  };
 };
 
 const world = (...troubles) => {
@@ -23,7 +34,11 @@ const world = (...troubles) => {
     close: (kind) => closed.push(kind),
   };
   let changes = 0;
-  const giving = new Giving({ devices, onChange: () => (changes += 1), later: (call, seconds) => again.push([call, seconds]) });
+  const giving = new Giving({
+    devices,
+    onChange: () => (changes += 1),
+    later: (call, seconds) => again.push([call, seconds]),
+  });
   return { giving, closed, again, changes: () => changes };
 };
 
@@ -31,7 +46,10 @@ test("a robot with eyes of its own is given nothing, and no device is asked for"
   const { giving, closed, changes } = world("would fail");
   const peer = peerThatWants();
   await giving.to(peer);
-  assert.deepEqual([peer.given, closed, giving.trouble, changes()], [{}, ["audio", "video"], "", 0]);
+  assert.deepEqual(
+    [peer.given, closed, giving.trouble, changes()],
+    [{}, ["audio", "video"], "", 0],
+  );
 });
 
 test("a robot that wants both is given both", async () => {
@@ -52,7 +70,7 @@ test("what a browser refuses is said, and tried again until it gives", async () 
   assert.deepEqual([giving.trouble, peer.given], ["", { video: "video track" }]);
 });
 
-test("a camera that is unplugged is asked for again, and only for the connection of the moment", async () => {
+test("an unplugged camera is asked for again, for the current connection only", async () => {
   const { giving, again } = world(null, "missing");
   const old = peerThatWants("video");
   await giving.to(old);

@@ -41,7 +41,7 @@ test("nothing is asked for before it is needed, and then one picture", () => {
   assert.deepEqual(seen.asked, [{ stamp: 2, seen: undefined, roundTrip: 0.03 }]);
 });
 
-test("a picture that was lost with a broker or an agent is asked for as soon as the robot is back", () => {
+test("a picture lost with a broker or an agent is asked for as soon as the robot is back", () => {
   const { slow, seen } = rig();
   slow.start();
   for (let now = 2; now < 12; now += 0.05) {
@@ -55,7 +55,7 @@ test("a picture that was lost with a broker or an agent is asked for as soon as 
   assert.equal(seen.asked.length, before + 2, "and after the usual patience again");
 });
 
-test("the next picture is asked for when the one before is on the screen, and names it", async () => {
+test("the next picture is asked for when the last is on the screen, and names it", async () => {
   const { slow, seen } = rig();
   slow.start();
   slow.tick(2, LOOKED_AT);
@@ -94,7 +94,7 @@ test("nobody who looks elsewhere is sent pictures", () => {
   assert.equal(seen.asked.length, 0);
 });
 
-test("a picture older than the one on the screen is not shown, and another is asked for", async () => {
+test("a picture older than the one on the screen is not shown, and another asked for", async () => {
   const { slow, seen } = rig();
   slow.start();
   slow.tick(1, LOOKED_AT);
@@ -112,9 +112,11 @@ test("a robot whose clock was set back is seen again", async () => {
   assert.equal(slow.stamp, 50);
 });
 
-test("a picture that comes when none is wanted any more is not shown, nor one that was being drawn then", async () => {
+test("a picture that is not wanted any more when it comes or is drawn is not shown", async () => {
   let finish = () => undefined;
-  const { slow, seen } = rig((_jpeg, isWanted) => new Promise((resolve) => (finish = () => resolve(isWanted()))));
+  const { slow, seen } = rig(
+    (_jpeg, isWanted) => new Promise((resolve) => (finish = () => resolve(isWanted()))),
+  );
   slow.start();
   const drawing = slow.received(picture(50), at(1));
   slow.stop();
@@ -141,7 +143,10 @@ test("a picture that cannot be drawn is followed by another", async () => {
 test("pictures that come while one is being drawn are left out", async () => {
   let drawn = 0;
   let finish = () => undefined;
-  const { slow } = rig((_jpeg, isWanted) => new Promise((resolve) => ((drawn += 1), (finish = () => resolve(isWanted())))));
+  const { slow } = rig(
+    (_jpeg, isWanted) =>
+      new Promise((resolve) => ((drawn += 1), (finish = () => resolve(isWanted())))),
+  );
   slow.start();
   const first = slow.received(picture(50), at(1));
   for (let n = 0; n < 100; n += 1) {
@@ -161,7 +166,7 @@ test("a picture on the screen for two seconds is not of the present", async () =
   assert.equal(slow.isFresh(3.1), false);
 });
 
-test("the page looks for a direct way for seconds, and shortly when there is nothing to connect", () => {
+test("the page looks for a direct way for seconds, or shortly with nothing to connect", () => {
   assert.equal(isStuck({ lookingSince: null, barren: true }, 100), false);
   assert.equal(isStuck({ lookingSince: 94, barren: false }, 100), false);
   assert.equal(isStuck({ lookingSince: 92, barren: false }, 100), true);
@@ -182,9 +187,16 @@ for (const [why, frame, reason] of [
   ["no time", frameOf(NaN), "malformed"],
   ["the far future", frameOf(1e12), "malformed"],
   ["nothing behind the suffix", new TextEncoder().encode("picture\n").buffer, "malformed"],
-  ["too large", frameOf(1, [...JPEG.slice(0, 4), ...new Array(60000).fill(0), 0xff, 0xd9]), "oversized"],
+  [
+    "too large",
+    frameOf(1, [...JPEG.slice(0, 4), ...new Array(60000).fill(0), 0xff, 0xd9]),
+    "oversized",
+  ],
 ]) {
   test(`a picture that must be refused: ${why}`, () => {
-    assert.throws(() => decodeFrame(frame), (error) => error instanceof Rejection && error.reason === reason);
+    assert.throws(
+      () => decodeFrame(frame),
+      (error) => error instanceof Rejection && error.reason === reason,
+    );
   });
 }

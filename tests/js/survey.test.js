@@ -8,7 +8,9 @@ import { createAttention } from "../../static/js/survey/attention.js";
 import { shownKeys } from "../../static/js/survey/conditions.js";
 import { createSaver } from "../../static/js/survey/saver.js";
 
-const CASES = JSON.parse(readFileSync(new URL("../golden/survey_conditions.json", import.meta.url), "utf8"));
+const CASES = JSON.parse(
+  readFileSync(new URL("../golden/survey_conditions.json", import.meta.url), "utf8"),
+);
 
 for (const { name, questions, said, shown } of CASES) {
   test(`conditions say the same as the server: ${name}`, () => {
@@ -49,7 +51,12 @@ test("time out of sight belongs to nothing, and time before it is not lost", () 
 
 const memory = () => {
   const kept = new Map();
-  return { getItem: (key) => kept.get(key) ?? null, setItem: (key, value) => kept.set(key, value), removeItem: (key) => kept.delete(key), kept };
+  return {
+    getItem: (key) => kept.get(key) ?? null,
+    setItem: (key, value) => kept.set(key, value),
+    removeItem: (key) => kept.delete(key),
+    kept,
+  };
 };
 
 /** A saver whose requests are answered by hand. */

@@ -20,7 +20,7 @@ test("a frame far away from the told moment belongs to another stream", () => {
   assert.equal(captureStamp(2 ** 31, CLOCK), null);
 });
 
-test("the stamp of the shown frame is known once both the frame and the clock are, and not after a new stream began", () => {
+test("the shown frame's stamp is known with both frame and clock, not after a new stream", () => {
   const shown = new ShownFrame();
   shown.shown(4294967000);
   assert.equal(shown.stamp, null);
@@ -31,25 +31,77 @@ test("the stamp of the shown frame is known once both the frame and the clock ar
 });
 
 const report = (more) => [
-  { id: "v", type: "inbound-rtp", kind: "video", timestamp: 1000, framesDecoded: 10, packetsReceived: 100, packetsLost: 0, bytesReceived: 1000, freezeCount: 0, jitter: 0.004, ...more },
+  {
+    id: "v",
+    type: "inbound-rtp",
+    kind: "video",
+    timestamp: 1000,
+    framesDecoded: 10,
+    packetsReceived: 100,
+    packetsLost: 0,
+    bytesReceived: 1000,
+    freezeCount: 0,
+    jitter: 0.004,
+    ...more,
+  },
   { id: "t", type: "transport", selectedCandidatePairId: "p" },
   { id: "p", type: "candidate-pair", localCandidateId: "l" },
-  { id: "l", type: "local-candidate", candidateType: "relay", protocol: "udp", relayProtocol: "tcp" },
+  {
+    id: "l",
+    type: "local-candidate",
+    candidateType: "relay",
+    protocol: "udp",
+    relayProtocol: "tcp",
+  },
 ];
 
 test("a second of the connection is the difference of two reports", () => {
-  const second = between(pick(report()), pick(report({ timestamp: 2000, framesDecoded: 40, packetsReceived: 190, packetsLost: 10, bytesReceived: 126000, freezeCount: 1 })));
-  assert.deepEqual(second, { fps: 30, loss: 0.1, bitrate: 1e6, freezes: 1, jitter: 0.004, path: "relay/tcp" });
+  const second = between(
+    pick(report()),
+    pick(
+      report({
+        timestamp: 2000,
+        framesDecoded: 40,
+        packetsReceived: 190,
+        packetsLost: 10,
+        bytesReceived: 126000,
+        freezeCount: 1,
+      }),
+    ),
+  );
+  assert.deepEqual(second, {
+    fps: 30,
+    loss: 0.1,
+    bitrate: 1e6,
+    freezes: 1,
+    jitter: 0.004,
+    path: "relay/tcp",
+  });
 });
 
-test("counters that begin anew, a negative loss and two reports of one moment give no nonsense", () => {
-  const second = between(pick(report({ packetsLost: 5 })), pick(report({ timestamp: 2000, framesDecoded: 0, packetsReceived: 0, packetsLost: -3, bytesReceived: 0 })));
+test("counters that begin anew, a negative loss and two reports at once give no nonsense", () => {
+  const second = between(
+    pick(report({ packetsLost: 5 })),
+    pick(
+      report({
+        timestamp: 2000,
+        framesDecoded: 0,
+        packetsReceived: 0,
+        packetsLost: -3,
+        bytesReceived: 0,
+      }),
+    ),
+  );
   assert.deepEqual([second.fps, second.loss, second.bitrate], [0, 0, 0]);
   assert.equal(between(pick(report()), pick(report())), null);
 });
 
-test("a browser that names no transport still has its pair found; a link without a picture has no sample", () => {
-  const firefox = [report()[0], { id: "p", type: "candidate-pair", nominated: true, state: "succeeded", localCandidateId: "l" }, { id: "l", candidateType: "host", protocol: "udp" }];
+test("a browser that names no transport still has its pair found; no picture, no sample", () => {
+  const firefox = [
+    report()[0],
+    { id: "p", type: "candidate-pair", nominated: true, state: "succeeded", localCandidateId: "l" },
+    { id: "l", candidateType: "host", protocol: "udp" },
+  ];
   assert.equal(pick(firefox).path, "host/udp");
   assert.equal(pick([]), null);
 });

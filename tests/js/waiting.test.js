@@ -57,11 +57,15 @@ Object.assign(globalThis, {
   Notification: Note,
   document: page,
 });
-Object.defineProperty(globalThis, "navigator", { value: { vibrate: () => true }, configurable: true });
-const { askPermission, call, permission, prepare } = await import("../../static/js/waiting/calling.js");
+Object.defineProperty(globalThis, "navigator", {
+  value: { vibrate: () => true },
+  configurable: true,
+});
+const { askPermission, call, permission, prepare } =
+  await import("../../static/js/waiting/calling.js");
 
 describe("calling a visitor", () => {
-  test("is silent before the page was touched, and shows nothing that was not allowed", async () => {
+  test("is silent before the page was touched, and shows only what was allowed", async () => {
     await call("It is your turn", "Press Start");
     assert.deepEqual([Audio.made.length, Note.shown], [0, []]);
   });
@@ -93,7 +97,12 @@ describe("calling a visitor", () => {
 describe("signs of being there", () => {
   const begin = () => {
     const [target, signs, now, asked] = [new EventTarget(), [], { at: 100 }, { now: false }];
-    watchForSigns({ target, clock: () => now.at, isAsked: () => asked.now, onSign: () => signs.push(now.at) });
+    watchForSigns({
+      target,
+      clock: () => now.at,
+      isAsked: () => asked.now,
+      onSign: () => signs.push(now.at),
+    });
     return { signs, now, asked, does: (kind) => target.dispatchEvent(new Event(kind)) };
   };
 

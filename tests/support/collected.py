@@ -25,7 +25,7 @@ FORGOTTEN_S = 24 * 3600.0
 
 @functools.cache
 def collected_files() -> Path:
-    """Return the folder: made once for what static/ holds now, by whichever process needs it first."""
+    """Return the folder: made once for what static/ holds now, by the first process to need it."""
     kept = ROOT / ".pytest_cache" / "static"
     kept.mkdir(parents=True, exist_ok=True)
     with (kept / "lock").open("w") as lock:

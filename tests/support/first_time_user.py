@@ -47,11 +47,15 @@ CUES = {
     "The task is over": "ended",
 }
 OVER = {"completed", "timed_out", "ended"}
-LOOK = """() => ({
-  ...document.getElementById('map').dataset, width: document.getElementById('map').clientWidth, height: document.getElementById('map').clientHeight,
-  cue: document.getElementById('task-cue').innerText, photo: document.getElementById('photo').innerText, alert: document.getElementById('alert').innerText,
-  card: document.getElementById('card').hidden ? '' : document.getElementById('card-title').innerText,
-})"""
+LOOK = """() => {
+  const map = document.getElementById('map');
+  const text = (id) => document.getElementById(id).innerText;
+  return {
+    ...map.dataset, width: map.clientWidth, height: map.clientHeight,
+    cue: text('task-cue'), photo: text('photo'), alert: text('alert'),
+    card: document.getElementById('card').hidden ? '' : text('card-title'),
+  };
+}"""
 # seconds that people think ahead of what they see, because the robot goes on for a moment
 AHEAD = 0.25
 # m/s and rad/s that are worth a key

@@ -29,7 +29,7 @@ async def until(condition: Callable[[], Any], timeout: float = 10.0, what: str =
 
 @dataclass
 class Exchange:
-    """The signalling between a MediaSide and its pages: what the agent's control side would carry."""
+    """The signalling between a MediaSide and its pages, in place of the agent's control side."""
 
     loop: asyncio.AbstractEventLoop
     replies: list[tuple[str, SignalReply]] = field(default_factory=list)

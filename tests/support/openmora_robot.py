@@ -169,7 +169,8 @@ class OpenMoraRig(RcaRig):
             "NULL",
         )
         pose = f"[{here.x:.4f} {here.y:.4f} {math.degrees(here.theta):.3f}]"
-        return f"{pose}|{place}|{self._destination}|{self._mode}|{sim.voltage():.2f}|{int(sim.docked)}|0|0|0"
+        going = f"{self._destination}|{self._mode}"
+        return f"{pose}|{place}|{going}|{sim.voltage():.2f}|{int(sim.docked)}|0|0|0"
 
     def _scan(self):
         laser = self.world.sim.model.laser

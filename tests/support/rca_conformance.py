@@ -293,7 +293,7 @@ class RcaConformance(AdapterConformance):
         assert last.status == "FAILED"
         assert "itself there" in last.reason or "does not answer" in last.reason
 
-    async def test_an_architecture_that_is_killed_while_it_drives_stops_the_robot_and_is_found_again(
+    async def test_an_architecture_killed_while_it_drives_stops_the_robot_and_is_found_again(
         self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)

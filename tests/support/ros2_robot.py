@@ -13,7 +13,8 @@ from tests.support.ros_robot import BASE, RosRobot
 
 LOOPBACK = (
     '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"'
-    ' multicast="false"/></Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer'
+    ' multicast="false"/></Interfaces></General><Discovery>'
+    "<ParticipantIndex>auto</ParticipantIndex><Peers><Peer"
     ' address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
 )
 STATUS = "/navigate_to_pose/_action/status"

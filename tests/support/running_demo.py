@@ -54,7 +54,7 @@ class RunningDemo:
                 env={**environment, "VAR_DIR": str(var), **settings},
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                preexec_fn=disposition(background=background),  # noqa: PLW1509 -- system calls alone
+                preexec_fn=disposition(background=background),
             )
 
     def said(self) -> str:

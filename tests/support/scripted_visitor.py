@@ -49,14 +49,16 @@ APART = 4  # places of the way, from one that the page refused to the next that 
 STILL = 0.01  # metres and rad
 WAITS = 1.5  # seconds after a press in which a robot that stands still may still be about to go
 PAD = """() => {
-  const pad = { index: 0, id: "stub", mapping: "standard", axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
+  const buttons = Array.from({ length: 17 }, () => ({ pressed: false }));
+  const pad = { index: 0, id: "stub", mapping: "standard", axes: [0, 0, 0, 0], buttons };
   window.stub = pad;
   navigator.getGamepads = () => [pad];
   window.dispatchEvent(Object.assign(new Event("gamepadconnected"), { gamepad: pad }));
 }"""
 PICTURE = """() => {
-  const video = document.getElementById('video'), box = video.getBoundingClientRect();
-  return { left: box.left, top: box.top, width: box.width, height: box.height, fit: getComputedStyle(video).objectFit };
+  const video = document.getElementById('video');
+  const { left, top, width, height } = video.getBoundingClientRect();
+  return { left, top, width, height, fit: getComputedStyle(video).objectFit };
 }"""
 
 IS_PICTURE = (

@@ -67,7 +67,7 @@ def simulator(*arguments: str) -> Iterator[Simulator]:
 def driving_agent(
     address: str, *, linear: float = 0.5, media: bool = False
 ) -> Iterator[subprocess.Popen]:
-    """Run an agent of its own process that drives ahead, and perhaps watches; wait until it does."""
+    """Run an agent as its own process that drives ahead, perhaps watches; wait until it does."""
     command = [
         sys.executable,
         "-m",

@@ -110,7 +110,7 @@ ARCHITECTURES = {
 
 @contextlib.contextmanager
 def robot_behind(adapter: str, site: Site, directory: Path) -> Iterator[Architecture]:
-    """The architecture that `adapter` speaks with, and the agent of its robot, reached and on line."""
+    """The architecture that `adapter` speaks with, and its robot's agent, reached and on line."""
     architecture = ARCHITECTURES[adapter](site, directory)
     try:
         architecture.start()

@@ -48,7 +48,7 @@ def read_code(image: npt.NDArray[np.uint8]) -> int | None:
 
 
 class SyntheticCamera:
-    """A VideoSource of 640 x 480 RGB at `fps`, seeded; it can be told to fail and to fall silent."""
+    """A VideoSource of 640 x 480 RGB at `fps`, seeded; it fails and falls silent when told to."""
 
     def __init__(self, fps: float = 30.0, seed: int = 1) -> None:
         self.fps = fps

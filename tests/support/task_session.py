@@ -38,7 +38,7 @@ def cabin_robot() -> Robot:
 
 
 def begin(robot: Robot, name: str = "ada", study: Any = None, **changes: Any) -> Drive:
-    """A participant who has just got the robot, in the condition with every door open, and drives."""
+    """A participant who just got the robot, in the condition with every door open, and drives."""
     study = study or p.published(small_study(conditions=[small_conditions()[0]], **changes))
     participant = p.comer(study, User.objects.create(username=name), kind=Kind.PARTICIPANT)
     session = store.take(robot, participant.user, f"peer-{name}", now=timezone.now()).session
@@ -79,7 +79,7 @@ def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
 
 
 def message_of(record: Record) -> m.Event | m.ActionStatus | PageEvent:
-    """What is said of an input. What a page says has its own stamp; who receives it gives the time."""
+    """What is said of an input. A page gives it a stamp of its own; who receives it, the time."""
     match record:
         case FirstFrame(id=word):
             return PageEvent(stamp=float(word), type="first_frame")

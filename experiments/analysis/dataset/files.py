@@ -52,7 +52,9 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 
 
 class DatasetError(ValueError):
-    """A folder that holds no dataset, or a broken one; says which file, and what is wrong with it."""
+    """A folder that holds no dataset, or a broken one; says which file, and what
+    is wrong with it.
+    """
 
 
 def contents(dataset: Dataset) -> Iterator[File]:

@@ -318,5 +318,7 @@ def _shortest(dataset: Dataset, session: Session, part: Track, goal: tuple[float
 
 
 def _share(shortest: float, path: float) -> float:
-    """A straight line over cells is up to 3 % too long: nobody drives less than the shortest way."""
+    """A straight line over cells is up to 3 % too long: nobody drives less than
+    the shortest way.
+    """
     return min(1.0, shortest / path) if path > 0.0 else math.nan

@@ -157,7 +157,9 @@ def _title(dataset: Dataset, key: str) -> str:
 
 
 def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> list[Row]:
-    """Each milestone with the seconds since the one before it, of the sessions that reached both."""
+    """Each milestone with the seconds since the one before it, of the sessions
+    that reached both.
+    """
     numbers = sorted(
         {
             stop.number

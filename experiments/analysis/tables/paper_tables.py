@@ -145,7 +145,9 @@ def _on_the_scale(definition: Definition, response: Response) -> dict[str, int |
 
 
 def table_5(dataset: Dataset, condition: str | None = None) -> Table:
-    """Return the summary of the final questionnaire, of all sessions or of those of one condition."""
+    """Return the summary of the final questionnaire, of all sessions or of those
+    of one condition.
+    """
     lines, responses = lines_of(dataset, condition)
     scale = scale_of(dataset)
     head = ("", *(f"% {signed(value)}" for value in scale), "n", "Mean", "SD", "CI95", "CI99")

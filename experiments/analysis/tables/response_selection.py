@@ -41,7 +41,9 @@ def counted(dataset: Dataset, questionnaire: str, condition: str | None = None) 
 
 
 def note(dataset: Dataset, responses: Sequence[Response]) -> str:
-    """Return the sentence under a table: the rule, and how many participants and sessions it left."""
+    """Return the sentence under a table: the rule, and how many participants and
+    sessions it left.
+    """
     people, sessions = (
         {one.participant for one in responses},
         {one.session for one in responses if one.session},

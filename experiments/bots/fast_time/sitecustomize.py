@@ -87,7 +87,7 @@ def install(clocks: Clocks) -> None:
 
 
 def _threads(clocks: Clocks) -> None:
-    import queue  # noqa: PLC0415 -- not before the clocks are changed
+    import queue
 
     wait, join = threading.Condition.wait, threading.Thread.join
 
@@ -98,7 +98,7 @@ def _threads(clocks: Clocks) -> None:
         join(self, None if timeout is None else clocks.shorter(timeout))
 
     changed: Any = threading
-    changed.Condition.wait, changed.Thread.join, changed._time = (  # noqa: SLF001
+    changed.Condition.wait, changed.Thread.join, changed._time = (
         quick_wait,
         quick_join,
         clocks.monotonic,
@@ -129,10 +129,10 @@ def _selector(kind: Any, clocks: Clocks) -> None:
 def _django(unix: Callable[[], float]) -> None:
     """Django asks `datetime`, which is not to be changed."""
     try:
-        from django.utils import timezone  # noqa: PLC0415 -- a robot's computer has none
+        from django.utils import timezone
     except ImportError:
         return
-    from datetime import UTC, datetime  # noqa: PLC0415 -- as above
+    from datetime import UTC, datetime
 
     timezone.now = lambda: datetime.fromtimestamp(unix(), UTC)
 

@@ -1,4 +1,6 @@
-"""`manage.py export_study`: everything that was recorded of a study, as a folder or a ZIP archive."""
+"""`manage.py export_study`: everything that was recorded of a study, as a folder
+or a ZIP archive.
+"""
 
 import sys
 from argparse import ArgumentParser

@@ -62,7 +62,9 @@ class _Running:
 
 
 class NavigationNode:
-    """One robot in one site. It does not know where it is until it is placed or has found itself."""
+    """One robot in one site. It does not know where it is until it is placed or
+    has found itself.
+    """
 
     def __init__(self, area: Area, body: Body, rng: np.random.Generator) -> None:
         """Read the map.

@@ -117,7 +117,9 @@ class ControlLoop:
         self._post(self._send, suffix, message)
 
     def publish_picture(self, payload: bytes, peer: str | None = None) -> None:
-        """Send a picture for pages that WebRTC does not reach, or for the page of one peer alone."""
+        """Send a picture for pages that WebRTC does not reach, or for the page of
+        one peer alone.
+        """
         self._post(self._send_picture, payload, peer)
 
     def close(self) -> None:

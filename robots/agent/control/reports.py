@@ -202,7 +202,9 @@ class Reports:
         return self._seq
 
     def event(self, kind: Any, lease: Lease | None = None, **fields: Any) -> None:
-        """Send an event of the announced session, or of `lease`; its seq is that of the next state."""
+        """Send an event of the announced session, or of `lease`; its seq is that
+        of the next state.
+        """
         of = lease or self._kernel.leases.announced(self._times.now())
         session, epoch = (of.session, of.epoch) if of else (None, 0)
         detail = str(fields.pop("detail", ""))[:300]
@@ -219,7 +221,9 @@ class Reports:
         self._send("event", event)
 
     def kept(self, first: int, last: int) -> list[bytes]:
-        """Return the states `first` to `last` of this boot that are still here, as they were sent."""
+        """Return the states `first` to `last` of this boot that are still here,
+        as they were sent.
+        """
         return [payload for seq, payload in self._kept if first <= seq <= last]
 
     # --- inside -----------------------------------------------------------------------------------

@@ -100,7 +100,9 @@ def verdict(measured: float | None, stated: float, params: CheckParams) -> tuple
 def reported(
     states: Sequence[RcaState], capabilities: Sequence[str], seconds: float
 ) -> list[tuple[bool, str]]:
-    """Return what a robot's readings say, line by line, each with whether that is as it should be."""
+    """Return what a robot's readings say, line by line, each with whether that is
+    as it should be.
+    """
     if not states:
         return [(False, "Readings: none came.")]
     last, has_scan = states[-1], any(state.scan is not None for state in states)
@@ -225,7 +227,9 @@ class RobotCheck:
         return is_well
 
     async def _drive(self, speed: float) -> float:
-        """Send a velocity again and again and return when the last one was sent, monotonic seconds."""
+        """Send a velocity again and again and return when the last one was sent,
+        monotonic seconds.
+        """
         self._samples.clear()
         self._say(f"Driving {speed:g} m/s…")
         ends = _now() + self._params.driving

@@ -194,7 +194,9 @@ class _Child:
             os.set_blocking(self._process.stdin.fileno(), False)
 
     def is_ready(self, timeout: float) -> bool:
-        """Tell whether something was recorded, or the program has ended, within `timeout` seconds."""
+        """Tell whether something was recorded, or the program has ended, within
+        `timeout` seconds.
+        """
         return bool(select.select([_file(self._process.stdout)], [], [], timeout)[0])
 
     def read(self) -> bytes:

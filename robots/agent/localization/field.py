@@ -63,7 +63,9 @@ class Field:
         return on_map
 
     def is_free(self, x: Floats, y: Floats) -> Bools:
-        """Tell for points of any shape whether the map calls them free; beyond its edge nothing is."""
+        """Tell for points of any shape whether the map calls them free; beyond
+        its edge nothing is.
+        """
         free: Bools = self.free[self.cells(x, y)] & self.inside(x, y)
         return free
 

@@ -51,7 +51,9 @@ class Searching:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Poses (n, 3) that explain a sweep, best first, and how well (n,): `Agreement.against_others`."""
+    """Poses (n, 3) that explain a sweep, best first, and how well (n,):
+    `Agreement.against_others`.
+    """
 
     poses: Floats
     merit: Floats

@@ -288,7 +288,9 @@ class MediaSide:
             await asyncio.to_thread(self._outputs.close)
 
     def _post(self, call: Callable[..., None], *args: Any) -> None:
-        """Run `call` on the media loop; nothing happens when there is none yet, or none any more."""
+        """Run `call` on the media loop; nothing happens when there is none yet,
+        or none any more.
+        """
         if self._loop is None:
             return
         try:

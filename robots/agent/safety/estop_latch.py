@@ -29,7 +29,9 @@ class EStopLatch:
 
 
 def stricter(held: EStopLatch | None, new: EStopLatch) -> EStopLatch:
-    """Return the latch that counts when both were pressed: the robot's own button, else the first."""
+    """Return the latch that counts when both were pressed: the robot's own
+    button, else the first.
+    """
     if held is None or (new.source == BUTTON and held.source != BUTTON):
         return new
     return held

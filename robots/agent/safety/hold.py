@@ -39,7 +39,9 @@ class Hold:
         return known is not None and known != grant
 
     def is_nobodys(self, now: float) -> bool:
-        """Tell whether it is over for want of a lease: without one nobody drives, whatever is held."""
+        """Tell whether it is over for want of a lease: without one nobody drives,
+        whatever is held.
+        """
         return now - self.since >= QUIET_RELEASES
 
     def pressed(self, way: Way, now: float) -> None:
@@ -47,7 +49,9 @@ class Hold:
         self.way, self.since = way, now
 
     def is_released_by(self, way: Way, now: float) -> bool:
-        """Take a heartbeat of the driver, and tell whether it ends a silence that was long enough."""
+        """Take a heartbeat of the driver, and tell whether it ends a silence that
+        was long enough.
+        """
         if self.way not in {None, way}:
             return False
         if now - self.last_received_at > HEARTBEAT_GAP:

@@ -501,7 +501,9 @@ class Kernel:
         return True
 
     def cancel(self, action_id: str | None) -> str | None:
-        """Cancel the navigation named, or whatever runs; return its id, None when there was none."""
+        """Cancel the navigation named, or whatever runs; return its id, None when
+        there was none.
+        """
         running = self.navigation
         if running is None or action_id not in {None, running.action_id}:
             return None

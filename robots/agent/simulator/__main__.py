@@ -146,7 +146,9 @@ async def serve(server: Server, host: str, port: int, *, tied: bool) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a simulated robot; return 2 with one sentence when it cannot be what it was asked to be."""
+    """Run a simulated robot; return 2 with one sentence when it cannot be what it
+    was asked to be.
+    """
     words = parser().parse_args(arguments)
     logging.basicConfig(
         level=logging.WARNING,
@@ -170,9 +172,8 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
 
     def renderer() -> Renderer:
-        from robots.agent.simulator.render.camera import (  # noqa: PLC0415
-            SceneCamera,
-        )
+        # Its import takes seconds, of which --help needs none.
+        from robots.agent.simulator.render.camera import SceneCamera  # noqa: PLC0415
 
         return SceneCamera(model, plan, seed=words.seed)
 

@@ -38,7 +38,9 @@ class MeasuringSpeaker:
 
     @property
     def level(self) -> float:
-        """The root mean square of the last half second, of full scale; 0 before there is anything."""
+        """The root mean square of the last half second, of full scale; 0 before
+        there is anything.
+        """
         samples = self._last()
         return float(np.sqrt(np.mean(samples**2))) if samples.size else 0.0
 

@@ -120,7 +120,9 @@ class Truth(Said, frozen=True):
 
 
 class Ranges(Said, frozen=True):
-    """A laser scan: float32 metres in the byte order of the machine, `inf` where nothing came back."""
+    """A laser scan: float32 metres in the byte order of the machine, `inf` where
+    nothing came back.
+    """
 
     stamp: float
     ranges: bytes

@@ -39,7 +39,9 @@ class Command(BaseCommand):
 
     async def _run(self) -> None:
         manager = SessionManager(
-            settings.MQTT_URL, server_credentials("session-manager"), random.Random()  # noqa: S311
+            settings.MQTT_URL,
+            server_credentials("session-manager"),
+            random.Random(),
         )
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):

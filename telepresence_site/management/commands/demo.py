@@ -38,10 +38,7 @@ class Command(BaseCommand):
         # machine.
         if not str(options["port"]).isdigit() or not 0 < int(str(options["port"])) < 2**16:
             raise CommandError(f"PORT must be a number from 1 to 65535, not “{options['port']}”.")
-        from telepresence_site.demo.run import (  # noqa: PLC0415
-            Options,
-            run,
-        )
+        from telepresence_site.demo.run import Options, run  # noqa: PLC0415 -- as said
 
         sys.exit(
             run(

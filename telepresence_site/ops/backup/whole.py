@@ -120,9 +120,8 @@ def _applied() -> list[str]:
 
 def _key() -> str:
     """Return what tells two secret keys apart and gives neither away."""
-    return salted_hmac("telepresence_site.ops.backup", "which key", algorithm="sha256").hexdigest()[
-        :16
-    ]
+    digest = salted_hmac("telepresence_site.backing_up", "which key", algorithm="sha256")
+    return digest.hexdigest()[:16]
 
 
 def _put(staged: Path, target: Path) -> None:

@@ -28,9 +28,13 @@ User.objects.create_user("ada", password="seven green kettles")
 client = Client(headers={"host": "robots.example"})
 plain = client.get("/accounts/login/")
 page = client.get("/accounts/login/", secure=True)
-answer = client.post("/accounts/login/", {"login": "ada", "password": "seven green kettles"}, secure=True)
-cookies = {n: {k: m[k] for k in ("secure", "httponly", "samesite")} for n, m in client.cookies.items()}
-print(json.dumps({"plain": [plain.status_code, plain.get("location")], "headers": dict(page.headers), "cookies": cookies,
+who = {"login": "ada", "password": "seven green kettles"}
+answer = client.post("/accounts/login/", who, secure=True)
+cookies = {
+    n: {k: m[k] for k in ("secure", "httponly", "samesite")} for n, m in client.cookies.items()
+}
+print(json.dumps({"plain": [plain.status_code, plain.get("location")],
+                  "headers": dict(page.headers), "cookies": cookies,
                   "page": page.status_code, "answer": answer.status_code}))
 """
 

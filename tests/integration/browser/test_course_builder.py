@@ -10,7 +10,10 @@ from tests.support.site import Site, wait_for
 
 pytestmark = pytest.mark.browser
 SETUP = """
-from django.utils import timezone; from accounts.models import User; from experiments import publishing; from experiments.definition.shipped import shipped
+from django.utils import timezone
+from accounts.models import User
+from experiments import publishing
+from experiments.definition.shipped import shipped
 from experiments.models import Study
 User.objects.filter(username={name!r}).update(is_staff=True, is_superuser=True)
 Study.objects.filter(slug='exploration').delete()

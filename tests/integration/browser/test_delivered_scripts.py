@@ -11,7 +11,7 @@ from django.test import Client
 from playwright.sync_api import Page, expect
 
 from robots.models import Robot
-from tests.integration.browser.test_accessibility import driving, opened  # noqa: F401 -- fixtures
+from tests.integration.browser.test_accessibility import driving, opened
 from tests.integration.browser.test_replay import made
 from tests.support import participants as p
 from tests.support.fake_robot_page import FakeRobotPage
@@ -62,7 +62,7 @@ class Complaints(list[str]):
         page.on("request", lambda request: self.ran.add(request.url.partition("/static/")[2]))
 
     def check(self, *names: str) -> None:
-        """Nothing was complained of, and these scripts were asked for under their collected names."""
+        """Nothing was complained of, and these scripts were asked for by their collected names."""
         assert self == []
         missing = {name for name in names if staticfiles_storage.stored_name(name) not in self.ran}
         assert not missing

@@ -146,7 +146,8 @@ def test_a_page_fits_a_phone_and_a_window_at_200_percent(page, giraff, address):
 def test_whatever_a_finger_has_to_hit_is_44_pixels_high(page, giraff, address):
     page.goto(reverse(address))
     small = page.evaluate(
-        """() => [...document.querySelectorAll("button, .button, .bar__link, .brand, summary, input:not([type=hidden], [type=checkbox])")]
+        """() => [...document.querySelectorAll("button, .button, .bar__link, .brand, summary"
+            + ", input:not([type=hidden], [type=checkbox])")]
             .filter((e) => e.checkVisibility() && e.getBoundingClientRect().height < 43.5)
             .map((e) => `${e.textContent.trim() || e.name} ${e.getBoundingClientRect().height}`)"""
     )

@@ -29,7 +29,9 @@ COUNT = """() => {
   small.width = 32; small.height = 24;
   const context = small.getContext('2d', { willReadFrequently: true });
   setInterval(() => {
-    if (!canvas.hidden) { context.drawImage(canvas, 0, 0, 32, 24); seen.add(context.getImageData(0, 0, 32, 24).data.join()); }
+    if (canvas.hidden) return;
+    context.drawImage(canvas, 0, 0, 32, 24);
+    seen.add(context.getImageData(0, 0, 32, 24).data.join());
   }, 50);
 }"""
 SPREAD = """() => {
@@ -147,11 +149,16 @@ def test_whoever_watches_sees_it_too_and_whoever_does_not_gets_nothing(site, vis
     otto = visitor("otto").open()
     listening = """() => {
       window.binary = 0; window.denied = [];
-      const socket = new WebSocket(location.href.replace('http', 'ws').replace('/robots/', '/ws/robots/').replace(/\\?.*/, ''));
-      socket.onopen = () => setInterval(() => socket.send('command/picture\\n' + JSON.stringify({ stamp: Date.now() / 1000, peer: 'stolen' })), 100);
+      const page = location.href.replace(/\\?.*/, '');
+      const socket = new WebSocket(
+        page.replace('http', 'ws').replace('/robots/', '/ws/robots/'));
+      const asks = () => JSON.stringify({ stamp: Date.now() / 1000, peer: 'stolen' });
+      socket.onopen = () => setInterval(
+        () => socket.send('command/picture\\n' + asks()), 100);
       socket.onmessage = (event) => {
         if (typeof event.data !== 'string') window.binary += 1;
-        else if (event.data.startsWith('denied')) window.denied.push(JSON.parse(event.data.split('\\n')[1]).reason);
+        else if (event.data.startsWith('denied'))
+          window.denied.push(JSON.parse(event.data.split('\\n')[1]).reason);
       };
     }"""
     otto.page.evaluate(listening)

@@ -29,7 +29,8 @@ def join(site: Site, name: str) -> None:
     site.django(
         "from django.utils import timezone; from accounts.models import User; from experiments"
         " import participation; from experiments.models import Study;user, _ ="
-        f" User.objects.get_or_create(username={name!r});participation.enter(Study.objects.get(slug='short'),"
+        f" User.objects.get_or_create(username={name!r});"
+        "participation.enter(Study.objects.get(slug='short'),"
         " user, access='open', recruitment={}, now=timezone.now())"
     )
 

@@ -15,7 +15,8 @@ pytestmark = pytest.mark.browser
 DOOR_Y = 2.075  # the laboratory's door, as the office's plan has it
 CENTROID = """() => {
   const canvas = document.getElementById('map');
-  const [r, g, b] = getComputedStyle(canvas).getPropertyValue('--map-robot').match(/\\w\\w/g).map((two) => parseInt(two, 16));
+  const colour = getComputedStyle(canvas).getPropertyValue('--map-robot');
+  const [r, g, b] = colour.match(/\\w\\w/g).map((two) => parseInt(two, 16));
   const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
   let n = 0, x = 0, y = 0;
   for (let i = 0; i < data.length; i += 4) {
@@ -24,7 +25,8 @@ CENTROID = """() => {
     }
   }
   const density = canvas.width / canvas.clientWidth;
-  return { n, x: x / n / density, y: y / n / density, width: canvas.clientWidth, height: canvas.clientHeight, ...canvas.dataset };
+  const { clientWidth: width, clientHeight: height } = canvas;
+  return { n, x: x / n / density, y: y / n / density, width, height, ...canvas.dataset };
 }"""
 
 
@@ -148,9 +150,24 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     otto.context.add_init_script("""
       const { WebSocket: Socket, RTCPeerConnection: Connection } = window;
       window.sockets = []; window.channels = []; window.denied = [];
-      window.WebSocket = class extends Socket { constructor(...a) { super(...a); window.sockets.push(this);
-        this.addEventListener('message', (e) => { if (String(e.data).startsWith('denied')) window.denied.push(JSON.parse(e.data.split('\\n')[1])); }); } };
-      window.RTCPeerConnection = class extends Connection { createDataChannel(...a) { const c = super.createDataChannel(...a); window.channels.push(c); return c; } };
+      const heard = ({ data }) => {
+        if (String(data).startsWith('denied'))
+          window.denied.push(JSON.parse(data.split('\\n')[1]));
+      };
+      window.WebSocket = class extends Socket {
+        constructor(...a) {
+          super(...a);
+          window.sockets.push(this);
+          this.addEventListener('message', heard);
+        }
+      };
+      window.RTCPeerConnection = class extends Connection {
+        createDataChannel(...a) {
+          const c = super.createDataChannel(...a);
+          window.channels.push(c);
+          return c;
+        }
+      };
     """)
     otto.page = otto.new_page()
     otto.open()
@@ -174,7 +191,10 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     otto.page.evaluate(
         """([session, epoch]) => {
           for (let n = 0; n < 40; n += 1) {
-            const command = { session, epoch, seq: 1000000 + n, stamp: Date.now() / 1000, linear: 0.5, angular: 0.5, method: 'keyboard', frame: Date.now() / 1000 };
+            const command = {
+              session, epoch, seq: 1000000 + n, stamp: Date.now() / 1000,
+              linear: 0.5, angular: 0.5, method: 'keyboard', frame: Date.now() / 1000,
+            };
             const frame = 'command/velocity\\n' + JSON.stringify(command);
             window.sockets.at(-1).send(frame);
             window.channels.forEach((c) => c.readyState === 'open' && c.send(frame));

@@ -289,7 +289,7 @@ def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_pat
 
 
 @pytest.mark.django_db(transaction=True)
-def test_the_report_from_the_database_and_that_from_its_export_are_the_same_bytes_made_by_three_processes(
+def test_reports_of_the_database_and_of_its_export_made_by_three_processes_are_the_same_bytes(
     stored, tmp_path
 ):
     environment = os.environ | {

@@ -32,7 +32,8 @@ except KeyboardInterrupt:
 PARENT = """
 import subprocess, sys, time
 from robots.processes import tied_to_parent
-child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], start_new_session=True, preexec_fn=tied_to_parent())
+sleeps = [sys.executable, "-c", "import time; time.sleep(600)"]
+child = subprocess.Popen(sleeps, start_new_session=True, preexec_fn=tied_to_parent())
 print(child.pid, flush=True)
 time.sleep(600)
 """
@@ -44,7 +45,7 @@ def python(code: str, *, background: bool) -> "subprocess.Popen[str]":
         cwd=ROOT,
         stdout=subprocess.PIPE,
         text=True,
-        preexec_fn=disposition(background=background),  # noqa: PLW1509 -- system calls alone
+        preexec_fn=disposition(background=background),
     )
 
 
@@ -84,6 +85,6 @@ def test_a_child_whose_parent_died_before_it_was_tied_ends_at_once(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(os, "getpid", lambda: dead.pid)
         tie = processes.tied_to_parent()
-    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], preexec_fn=tie)  # noqa: PLW1509 -- as above
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], preexec_fn=tie)
     wait_for(lambda: child.poll() is not None, 20, "the end of a child without its parent")
     assert child.returncode == -signal.SIGKILL

@@ -131,7 +131,7 @@ async def test_two_web_processes_share_a_robot_and_its_driver_moves_between_them
     site.stop("web-2")
 
 
-async def test_a_page_that_does_not_read_loses_old_telemetry_and_no_event_and_takes_nothing_from_others(
+async def test_a_page_that_does_not_read_loses_old_telemetry_but_no_event_and_others_lose_nothing(
     site,
 ):
     scan = m.Scan(

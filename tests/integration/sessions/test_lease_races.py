@@ -100,7 +100,10 @@ from accounts.models import User
 from robots.models import Robot
 from django.utils import timezone
 now = timezone.now() + timezone.timedelta(hours=1)  # heard of all the time
-Robot.objects.bulk_create(Robot(name=f"{prefix}-{n}", title="r", connection="ONLINE", last_seen_at=now) for n in range(rounds))
+Robot.objects.bulk_create(
+    Robot(name=f"{prefix}-{n}", title="r", connection="ONLINE", last_seen_at=now)
+    for n in range(rounds)
+)
 for name in ("ana", "ben"):
     User.objects.get_or_create(username=name)
 """
@@ -112,7 +115,8 @@ from sessions.models import Lease, Session
 live = Session.objects.exclude(state="ended").filter(robot__name__startswith=prefix)
 leases = Lease.objects.filter(robot__name__startswith=prefix)
 print(json.dumps({
-    "driving": live.exclude(state="waiting").count(), "waiting": live.filter(state="waiting").count(),
+    "driving": live.exclude(state="waiting").count(),
+    "waiting": live.filter(state="waiting").count(),
     "leases": leases.count(), "epochs": sorted(set(leases.values_list("epoch", flat=True))),
     "held": leases.filter(session__isnull=False).count(),
     "agree": all(lease.session.state == "connecting" for lease in leases.select_related("session")),

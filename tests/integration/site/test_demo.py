@@ -1,4 +1,4 @@
-"""manage.py demo as its user meets it: a link that drives, clear endings, and nothing left behind."""
+"""manage.py demo as its user meets it: a link that drives, clear endings, nothing left behind."""
 
 import contextlib
 import re
@@ -50,7 +50,7 @@ ENDINGS = [
 
 
 @pytest.mark.parametrize(("number", "background"), ENDINGS)
-def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_second_start_keeps_the_data(
+def test_the_link_opens_the_robot_the_end_leaves_no_process_and_a_second_start_keeps_the_data(
     tmp_path, number, background
 ):
     port = free_port()

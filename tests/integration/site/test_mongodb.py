@@ -36,19 +36,35 @@ from telepresence_site.ops.metrics import _of_the_site
 call_command("migrate", verbosity=0)
 try:
     now = timezone.now()
-    ada, bob = (User.objects.create_user(name, password="seven green kettles") for name in ("ada", "bob"))
-    plan = FloorPlan.objects.create(name="p", title="P", resolution=0.05, origin_x=0, origin_y=0, width=1, height=1, image=bytes(range(256)))
-    robot = Robot.objects.create(name="giraff", title="Giraff", floor_plan=plan, connection="ONLINE", last_seen_at=now, report={"battery": {"charge": 0.5}})
+    ada, bob = (
+        User.objects.create_user(name, password="seven green kettles") for name in ("ada", "bob")
+    )
+    plan = FloorPlan.objects.create(
+        name="p", title="P", resolution=0.05, origin_x=0, origin_y=0, width=1, height=1,
+        image=bytes(range(256)),
+    )
+    robot = Robot.objects.create(
+        name="giraff", title="Giraff", floor_plan=plan, connection="ONLINE", last_seen_at=now,
+        report={"battery": {"charge": 0.5}},
+    )
     assert bytes(FloorPlan.objects.get().image) == bytes(range(256))
     first = turns.take(robot, ada, "peer-a", now=now)
     assert isinstance(first, turns.Granted), first
     assert isinstance(turns.take(robot, bob, "peer-b", now=now), turns.Queued)
     assert turns.seen({first.session}, now) == {first.session}
-    StateChunk.objects.bulk_create([StateChunk(session_id=first.session, boot="b", first_seq=n, last_seq=n, count=1, first_stamp=n, last_stamp=n, received_at=n, states=[{"n": n}]) for n in range(3)])
-    assert [chunk.first_seq for chunk in StateChunk.objects.filter(session=first.session).order_by("first_stamp")] == [0, 1, 2]
+    StateChunk.objects.bulk_create([
+        StateChunk(
+            session_id=first.session, boot="b", first_seq=n, last_seq=n, count=1,
+            first_stamp=n, last_stamp=n, received_at=n, states=[{"n": n}],
+        )
+        for n in range(3)
+    ])
+    chunks = StateChunk.objects.filter(session=first.session).order_by("first_stamp")
+    assert [chunk.first_seq for chunk in chunks] == [0, 1, 2]
     assert turns.end(first.session, Session.Outcome.COMPLETED, "", now)
     assert beat("here:1", now, {"connected": True}) and not beat("there:2", now)
-    assert dict(Session.objects.values_list("state").annotate(n=Count("pk")).order_by()) == {"ended": 1, "waiting": 1}
+    states = Session.objects.values_list("state").annotate(n=Count("pk")).order_by()
+    assert dict(states) == {"ended": 1, "waiting": 1}
     assert len(_of_the_site(now)) > 8
     print("well")
 finally:

@@ -65,7 +65,7 @@ def test_a_robot_is_started_anew_after_its_visitor():
     assert decide(["practice-1"], waits(left=left), ended, NOW) == [Start("practice-1")]
 
 
-def test_a_robot_that_died_under_its_visitor_comes_back_first_and_not_faster_than_every_few_seconds():
+def test_a_robot_that_died_under_its_visitor_is_back_first_and_not_faster_than_every_few_seconds():
     dead = {"practice-2": Process(NOW - 1.0, alive=False)}
     demand = Demand(None, frozenset({"practice-2"}), {})
     assert Start("practice-2") not in decide(NAMES, demand, dead, NOW)

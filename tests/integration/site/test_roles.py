@@ -81,7 +81,7 @@ def people() -> dict:
 
 
 def of_the_study(robot: Robot, participant) -> dict:
-    """A study that is published with a participant who has driven, and a draft of its next version."""
+    """A published study with a participant who has driven, and a draft of its next version."""
     study = replays.study(
         status=Study.Status.PUBLISHED, definition={**STUDY, "slug": "cabin-study"}
     )

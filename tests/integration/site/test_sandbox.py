@@ -1,4 +1,4 @@
-"""A sandbox: what goes into it, and what becomes of it when its parts do not all live to its end."""
+"""A sandbox: what goes into it, and what becomes of it when not all parts live to its end."""
 
 from itertools import cycle
 from pathlib import Path

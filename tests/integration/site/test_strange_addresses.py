@@ -46,7 +46,7 @@ def addresses(patterns, prefix=""):
 
 
 def filled(route):
-    """Yield the route with every strange word in one of its places, and plain ones in the others."""
+    """Yield the route with each strange word in one of its places and plain ones in the others."""
     places = PLACE.findall(route)
     for at, (kind, _) in enumerate(places):
         for word in WORDS.get(kind, ("x",)):

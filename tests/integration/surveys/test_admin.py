@@ -1,4 +1,4 @@
-"""Questionnaires in the administration: import, preview, versions, downloads, and who may do what."""
+"""Questionnaires in the administration: import, preview, versions, downloads, who may do what."""
 
 import csv
 import datetime

@@ -41,7 +41,7 @@ def test_a_template_holds_no_text_of_the_items(slug):
         assert "put the text here" in question.text["en"]
 
 
-def test_the_experience_form_goes_from_minus_two_to_plus_two_and_asks_for_the_photo_only_on_giraff():
+def test_the_experience_form_goes_from_minus_two_to_two_and_asks_for_the_photo_only_on_giraff():
     definition = shipped()["experience"]
     assert [point.value for point in definition.scales["agreement"]] == [-2, -1, 0, 1, 2]
     assert definition.question("q7").item.show_if.robot == ("giraff",)

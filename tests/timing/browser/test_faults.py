@@ -29,9 +29,17 @@ STEP = 0.02  # s: the simulator's step and the agent's tick are seen at this gra
 MUFFLE = """
   const { WebSocket: Socket, RTCPeerConnection: Connection } = window;
   window.muffled = false;
-  const muffle = (thing) => { const send = thing.send.bind(thing); thing.send = (data) => { if (!window.muffled || !String(data).startsWith('command/')) send(data); }; return thing; };
+  const muffle = (thing) => {
+    const send = thing.send.bind(thing);
+    thing.send = (data) => {
+      if (!window.muffled || !String(data).startsWith('command/')) send(data);
+    };
+    return thing;
+  };
   window.WebSocket = class extends Socket { constructor(...a) { super(...a); muffle(this); } };
-  window.RTCPeerConnection = class extends Connection { createDataChannel(...a) { return muffle(super.createDataChannel(...a)); } };
+  window.RTCPeerConnection = class extends Connection {
+    createDataChannel(...a) { return muffle(super.createDataChannel(...a)); }
+  };
 """
 LEASE = 10.0  # s that a lease lives after its renewal
 

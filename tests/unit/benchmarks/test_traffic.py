@@ -149,7 +149,7 @@ async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(rob
     assert robot.states == {"s1": 2}
 
 
-async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_ones_again_when_asked(
+async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_ones_again_if_asked(
     robot,
 ):
     robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)

@@ -18,7 +18,7 @@ from telepresence_site.web.asgi_limits import (
 
 
 async def sends(limit: int, parts: list[bytes], headers: tuple = ()) -> tuple[list[dict], int]:
-    """Post parts of a body; return what was answered and how many bytes the application has read."""
+    """Post parts of a body; return the answer and how many bytes the application has read."""
     said, read = [], 0
     waiting = [
         {"type": "http.request", "body": part, "more_body": n + 1 < len(parts)}
@@ -187,7 +187,7 @@ class Sockets:
         return len(self.ends) > before
 
 
-async def test_an_address_has_so_many_sockets_open_and_another_one_when_one_has_ended_however_it_did():
+async def test_an_address_has_so_many_sockets_open_and_another_when_one_has_ended_however_it_did():
     sockets = Sockets(lambda scope: address_of(scope, ["10.0.0.1"]))
     here, there = (
         {"client": (address, 1), "headers": []} for address in ("198.51.100.7", "198.51.100.8")
@@ -211,7 +211,7 @@ async def test_an_address_has_so_many_sockets_open_and_another_one_when_one_has_
     assert not sockets.door._open
 
 
-async def test_a_user_has_so_many_sockets_open_wherever_they_are_and_whoever_has_not_signed_in_is_not_counted_with_others():
+async def test_a_user_has_so_many_sockets_open_anywhere_and_the_signed_out_count_with_nobody():
     sockets = Sockets(user_of)
     ada, bob, nobody = (SimpleNamespace(pk=pk, is_authenticated=pk > 0) for pk in (1, 2, 0))
     assert [await sockets.come(user=ada) for _ in range(3)] == [True, True, False]

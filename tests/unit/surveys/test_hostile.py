@@ -1,4 +1,4 @@
-"""Files and fields that nobody sane would send: each is taken or refused, and nothing else happens."""
+"""Files and fields nobody sane would send: each is taken or refused, and nothing else happens."""
 
 import copy
 import json

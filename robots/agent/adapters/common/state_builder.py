@@ -124,7 +124,9 @@ class Readings:
         self._touching, self._bumper = touching, bearings
 
     def echoed(self, sonar: int, distance: float | None, stamp: float) -> None:
-        """Take what one of the profile's sonars has measured: metres, None where nothing came back."""
+        """Take what one of the profile's sonars has measured: metres, None where
+        nothing came back.
+        """
         self._sonar.append(SonarEcho(sonar, stamp, distance))
 
     def saw(self, points: ObstaclePoints) -> None:

@@ -329,10 +329,9 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             case Relocalize(x=x, y=y) if x is not None and y is not None:
                 # Handed on to RELOCALIZE_IN_AREA letter by letter
                 # (MQTTMosquitto/CMQTTMosquitto.cpp, on_message).
-                return (
-                    "Relocalize"
-                    f" {openmora.area(x, y, self._options.relocalize_half_width, self._options.relocalize_particles)}"
-                )
+                options = self._options
+                half_width, particles = options.relocalize_half_width, options.relocalize_particles
+                return f"Relocalize {openmora.area(x, y, half_width, particles)}"
             case Goto(place=place):
                 raise AdapterError(
                     f"{self._options.robot} knows no place {place!r}; it knows"

@@ -152,7 +152,9 @@ class AutonomyAdapter:
         return self.inner.apply(velocity)
 
     def wanted(self) -> Velocity | None:
-        """Return what the running action wants, to stand when its mind is late, None without one."""
+        """Return what the running action wants, to stand when its mind is late,
+        None without one.
+        """
         if self._running is None:
             return None
         late = self._now() - self._last_received_at > LATE
@@ -316,7 +318,9 @@ class AutonomyAdapter:
         self.node.settle(area)
 
     def _place(self) -> None:
-        """Tell a new mind where the robot is: where the last one knew it to be, or where it begins."""
+        """Tell a new mind where the robot is: where the last one knew it to be,
+        or where it begins.
+        """
         self._last_received_at, self._told_sweep = self._now(), -math.inf
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None

@@ -174,7 +174,9 @@ class Bus(Protocol):
         """Throw away what has not been sent yet; at once."""
 
     def listeners(self, topic: str) -> int | None:
-        """Return how many hear a topic that drives, as the same type; None when that is not known."""
+        """Return how many hear a topic that drives, as the same type; None when
+        that is not known.
+        """
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Return what others have to do with topics: at least with the one that drives and those
@@ -320,11 +322,16 @@ class RosAdapter(RemoteAdapter):
 
     async def _settle(self) -> None:
         deadline = time.monotonic() + LISTENERS
-        while self._unheard() and not self._failure and time.monotonic() < deadline:  # noqa: ASYNC110 -- a bus tells nobody
+        # A bus tells nobody when it is heard.
+        while (  # noqa: ASYNC110
+            self._unheard() and not self._failure and time.monotonic() < deadline
+        ):
             await asyncio.sleep(LOOKING / 5)
 
     async def _watch_listeners(self) -> None:
-        """Whoever comes to listen is told to stand first; a base that wants another type gets it."""
+        """Whoever comes to listen is told to stand first; a base that wants
+        another type gets it.
+        """
         while True:
             now = self._listeners()
             if now and not self._heard_by:

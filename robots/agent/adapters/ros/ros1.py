@@ -58,7 +58,9 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
 
 
 class NodeBus:
-    """See ros.Bus. One child process for each connection: rospy cannot begin again in the same one."""
+    """See ros.Bus. One child process for each connection: rospy cannot begin
+    again in the same one.
+    """
 
     version = 1
     answers = True

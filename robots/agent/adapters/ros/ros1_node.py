@@ -17,8 +17,6 @@ goes on. So whoever listens for velocities is asked for its process id (the slav
 which every node serves) before each of them; who owes the answer for a second loses its connection,
 by a reset, and is told to stand when it comes back.
 """
-# ruff: noqa: D102, D103, PLC0415, SIM105, SLF001, I001, UP -- read by old Pythons; rospy is
-# imported where its absence can be told
 
 import base64
 import functools

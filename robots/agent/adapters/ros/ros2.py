@@ -305,7 +305,9 @@ def _acknowledged(writer: Any) -> bool:
 
 
 class _Endpoints:
-    """The readers or the writers that others have: DDS tells each of them, with its topic and type."""
+    """The readers or the writers that others have: DDS tells each of them, with
+    its topic and type.
+    """
 
     def __init__(self, participant: Any, topic: Any) -> None:
         self._own = participant.guid

@@ -6,8 +6,6 @@ become None.
 """
 # mypy: disable-error-code="type-arg,valid-type,assignment,misc,arg-type"
 # (IDL says its types by values, which no type checker knows.)
-# ruff: noqa: D101, RUF009 -- each class is the .msg file of its name, and a field of it is made by
-# _made
 
 import base64
 import dataclasses

@@ -9,6 +9,7 @@ import contextlib
 import itertools
 import json
 import logging
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -398,8 +399,4 @@ def _nulled(value: Any) -> Any:
         return {key: _nulled(each) for key, each in value.items()}
     if isinstance(value, list):
         return [_nulled(each) for each in value]
-    return (
-        None
-        if isinstance(value, float) and (value != value or value in {float("inf"), float("-inf")})  # noqa: PLR0124
-        else value
-    )
+    return None if isinstance(value, float) and not math.isfinite(value) else value

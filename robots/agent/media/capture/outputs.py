@@ -73,7 +73,9 @@ class OutputFeed:
             self._put(("audio", opus))
 
     def see(self, vp8: bytes, *, key: bool) -> bool:
-        """Show a VP8 picture; False when it cannot be shown and the next one must be a key frame."""
+        """Show a VP8 picture; False when it cannot be shown and the next one must
+        be a key frame.
+        """
         if self._display is None:
             return True
         self._whole = (self._whole or key) and self._put(("video", vp8))

@@ -129,7 +129,9 @@ class FrameQueue:
 
 
 class SoundQueue:
-    """The sound for one listener; what is late is dropped, oldest first. Belongs to the media loop."""
+    """The sound for one listener; what is late is dropped, oldest first. Belongs
+    to the media loop.
+    """
 
     def __init__(self, origin: int) -> None:
         self.last_report = 0.0

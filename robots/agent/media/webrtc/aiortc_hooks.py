@@ -1,5 +1,3 @@
-# ruff: noqa: SLF001 -- this file exists to keep every private name of aiortc and aioice in one
-# place
 """What aiortc 1.16 does not offer: shared packets, playout-delay, key-frame requests, an RTP clock,
 and a robot without network.
 
@@ -168,7 +166,7 @@ class PacketSender(RTCRtpSender):
         return int(transport.get_write_buffer_size())
 
     async def _run_rtp(self, codec: RTCRtpCodecParameters) -> None:
-        getattr(self, "_RTCRtpSender__rtp_started").set()  # noqa: B009 -- mypy knows no mangled names
+        getattr(self, "_RTCRtpSender__rtp_started").set()
         assert self._stream is not None
         try:
             while True:
@@ -185,7 +183,7 @@ class PacketSender(RTCRtpSender):
         except ConnectionError:
             pass  # the connection's own state tells
         finally:
-            getattr(self, "_RTCRtpSender__rtp_exited").set()  # noqa: B009 -- as above
+            getattr(self, "_RTCRtpSender__rtp_exited").set()
 
     def _send_at_once(self, packets: list[bytes]) -> None:
         """Encrypt and send, without the five awaits a packet of aiortc's own way, none of which
@@ -223,10 +221,10 @@ class PacketSender(RTCRtpSender):
     def _note_for_reports(self, timestamp: int, now: float) -> None:
         """Keep what aiortc's sender reports say."""
         assert self._stream is not None
-        setattr(self, "_RTCRtpSender__ntp_timestamp", ntp_time(now))  # noqa: B010 -- as above
-        setattr(self, "_RTCRtpSender__rtp_timestamp", timestamp)  # noqa: B010
-        setattr(self, "_RTCRtpSender__octet_count", self._stream.octets_sent)  # noqa: B010
-        setattr(self, "_RTCRtpSender__packet_count", self._stream.packets_sent)  # noqa: B010
+        setattr(self, "_RTCRtpSender__ntp_timestamp", ntp_time(now))
+        setattr(self, "_RTCRtpSender__rtp_timestamp", timestamp)
+        setattr(self, "_RTCRtpSender__octet_count", self._stream.octets_sent)
+        setattr(self, "_RTCRtpSender__packet_count", self._stream.packets_sent)
 
     async def _retransmit(self, sequence_number: int) -> None:
         packet = self._stream and self._stream.retransmission(sequence_number, time.time())
@@ -259,7 +257,7 @@ def add_sender(
     # ours must never wait.
     sender._stream_id = f"{old._stream_id}-{kind}"
     transceiver.receiver._set_rtcp_ssrc(sender._ssrc)
-    setattr(transceiver, "_RTCRtpTransceiver__sender", sender)  # noqa: B010 -- mypy knows no mangled names
+    setattr(transceiver, "_RTCRtpTransceiver__sender", sender)
     return sender
 
 
@@ -269,7 +267,7 @@ def discard(receiver: RTCRtpReceiver) -> None:
     aiortc finds the receiver of a stream that no offer has named by its payload type, and only
     while one receiver alone has that type: one that is discarded must not be in the way.
     """
-    setattr(receiver, "receive", _receive_nothing)  # noqa: B010 -- mypy wants no method replaced
+    setattr(receiver, "receive", _receive_nothing)
 
 
 async def _receive_nothing(_parameters: Any) -> None:
@@ -283,13 +281,13 @@ def on_encoded_frame(receiver: RTCRtpReceiver, take: Callable[[bytes, int], None
     Call it before the connection is up. Putting packets together, asking again for lost ones and
     telling the sender stay aiortc's.
     """
-    setattr(receiver, "_RTCRtpReceiver__decoder_queue", _EncodedFrameTap(take))  # noqa: B010 -- as above
+    setattr(receiver, "_RTCRtpReceiver__decoder_queue", _EncodedFrameTap(take))
 
 
 async def ask_key_frame(receiver: RTCRtpReceiver) -> None:
     """Tell the sender that a picture was lost, so that the next one is whole."""
-    retransmissions = getattr(receiver, "_RTCRtpReceiver__rtx_ssrc")  # noqa: B009 -- as above
-    for ssrc in list(getattr(receiver, "_RTCRtpReceiver__remote_streams")):  # noqa: B009
+    retransmissions = getattr(receiver, "_RTCRtpReceiver__rtx_ssrc")
+    for ssrc in list(getattr(receiver, "_RTCRtpReceiver__remote_streams")):
         if ssrc not in retransmissions:
             await receiver._send_rtcp_pli(ssrc)
 

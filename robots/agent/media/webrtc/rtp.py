@@ -74,7 +74,9 @@ class ClockTeller:
         self._told_at = 0.0
 
     def tell(self, rtp: int, stamp: float, now: float) -> MediaClock | None:
-        """Return the message to send before the picture (rtp, stamp), or None; `now` is monotonic."""
+        """Return the message to send before the picture (rtp, stamp), or None;
+        `now` is monotonic.
+        """
         if (
             self._told is not None
             and now - self._told_at < _TELL_EVERY

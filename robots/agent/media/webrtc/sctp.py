@@ -1,5 +1,3 @@
-# ruff: noqa: SLF001 -- private names of aiortc as in aiortc_hooks.py, which checks that they are
-# there
 """Data channels over a network that loses packets: how often a page is told which messages it need
 not wait for.
 
@@ -16,7 +14,9 @@ SAY_AGAIN = 0.25  # s; unordered messages are handed over as they come, so nothi
 
 
 def limit_forward_tsn(transport: Any) -> None:
-    """Have an `RTCSctpTransport` tell its receiver at most every `SAY_AGAIN` s what to step over."""
+    """Have an `RTCSctpTransport` tell its receiver at most every `SAY_AGAIN` s
+    what to step over.
+    """
     update = transport._update_advanced_peer_ack_point
     said = float("-inf")
 

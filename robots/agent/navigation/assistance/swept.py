@@ -129,7 +129,9 @@ def distances(
 
 
 def outside(shape: Hull, points: Floats) -> Floats:
-    """Return (n,): how far points (n, 2) are outside the footprint as it stands; negative inside."""
+    """Return (n,): how far points (n, 2) are outside the footprint as it stands;
+    negative inside.
+    """
     if len(points) == 0:
         return np.zeros(0)
     found: Floats = (shape.normals @ points.T - shape.offsets[:, None]).max(axis=0)

@@ -211,7 +211,9 @@ class Docking:
     # --- the last metre ---------------------------------------------------------------------------
 
     def _sight(self, sense: Sense) -> None:
-        """Look for the station in a new sweep, near where it was last seen or where the map has it."""
+        """Look for the station in a new sweep, near where it was last seen or
+        where the map has it.
+        """
         if sense.beams.stamp <= self._beams_at:
             return
         self._beams_at = sense.beams.stamp

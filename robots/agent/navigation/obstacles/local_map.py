@@ -167,7 +167,9 @@ class LocalObstacleMap:
         return result
 
     def _leaf(self, points: Floats, now: float) -> Bools:
-        """Tell for points (n, 2) of the map whether they lie on the leaf of a door, open or closed."""
+        """Tell for points (n, 2) of the map whether they lie on the leaf of a
+        door, open or closed.
+        """
         if not self._leaves:
             return np.zeros(len(points), dtype=np.bool_)
         closed = {door.name for door in self.doors.closed(now)}

@@ -229,7 +229,9 @@ def compare(points: Floats, beams: LaserScan, settings: MemorySettings) -> tuple
 
 
 def in_view(points: Floats, beams: LaserScan) -> Bools:
-    """Tell for (n, 2) points in the laser's frame whether they lie between its first and last beam."""
+    """Tell for (n, 2) points in the laser's frame whether they lie between its
+    first and last beam.
+    """
     looked_at: Bools = from_first_beam(
         np.arctan2(points[:, 1], points[:, 0]), beams
     ) <= from_first_to_last(beams)
@@ -288,7 +290,9 @@ def shortest_of_neighbours(ranges: Floats) -> Floats:
 
 
 def into(frame: Pose2D, points: Floats) -> Floats:
-    """Return (n, 2) points of the outer frame in the inner one, whose pose in the outer is `frame`."""
+    """Return (n, 2) points of the outer frame in the inner one, whose pose in the
+    outer is `frame`.
+    """
     cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
     result: Floats = (points[:, :2] - (frame.x, frame.y)) @ np.array(
         [[cosine, -sine], [sine, cosine]]

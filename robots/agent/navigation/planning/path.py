@@ -39,7 +39,9 @@ class Path:
         )
 
     def nearest(self, x: float, y: float, start: float, stop: float) -> float:
-        """Return the way, between `start` and `stop`, of the point of the line nearest to (x, y)."""
+        """Return the way, between `start` and `stop`, of the point of the line
+        nearest to (x, y).
+        """
         here = (self.way >= start - SPACING) & (self.way <= stop + SPACING)
         if not here.any():
             return min(max(start, 0.0), self.length)

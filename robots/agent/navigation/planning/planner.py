@@ -77,7 +77,9 @@ class Planner:
     def plan(
         self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
     ) -> Path | None:
-        """Return the way from start to goal through `clearance` (h, w), or None when there is none."""
+        """Return the way from start to goal through `clearance` (h, w), or None
+        when there is none.
+        """
         begin = self.place_near(*start, clearance, START_REACH)
         if (
             begin is None

@@ -69,7 +69,9 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A solid, ready to be asked: normals (n, 2) and sides (n, 4) of its outline, its bounding box."""
+    """A solid, ready to be asked: normals (n, 2) and sides (n, 4) of its outline,
+    its bounding box.
+    """
 
     solid: Solid
     normals: Floats

@@ -24,7 +24,9 @@ class Draught:
         self._next = self._after(0.0) if doors and mean > 0.0 else math.inf
 
     def due(self, time: float) -> dict[str, DoorState]:
-        """Return what has changed up to `time` seconds since the start, and not been told before."""
+        """Return what has changed up to `time` seconds since the start, and not
+        been told before.
+        """
         changes: dict[str, DoorState] = {}
         while time >= self._next:
             changes |= self._change()

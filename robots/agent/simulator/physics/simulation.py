@@ -242,7 +242,9 @@ class Simulation:
         return tuple(wrap_angle(math.atan2(-way[1], -way[0]) - self.pose.theta) for way in ways)
 
     def _segments(self) -> Floats:
-        """Return the sides (n, 4) of everything that stands or walks at the height of the sensors."""
+        """Return the sides (n, 4) of everything that stands or walks at the
+        height of the sensors.
+        """
         segments = self.obstacles.segments
         if self.people or self._doors.moving:
             segments = np.concatenate(
@@ -251,7 +253,9 @@ class Simulation:
         return segments
 
     def beams(self) -> LaserScan | None:
-        """Return the same as a sweep with its mount, stamped with `time`; None from a silent laser."""
+        """Return the same as a sweep with its mount, stamped with `time`; None
+        from a silent laser.
+        """
         if self.faults.laser == "silent":
             return None
         eye = self.model.laser

@@ -64,7 +64,9 @@ class Footways:
     def nearest(
         self, x: float, y: float, doors: dict[str, DoorState]
     ) -> tuple[float, float] | None:
-        """Return the middle of the free cell nearest to a point, or None in a place without floor."""
+        """Return the middle of the free cell nearest to a point, or None in a
+        place without floor.
+        """
         rows, columns = self._mask(doors).nonzero()
         if not len(rows):
             return None
@@ -95,7 +97,9 @@ class Footways:
         )
 
     def _towards(self, goal: int, doors: dict[str, DoorState]) -> npt.NDArray[np.int32]:
-        """Return for every cell the next one on its way to the goal, negative where there is none."""
+        """Return for every cell the next one on its way to the goal, negative
+        where there is none.
+        """
         key = (tuple(doors.values()), goal)
         if key not in self._ways:
             found = csgraph.dijkstra(

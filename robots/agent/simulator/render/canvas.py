@@ -208,7 +208,9 @@ class Canvas:
         return np.add(index, begin, out=out)
 
     def _planes(self, eye: Eye) -> tuple[Floats, Floats]:
-        """Return the floor and the ceiling as `_on_plane` wants them, in texels of the finest copy."""
+        """Return the floor and the ceiling as `_on_plane` wants them, in texels
+        of the finest copy.
+        """
         corner, ceiling = self._scene.corner, self._scene.ceiling
         return (
             _plane(eye, eye.height, SAME * FLOOR_DENSITY, -corner * FLOOR_DENSITY),

@@ -117,5 +117,6 @@ def _attach(name: str) -> SharedMemory:
         return SharedMemory(name=name, track=False)
     memory = SharedMemory(name=name)
     if sys.platform != "win32":
-        resource_tracker.unregister(memory._name, "shared_memory")  # type: ignore[attr-defined] # noqa: SLF001 -- the only way before 3.13
+        known_as = memory._name  # type: ignore[attr-defined] # noqa: SLF001 -- until Python 3.13
+        resource_tracker.unregister(known_as, "shared_memory")
     return memory

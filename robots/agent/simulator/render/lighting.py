@@ -36,7 +36,9 @@ class Lights:
     lamps: dict[str, Floats]
 
     def at(self, points: Floats, normals: Floats, room: str | None) -> Floats:
-        """Return the factor (…, 3) for a picture at points (…, 3) that look along normals (…, 3)."""
+        """Return the factor (…, 3) for a picture at points (…, 3) that look along
+        normals (…, 3).
+        """
         light = np.broadcast_to(REMAINDER, points.shape).copy()
         for lamp in self.lamps.get(room or "", np.zeros((0, 3))):
             towards = lamp - points

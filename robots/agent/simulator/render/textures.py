@@ -345,7 +345,9 @@ def door_leaf(
 
 
 def marker(columns: int, rows: int, seed: int) -> Picture:
-    """A charging station's sign: a black and white pattern of 6 x 6 that says which station it is."""
+    """A charging station's sign: a black and white pattern of 6 x 6 that says
+    which station it is.
+    """
     bits = np.random.default_rng(seed).integers(0, 2, (4, 4)).astype(np.bool_)
     pattern = np.zeros((6, 6), dtype=np.float32)
     pattern[1:5, 1:5] = bits

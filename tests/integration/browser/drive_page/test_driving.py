@@ -89,7 +89,8 @@ async def test_the_marker_on_the_map_stands_where_the_robot_is(browser, site):
                 const canvas = document.getElementById("map");
                 const { markerX, markerY, viewX, viewY, viewScale } = canvas.dataset;
                 const density = canvas.width / canvas.clientWidth;
-                const pixel = canvas.getContext("2d").getImageData(Math.round(markerX * density), Math.round(markerY * density), 1, 1).data;
+                const [left, top] = [markerX * density, markerY * density].map(Math.round);
+                const pixel = canvas.getContext("2d").getImageData(left, top, 1, 1).data;
                 const x = +viewX + (markerX - canvas.clientWidth / 2) / viewScale;
                 const y = +viewY - (markerY - canvas.clientHeight / 2) / viewScale;
                 return { x, y, pixel: Array.from(pixel) };
@@ -159,7 +160,8 @@ async def test_the_drive_goes_on_while_the_server_is_away_and_is_resumed_without
 COLOURS = """() => {
     const canvas = document.getElementById("still");
     const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
-    return new Set(Array.from({ length: 300 }, (_, i) => pixels[4 * Math.floor((i / 300) * (pixels.length / 4))])).size;
+    const at = (i) => 4 * Math.floor((i / 300) * (pixels.length / 4));
+    return new Set(Array.from({ length: 300 }, (_, i) => pixels[at(i)])).size;
 }"""
 
 
@@ -284,17 +286,24 @@ async def test_a_finger_on_the_stick_drives_and_a_lost_touch_stops(browser, site
 
 
 SEEN = """() => {
-    const over = [document.documentElement.scrollWidth - innerWidth, document.documentElement.scrollHeight - innerHeight];
+    const { scrollWidth, scrollHeight } = document.documentElement;
+    const over = [scrollWidth - innerWidth, scrollHeight - innerHeight];
     const box = document.getElementById("stop").getBoundingClientRect();
-    const corners = [[box.left + 9, box.top + 9], [box.right - 9, box.bottom - 9], [(box.left + box.right) / 2, (box.top + box.bottom) / 2]];
+    const corners = [
+      [box.left + 9, box.top + 9],
+      [box.right - 9, box.bottom - 9],
+      [(box.left + box.right) / 2, (box.top + box.bottom) / 2],
+    ];
     const free = corners.every(([x, y]) => document.elementFromPoint(x, y)?.closest("#stop"));
     const small = [...document.querySelectorAll("button:not([hidden]), .bar a")]
       .filter((one) => one.offsetParent && one.getBoundingClientRect().height < 38)
       .map((one) => one.id || one.textContent.trim());
-    const outside = [...document.querySelectorAll(".stop, .stage, .speed__step:not([hidden]), .bar__button:not([hidden]), .button:not([hidden])")]
+    const shown = [".speed__step", ".bar__button", ".button"].map((one) => one + ":not([hidden])");
+    const outside = [...document.querySelectorAll([".stop", ".stage", ...shown].join(", "))]
       .filter((one) => one.offsetParent)
       .map((one) => [one.id || one.textContent.trim(), one.getBoundingClientRect()])
-      .filter(([, r]) => r.left < -1 || r.top < -1 || r.right > innerWidth + 1 || r.bottom > innerHeight + 1)
+      .filter(([, r]) => r.left < -1 || r.top < -1
+        || r.right > innerWidth + 1 || r.bottom > innerHeight + 1)
       .map(([name]) => name);
     return { over, free, small, outside };
 }"""
@@ -326,7 +335,9 @@ async def test_on_every_screen_everything_is_in_reach_and_nothing_covers_the_sto
             }, step
 
 
-PLACES = """() => ["viewport", "video", "map-panel", "speed", "stop", "status", "leave"].map((id) => {
+PLACES = """() => [
+  "viewport", "video", "map-panel", "speed", "stop", "status", "leave"
+].map((id) => {
     const { x, y, width, height } = document.getElementById(id).getBoundingClientRect();
     return [id, x, y, width, height];
 })"""

@@ -37,7 +37,7 @@ def signs(site: FakeRobotPage) -> list[protocol.PageEvent]:
     return [event for event in site.said("page/event") if event.type == protocol.HERE]
 
 
-async def test_who_is_asked_for_a_sign_gives_one_with_the_button_or_by_any_touch_and_is_asked_no_more(
+async def test_who_is_asked_for_a_sign_gives_it_by_the_button_or_any_touch_and_is_asked_no_more(
     browser, site
 ):
     async with opened(browser, site, query="?go=1") as page:

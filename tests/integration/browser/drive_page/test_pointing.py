@@ -51,7 +51,7 @@ async def goal(page: Page) -> tuple[float, float]:
     return float(x), float(y)
 
 
-async def test_a_press_on_the_floor_shows_the_way_release_drives_there_one_at_a_side_turns_and_the_page_answers_what_cannot_be_done(
+async def test_a_press_shows_the_way_its_release_drives_or_turns_and_what_cannot_be_done_is_said(
     browser,
 ):
     with site_at("corridor-centre") as site:

@@ -35,7 +35,8 @@ COLOUR = """() => {
   const brush = canvas.getContext("2d");
   brush.drawImage(video, 0, 0, 16, 16);
   const data = brush.getImageData(0, 0, 16, 16).data;
-  const mean = [0, 1, 2].map((part) => data.filter((_, at) => at % 4 === part).reduce((sum, value) => sum + value, 0) / 256);
+  const mean = [0, 1, 2].map((part) =>
+    data.filter((_, at) => at % 4 === part).reduce((sum, value) => sum + value, 0) / 256);
   return mean;
 }"""
 TONE = """() => {
@@ -256,15 +257,20 @@ PICTURE = """const pictureOf = (video) => {
   const box = video.getBoundingClientRect();
   const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
   const [width, height] = [scale * video.videoWidth, scale * video.videoHeight];
-  return { left: box.left + (box.width - width) / 2, top: box.top + (box.height - height) / 2, width, height };
+  const [left, top] = [box.left + (box.width - width) / 2, box.top + (box.height - height) / 2];
+  return { left, top, width, height };
 };"""
 # Where the middle of a dot is, in shares of the picture; null while there is none.
 SPOT = f"""([video, dot]) => {{
   {PICTURE}
   const element = document.querySelector(dot);
   if (!element.hasAttribute("data-on")) return null;
-  const [picture, spot] = [pictureOf(document.querySelector(video)), element.getBoundingClientRect()];
-  return [(spot.left + spot.width / 2 - picture.left) / picture.width, (spot.top + spot.height / 2 - picture.top) / picture.height];
+  const picture = pictureOf(document.querySelector(video));
+  const spot = element.getBoundingClientRect();
+  return [
+    (spot.left + spot.width / 2 - picture.left) / picture.width,
+    (spot.top + spot.height / 2 - picture.top) / picture.height,
+  ];
 }}"""
 PLACE = f"""([video, [x, y]]) => {{
   {PICTURE}
@@ -345,7 +351,7 @@ async def shown(
     return page, screen
 
 
-async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_picture_at_both_ends_and_goes_away(
+async def test_what_either_side_points_at_is_seen_at_the_same_place_at_both_ends_and_goes_away(
     browser, site
 ) -> None:
     complaints: list[str] = []

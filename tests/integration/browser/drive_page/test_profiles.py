@@ -1,4 +1,4 @@
-"""Profiles of the drive page, the connection in figures, and the whole screen, in a real Chromium."""
+"""Profiles of the drive page, the connection in figures, and the whole screen, in Chromium."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -27,10 +27,14 @@ KNOWN = (
     "size",
     "path",
 )
-FIGURES = """() => Object.fromEntries([...document.querySelectorAll(".figure")].map((cell) => [cell.dataset.figure, cell.querySelector("span").textContent]))"""
+FIGURES = """() => Object.fromEntries(
+  [...document.querySelectorAll(".figure")].map(
+    (cell) => [cell.dataset.figure, cell.querySelector("span").textContent]))"""
 WAY = """() => {
-  const panel = document.querySelector("#technical").getBoundingClientRect(), picture = document.querySelector("#viewport").getBoundingClientRect();
-  const covers = panel.right > picture.left && panel.left < picture.right && panel.bottom > picture.top && panel.top < picture.bottom;
+  const panel = document.querySelector("#technical").getBoundingClientRect();
+  const picture = document.querySelector("#viewport").getBoundingClientRect();
+  const covers = panel.right > picture.left && panel.left < picture.right
+    && panel.bottom > picture.top && panel.top < picture.bottom;
   return covers ? (panel.bottom - picture.top) / picture.height : 0;
 }"""
 

@@ -76,8 +76,10 @@ BESIDE = {
 # Everything that can be shown and hidden and has something to press or to fill in, or says what it
 # is.
 PARTS = """() => [...document.querySelectorAll("body [id]")].filter((one) =>
-  one.matches("dialog, details, form, [popover], [role=dialog], [role=alertdialog], [role=menu], [role=listbox], [aria-modal], [data-holds-keys]")
-  || (one.matches("section, main, aside, nav, [role=group], [hidden], [aria-label]") && one.querySelector("button, input, select, textarea, a"))
+  one.matches("dialog, details, form, [popover], [aria-modal], [data-holds-keys]")
+  || one.matches("[role=dialog], [role=alertdialog], [role=menu], [role=listbox]")
+  || (one.matches("section, main, aside, nav, [role=group], [hidden], [aria-label]")
+    && one.querySelector("button, input, select, textarea, a"))
   || document.querySelector(`[aria-controls~="${one.id}"]`)).map(({ id }) => id)"""
 FIELDS = (
     "() => [...document.querySelectorAll('input, textarea, select, [contenteditable]')].map((one)"
@@ -157,7 +159,7 @@ async def test_every_part_and_every_field_of_the_page_is_known_to_these_tests(pa
     )
 
 
-async def test_what_is_typed_at_once_after_write_stands_whole_in_the_field_and_the_robot_knows_nothing_of_it(
+async def test_what_is_typed_right_after_write_stands_whole_in_the_field_and_no_robot_hears_of_it(
     page, site
 ):
     for said, key in enumerate(("", "Enter", "Space", ""), 1):
@@ -209,7 +211,7 @@ async def test_what_is_open_has_the_keys_until_escape_closes_it_and_then_they_dr
 
 
 @pytest.mark.parametrize("name", sorted(OPENED))
-async def test_a_key_that_is_held_when_something_opens_lets_go_and_drives_again_only_when_it_is_pressed_anew(
+async def test_a_key_held_when_something_opens_lets_go_and_drives_again_only_when_pressed_anew(
     page, site, name
 ):
     await hold(page, "a", lambda: moves(site) > 3)

@@ -45,7 +45,7 @@ async def test_a_bot_that_drives_beats_asks_for_pictures_and_tells_of_the_first_
         await cockpit.close()
 
 
-async def test_it_sends_velocities_while_it_holds_the_controller_zeros_when_it_lets_go_and_then_nothing():
+async def test_it_sends_velocities_while_it_holds_the_controller_then_zeros_and_then_nothing():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         assert server.all("command/velocity") == []

@@ -28,15 +28,19 @@ def get():
 async def waits():
     for _ in range(50): await asyncio.sleep(0.02)
 found = {
-    "sleep": took(lambda: time.sleep(1.0)), "event": took(lambda: threading.Event().wait(1.0)), "queue": took(get),
-    "asyncio": took(lambda: asyncio.run(asyncio.sleep(1.0))), "ticks": took(lambda: asyncio.run(waits())),
+    "sleep": took(lambda: time.sleep(1.0)),
+    "event": took(lambda: threading.Event().wait(1.0)),
+    "queue": took(get),
+    "asyncio": took(lambda: asyncio.run(asyncio.sleep(1.0))),
+    "ticks": took(lambda: asyncio.run(waits())),
 }
 def timer():
     thread = threading.Timer(1.0, lambda: None)
     thread.start()
     thread.join()
 found["thread"] = took(timer)
-print(json.dumps({"waits": found, "clocks": [time.time(), timezone.now().timestamp(), time.time()]}))
+clocks = [time.time(), timezone.now().timestamp(), time.time()]
+print(json.dumps({"waits": found, "clocks": clocks}))
 """
 
 

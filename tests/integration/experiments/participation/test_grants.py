@@ -253,7 +253,7 @@ def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     assert isinstance(take(robot, participant.user), store.Granted)
 
 
-def test_a_robot_by_invitation_is_driven_by_whom_the_study_invites_while_they_are_to_drive_and_watched_by_nobody_for_that(
+def test_a_robot_by_invitation_is_driven_by_the_invited_while_they_are_to_and_watched_by_nobody(
     robot,
 ):
     Robot.objects.update(access="invitation")

@@ -154,7 +154,7 @@ def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study
     )
 
 
-def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_until_a_later_one_succeeds(
+def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_until_one_succeeds(
     study,
 ):
     robot = p.site("office")
@@ -202,7 +202,7 @@ def test_a_draft_is_nobodys_but_its_researchers():
     assert progress.study_for(person("root", is_superuser=True), "exploration") == draft
 
 
-def test_the_home_page_shows_what_is_published_and_open_to_all_and_of_what_is_closed_now_when_it_opens(
+def test_the_home_page_shows_what_is_published_and_open_to_all_and_when_closed_studies_open(
     study, twice
 ):
     now = datetime.datetime(2026, 3, 7, 12, 0, tzinfo=datetime.UTC)  # a Saturday
@@ -214,7 +214,7 @@ def test_the_home_page_shows_what_is_published_and_open_to_all_and_of_what_is_cl
     opens = {one.slug: one.opens_at for one in landing.invitations("en", now)}
     assert opens == {
         "assistance": None,
-        "exploration": datetime.datetime(2026, 3, 9, 9, 0),  # noqa: DTZ001
+        "exploration": datetime.datetime(2026, 3, 9, 9, 0),  # noqa: DTZ001 -- local time of a form
     }
     Study.objects.filter(pk=twice.pk).update(entry="personal")
     assert [one.slug for one in progress.visible_studies(now)] == ["exploration"]

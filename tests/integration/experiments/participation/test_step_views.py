@@ -67,7 +67,7 @@ def check_reload_and_back(walker: Walker, past: list[dict[str, str]]) -> None:
 
 
 @pytest.mark.parametrize("name", list(shipped()))
-def test_every_step_of_a_study_under_reload_back_second_tab_and_other_device_loses_nothing_and_does_nothing_twice(
+def test_reload_back_second_tab_and_other_device_lose_no_step_of_a_study_and_do_nothing_twice(
     walk, name
 ):
     walker, other = walk(name), None

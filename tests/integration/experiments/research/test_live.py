@@ -1,4 +1,4 @@
-"""The live view: what it tells of a study, who may see it, and what a researcher does to a session."""
+"""The live view: what it tells of a study, who may see it, and what may be done to a session."""
 
 import datetime
 

@@ -363,7 +363,7 @@ def driven_over(robot, *, reported: bool) -> Drive:
     return settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
 
 
-def test_a_network_that_the_robot_has_put_on_is_in_force_stored_and_exported_beside_the_assigned_one(
+def test_a_network_that_the_robot_put_on_is_in_force_stored_and_exported_beside_the_assigned_one(
     robot,
 ):
     drive = driven_over(robot, reported=True)

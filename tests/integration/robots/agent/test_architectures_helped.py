@@ -54,7 +54,7 @@ def keeps_beating(rig, until, within=60.0):
         time.sleep(0.2)
 
 
-def test_a_driver_is_stopped_before_a_wall_by_the_laser_of_a_robot_that_localizes_itself_and_backs_away(
+def test_a_driver_is_stopped_before_a_wall_by_the_laser_of_a_self_localizing_robot_and_backs_away(
     robot, driven
 ):
     rig = driven(WALL)

@@ -34,7 +34,7 @@ async def rig(tmp_path, exchange):
         video=SyntheticCamera(),
         audio=SyntheticMicrophone(),
         viewers=3,
-        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),  # noqa: PLW0108 -- the rig comes later
+        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
         reply=exchange.reply,
     )
     rig = ThreadedControlRig(tmp_path, media=media)
@@ -108,7 +108,7 @@ KINDS = {
 }
 
 
-async def test_hundreds_of_bad_messages_through_a_real_data_channel_move_nothing_and_stops_always_pass(
+async def test_hundreds_of_bad_messages_by_a_real_data_channel_move_nothing_and_stops_always_pass(
     rig, exchange
 ):
     await asyncio.to_thread(rig.lease)

@@ -45,7 +45,7 @@ def drained(theirs):
     return found
 
 
-def test_a_broker_that_takes_little_gets_every_byte_in_order_and_one_that_takes_nothing_is_not_fed_for_ever(
+def test_a_slow_broker_gets_every_byte_in_order_and_one_that_takes_nothing_is_not_fed_for_ever(
     pair,
 ):
     ours, theirs = pair

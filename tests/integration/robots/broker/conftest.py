@@ -1,4 +1,4 @@
-"""Every test that takes `rig` runs against both brokers; a Mosquitto that is missing is a failure."""
+"""Every test that takes `rig` runs against both brokers; a missing Mosquitto is a failure."""
 
 import pytest
 

@@ -247,9 +247,7 @@ async def test_an_empty_retained_message_deletes_what_was_kept_and_is_itself_del
             assert stored.payloads(GIRAFF_LEASE) == []
 
 
-async def test_a_client_that_comes_back_with_a_session_gets_no_retained_message_of_other_subscribers(
-    rig,
-):
+async def test_a_client_that_comes_back_with_a_session_gets_no_retained_message_of_others(rig):
     await rig.robot("giraff")
     await rig.robot("rhodon")
     async with rig.client("web") as web:

@@ -1,4 +1,4 @@
-"""`manage.py run_broker` as a process of its own: users from the database, and nothing left behind."""
+"""`manage.py run_broker` as its own process: users from the database, and nothing left behind."""
 
 import asyncio
 import contextlib

@@ -135,7 +135,7 @@ def test_new_credentials_by_hand_end_everything_before(robot):
 
 
 def test_no_user_at_the_broker_comes_back_so_that_whoever_holds_an_old_connection_loses_it(robot):
-    """Mosquitto parts with a client whose user is gone, and not with one whose password is another."""
+    """Mosquitto parts with a client whose user is gone, not with one whose password is another."""
     users = [make_credentials(robot, timezone.now()).user or "giraff"]
     revoke(robot)
     users += [

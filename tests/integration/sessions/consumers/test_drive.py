@@ -951,7 +951,7 @@ async def test_after_the_visit_no_picture_comes_any_more(bridge, robot, ada):
 # --- what lines of the log are about --------------------------------------------------------------
 
 
-async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_it_is_the_robot_that_speaks(
+async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_the_robot_speaks(
     bridge, robot, ada, monkeypatch
 ):
     monkeypatch.setattr(log_ids, "_process", {})  # whatever this process is said to be about

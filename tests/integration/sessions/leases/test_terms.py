@@ -149,7 +149,7 @@ def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_com
     assert ask(ana).session == granted.session
 
 
-def test_terms_that_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the_robot_hears_of_it(
+def test_terms_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the_robot_hears(
     provider, giraff, ana
 ):
     """The web process died between the lease and the grant: the lease names a session that still

@@ -1,4 +1,4 @@
-"""What the session manager hears of a session besides states: recorded, and told to the apps above."""
+"""What the session manager hears of a session besides states: recorded, and told to other apps."""
 
 import msgspec
 import pytest
@@ -58,7 +58,7 @@ def from_robot(intake: Intake, suffix: str, message: m.Message) -> None:
 @pytest.fixture
 def told():
     heard = []
-    receiver = lambda **news: heard.append(  # noqa: E731
+    receiver = lambda **news: heard.append(
         (news["robot"], news["session"], news["message"], news["received_at"])
     )
     signals.message_received.connect(receiver, weak=False, dispatch_uid="test")

@@ -69,7 +69,7 @@ def test_a_signal_ends_it_though_it_was_started_with_signals_ignored(tmp_path, n
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),  # noqa: PLW1509 -- as a shell does for its background
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
     )
     try:
         assert any("Driving" in line for line in child.stdout)

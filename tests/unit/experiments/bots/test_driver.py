@@ -1,4 +1,4 @@
-"""Bots drive whole courses, in a simulated building and against the task engine, without servers."""
+"""Bots drive whole courses in a simulated building and against the task engine, with no servers."""
 
 import dataclasses
 

@@ -3,18 +3,26 @@ from experiments.bots.page import read
 CONSENT = """<!doctype html><html><head><title>A study</title></head><body>
 <header><form method="post" action="/out/"><button type="submit">Log out</button></form></header>
 <main><h1>Consent</h1><p>You will drive.</p>
-<form method="post"><input type="hidden" name="csrfmiddlewaretoken" value="t"><input type="hidden" name="place" value="1.0.consent">
-<label for="id_age">Your age</label><input type="number" name="age" id="id_age" min="1" max="120" required>
+<form method="post"><input type="hidden" name="csrfmiddlewaretoken" value="t"><input
+type="hidden" name="place" value="1.0.consent">
+<label for="id_age">Your age</label><input type="number" name="age" id="id_age"
+min="1" max="120" required>
 <input type="checkbox" name="agree" id="id_agree" required><label for="id_agree">I agree</label>
-<button class="button button--action" type="submit">Agree</button><button class="button" type="submit" name="go" value="decline">No</button></form>
+<button class="button button--action" type="submit">Agree</button><button
+class="button" type="submit" name="go" value="decline">No</button></form>
 <a class="button button--action" href="?leaf=2">Next</a><p id="code">ABCD2345</p></main>
-<script id="config" type="application/json">{"socket": "/ws/", "who": "A \\u003C B"}</script><script>nothing()</script></body></html>"""
+<script id="config" type="application/json">{"socket": "/ws/", "who": "A \\u003C B"}</script><script
+>nothing()</script></body></html>"""
 
 SURVEY = """<main><form id="survey" method="post"><fieldset><legend>How was it?</legend>
-<input type="hidden" name="shown" value="ease"><input type="radio" name="ease" value="1" id="e1"><label for="e1">Bad</label>
-<input type="radio" name="ease" value="2" id="e2"><label for="e2">Good</label><input type="radio" name="ease" value="~preferred_not" id="e3"></fieldset>
-<fieldset disabled><legend>Hidden</legend><input type="hidden" name="shown" value="why"><textarea name="why"></textarea><input type="radio" name="no" value="1">
-</fieldset><select name="land" id="land"><option value="">-</option><option value="es" selected>Spain</option></select><label for="land">Land</label>
+<input type="hidden" name="shown" value="ease"><input
+type="radio" name="ease" value="1" id="e1"><label for="e1">Bad</label>
+<input type="radio" name="ease" value="2" id="e2"><label for="e2">Good</label><input
+type="radio" name="ease" value="~preferred_not" id="e3"></fieldset>
+<fieldset disabled><legend>Hidden</legend><input type="hidden" name="shown" value="why"><textarea
+name="why"></textarea><input type="radio" name="no" value="1">
+</fieldset><select name="land" id="land"><option value="">-</option><option
+value="es" selected>Spain</option></select><label for="land">Land</label>
 <p class="field__error">Choose one.</p><button type="submit">Send</button></form></main>"""
 
 

@@ -16,8 +16,10 @@ def found(network: dict[str, dict[str, float]], *capabilities: str) -> list[str]
 def test_a_network_that_the_robot_cannot_make_worse_is_refused():
     slow = {"control": {"delay": 0.15}}
     assert found(slow) == [
-        ("Condition all_open: giraff cannot make its network worse: no delay, loss or limit can be"
-        " put on it.")
+        (
+            "Condition all_open: giraff cannot make its network worse: no delay, loss or limit can"
+            " be put on it."
+        )
     ]
     assert found(slow, NETWORK_LAB) == []
 
@@ -25,8 +27,10 @@ def test_a_network_that_the_robot_cannot_make_worse_is_refused():
 def test_a_delay_that_makes_every_command_too_old_is_refused():
     assert found({"control": {"delay": 0.17, "jitter": 0.03}}, NETWORK_LAB) == []
     assert found({"control": {"delay": 0.25, "jitter": 0.05}}, NETWORK_LAB) == [
-        ("Condition all_open: commands would be delayed by up to 300 ms; giraff takes none older"
-        " than 250 ms, and 50 ms of that are the real network's.")
+        (
+            "Condition all_open: commands would be delayed by up to 300 ms; giraff takes none older"
+            " than 250 ms, and 50 ms of that are the real network's."
+        )
     ]
 
 

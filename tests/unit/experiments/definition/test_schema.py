@@ -79,7 +79,7 @@ def test_the_shipped_courses_are_the_sites_own_routes():
             assert course.path == route.path
 
 
-def test_the_papers_study_has_no_assistance_and_no_autonomy_and_asks_giraffs_drivers_alone_for_a_photo():
+def test_the_papers_study_has_no_assistance_or_autonomy_and_asks_only_giraffs_drivers_for_a_photo():
     study = shipped()["exploration"]
     assert {condition.assist for condition in study.conditions} == {"off"}
     assert {action for condition in study.conditions for action in condition.actions} == {"tilt"}

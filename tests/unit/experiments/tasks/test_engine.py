@@ -250,7 +250,7 @@ def test_a_course_without_a_mirror_asks_for_no_photo():
 # --- time and ends --------------------------------------------------------------------------------
 
 
-def test_the_time_counts_from_the_first_picture_and_a_page_that_is_loaded_again_does_not_begin_anew():
+def test_the_time_counts_from_the_first_picture_and_a_reloaded_page_does_not_begin_anew():
     drive = Drive(frame=False)
     for _ in range(400):
         drive.see(docked=True)

@@ -89,7 +89,7 @@ def test_texts_are_in_the_participants_language():
     assert [zone["title"] for zone in told["zones"]] == ["Pasillo", "Laboratorio", "Sala de estar"]
 
 
-def test_a_condition_says_what_may_be_used_and_stopping_or_taking_a_photo_is_never_kept_from_anybody():
+def test_a_condition_says_what_may_be_used_and_stops_and_photos_are_never_kept_from_anybody():
     told = guide()
     assert (told["controllers"], told["ownActions"], told["assist"], told["interface"]) == (
         ["keyboard"],
@@ -101,7 +101,7 @@ def test_a_condition_says_what_may_be_used_and_stopping_or_taking_a_photo_is_nev
     assert not {"goto", "dock", "undock"} & set(told["actions"])
 
 
-def test_before_the_assignment_the_page_offers_what_any_condition_allows_and_fixes_what_all_have_alike():
+def test_before_the_assignment_the_page_offers_what_any_condition_allows_and_fixes_what_all_share():
     first, second = STUDY["conditions"]
     conditions = [
         {**first, "actions": ["places"]},

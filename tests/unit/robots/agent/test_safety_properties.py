@@ -348,7 +348,7 @@ def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
 @seed(4)
 @cases(1000)
 @given(programs, speeds, speeds)
-def test_whatever_navigation_wants_it_gets_no_more_than_the_limits_and_nothing_while_the_robot_may_not_move(
+def test_navigation_gets_no_more_than_the_limits_and_nothing_while_the_robot_may_not_move(
     program, linear, angular
 ):
     bench = Bench(wanted=m.Velocity(linear=linear, angular=angular))

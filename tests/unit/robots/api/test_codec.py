@@ -1,4 +1,4 @@
-"""The codec: what goes in comes out, and nothing that arrives can raise anything but a Rejection."""
+"""The codec: what goes in comes out, and nothing that arrives raises anything but a Rejection."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The sites that come with the project: their parts agree, and each is a place that the task needs."""
+"""The sites that come with the project: their parts agree, and each is a place the task needs."""
 
 from itertools import pairwise
 from pathlib import Path

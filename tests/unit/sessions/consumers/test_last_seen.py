@@ -12,7 +12,7 @@ from sessions.consumers.last_seen import LastSeenBatcher
 
 @pytest.fixture
 def asked(monkeypatch):
-    """What the database was asked; it takes `over` for ended, and answers nothing while it is away."""
+    """What the database was asked; `over` is ended for it, and it answers nothing while away."""
     found = []
 
     def seen(sessions, now):

@@ -158,7 +158,7 @@ VISITORS = st.sampled_from(["ana", "ben", "cem", "dan"])
 
 
 class Everybody(RuleBasedStateMachine):
-    """Visitors come, go, reload, lose their network and come back, in any order, while time passes."""
+    """Visitors come, go, reload, lose their network and return, in any order, while time passes."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -43,7 +43,7 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 1.5)
     with RIGS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
-        motion = lambda: rca.world.sim.motion.linear  # noqa: E731
+        motion = lambda: rca.world.sim.motion.linear
         rig.grant()
         rig.drive(0.25, until=lambda: any(s.velocity.linear > 0.15 for s in rig.link.all("state")))
         assert any(s.applied for s in rig.link.all("state"))

@@ -1,4 +1,4 @@
-"""The agent's connection to a real Mosquitto: made again for ever, and nothing missing afterwards."""
+"""The agent's connection to a real Mosquitto: made again for ever, and nothing is missing then."""
 
 import asyncio
 import contextlib

@@ -40,9 +40,13 @@ SOUNDS = """
     from robots.agent.devices.equipment import equipment_of
     from robots.agent.adapters import registry
 
-    words = {"robot": "giraff", "mqtt_url": "mqtt://127.0.0.1:1", "microphone": "alsa:default", "loudspeaker": "alsa:default"}
+    words = {"robot": "giraff", "mqtt_url": "mqtt://127.0.0.1:1"}
+    words |= {"microphone": "alsa:default", "loudspeaker": "alsa:default"}
     found = equipment_of(registry.create("moos", "giraff"), load(words, {}))
-    for device, use in ((found.audio, lambda it: it.read(1.0)), (found.outputs[0], lambda it: it.play(__import__("numpy").zeros(960, "int16")))):
+    for device, use in (
+        (found.audio, lambda it: it.read(1.0)),
+        (found.outputs[0], lambda it: it.play(__import__("numpy").zeros(960, "int16"))),
+    ):
         device.start()
         try:
             use(device)

@@ -273,9 +273,7 @@ def test_a_robot_whose_laser_is_covered_says_that_it_does_not_know() -> None:
 SQUARE = "\n".join(["#" * 20] + ["#" + "." * 18 + "#"] * 18 + ["#" * 20])
 
 
-def test_beside_an_open_leaf_that_hides_half_the_view_a_robot_believes_no_corner_across_the_building() -> (
-    None
-):
+def test_beside_a_leaf_that_hides_half_the_view_no_corner_across_the_building_is_believed() -> None:
     """There more of the beams end at walls than here, but some go through walls as well."""
     drive = Drive(1, start="10.85,2.65,1.68")
     assert drive.simulation.doors["lounge-door"] == "open"

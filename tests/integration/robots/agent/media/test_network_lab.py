@@ -68,7 +68,7 @@ async def test_the_drivers_picture_is_late_by_the_delay_and_nobody_elses_is(medi
     assert media.network.lost == media.network.overflowed == 0
 
 
-async def test_a_lost_picture_loses_neither_the_connection_nor_the_data_channel_nor_the_observers_picture(
+async def test_a_lost_picture_loses_neither_connection_nor_data_channel_nor_the_observers_picture(
     media, watched
 ) -> None:
     driver, observer, _ = watched
@@ -140,7 +140,7 @@ async def slow(camera):
     await asyncio.to_thread(side.close)
 
 
-async def test_through_the_server_everybody_gets_pictures_of_their_own_and_only_the_drivers_are_held(
+async def test_through_the_server_everybody_gets_pictures_of_their_own_and_only_drivers_are_held(
     slow,
 ) -> None:
     side, sent = slow

@@ -264,7 +264,7 @@ async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, n
     ]
 
 
-async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_frame_on_and_is_sent_away(
+async def test_a_driver_whose_lease_ended_speaks_as_observer_from_the_next_frame_and_is_sent_away(
     media, exchange, new_page, monkeypatch
 ) -> None:
     monkeypatch.setattr("robots.agent.media.peers.registry.STAYS_AFTER_DRIVING", 1.0)
@@ -615,7 +615,7 @@ async def test_closing_says_goodbye_and_stops_everything(
     media.telemetry("heartbeat", Heartbeat(n=1, stamp=1.0))
 
 
-async def test_a_page_that_asks_again_at_the_goodbye_is_told_goodbye_again_and_leaves_nothing_half_done(
+async def test_a_page_that_asks_again_at_the_goodbye_is_told_it_again_and_leaves_nothing_half_done(
     camera, exchange
 ) -> None:
     unknown = Candidate(

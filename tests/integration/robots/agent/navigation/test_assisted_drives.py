@@ -42,7 +42,7 @@ def test_a_careless_driver_hits_nothing_with_it_and_still_gets_about(series, lev
 
 @pytest.mark.parametrize("level", ["slow", "steer"])
 @pytest.mark.parametrize("series", sorted(MODELS))
-def test_with_sonars_and_a_bumper_and_no_laser_a_careless_driver_touches_nothing_faster_than_a_creep(
+def test_with_sonars_a_bumper_and_no_laser_a_careless_driver_touches_nothing_faster_than_a_creep(
     series, level
 ):
     robot = careless_drive(OFFICE, MODELS[series], level, 3, 0.5, sensors=BLIND)

@@ -38,7 +38,8 @@ DRIVES_WITHIN = 20.0  # s
 STARTED_LATE = 0.1  # s: an order was on its way, and the standstill is looked for now and then
 DDS = (
     '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{here}"'
-    ' multicast="false"/></Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer'
+    ' multicast="false"/></Interfaces></General><Discovery>'
+    "<ParticipantIndex>auto</ParticipantIndex><Peers><Peer"
     ' address="{there}"/></Peers></Discovery></Domain></CycloneDDS>'
 )
 RIGS = {

@@ -97,15 +97,13 @@ def test_an_effect_planted_in_the_bots_answers_is_found_in_its_row(study):
 
 
 @pytest.mark.parametrize("study", [BETWEEN, WITHIN])
-def test_answers_that_do_not_depend_on_the_condition_are_significant_in_3_to_7_of_100_of_a_thousand_studies(
-    study,
-):
+def test_answers_without_an_effect_are_significant_in_3_to_7_of_100_of_a_thousand_studies(study):
     rng = np.random.default_rng(43)
     found = [said(compare_answers(study_of(study, anybody(study, rng))), "Q2") for _ in range(RUNS)]
     assert 0.03 <= np.mean(np.array(found) < 0.05) <= 0.07
 
 
-def test_driving_that_does_not_depend_on_the_condition_is_significant_in_3_to_7_of_100_of_a_thousand_studies():
+def test_driving_without_an_effect_is_significant_in_3_to_7_of_100_of_a_thousand_studies():
     rng = np.random.default_rng(41)
     found = [
         said(compare_conditions(Dataset(BETWEEN), driven(rng), ("task_time",)), "task_time")

@@ -184,8 +184,7 @@ def test_a_stored_lease_names_the_session_and_permits_nothing(rig):
     assert {velocity for _, velocity in rig.robot.velocities()} <= {ZERO}
 
 
-# --- stop and e-stop
-# ---------------------------------------------------------------------------------------------------
+# --- stop and e-stop ------------------------------------------------------------------------------
 
 
 def test_a_stop_is_echoed_at_once_and_answered(rig):

@@ -72,7 +72,7 @@ def test_without_reordering_packets_come_out_in_their_order_whatever_the_jitter(
 
 
 @given(LABS, ARRIVALS)
-def test_nothing_comes_out_sooner_than_the_delay_without_its_jitter_or_later_than_all_that_can_hold_it(
+def test_nothing_comes_out_sooner_than_the_delay_without_jitter_or_later_than_all_that_holds_it(
     lab, arrivals
 ):
     line, came = run(lab, arrivals)

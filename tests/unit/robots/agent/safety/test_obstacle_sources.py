@@ -98,7 +98,7 @@ def test_an_echo_may_come_from_anywhere_on_its_arc():
     assert np.diff(arc[:, 1]).max() <= SonarSource.SPACING
 
 
-def test_what_is_too_near_to_be_measured_is_taken_to_be_half_so_near_so_that_a_robot_can_get_away_from_it():
+def test_what_is_too_near_to_be_measured_is_taken_to_be_half_so_near_so_that_a_robot_gets_away():
     assert np.allclose(np.hypot(*(Ear(FRONT).hear(0.05) - (0.3, 0.0)).T), 0.025)
 
 

@@ -38,7 +38,7 @@ class TestGiraff(RcaConformance):
             await adapter.close()
             await adapter.connect()
 
-    async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node_on_the_way(
+    async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node(
         self, adapter
     ):
         for number in range(2):

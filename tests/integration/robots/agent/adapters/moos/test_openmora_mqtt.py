@@ -32,7 +32,7 @@ class TestGiraff(RcaConformance):
         self.rig.said.clear()
         await adapter.close()
         await adapter.connect()
-        said = lambda: [text for topic, text in self.rig.said if topic == "SessionCommand"]  # noqa: E731
+        said = lambda: [text for topic, text in self.rig.said if topic == "SessionCommand"]
         await wait_for(adapter, lambda _: len(said()) == 2)
         assert said() == ["Stop telepresence", "Start telepresence"]
 

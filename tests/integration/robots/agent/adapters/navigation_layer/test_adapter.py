@@ -124,7 +124,7 @@ async def test_it_knows_where_it_is_goes_where_it_is_told_and_tells_the_way():
         onlooker.close()
 
 
-async def test_an_order_waits_for_a_mind_that_is_about_to_think_and_is_refused_where_nothing_can_be_done():
+async def test_an_order_waits_for_a_mind_about_to_think_and_is_refused_where_nothing_can_be_done():
     adapter = made()
     async with driving(adapter) as drive:
         await drive.until(lambda: drive.state is not None and adapter._beams is not None)
@@ -186,7 +186,7 @@ async def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(fau
         fate.close()
 
 
-async def test_a_mind_that_is_killed_ends_the_action_with_the_reason_and_the_next_one_knows_where_the_robot_is():
+async def test_a_killed_mind_ends_the_action_with_a_reason_and_the_next_knows_where_the_robot_is():
     async with driving(made(start=NEAR)) as drive:
         await drive.known()
         await drive.adapter.start(goto())

@@ -76,7 +76,7 @@ async def test_the_drivers_tone_and_colour_reach_the_robots_loudspeaker_and_disp
     )
 
 
-async def test_the_robots_screen_gets_the_same_tone_and_colour_and_the_loudspeaker_is_silent_meanwhile(
+async def test_the_robots_screen_gets_the_same_tone_and_colour_while_the_loudspeaker_is_silent(
     robot,
 ) -> None:
     screen = await robot.screen()

@@ -173,7 +173,7 @@ def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
     ) == (None, None, None, False)
 
 
-def test_volts_say_nothing_of_the_charge_when_nobody_knows_the_battery_and_what_is_no_longer_known_is_unknown_again():
+def test_volts_tell_no_charge_of_an_unknown_battery_and_what_is_no_longer_known_is_unknown_again():
     readings = Readings()
     readings.charged(voltage=25.0, charge=0.9, charging=True)
     readings.charged(voltage=25.0)

@@ -92,7 +92,7 @@ def test_a_picture_that_is_late_now_and_then_is_a_busy_computers():
     assert set(Network(5e6, busy_computer=0.2).run(30.0).layers) == {0}
 
 
-def test_a_computer_that_stands_still_for_a_moment_costs_no_more_than_two_rungs_and_they_come_back():
+def test_a_computer_that_stands_still_for_a_moment_costs_at_most_two_rungs_and_they_come_back():
     network = Network(5e6).run(5.0)
     for n in range(6):
         network.adapter.aged(network.now + 0.1 * n, 0.06 + 0.1 * n, RATES[0])

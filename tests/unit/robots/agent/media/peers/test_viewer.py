@@ -23,7 +23,7 @@ class Camera:
 
 @pytest.fixture
 def viewer():
-    """A viewer whose climb and connection are the test's: `sent` has the RTP times of its pictures."""
+    """A viewer with the test's climb and connection: `sent` has the RTP times of its pictures."""
     made = Viewer(
         "p",
         camera=Camera(),

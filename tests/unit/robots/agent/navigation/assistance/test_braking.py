@@ -90,7 +90,7 @@ def test_somebody_who_may_walk_is_given_more_room_than_somebody_who_stands() -> 
 def test_whoever_walks_straight_cannot_reach_the_robot_before_it_stands(
     speed: float, wanted: float, turn: float, at: tuple[float, float], way: float
 ) -> None:
-    """The course that was allowed is driven against somebody who walks at 1.2 m/s in any direction."""
+    """The allowed course is driven against somebody who walks at 1.2 m/s in any direction."""
     x, y = at
     hazards = walker(x, y)
     done = CHECK.fastest(moving(speed), moving(wanted, turn), hazards)
