@@ -61,7 +61,7 @@ def limited(
     return limit
 
 
-class TellsToWait:
+class RetryAfterMiddleware:
     """Middleware: whoever met a limit of django-allauth reads so in the answer's code, and when to
     come again.
 

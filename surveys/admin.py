@@ -255,14 +255,16 @@ class ResponseAdmin(ShownFilters):
         """Every question, and what was said."""
         definition = response.questionnaire.as_definition()
         rows = {row.item: row for row in Answer.objects.filter(response=response)}
-        standings = response.standings(definition, {key: row.given for key, row in rows.items()})
+        response_statuses = response.response_statuses(
+            definition, {key: row.given for key, row in rows.items()}
+        )
         reasons = {**dict(Answer.Reason.choices), "not_reached": _now("not reached")}
         lines = [
             {
                 "text": spoken(question.text, response.language),
                 "key": question.key,
-                "value": standings[question.key].value,
-                "missing": reasons.get(standings[question.key].missing or "", ""),
+                "value": response_statuses[question.key].value,
+                "missing": reasons.get(response_statuses[question.key].missing or "", ""),
                 "row": rows.get(question.key),
             }
             for question in definition.questions()

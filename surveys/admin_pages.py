@@ -24,7 +24,7 @@ from surveys.definition import Definition, language_for, spoken, to_json
 from surveys.downloads import as_long_csv, as_wide_csv
 from surveys.models import Questionnaire, Response
 from surveys.questionnaires import next_version, shipped, store
-from surveys.sheet import Reader, sheet_of
+from surveys.sheet import Reader, page_form_of
 
 VIEW, ADD, READ = "surveys.view_questionnaire", "surveys.add_questionnaire", "surveys.view_response"
 
@@ -79,7 +79,7 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
     )
     with translation.override(language):
         context: dict[str, Any] = {
-            "sheet": sheet_of(definition, number - 1, everybody, range(len(definition.pages))),
+            "sheet": page_form_of(definition, number - 1, everybody, range(len(definition.pages))),
             "title": spoken(definition.title, language),
             "intro": spoken(definition.intro, language) if number == 1 else "",
             "language": language,

@@ -248,7 +248,7 @@ def plain(number: float) -> str:
     return str(int(number)) if number == int(number) else str(number)
 
 
-def standings(
+def response_statuses(
     definition: Definition,
     stored: Mapping[str, AnswerValue],
     circumstances: Circumstances,

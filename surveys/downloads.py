@@ -90,7 +90,7 @@ def long_lines(responses: QuerySet[Response]) -> Iterator[str]:
     yield line(LONG)
     for response, definition, rows in answered(responses):
         about, places = _about(response), positions(definition, response.seed)
-        given = response.standings(definition, {row.item: row.given for row in rows})
+        given = response.response_statuses(definition, {row.item: row.given for row in rows})
         by_item = {row.item: row for row in rows}
         for question in definition.questions():
             said, row = given[question.key], by_item.get(question.key)
@@ -124,7 +124,7 @@ def wide_lines(slug: str) -> Iterator[str]:
     named = list(dict.fromkeys(name for definition in versions for name in scores(definition, {})))
     yield line([*ABOUT, *(column for key in keys for column in (key, f"{key}_missing")), *named])
     for response, definition, rows in answered(Response.objects.filter(questionnaire__slug=slug)):
-        given = response.standings(definition, {row.item: row.given for row in rows})
+        given = response.response_statuses(definition, {row.item: row.given for row in rows})
         cells = [cell for key in keys for cell in _pair(given.get(key))]
         found = scores(definition, {key: said.value for key, said in given.items()})
         yield line([*_about(response), *cells, *(found.get(name) for name in named)])

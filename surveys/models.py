@@ -6,7 +6,7 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from surveys.answers import AnswerValue, Missing, standings
+from surveys.answers import AnswerValue, Missing, response_statuses
 from surveys.conditions import Circumstances
 from surveys.definition import Definition, from_stored
 
@@ -105,14 +105,14 @@ class Response(models.Model):
         """Return what is stored, by question."""
         return {row.item: row.given for row in self.answers.only("item", "value", "missing")}
 
-    def standings(
+    def response_statuses(
         self, definition: Definition, stored: dict[str, AnswerValue]
     ) -> dict[str, AnswerValue]:
         """Return how every question stands, from what is stored: its value, or
         why there is none.
         """
         reached = self.reached if self.finished_at is None else len(definition.pages)
-        return standings(definition, stored, self.circumstances, reached)
+        return response_statuses(definition, stored, self.circumstances, reached)
 
 
 class Answer(models.Model):

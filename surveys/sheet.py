@@ -151,7 +151,7 @@ class Reader:
     sees_all: bool = False
 
 
-def sheet_of(
+def page_form_of(
     definition: Definition, page: int, reader: Reader, shown_pages: Sequence[int]
 ) -> PageForm:
     """Return a page as somebody sees it.

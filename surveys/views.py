@@ -34,7 +34,7 @@ from surveys.answers import RefusedError
 from surveys.definition import Definition, language_for, spoken
 from surveys.models import Response
 from surveys.responses import ClosedError, NotAskedError, Saving
-from surveys.sheet import Reader, sheet_of
+from surveys.sheet import Reader, page_form_of
 
 REFUSED, SIGNED_OUT, CLOSED, WRONG = 400, 403, 409, 422
 MAX_WRITER = 32
@@ -118,7 +118,7 @@ def _show(
     earlier = [n for n in shown if n < number]
     context: dict[str, Any] = {
         "response": row,
-        "sheet": sheet_of(definition, number, reader, shown),
+        "sheet": page_form_of(definition, number, reader, shown),
         "page_number": number + 1,
         "more_appeared": bool(result and result.more_appeared),
         "title": spoken(definition.title, reader.language),

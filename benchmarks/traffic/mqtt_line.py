@@ -18,7 +18,7 @@ GOODBYE = b"\xe0\x00"
 USER, PASSWORD, WILL_RETAIN, WILL, CLEAN = 0x80, 0x40, 0x20, 0x04, 0x02
 
 
-class Hears(Protocol):
+class PacketListener(Protocol):
     """Whoever a line belongs to."""
 
     def opened(self) -> None:
@@ -37,7 +37,9 @@ class Hears(Protocol):
 class MqttLine(asyncio.Protocol):
     """One connection of one client."""
 
-    def __init__(self, owner: Hears, hello: bytes, filters: Iterable[tuple[str, int]]) -> None:
+    def __init__(
+        self, owner: PacketListener, hello: bytes, filters: Iterable[tuple[str, int]]
+    ) -> None:
         self._owner, self._hello, self._filters = owner, hello, tuple(filters)
         self._buffer = b""
         self._pinging: asyncio.TimerHandle | None = None

@@ -80,7 +80,7 @@ def _response(
     names: Pseudonyms,
     choice: Choice,
 ) -> Response:
-    stands = row.standings(definition, {answer.item: answer.given for answer in answers})
+    stands = row.response_statuses(definition, {answer.item: answer.given for answer in answers})
     values, missing = {}, {}
     for question in definition.questions():
         value, reason = _said(question, stands[question.key], choice)

@@ -119,7 +119,7 @@ def stand(study: Study, user: Any, own: Participant | None, now: datetime.dateti
     shut = _shut(study, now)
     if shut is not None or own is not None:
         return shut or "finished"
-    return _to_newcomers(study, user)
+    return _to_first_time_visitors(study, user)
 
 
 def _shut(study: Study, now: datetime.datetime) -> Literal["closed", "shut"] | None:
@@ -128,7 +128,7 @@ def _shut(study: Study, now: datetime.datetime) -> Literal["closed", "shut"] | N
     return None if progress.is_open(study, now) else "shut"
 
 
-def _to_newcomers(study: Study, user: Any) -> Stand:
+def _to_first_time_visitors(study: Study, user: Any) -> Stand:
     kind = progress.kind_of(user, study)
     if study.entry == Study.Entry.PERSONAL and kind != "pilot":
         return "personal"

@@ -18,7 +18,7 @@ from experiments.definition.schema import Outcome
 from experiments.tasks.progress import Progress, Settled, TaskEvent, step, until
 from experiments.tasks.records import Order, Record, identity, order
 
-PhotoFate = Settled | None
+PhotoOutcome = Settled | None
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Result:
     started: float | None
     ended: float | None
     checkpoints: tuple[float, ...]
-    photo: PhotoFate
+    photo: PhotoOutcome
     doors: tuple[str, ...]
     doors_missed: tuple[str, ...]
     dock_contacts: int = 0

@@ -60,7 +60,7 @@ class Settler:
         self._work: Iterator[None] | None = None
         self._refused: set[object] = set()
 
-    def look(self, now: datetime.datetime, share: float = SHARE_SECONDS) -> None:
+    def tick(self, now: datetime.datetime, share: float = SHARE_SECONDS) -> None:
         """Go on for about `share` seconds, and by one step at least."""
         until = time.monotonic() + share
         while True:

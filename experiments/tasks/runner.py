@@ -1,7 +1,8 @@
 """Runs the tasks of living drives: one engine a drive, fed with what the session manager hears,
 telling the page and ending the session.
 
-In the session manager's clockwork alone, so that nothing here is done by two threads. An engine is
+In the session manager's scheduler thread alone, so that nothing here is done by two threads. An
+engine is
 made when its drive is first heard of, from what is stored by then: a session manager that was
 started in mid-task goes on where the one before was killed. What is written here while the task
 runs is for whoever watches; experiments/tasks/finalization.py writes it for good from the complete
@@ -35,7 +36,7 @@ from sessions.models import Session
 log = logging.getLogger(__name__)
 
 PATIENCE = 1.0  # s after a time limit in which a state from before it may still come
-TELL_AGAIN = 10.0  # s between two times at which the page is told what is left
+REPEAT_AFTER_S = 10.0  # s between two times at which the page is told what is left
 LAST_OF_PRACTICE = 60.0  # s of a practice drive that are announced
 TIME_OVER = "time_over"
 NEVER_SEEN = "no_picture"
@@ -44,7 +45,7 @@ NEVER_SEEN = "no_picture"
 @dataclass
 class Running:
     """A living drive. `started` is when its first picture was shown; `told` what the page shows,
-    and `told_at` since when.
+    and `published_at` since when.
     """
 
     drive: Drive
@@ -54,7 +55,7 @@ class Running:
     seconds: float
     started: float | None = None
     told: dict[str, Any] = field(default_factory=dict)
-    told_at: float = float("-inf")
+    published_at: float = float("-inf")
     written: int = 0
     unwritten: list[TaskEvent] = field(default_factory=list)
 
@@ -173,7 +174,7 @@ class Runner:
             running.feed(record)
             self._go_on(running, received_at)
 
-    def look(self, *, now: datetime.datetime, **_more: object) -> None:
+    def tick(self, *, now: datetime.datetime, **_more: object) -> None:
         """Do what time asks for in every living drive, and settle one that is over."""
         living = {
             str(key)
@@ -188,7 +189,7 @@ class Runner:
             running = self._of(session)
             if running is not None:
                 self._go_on(running, now.timestamp())
-        self._settler.look(now)
+        self._settler.tick(now)
 
     def on_end(self, *, session: Session, **_more: object) -> None:
         """A session is over, whoever ended it."""
@@ -236,12 +237,12 @@ class Runner:
         running.advance(now)
         if running.engine is not None:
             write_news(running)
-        self._tell(running, now)
+        self._publish(running, now)
         over = running.over(now)
         if over is not None:
             self._end(running, *over, now)
 
-    def _tell(self, running: Running, now: float) -> None:
+    def _publish(self, running: Running, now: float) -> None:
         """Tell the page when anything has changed but the seconds, which it counts down by itself
         and is told again now and then.
         """
@@ -252,13 +253,13 @@ class Runner:
         again = (
             "remaining" in shown
             and not shown.get("outcome")
-            and now - running.told_at >= TELL_AGAIN
+            and now - running.published_at >= REPEAT_AFTER_S
         )
         if changed or again:
             Drive.objects.filter(pk=running.drive.pk).update(shown=shown)
-            notices.tell(str(running.drive.session_id), shown, now)
-            # last: what the database did not take is told at the next look
-            running.told, running.told_at = shown, now
+            notices.publish(str(running.drive.session_id), shown, now)
+            # last: what the database did not take is told at the next tick
+            running.told, running.published_at = shown, now
 
     @staticmethod
     def _end(running: Running, outcome: str, reason: str, now: float) -> None:

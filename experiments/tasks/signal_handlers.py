@@ -35,7 +35,7 @@ def connect() -> None:
         (signals.state_received, RUNNER.on_state),
         (signals.state_recovered, RUNNER.on_state),
         (signals.message_received, RUNNER.on_message),
-        (signals.looked, RUNNER.look),
+        (signals.looked, RUNNER.tick),
         (signals.looked, clear_settled),
         (signals.session_ended, RUNNER.on_end),
         (signals.queue_paused, publish_pause),

@@ -25,7 +25,7 @@ from experiments.tasks.records import (
 from robots.api.messages import ActionStatus, Event, State
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.protocol import PageEvent
-from sessions.recording.batches import in_parts
+from sessions.recording.batches import iter_batches
 
 CHOICES = ("keep", "again", "skip")
 TASK = "task"  # the reason of a session that the task has ended: its outcome is the task's own
@@ -97,13 +97,13 @@ def states_of(drive: Drive) -> Iterator[State]:
     chunks = StateChunk.objects.filter(session=drive.session_id).order_by(
         "received_at", "first_seq"
     )
-    for chunk in in_parts(chunks.only("states"), 200):
+    for chunk in iter_batches(chunks.only("states"), 200):
         yield from msgspec.convert(chunk.states, list[State])
 
 
 def events_of(drive: Drive) -> Iterator[SessionEvent]:
     """Yield the stored events of a drive in the order of their stamps."""
-    yield from in_parts(SessionEvent.objects.filter(session=drive.session_id), 500)
+    yield from iter_batches(SessionEvent.objects.filter(session=drive.session_id), 500)
 
 
 def stored(drive: Drive, offset: float) -> Iterator[Record]:

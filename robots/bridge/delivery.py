@@ -39,7 +39,7 @@ class Listener(Protocol):
     must not raise.
     """
 
-    def hear(self, inbound: ReceivedMessage) -> None:
+    def handle_message(self, inbound: ReceivedMessage) -> None:
         """Take one letter."""
 
 
@@ -139,7 +139,7 @@ class Delivery:
     def bring(self, robot: str, inbound: ReceivedMessage) -> None:
         """Bring a letter to everybody who listens to a robot."""
         for listener in tuple(self._listeners.get(robot, ())):
-            listener.hear(inbound)
+            listener.handle_message(inbound)
 
     def bring_everybody(self, inbound: ReceivedMessage) -> None:
         """Bring a letter to everybody who listens to any robot."""
@@ -160,7 +160,7 @@ class Delivery:
     def bring_news(self, news: ServerNews) -> None:
         """Bring news to everybody who follows their session."""
         for follower in tuple(self._followers.get(news.session, ())):
-            follower.hear(ReceivedMessage(NEWS, news))
+            follower.handle_message(ReceivedMessage(NEWS, news))
 
 
 def _decoded(decoder: "msgspec.json.Decoder[Decoded]", payload: bytes) -> Decoded:

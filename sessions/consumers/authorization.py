@@ -43,7 +43,7 @@ Standing = Literal["guest", "waiting", "driver"]
 Operator = Literal["owner", "staff"]
 # What somebody who operates the robot may ask without driving it.
 OPERATORS_OWN: tuple[type[Action], ...] = (ClearEStop, Photo, Relocalize, Cancel)
-TELL_AGAIN_SECONDS = 1.0
+REPEAT_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class Authorization:
         self.awaits_picture = False
         self.refused: collections.Counter[str] = collections.Counter()
         self._allowance = Allowance()
-        self._told: dict[tuple[str, str], float] = {}
+        self._sent: dict[tuple[str, str], float] = {}
 
     # --- what the database decided ----------------------------------------------------------------
 
@@ -202,9 +202,9 @@ class Authorization:
         if self._allowance.floods(now):
             return (Close(protocol.FLOODED),)
         key = (suffix if suffix in KNOWN else "", reason)
-        if now - self._told.get(key, float("-inf")) < TELL_AGAIN_SECONDS:
+        if now - self._sent.get(key, float("-inf")) < REPEAT_SECONDS:
             return ()
-        self._told[key] = now
+        self._sent[key] = now
         return (Deny(suffix[:80], reason),)
 
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
@@ -343,7 +343,7 @@ class Authorization:
         A page whose commands take the data channel is none of the socket's business, nor is one
         that has stopped by itself.
         """
-        if not self.holds(lease) or now - self.velocity_at > TELL_AGAIN_SECONDS:
+        if not self.holds(lease) or now - self.velocity_at > REPEAT_SECONDS:
             return None
         return Stop(
             action_id=action_id,

@@ -67,36 +67,36 @@ class RobotConsumer(DirectConsumer):
         if not user.is_authenticated:
             await self.close(protocol.SIGNED_OUT)
             return
-        door = await database_sync_to_async(queries.enter)(
+        context = await database_sync_to_async(queries.enter)(
             user, self.scope["url_route"]["kwargs"]["robot"], timezone.now()
         )
-        if door is None or not door.may_enter:
-            await self.close(protocol.NO_SUCH_ROBOT if door is None else protocol.NOT_ALLOWED)
+        if context is None or not context.may_enter:
+            await self.close(protocol.NO_SUCH_ROBOT if context is None else protocol.NOT_ALLOWED)
             return
-        self._move_in(door)
+        self._register(context)
 
-    def _move_in(self, door: queries.Entrance) -> None:
-        user, self.name = self.scope["user"], door.robot.name
+    def _register(self, context: queries.ConnectionContext) -> None:
+        user, self.name = self.scope["user"], context.robot.name
         self.tasks: set[asyncio.Task[Any]] = set()
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
         self.authorization = Authorization(
             secrets.token_urlsafe(12),
             user.shown_name,
-            door.operator,
+            context.operator,
             ice_servers(self.name, time.time()),
         )
         self.sparing = relay.Sparing()
         self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.peers = peers_of(self.name)
-        self.peers.waiting = door.waiting
+        self.peers.waiting = context.waiting
         client = self.scope.get("client") or ("",)
         self.page_session = PageSession(
-            robot=door.robot,
+            robot=context.robot,
             user=user,
             session_key=self.scope["session"].session_key,
             device=device_of(headers_of_scope(self.scope), client[0], settings.TRUSTED_PROXIES),
-            may_observe=bool(door.may_observe),
+            may_observe=bool(context.may_observe),
             authorization=self.authorization,
             known=self.known,
             bridge=self.bridge,
@@ -106,22 +106,22 @@ class RobotConsumer(DirectConsumer):
         # until the end of this socket's own task
         log_ids.bind(lambda: {"robot": self.name, "session": self.authorization.session})
         self.ids = log_ids.captured()
-        self._say_hello(door)
+        self._say_hello(context)
         self.peers.members.add(self.page_session)
         self.peers.changed()
         self._launch(self._keep_time(self.page_session))
 
-    def _say_hello(self, door: queries.Entrance) -> None:
-        online = door.online if self.known.online is None else self.known.online
+    def _say_hello(self, context: queries.ConnectionContext) -> None:
+        online = context.online if self.known.online is None else self.known.online
         self.presence = protocol.RobotPresence(online=online)
         hello = protocol.Hello(
             peer=self.authorization.peer,
             stamp=time.time(),
             robot=self.name,
             online=online,
-            may_drive=bool(door.may_drive),
-            may_observe=bool(door.may_observe),
-            live_elsewhere=door.live_elsewhere,
+            may_drive=bool(context.may_drive),
+            may_observe=bool(context.may_observe),
+            live_elsewhere=context.live_elsewhere,
         )
         self.sender.post("hello", hello)
 
@@ -234,15 +234,15 @@ class RobotConsumer(DirectConsumer):
 
     # --- what the robot says ----------------------------------------------------------------------
 
-    def hear(self, inbound: ReceivedMessage) -> None:
+    def handle_message(self, inbound: ReceivedMessage) -> None:
         """Take a letter from the bridge, in whose task lines of the log would be about nobody."""
         token = log_ids.bind(self.ids)
         try:
-            self._hear(inbound)
+            self._handle_message(inbound)
         finally:
             log_ids.unbind(token)
 
-    def _hear(self, inbound: ReceivedMessage) -> None:
+    def _handle_message(self, inbound: ReceivedMessage) -> None:
         assert self.page_session is not None
         unsure = False
         if inbound.suffix == "lease":

@@ -32,7 +32,7 @@ class LastSeenBatcher:
         if self._asking is None or self._asking.done() or self._asking.get_loop() is not loop:
             self._present = set()
             self._asking = loop.create_task(self._ask())
-            self._asking.add_done_callback(_look_at)
+            self._asking.add_done_callback(_check)
         self._present.add(session)
         return session in await asyncio.shield(self._asking)
 
@@ -48,10 +48,10 @@ class LastSeenBatcher:
         return await database_sync_to_async(store.seen)(present, timezone.now())
 
 
-def _look_at(asked: asyncio.Task[set[str]]) -> None:
+def _check(asked: asyncio.Task[set[str]]) -> None:
     """Take note of an error for which every page that would hear of it has gone."""
     if not asked.cancelled():
         asked.exception()
 
 
-roll_call = LastSeenBatcher()
+last_seen_batcher = LastSeenBatcher()

@@ -23,7 +23,7 @@ from robots.models import Robot
 from sessions import protocol
 from sessions.consumers import queries, relay
 from sessions.consumers.authorization import Authorization
-from sessions.consumers.last_seen import roll_call
+from sessions.consumers.last_seen import last_seen_batcher
 from sessions.consumers.peers import Peers
 from sessions.consumers.sender import Sender
 from sessions.leases import store
@@ -133,11 +133,11 @@ class PageSession:
             turn_seconds=granted.turn_seconds,
             ice_servers=self._ice_servers(),
             limits=granted.lease.limits,
-            terms=_told_terms(granted.terms),
+            terms=_sent_terms(granted.terms),
         )
         self.sender.post("session/granted", message)
         if granted.shown:
-            self.hear_news(
+            self.handle_news(
                 ServerNews(
                     type="task", stamp=time.time(), session=granted.session, data=granted.shown
                 )
@@ -188,7 +188,7 @@ class PageSession:
         outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
         self._over(protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
         if left:
-            self._tell_ended(session, outcome, reason, drove=drove)
+            self._send_ended(session, outcome, reason, drove=drove)
 
     async def _leave_late(self, session: str, peer: str) -> None:
         """End what the visitor left while the page could not say so; what has moved to another
@@ -204,9 +204,9 @@ class PageSession:
             protocol.Ended(session=session, outcome=outcome or "moved", reason=reason),
         )
         if left:
-            self._tell_ended(session, outcome, reason, drove=reason != store.LEFT_QUEUE)
+            self._send_ended(session, outcome, reason, drove=reason != store.LEFT_QUEUE)
 
-    def _tell_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
+    def _send_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
         if drove:
             self.bridge.publish_lease(self.robot.name, None)
         self.bridge.publish_session(
@@ -222,13 +222,13 @@ class PageSession:
 
     # --- what is heard ----------------------------------------------------------------------------
 
-    def hear_news(self, news: ServerNews) -> None:
+    def handle_news(self, news: ServerNews) -> None:
         """Tell the page what the session manager decided."""
         if news.type == "ended":
             self._over(protocol.Ended(session=news.session, outcome=news.outcome, reason=news.text))
             self.peers.changed()
-        elif (told := relay.told(news, settings.START_SECONDS)) is not None:
-            self.sender.post(*told)
+        elif (sent := relay.sent(news, settings.START_SECONDS)) is not None:
+            self.sender.post(*sent)
 
     def lost_lease(self, lease: Lease | None) -> bool:
         """Act on a lease that is not this page's any more; True when only the
@@ -284,7 +284,7 @@ class PageSession:
     async def say_seen(self) -> None:
         """Note in the database that this page is open."""
         session = self.authorization.session
-        if session is not None and not await roll_call.seen(session):
+        if session is not None and not await last_seen_batcher.seen(session):
             await self.confirm()
 
     async def still_welcome(self) -> bool:
@@ -312,7 +312,7 @@ class PageSession:
             self.forget()
             outcome = Session.Outcome.STOPPED_BY_OPERATOR if drove else Session.Outcome.CANCELLED
             if await database_sync_to_async(store.end)(session, outcome, answer, timezone.now()):
-                self._tell_ended(session, outcome, answer, drove=drove)
+                self._send_ended(session, outcome, answer, drove=drove)
         self.sender.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
         return False
 
@@ -324,7 +324,7 @@ class PageSession:
             session, peer = self.authorization.session, self.authorization.peer
             if session is not None:
                 self.forget()
-                roll_call.forget(session)
+                last_seen_batcher.forget(session)
                 await database_sync_to_async(store.page_gone)(session, peer, timezone.now())
 
     # --- small steps ------------------------------------------------------------------------------
@@ -343,9 +343,9 @@ class PageSession:
         self.forget()
         self.sender.end(protocol.REPLACED)
 
-    def hear(self, inbound: Any) -> None:
+    def handle_message(self, inbound: Any) -> None:
         """Take the news of the session that is followed."""
-        self.hear_news(inbound.message)
+        self.handle_news(inbound.message)
 
     def _follow(self, session: str) -> None:
         if self.authorization.session not in {None, session}:
@@ -391,11 +391,11 @@ class PageSession:
         return ice_servers(str(self.user.pk), time.time())
 
 
-def _told_terms(fixed: Terms) -> protocol.GrantedTerms | None:
+def _sent_terms(fixed: Terms) -> protocol.GrantedTerms | None:
     """Return what the page is told of the terms of its visit; None when they leave everything to
     the visitor.
     """
-    told = protocol.GrantedTerms(
+    sent = protocol.GrantedTerms(
         label=fixed.label[:120],
         controllers=fixed.controllers,
         actions=fixed.actions,
@@ -403,7 +403,7 @@ def _told_terms(fixed: Terms) -> protocol.GrantedTerms | None:
         control_way=fixed.control_way,
         interface=fixed.interface,
     )
-    return None if told == protocol.GrantedTerms() else told
+    return None if sent == protocol.GrantedTerms() else sent
 
 
 def _ahead(lease: Lease, known: KnownRobot) -> Lease:

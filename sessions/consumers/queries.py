@@ -28,7 +28,7 @@ Answer = Literal["welcome", "signed_out", "not_allowed"]
 
 
 @dataclass(frozen=True)
-class Entrance:
+class ConnectionContext:
     """What a page is told, and may do, when it connects."""
 
     robot: Robot
@@ -70,13 +70,13 @@ class SessionStatus:
     seconds: float | None = None
 
 
-def enter(user: User, name: str, now: datetime.datetime) -> Entrance | None:
+def enter(user: User, name: str, now: datetime.datetime) -> ConnectionContext | None:
     """Return what a robot's door says to a user, or None when there is no such robot."""
     robot = Robot.objects.filter(name=name).first()
     if robot is None:
         return None
     live = turns.living_session_of(robot, user)
-    return Entrance(
+    return ConnectionContext(
         robot=robot,
         may_drive=may_drive(user, robot),
         may_observe=may_observe(user, robot),

@@ -146,7 +146,7 @@ def _fault(part: Any, known: KnownRobot, now: float) -> protocol.Fault:
     return protocol.Fault(part=part, then="stops", seconds=left)
 
 
-def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None:
+def sent(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None:
     """Return news of a session in the page's words; None for those that say nothing to it.
 
     `start_seconds` is how long an offered turn stays open when the news do not say.

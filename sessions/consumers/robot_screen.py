@@ -31,7 +31,7 @@ from sessions.models import Session
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY = 2.0  # s between two looks at a lease that may have run out
+POLL_INTERVAL_S = 2.0  # s between two looks at a lease that may have run out
 WELCOME_EVERY = 60.0  # s between two looks at the key
 
 
@@ -54,9 +54,9 @@ class ScreenConsumer(DirectConsumer):
         if robot is None:
             await self.close(protocol.NOT_ALLOWED)
             return
-        self._move_in(robot)
+        self._register(robot)
 
-    def _move_in(self, robot: Robot) -> None:
+    def _register(self, robot: Robot) -> None:
         self.title = robot.title or robot.name
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
@@ -77,7 +77,7 @@ class ScreenConsumer(DirectConsumer):
         )
         self.sender.post("hello", hello)
         self.visitor_changed.set()
-        self.looking = asyncio.get_running_loop().create_task(self._look())
+        self.looking = asyncio.get_running_loop().create_task(self._tick())
         log.info("screen_joined robot=%s", self.name)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -89,7 +89,7 @@ class ScreenConsumer(DirectConsumer):
                 self.looking.cancel()
                 self.sender.abandon()
                 # a connection to the robot lives without this socket
-                self._tell_robot(Bye(reason="left"))
+                self._publish_to_robot(Bye(reason="left"))
                 self.bridge.ignore(self.name, self)
                 log.info(
                     "screen_left robot=%s refused=%s", self.name, dict(self.authorization.refused)
@@ -132,7 +132,7 @@ class ScreenConsumer(DirectConsumer):
 
     # --- what the display is told -----------------------------------------------------------------
 
-    def hear(self, inbound: ReceivedMessage) -> None:
+    def handle_message(self, inbound: ReceivedMessage) -> None:
         """Take a letter from the bridge."""
         assert self.authorization is not None
         if inbound.suffix in {LINK, "connection"}:
@@ -150,34 +150,34 @@ class ScreenConsumer(DirectConsumer):
         ) is not None and inbound.suffix.startswith(protocol.SIGNAL):
             self.sender.put(out)
 
-    async def _look(self) -> None:
+    async def _tick(self) -> None:
         """Say who visits whenever that changes, and ask every minute whether the key is still
         right.
         """
         asked = time.monotonic()
         while True:
             try:
-                async with asyncio.timeout(LOOK_EVERY):
+                async with asyncio.timeout(POLL_INTERVAL_S):
                     await self.visitor_changed.wait()
             except TimeoutError:
                 pass
             self.visitor_changed.clear()
             try:
-                await self._tell_visitor()
+                await self._send_to_visitor()
                 if time.monotonic() - asked >= WELCOME_EVERY:
                     asked = time.monotonic()
                     if await database_sync_to_async(screen_of)(self.name, self.key) is None:
                         self.sender.end(protocol.NOT_ALLOWED)
                     else:
-                        self._tell_robot(Stay())
+                        self._publish_to_robot(Stay())
             except (DatabaseError, InterfaceError) as error:
                 log.warning("screen_not_checked robot=%s reason=%s", self.name, error)
 
-    def _tell_robot(self, signal: Bye | Stay) -> None:
+    def _publish_to_robot(self, signal: Bye | Stay) -> None:
         if self.authorization is not None:
             self.bridge.send(self.name, f"{protocol.SIGNAL}/{self.authorization.peer}", signal)
 
-    async def _tell_visitor(self) -> None:
+    async def _send_to_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())
         if lease is not None and self.study[0] != lease.session:
             self.study = (lease.session, await database_sync_to_async(_is_study)(lease.session))

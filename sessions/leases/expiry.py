@@ -1,4 +1,4 @@
-"""What time does to visits, carried out in the database: sessions/leases/transitions.py decides,
+"""What time does to sessions, carried out in the database: sessions/leases/transitions.py decides,
 conditional updates perform.
 
 A visitor may come back, leave or be stopped, by another process, between the decision and the
@@ -10,7 +10,7 @@ import datetime
 from typing import Any
 
 from robots.models import Robot
-from sessions.leases.policy import Scene, Visit
+from sessions.leases.policy import ActiveSession, Scene
 from sessions.leases.store import LIVE, change_lease, end, fix_terms, load_scene, rules_of
 from sessions.leases.terms import NotGranted
 from sessions.leases.transitions import (
@@ -52,44 +52,47 @@ def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.dat
         case Free(epoch):
             return change_lease(robot, epoch, session=None, peer="", now=now)
         case Move():
-            return _move(act, _visit(scene, act.visit), now)
-        case End(visit, outcome, reason):
+            return _move(act, _session(scene, act.session), now)
+        case End(session, outcome, reason):
             # while this was decided
-            sign_came = reason == IDLE and link.signs.get(visit, 0.0) >= now.timestamp()
+            sign_came = reason == IDLE and link.signs.get(session, 0.0) >= now.timestamp()
             return not sign_came and end(
-                visit, outcome, reason, now, **_as_decided(_visit(scene, visit))
+                session, outcome, reason, now, **_as_decided(_session(scene, session))
             )
-        case Drove(visit):
-            return _update(visit, {"first_motion_at": now}, first_motion_at__isnull=True)
-        case SetTurn(visit, ends_at):
-            return _update(visit, {"turn_ends_at": _at(ends_at)})
-        case Offer(visit):
+        case Drove(session):
+            return _update(session, {"first_motion_at": now}, first_motion_at__isnull=True)
+        case SetTurn(session, ends_at):
+            return _update(session, {"turn_ends_at": _at(ends_at)})
+        case Offer(session):
             return _update(
-                visit, {"offered_at": now}, state=Session.State.WAITING, offered_at__isnull=True
+                session, {"offered_at": now}, state=Session.State.WAITING, offered_at__isnull=True
             )
-        case Withdraw(visit):
-            return _update(visit, {"offered_at": None}, state=Session.State.WAITING)
-        case Lose(visit, lost_at):
+        case Withdraw(session):
+            return _update(session, {"offered_at": None}, state=Session.State.WAITING)
+        case Lose(session, lost_at):
             return _update(
-                visit, {"lost_at": _at(lost_at)}, state=Session.State.WAITING, lost_at__isnull=True
+                session,
+                {"lost_at": _at(lost_at)},
+                state=Session.State.WAITING,
+                lost_at__isnull=True,
             )
         case Warn() | AskThere() | FoundThere():
             return True
 
 
-def _move(move: Move, visit: Visit, now: datetime.datetime) -> bool:
-    if visit.state == "waiting" and not _terms_fixed(move.visit, now):
+def _move(move: Move, session: ActiveSession, now: datetime.datetime) -> bool:
+    if session.state == "waiting" and not _terms_fixed(move.session, now):
         return False
     moved = _update(
-        move.visit, {"state": move.state, "lost_at": _at(move.lost_at)}, **_as_decided(visit)
+        move.session, {"state": move.state, "lost_at": _at(move.lost_at)}, **_as_decided(session)
     )
     if moved and move.state == "driving":
-        _update(move.visit, {"driving_at": now}, driving_at__isnull=True)
+        _update(move.session, {"driving_at": now}, driving_at__isnull=True)
     return moved
 
 
 def _terms_fixed(session: str, now: datetime.datetime) -> bool:
-    """Fix the terms of a visit whose grant nobody lived to finish; False when it has come to its
+    """Fix the terms of a session whose grant nobody lived to finish; False when it has come to its
     end instead.
     """
     try:
@@ -106,18 +109,18 @@ def _update(session: str, changes: dict[str, Any], **only_if: Any) -> bool:
     )
 
 
-def _as_decided(visit: Visit) -> dict[str, Any]:
-    """Return the conditions under which a decision about a visit still stands: a visitor who came
+def _as_decided(session: ActiveSession) -> dict[str, Any]:
+    """Return the conditions under which a decision about a session still stands: a visitor who came
     back is lost again only from then on.
     """
-    conditions: dict[str, Any] = {"state": visit.state}
-    if visit.lost_at is not None and visit.state == "reconnecting":
-        conditions["lost_at__lte"] = _at(visit.lost_at + 0.001)
+    conditions: dict[str, Any] = {"state": session.state}
+    if session.lost_at is not None and session.state == "reconnecting":
+        conditions["lost_at__lte"] = _at(session.lost_at + 0.001)
     return conditions
 
 
-def _visit(scene: Scene, visit: str) -> Visit:
-    return next(found for found in scene.visits if found.id == visit)
+def _session(scene: Scene, session: str) -> ActiveSession:
+    return next(found for found in scene.sessions if found.id == session)
 
 
 def _at(seconds: float | None) -> datetime.datetime | None:

@@ -6,7 +6,7 @@ epoch therefore grows with every change of the lease, also when it is given up, 
 can be carried out twice.
 
 Order is kept by two rules: a free robot is for the first visitor in the queue whose page is there,
-and while a turn is offered to somebody it is for nobody else. What time does to a visit stands in
+and while a turn is offered to somebody it is for nobody else. What time does to a session stands in
 sessions/leases/transitions.py.
 
 Times are Unix seconds, durations seconds.
@@ -23,7 +23,7 @@ Refusal = Literal["offline", "disabled", "elsewhere", "ended", "closed", "reserv
 PAGE_SEEN_EVERY = 10.0
 PAGE_GONE_SECONDS = 25.0
 # How long a robot is on its way home, for estimates alone.
-HOMECOMING_SECONDS = 90.0
+RETURN_TO_DOCK_SECONDS = 90.0
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,15 @@ class Rules:
     grace: float
     idle: float = 0.0
 
-    def of(self, visit: "Visit") -> "Rules":
-        """Return the rules of one visit, which its terms may have changed."""
-        own = {"turn": visit.turn, "grace": visit.grace, "idle": visit.idle}
+    def of(self, session: "ActiveSession") -> "Rules":
+        """Return the rules of one session, which its terms may have changed."""
+        own = {"turn": session.turn, "grace": session.grace, "idle": session.idle}
         changed = {name: seconds for name, seconds in own.items() if seconds is not None}
         return replace(self, **changed) if changed else self
 
 
 @dataclass(frozen=True)
-class Visit:
+class ActiveSession:
     """A session that has not ended. `seen_at` is None when its page has closed its socket, `drove`
     whether it ever moved the robot.
 
@@ -71,7 +71,7 @@ class Visit:
     not_ready: str = ""
 
     def page_open(self, now: float) -> bool:
-        """Tell whether a page of this visit is connected to the server."""
+        """Tell whether a page of this session is connected to the server."""
         return self.seen_at is not None and now - self.seen_at < PAGE_GONE_SECONDS
 
 
@@ -88,13 +88,13 @@ class Hold:
 class Scene:
     """Everything that a decision about one robot looks at.
 
-    `pause` says in a word or sentence why the robot is not ready for a visit
+    `pause` says in a word or sentence why the robot is not ready for a session
     (sessions/leases/readiness.py), empty when it is. `changed_at` is when the lease changed last:
     whoever asked earlier and waited for it has the robot from then on.
     """
 
     hold: Hold
-    visits: tuple[Visit, ...] = ()
+    sessions: tuple[ActiveSession, ...] = ()
     enabled: bool = True
     online: bool = True
     pause: str = ""
@@ -103,29 +103,31 @@ class Scene:
     @property
     def waits_for(self) -> str:
         """Why a robot that nobody drives is given to nobody; empty when it would be."""
-        return self.pause or next((visit.not_ready for visit in self.queue if visit.not_ready), "")
+        return self.pause or next(
+            (session.not_ready for session in self.queue if session.not_ready), ""
+        )
 
     @property
     def ready(self) -> bool:
-        """Tell whether a visit could begin."""
+        """Tell whether a session could begin."""
         return self.enabled and self.online and not self.pause
 
     @property
-    def holder(self) -> Visit | None:
-        """The visit that the lease names, None when nobody drives or the lease names one that has
+    def holder(self) -> ActiveSession | None:
+        """The session that the lease names, None when nobody drives or the lease names one that has
         ended.
         """
-        return next((visit for visit in self.visits if visit.id == self.hold.session), None)
+        return next((session for session in self.sessions if session.id == self.hold.session), None)
 
     @property
-    def queue(self) -> tuple[Visit, ...]:
+    def queue(self) -> tuple[ActiveSession, ...]:
         """Everybody who waits, in order."""
         waiting = [
-            visit
-            for visit in self.visits
-            if visit.state == "waiting" and visit.id != self.hold.session
+            session
+            for session in self.sessions
+            if session.state == "waiting" and session.id != self.hold.session
         ]
-        return tuple(sorted(waiting, key=lambda visit: (visit.queued_at, visit.id)))
+        return tuple(sorted(waiting, key=lambda session: (session.queued_at, session.id)))
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ class Ask:
     grant told this same page.
 
     An `operator` may take a robot that is not ready, before whoever waits for that: somebody has to
-    free it. `not_ready` is as in Visit.
+    free it. `not_ready` is as in ActiveSession.
     """
 
     visitor: str
@@ -148,11 +150,11 @@ class Ask:
 
 @dataclass(frozen=True)
 class Grant:
-    """Give the lease to `visit` (None: a new one); `state` is where the visit then stands,
+    """Give the lease to `session` (None: a new one); `state` is where the session then stands,
     `returning` whether it held the lease.
     """
 
-    visit: str | None
+    session: str | None
     state: Literal["connecting", "reconnecting"] = "connecting"
     returning: bool = False
 
@@ -161,16 +163,16 @@ class Grant:
 class Resume:
     """The same page is back: epoch and peer stay, a living data channel stays bound."""
 
-    visit: str
+    session: str
 
 
 @dataclass(frozen=True)
 class Wait:
-    """`visit` (None: a new one) waits at `place`, 1 being next, for about `minutes`; `reason` says
-    why a free robot is not ready.
+    """`session` (None: a new one) waits at `place`, 1 being next, for about `minutes`; `reason`
+    says why a free robot is not ready.
     """
 
-    visit: str | None
+    session: str | None
     place: int
     minutes: float
     reason: str = ""
@@ -178,7 +180,7 @@ class Wait:
 
 @dataclass(frozen=True)
 class Deny:
-    """No. `session` names the visit that is meant, if any."""
+    """No. `session` names the session that is meant, if any."""
 
     reason: Refusal
     session: str | None = None
@@ -186,7 +188,7 @@ class Deny:
 
 def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Resume | Wait | Deny:
     """Answer a page that asks to drive."""
-    own = next((visit for visit in scene.visits if visit.visitor == ask.visitor), None)
+    own = next((session for session in scene.sessions if session.visitor == ask.visitor), None)
     if ask.session is not None and (own is None or own.id != ask.session):
         return Deny("ended", ask.session)
     if own is not None and own is scene.holder:
@@ -207,7 +209,7 @@ def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Res
     )
 
 
-def _come_back(scene: Scene, own: Visit, ask: Ask, now: float) -> Grant | Resume | Deny:
+def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant | Resume | Deny:
     """Answer a page of the visitor who holds the lease.
 
     A reload has closed its socket and remembers its session; a second tab has no session to
@@ -231,36 +233,38 @@ def _come_back(scene: Scene, own: Visit, ask: Ask, now: float) -> Grant | Resume
 
 
 def _may_begin(
-    scene: Scene, own: Visit | None, rules: Rules, now: float, *, operator: bool
+    scene: Scene, own: ActiveSession | None, rules: Rules, now: float, *, operator: bool
 ) -> bool:
     if scene.holder is not None:
         return False
     queue = () if operator and scene.waits_for else scene.queue
     ahead = [
-        visit
-        for visit in queue
-        if own is None or (visit.queued_at, visit.id) < (own.queued_at, own.id)
+        session
+        for session in queue
+        if own is None or (session.queued_at, session.id) < (own.queued_at, own.id)
     ]
-    others_offered = any(offer_alive(visit, rules, now) for visit in queue if visit is not own)
-    return not others_offered and not any(ready(visit, now) for visit in ahead)
+    others_offered = any(
+        offer_alive(session, rules, now) for session in queue if session is not own
+    )
+    return not others_offered and not any(ready(session, now) for session in ahead)
 
 
-def ready(visit: Visit, now: float) -> bool:
-    """Tell whether a waiting visit can be offered a turn: its page is there and it has not let an
+def ready(session: ActiveSession, now: float) -> bool:
+    """Tell whether a waiting session can be offered a turn: its page is there and it has not let an
     offer pass.
     """
-    return visit.page_open(now) and visit.offered_at is None
+    return session.page_open(now) and session.offered_at is None
 
 
-def offer_alive(visit: Visit, rules: Rules, now: float) -> bool:
-    """Tell whether the robot is reserved for this visit."""
-    return visit.offered_at is not None and now < visit.offered_at + rules.start
+def offer_alive(session: ActiveSession, rules: Rules, now: float) -> bool:
+    """Tell whether the robot is reserved for this session."""
+    return session.offered_at is not None and now < session.offered_at + rules.start
 
 
-def place_in_queue(scene: Scene, visit: str | None) -> int:
-    """Return the place of a visit, or that of one that would join now; 1 is next."""
+def place_in_queue(scene: Scene, session: str | None) -> int:
+    """Return the place of a session, or that of one that would join now; 1 is next."""
     ids = [waiting.id for waiting in scene.queue]
-    return ids.index(visit) + 1 if visit in ids else len(ids) + 1
+    return ids.index(session) + 1 if session in ids else len(ids) + 1
 
 
 def minutes_until_turn(scene: Scene, place: int, rules: Rules, now: float) -> float:
@@ -271,14 +275,14 @@ def minutes_until_turn(scene: Scene, place: int, rules: Rules, now: float) -> fl
     left = (
         max(0.0, turn_end(holder, rules, now) - now)
         if holder
-        else HOMECOMING_SECONDS
+        else RETURN_TO_DOCK_SECONDS
         if scene.pause
         else 0.0
     )
     return (left + (place - 1) * rules.turn) / 60.0
 
 
-def turn_end(holder: Visit, rules: Rules, now: float) -> float:
+def turn_end(holder: ActiveSession, rules: Rules, now: float) -> float:
     """Return when the turn ends if somebody waits.
 
     It lasts a whole turn from the grant. A visitor who has driven on alone for longer is given the

@@ -1,4 +1,4 @@
-"""What happens to a robot between two visits: it goes home, docks, levels its head, and is free
+"""What happens to a robot between two sessions: it goes home, docks, levels its head, and is free
 when it is fit for the next one.
 
 Pure: `decide` looks at what the robot says and at what it was told, and returns how things stand
@@ -27,7 +27,7 @@ from typing import Literal
 Phase = Literal["ready", "returning", "charging", "paused"]
 Kind = Literal["dock", "level", "relocalize", "picture"]
 
-# how the ids of what is ordered between visits begin: none of it belongs into anybody's record
+# how the ids of what is ordered between sessions begin: none of it belongs into anybody's record
 ORDERED = "home-"
 ATTEMPTS = 3
 AGAIN = 5.0

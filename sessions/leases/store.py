@@ -11,14 +11,14 @@ What a consumer calls, each through `database_sync_to_async`:
   manager renews it.
 - `seen`, through consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's
   socket is open with a session; `take` says it, too;
-- `page_gone` when the socket closes: the visit goes on for as long as its heartbeat or its grace
+- `page_gone` when the socket closes: the session goes on for as long as its heartbeat or its grace
   period lasts;
 - `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and
   the news `ended`.
 
 Sessions are always read before the lease and changed before it is released: whoever reads in
-between sees a lease that names an ended visit, which counts as free, and never a visit that seems
-to have lost its lease.
+between sees a lease that names an ended session, which counts as free, and never a session that
+seems to have lost its lease.
 """
 
 import datetime
@@ -35,6 +35,7 @@ from robots.api import messages as m
 from robots.models import Robot
 from sessions.leases import terms
 from sessions.leases.policy import (
+    ActiveSession,
     Ask,
     Deny,
     Grant,
@@ -43,7 +44,6 @@ from sessions.leases.policy import (
     Resume,
     Rules,
     Scene,
-    Visit,
     Wait,
     decide_take,
     turn_end,
@@ -60,9 +60,9 @@ LIVE = (
 # Every failed attempt means that another process changed the lease in between, so that this bound
 # is never met by chance.
 ATTEMPTS = 200
-# the reason of a visit that ended because the visitor began another one, on somebody's terms
+# the reason of a session that ended because the visitor began another one, on somebody's terms
 BEGINS_ANEW = "begins_anew"
-LEFT_QUEUE = "left_queue"  # the reason of a visit that ended before it had the robot
+LEFT_QUEUE = "left_queue"  # the reason of a session that ended before it had the robot
 
 
 class LeaseContention(RuntimeError):
@@ -74,7 +74,7 @@ class Granted:
     """The page drives. `resumed`: epoch and peer are those of before; `turn_seconds` is None while
     nobody else waits.
 
-    `terms` are those of the visit, `shown` what there is to see of its task
+    `terms` are those of the session, `shown` what there is to see of its task
     (sessions/leases/terms.py).
     """
 
@@ -174,11 +174,11 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
     match decision:
         case Deny(reason, session):
             return Refused(reason, session)
-        case Resume(visit):
-            seen({visit}, asker.now)
+        case Resume(session):
+            seen({session}, asker.now)
             return _granted(scene, scene.hold, asker, resumed=True)
-        case Wait(visit, place, minutes, reason):
-            session = _join(asker) if visit is None else visit
+        case Wait(waiting, place, minutes, reason):
+            session = _join(asker) if waiting is None else waiting
             if session is None:
                 return None
             seen({session}, asker.now)
@@ -209,7 +209,7 @@ def _join(asker: _Asker) -> str | None:
 
 
 def _grant(grant: Grant, scene: Scene, asker: _Asker) -> Granted | Refused | None:
-    session = _join(asker) if grant.visit is None else grant.visit
+    session = _join(asker) if grant.session is None else grant.session
     if session is None:
         return None
     hold = Hold(scene.hold.epoch + 1, session, asker.peer)
@@ -241,11 +241,11 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> Granted | Refused | Non
 
 
 def fix_terms(session: str, now: datetime.datetime) -> None:
-    """Store the terms of a visit that has just got the robot. Before its state says so: until then
-    no renewed lease tells the robot of it.
+    """Store the terms of a session that has just got the robot. Before its state says so: until
+    then no renewed lease tells the robot of it.
 
-    Asked for again until the visit has moved the robot, for whoever asked first may not have lived
-    to store them.
+    Asked for again until the session has moved the robot, for whoever asked first may not have
+    lived to store them.
 
     Raises:
         NotGranted: there are none on which it could go.
@@ -262,13 +262,13 @@ def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> Grant
     assert hold.session is not None
     session, now, key = Session.objects.get(pk=hold.session), asker.now.timestamp(), hold.session
     fixed = terms.of(session)
-    before = next((visit for visit in scene.visits if visit.id == key and visit.granted_at), None)
-    visit = before or Visit(
+    before = next((each for each in scene.sessions if each.id == key and each.granted_at), None)
+    holder = before or ActiveSession(
         key, str(asker.visitor.pk), "connecting", now, granted_at=now, turn=fixed.turn_seconds
     )
     others_wait = any(waiting.id != key for waiting in scene.queue)
     turn_seconds = (
-        max(0.0, turn_end(visit, rules_of(asker.robot), now) - now) if others_wait else None
+        max(0.0, turn_end(holder, rules_of(asker.robot), now) - now) if others_wait else None
     )
     renewal = (
         Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
@@ -305,7 +305,7 @@ def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
         )
     )
     live = [key for key, _, _ in found]
-    # A waiting visit has no other sign of life: its page is what was lost, and is back.
+    # A waiting session has no other sign of life: its page is what was lost, and is back.
     if back := [
         key
         for key, state, lost_at in found
@@ -328,7 +328,7 @@ def page_gone(session: str, peer: str, now: datetime.datetime) -> None:
 
 
 def leave(session: str, *, peer: str, now: datetime.datetime) -> bool:
-    """End a visit because its page says so: completed when the robot was driven and its terms ask
+    """End a session because its page says so: completed when the robot was driven and its terms ask
     for no more, cancelled otherwise.
 
     Returns:
@@ -349,7 +349,7 @@ def leave(session: str, *, peer: str, now: datetime.datetime) -> bool:
 
 
 def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_if: Any) -> bool:
-    """End a visit, and free the robot if it held it; of several callers one gets True.
+    """End a session, and free the robot if it held it; of several callers one gets True.
 
     `only_if` are further conditions on the row, of a caller who decided on an earlier reading.
     """
@@ -374,7 +374,7 @@ def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_
 
 
 def _send_home(session: str, now: datetime.datetime) -> None:
-    """Have the robot that a visit holds return before it is anybody's; the session manager undoes
+    """Have the robot that a session holds return before it is anybody's; the session manager undoes
     this for one that is still driven.
     """
     for lease in Lease.objects.filter(session_id=session).select_related("robot"):
@@ -434,7 +434,7 @@ def lease_message(
 ) -> m.Lease:
     """Return what the robot is told of a lease that somebody holds.
 
-    `assist` is what the visitor chose, if anything; `fixed` are the terms of the visit, which go
+    `assist` is what the visitor chose, if anything; `fixed` are the terms of the session, which go
     before it.
     """
     assert hold.session is not None
@@ -472,13 +472,13 @@ def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Sc
     sessions first, then leases (see the top).
     """
     keys = [robot.pk for robot in robots]
-    visits: dict[Any, dict[str, Visit]] = {key: {} for key in keys}
+    active: dict[Any, dict[str, ActiveSession]] = {key: {} for key in keys}
     sessions: dict[str, Session] = {}
     for session in Session.objects.filter(robot__in=keys, state__in=LIVE).defer(
         "device", "summary"
     ):
-        visits[session.robot_id][str(session.pk)], sessions[str(session.pk)] = (
-            visit_of(session),
+        active[session.robot_id][str(session.pk)], sessions[str(session.pk)] = (
+            session_of(session),
             session,
         )
     leases = {lease.robot_id: lease for lease in Lease.objects.filter(robot__in=keys)}
@@ -486,16 +486,16 @@ def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Sc
     late = [
         lease.session_id
         for key, lease in leases.items()
-        if lease.session_id and str(lease.session_id) not in visits[key]
+        if lease.session_id and str(lease.session_id) not in active[key]
     ]
     for session in Session.objects.filter(pk__in=late, state__in=LIVE) if late else ():
-        visits[session.robot_id][str(session.pk)] = visit_of(session)
+        active[session.robot_id][str(session.pk)] = session_of(session)
     pauses = _pauses_of(keys)
     scenes = {
         robot.pk: _scene(
             robot,
             leases.get(robot.pk),
-            tuple(visits[robot.pk].values()),
+            tuple(active[robot.pk].values()),
             pauses.get(robot.pk, ""),
             now,
         )
@@ -510,10 +510,10 @@ def _asked_if_ready(
     """Ask for whoever would be next whether a free robot is as they need it."""
     if scene.holder is not None or not scene.ready:
         return scene
-    open_now = [visit for visit in scene.queue if visit.page_open(now.timestamp())]
+    open_now = [each for each in scene.queue if each.page_open(now.timestamp())]
     next_ones = {
-        visit.id
-        for visit in (*open_now[:1], *(visit for visit in open_now if visit.offered_at is not None))
+        each.id
+        for each in (*open_now[:1], *(each for each in open_now if each.offered_at is not None))
     }
     why = {
         key: terms.not_ready(sessions[key].visitor, robot, now)
@@ -522,18 +522,22 @@ def _asked_if_ready(
     }
     return replace(
         scene,
-        visits=tuple(replace(visit, not_ready=why.get(visit.id, "")) for visit in scene.visits),
+        sessions=tuple(replace(each, not_ready=why.get(each.id, "")) for each in scene.sessions),
     )
 
 
 def _scene(
-    robot: Robot, lease: Lease | None, visits: tuple[Visit, ...], pause: str, now: datetime.datetime
+    robot: Robot,
+    lease: Lease | None,
+    active: tuple[ActiveSession, ...],
+    pause: str,
+    now: datetime.datetime,
 ) -> Scene:
     online = robot.is_online(now)
     if lease is None:
-        return Scene(Hold(0), visits, robot.enabled, online, pause)
+        return Scene(Hold(0), active, robot.enabled, online, pause)
     hold = Hold(lease.epoch, str(lease.session_id) if lease.session_id else None, lease.peer)
-    return Scene(hold, visits, robot.enabled, online, pause, lease.changed_at.timestamp())
+    return Scene(hold, active, robot.enabled, online, pause, lease.changed_at.timestamp())
 
 
 def _moment(unix: float) -> datetime.datetime:
@@ -541,7 +545,7 @@ def _moment(unix: float) -> datetime.datetime:
 
 
 def pause_of(robot: Robot) -> str:
-    """Return why a robot is not ready for a visit, empty when it is; read anew, because another
+    """Return why a robot is not ready for a session, empty when it is; read anew, because another
     process may just have sent it home.
     """
     return _pauses_of([robot.pk]).get(robot.pk, "")
@@ -560,10 +564,10 @@ def _pause(held: str, returns: bool, phase: str, reason: str) -> str:
     return f"{phase}: {reason}" if returns and phase != Robot.Turnaround.READY else ""
 
 
-def visit_of(session: Session) -> Visit:
+def session_of(session: Session) -> ActiveSession:
     """Return the snapshot of a living session."""
     fixed = terms.of(session)
-    return Visit(
+    return ActiveSession(
         id=str(session.pk),
         visitor=str(session.visitor_id),
         state=session.state,
@@ -594,7 +598,7 @@ def holder_of(robot: Robot, visitor: User) -> Lease | None:
 
 
 def is_free_drive(lease: Lease) -> bool:
-    """Tell whether the visit that holds a robot goes on nobody's terms, and has moved it."""
+    """Tell whether the session that holds a robot goes on nobody's terms, and has moved it."""
     session = lease.session
     return session is not None and not session.terms and session.first_motion_at is not None
 

@@ -1,4 +1,4 @@
-"""On what terms a visit goes: what an app above this one fixes when the robot is first granted,
+"""On what terms a session goes: what an app above this one fixes when the robot is first granted,
 kept with the session for good.
 
 This app knows no studies. One that does registers a provider (in its AppConfig.ready) and is asked,
@@ -27,7 +27,7 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     radians, seconds.
 
     `actions` are types of Robot API actions, `controllers` input methods. A visitor who drives and
-    then leaves has completed the visit only where `leaving_completes`. `study` is what the app
+    then leaves has completed the session only where `leaving_completes`. `study` is what the app
     above wants to find again; it means nothing here.
     """
 
@@ -49,7 +49,7 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     study: dict[str, Any] = {}
 
 
-# how the reasons of visits begin that wait for the robot to be as their terms want it
+# how the reasons of sessions begin that wait for the robot to be as their terms want it
 START = "start"
 NOT_DOCKED = "not_docked"  # the one of them that a robot which goes home by itself can mend
 
@@ -58,7 +58,7 @@ FREE = Terms()
 
 
 class NotGranted(Exception):
-    """The robot is not for this visit after all; the message is the reason, one of
+    """The robot is not for this session after all; the message is the reason, one of
     sessions.protocol.Refused.
     """
 
@@ -74,10 +74,10 @@ class Provider(Protocol):
         """
 
     def not_ready(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
-        """Return why the robot is not yet as a visit of this visitor needs it, as one word; empty
+        """Return why the robot is not yet as a session of this visitor needs it, as one word; empty
         when it is, or that is nobody's business.
 
-        Such a visit waits, first in the queue, until it is.
+        Such a session waits, first in the queue, until it is.
         """
 
     def granted(self, session: "Session", now: datetime.datetime) -> Terms | None:
@@ -85,12 +85,12 @@ class Provider(Protocol):
         none of the provider's business.
 
         Raises:
-            NotGranted: the visit must not begin; it is ended.
+            NotGranted: the session must not begin; it is ended.
         """
 
     def claims(self, user: "User", robot: "Robot") -> bool:
-        """Tell whether a visit that this visitor begins with the robot now would go on terms of the
-        provider's.
+        """Tell whether a session that this visitor begins with the robot now would go on terms of
+        the provider's.
         """
 
     def shown(self, session: str) -> dict[str, Any]:
@@ -109,14 +109,14 @@ def register(provider: Provider) -> None:
 
 
 def why_not(user: "User", robot: "Robot", now: datetime.datetime) -> str:
-    """Return the first provider's reason against a visit; empty when nobody has one."""
+    """Return the first provider's reason against a session; empty when nobody has one."""
     return next(
         (reason for provider in _providers if (reason := provider.why_not(user, robot, now))), ""
     )
 
 
 def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
-    """Return why a robot is not yet as a visit needs it, as Scene.pause says such things; empty
+    """Return why a robot is not yet as a session needs it, as Scene.pause says such things; empty
     when it is.
     """
     return next(
@@ -130,7 +130,7 @@ def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
 
 
 def claims(user: "User", robot: "Robot") -> bool:
-    """Tell whether a visit that begins now would go on anybody's terms."""
+    """Tell whether a session that begins now would go on anybody's terms."""
     return any(provider.claims(user, robot) for provider in _providers)
 
 
@@ -138,7 +138,7 @@ def of_granted(session: "Session", now: datetime.datetime) -> Terms:
     """Ask the providers for the terms of a session that is granted for the first time.
 
     Raises:
-        NotGranted: the visit must not begin.
+        NotGranted: the session must not begin.
     """
     return next(
         (terms for provider in _providers if (terms := provider.granted(session, now)) is not None),

@@ -1,25 +1,26 @@
-"""What time does to visits: connected, lost, back, turn over, next in the queue. Only the session
+"""What time does to sessions: connected, lost, back, turn over, next in the queue. Only the session
 manager asks.
 
 Rules, all in seconds unless said otherwise:
 
-- A granted visit that is not connected after `start` ends as connection_refused.
+- A granted session that is not connected after `start` ends as connection_refused.
 - A driving visitor whose heartbeat the robot has not heard for HEARTBEAT_SILENCE is reconnecting,
-  and after `grace` the visit ends as connection_lost. A closed page alone means nothing while the
+  and after `grace` the session ends as connection_lost. A closed page alone means nothing while the
   heartbeat lives on the data channel; when the robot says nothing either, the page is all there is
   to go by.
-- A robot that is not heard of for ROBOT_SILENCE ends the visit as robot_fault.
-- `turn` and `grace` are the robot's, or what the terms of the visit say (sessions/leases/terms.py).
+- A robot that is not heard of for ROBOT_SILENCE ends the session as robot_fault.
+- `turn` and `grace` are the robot's, or what the terms of the session say
+  (sessions/leases/terms.py).
 - A turn is a limit only while somebody waits whose page is open. It then ends `turn` after the
   grant, but never earlier than `warning` after the moment from which somebody waited. When nobody
   waits any more, the limit is lifted.
 - A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after
-  ANSWER_SECONDS, and ON_THE_WAY for question and answer to arrive, the visit ends as if its turn
+  ANSWER_SECONDS, and ON_THE_WAY for question and answer to arrive, the session ends as if its turn
   were over. Driving, a touch of the page, a call and what the robot does by itself are signs; a
   lost connection is another matter, and who comes back from one is asked anew.
 - A free robot that is ready is offered to the first in the queue whose page is open, once it is
-  also as that visit's terms want it; until then nobody behind gets it either, but who operates it
-  may take it. After `start` the offer lapses, that visit is cancelled, and the next one is asked.
+  also as that session's terms want it; until then nobody behind gets it either, but who operates it
+  may take it. After `start` the offer lapses, that session is cancelled, and the next one is asked.
   Who waits with a closed page keeps the place for `grace`.
 
 Decided on plain snapshots. No deadline counts from before `Link.since`, when the session manager
@@ -29,14 +30,23 @@ began to hear robots: nobody is punished for its own absence.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from sessions.leases.policy import Hold, Rules, Scene, State, Visit, offer_alive, ready, turn_end
+from sessions.leases.policy import (
+    ActiveSession,
+    Hold,
+    Rules,
+    Scene,
+    State,
+    offer_alive,
+    ready,
+    turn_end,
+)
 
 HEARTBEAT_SILENCE = 2.0
 STATE_SILENCE = 3.0
 ROBOT_SILENCE = 30.0
 ANSWER_SECONDS = 30.0
 ON_THE_WAY = 5.0
-IDLE = "idle"  # the reason of a visit whose driver gave no sign any more
+IDLE = "idle"  # the reason of a session whose driver gave no sign any more
 
 
 @dataclass(frozen=True)
@@ -46,8 +56,9 @@ class Link:
 
     `since` is when the session manager began to listen, `silence` State.visitor_silence, and
     `moved` says whether a command of this session and epoch has ever moved the robot. `active_at`
-    is when the robot last showed a sign of its driver, `signs` when pages gave one, by their visits
-    (it may grow while it is looked at), `asked` which visit was last asked for one, and when.
+    is when the robot last showed a sign of its driver, `signs` when pages gave one, by their
+    sessions (it may grow while it is looked at), `asked` which session was last asked for one, and
+    when.
     """
 
     since: float = 0.0
@@ -64,16 +75,16 @@ class Link:
 
 @dataclass(frozen=True)
 class Free:
-    """The lease names a visit that is over: give it up."""
+    """The lease names a session that is over: give it up."""
 
     epoch: int
 
 
 @dataclass(frozen=True)
 class Move:
-    """The visit now stands at `state`; `lost_at` is None when it is connected."""
+    """The session now stands at `state`; `lost_at` is None when it is connected."""
 
-    visit: str
+    session: str
     state: State
     lost_at: float | None = None
 
@@ -82,14 +93,14 @@ class Move:
 class Drove:
     """The visitor has moved the robot for the first time."""
 
-    visit: str
+    session: str
 
 
 @dataclass(frozen=True)
 class End:
-    """The visit is over, with one of sessions.models.Session.Outcome."""
+    """The session is over, with one of sessions.models.Session.Outcome."""
 
-    visit: str
+    session: str
     outcome: str
     reason: str
 
@@ -98,7 +109,7 @@ class End:
 class SetTurn:
     """The turn ends then; None: not limited."""
 
-    visit: str
+    session: str
     ends_at: float | None
 
 
@@ -108,7 +119,7 @@ class Warn:
     to say once.
     """
 
-    visit: str
+    session: str
     remaining: float
 
 
@@ -118,7 +129,7 @@ class AskThere:
     sign.
     """
 
-    visit: str
+    session: str
     seconds: float
 
 
@@ -126,28 +137,28 @@ class AskThere:
 class FoundThere:
     """The driver who was asked has given a sign."""
 
-    visit: str
+    session: str
 
 
 @dataclass(frozen=True)
 class Offer:
-    """The robot is this visit's, if it takes it in time."""
+    """The robot is this session's, if it takes it in time."""
 
-    visit: str
+    session: str
 
 
 @dataclass(frozen=True)
 class Withdraw:
     """The robot went away: the offer is taken back and made again later."""
 
-    visit: str
+    session: str
 
 
 @dataclass(frozen=True)
 class Lose:
-    """A waiting visit's page has been gone, unnoticed by its web process, since `lost_at`."""
+    """A waiting session's page has been gone, unnoticed by its web process, since `lost_at`."""
 
-    visit: str
+    session: str
     lost_at: float
 
 
@@ -168,33 +179,35 @@ def decide_tick(scene: Scene, link: Link, rules: Rules, now: float) -> tuple[Act
 
 
 def _orphans(scene: Scene) -> Iterator[Act]:
-    """A visit that drives without the lease cannot come about while every process finishes what it
-    began; one may have been killed.
+    """A session that drives without the lease cannot come about while every process finishes what
+    it began; one may have been killed.
     """
-    for visit in scene.visits:
-        if visit.state != "waiting" and visit.id != scene.hold.session:
-            yield End(visit.id, "connection_lost", "lease_gone")
+    for session in scene.sessions:
+        if session.state != "waiting" and session.id != scene.hold.session:
+            yield End(session.id, "connection_lost", "lease_gone")
 
 
 def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act]:
-    for visit in scene.queue:
+    for session in scene.queue:
         # An offer that nobody could take does not lapse: it is withdrawn.
         if (
             scene.ready
-            and not visit.not_ready
-            and visit.offered_at is not None
-            and now - max(visit.offered_at, link.since) >= rules.start
+            and not session.not_ready
+            and session.offered_at is not None
+            and now - max(session.offered_at, link.since) >= rules.start
         ):
-            yield End(visit.id, "cancelled", "turn_not_taken")
-        elif visit.page_open(now):
+            yield End(session.id, "cancelled", "turn_not_taken")
+        elif session.page_open(now):
             continue
-        elif visit.lost_at is None:
-            yield Lose(visit.id, now)
-        elif now - max(visit.lost_at, link.since) > rules.grace:
-            yield End(visit.id, "cancelled", "page_gone")
+        elif session.lost_at is None:
+            yield Lose(session.id, now)
+        elif now - max(session.lost_at, link.since) > rules.grace:
+            yield End(session.id, "cancelled", "page_gone")
 
 
-def _driver(scene: Scene, holder: Visit, link: Link, rules: Rules, now: float) -> Iterator[Act]:
+def _driver(
+    scene: Scene, holder: ActiveSession, link: Link, rules: Rules, now: float
+) -> Iterator[Act]:
     fault = _fault(scene, holder, link, now)
     if fault is not None:
         yield fault
@@ -215,7 +228,7 @@ def _driver(scene: Scene, holder: Visit, link: Link, rules: Rules, now: float) -
         yield from _turn(scene, holder, rules, now)
 
 
-def _fault(scene: Scene, holder: Visit, link: Link, now: float) -> End | None:
+def _fault(scene: Scene, holder: ActiveSession, link: Link, now: float) -> End | None:
     if not scene.enabled:
         return End(holder.id, "stopped_by_operator", "robot_disabled")
     heard = max(link.since, link.last_received_at or 0.0, holder.granted_at or 0.0)
@@ -224,7 +237,7 @@ def _fault(scene: Scene, holder: Visit, link: Link, now: float) -> End | None:
     return None
 
 
-def visitor_here(hold: Hold, holder: Visit, link: Link, now: float) -> bool | None:
+def visitor_here(hold: Hold, holder: ActiveSession, link: Link, now: float) -> bool | None:
     """Tell whether the driver is connected to the robot; None when the robot's silence leaves it
     open.
     """
@@ -237,12 +250,12 @@ def visitor_here(hold: Hold, holder: Visit, link: Link, now: float) -> bool | No
     )
 
 
-def _speaks_of(link: Link, holder: Visit, hold: Hold) -> bool:
+def _speaks_of(link: Link, holder: ActiveSession, hold: Hold) -> bool:
     return link.session == holder.id and link.epoch == hold.epoch
 
 
 def _connection(
-    hold: Hold, holder: Visit, link: Link, rules: Rules, now: float
+    hold: Hold, holder: ActiveSession, link: Link, rules: Rules, now: float
 ) -> Move | End | None:
     if holder.state == "waiting":  # the process that granted the lease did not live to say so
         return Move(holder.id, "connecting")
@@ -267,7 +280,7 @@ def _connection(
 
 
 def _idle(
-    holder: Visit, link: Link, rules: Rules, now: float
+    holder: ActiveSession, link: Link, rules: Rules, now: float
 ) -> AskThere | FoundThere | End | None:
     still_since = max(
         link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0
@@ -282,8 +295,8 @@ def _idle(
     )
 
 
-def _turn(scene: Scene, holder: Visit, rules: Rules, now: float) -> Iterator[Act]:
-    if not any(ready(visit, now) for visit in scene.queue):
+def _turn(scene: Scene, holder: ActiveSession, rules: Rules, now: float) -> Iterator[Act]:
+    if not any(ready(session, now) for session in scene.queue):
         if holder.turn_ends_at is not None:
             yield SetTurn(holder.id, None)
         return
@@ -298,11 +311,11 @@ def _turn(scene: Scene, holder: Visit, rules: Rules, now: float) -> Iterator[Act
 
 
 def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Act]:
-    offered = [visit for visit in scene.queue if visit.offered_at is not None]
-    unready = [visit for visit in offered if visit.not_ready or not scene.ready]
+    offered = [session for session in scene.queue if session.offered_at is not None]
+    unready = [session for session in offered if session.not_ready or not scene.ready]
     if unready or not scene.ready:
-        yield from (Withdraw(visit.id) for visit in unready)
-    elif not any(offer_alive(visit, rules, now) for visit in offered):
-        first = next((visit for visit in scene.queue if ready(visit, now)), None)
+        yield from (Withdraw(session.id) for session in unready)
+    elif not any(offer_alive(session, rules, now) for session in offered):
+        first = next((session for session in scene.queue if ready(session, now)), None)
         if first is not None and not first.not_ready:
             yield Offer(first.id)

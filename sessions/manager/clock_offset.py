@@ -23,7 +23,7 @@ class ClockOffset:
         # the last echo that was taken; a restarted server counts from the beginning again
         self._newest = -1
 
-    def hear(self, beat: Heartbeat, received: float) -> None:
+    def on_heartbeat(self, beat: Heartbeat, received: float) -> None:
         """Take a robot's heartbeat that arrived at `received` by our clock; one that echoes nothing
         new says nothing.
         """

@@ -2,7 +2,7 @@
 (`config`) and its map (`floorplan`).
 
 The session manager says it when it begins and whenever it was changed in the administration, so
-that a robot knows its site before anybody visits it. While a visit holds the robot, its terms go
+that a robot knows its site before anybody visits it. While a session holds the robot, its terms go
 before what is set there; afterwards what they changed is undone: a door that only the terms spoke
 of stands again as the plan has it.
 """
@@ -25,7 +25,7 @@ from sessions.models import Lease, Session
 
 
 @dataclass
-class _Told:
+class _Published:
     """What a robot was told last; `doors` are those that terms have ever set."""
 
     doors: set[str] = field(default_factory=set)
@@ -37,9 +37,9 @@ class DesiredState:
     """Remembers what each robot was told."""
 
     def __init__(self) -> None:
-        self._told: dict[str, _Told] = {}
+        self._published: dict[str, _Published] = {}
 
-    def look(self, now: datetime.datetime) -> list[ManagerMessage]:
+    def tick(self, now: datetime.datetime) -> list[ManagerMessage]:
         """Return what has changed since the last look; everything at the first one."""
         outbound_messages = []
         plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
@@ -50,28 +50,30 @@ class DesiredState:
             if lease.session
         }
         for robot in Robot.objects.only("name", "assist", "doors", "floor_plan", "calls"):
-            told = self._told.get(robot.name)
-            if told is None:
-                told = self._told[robot.name] = _Told(_doors_before(robot))
+            published = self._published.get(robot.name)
+            if published is None:
+                published = self._published[robot.name] = _Published(_doors_before(robot))
             session = held.get(robot.pk)
             fixed = terms.of(session) if session is not None else FREE
             content, plan = maps.get(robot.floor_plan_id, ("", {}))
-            config = _config(robot, session, fixed, _untouched(told.doors | set(fixed.doors), plan))
-            told.doors |= set(fixed.doors)
-            if told.config != config:
-                told.config = config
+            config = _config(
+                robot, session, fixed, _untouched(published.doors | set(fixed.doors), plan)
+            )
+            published.doors |= set(fixed.doors)
+            if published.config != config:
+                published.config = config
                 outbound_messages.append(
                     _retained(robot.name, "config", codec.encode(_stamped(config, now)))
                 )
-            if content and told.floor_plan != content:
-                told.floor_plan = content
+            if content and published.floor_plan != content:
+                published.floor_plan = content
                 update = FloorPlan.objects.get(pk=robot.floor_plan_id).as_message()
                 outbound_messages.append(_retained(robot.name, "floorplan", codec.encode(update)))
         return outbound_messages
 
 
 def _doors_before(robot: Robot) -> set[str]:
-    """Return the doors that the terms of the robot's last visit spoke of, for a session manager
+    """Return the doors that the terms of the robot's last session spoke of, for a session manager
     that was not there to see it end.
     """
     last = (

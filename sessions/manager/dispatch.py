@@ -1,5 +1,5 @@
 """What the session manager has heard of sessions, told to the apps above as signals. In the
-clockwork's thread.
+scheduler's thread.
 """
 
 import logging

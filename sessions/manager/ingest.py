@@ -60,7 +60,7 @@ class Intake:
         recorder: gets what belongs into the record.
         clock: Unix seconds.
         wake_signals: called when `fresh` has something new.
-        wake_clockwork: called when a web process has changed something.
+        wake_scheduler: called when a web process has changed something.
     """
 
     def __init__(
@@ -69,23 +69,23 @@ class Intake:
         clock: Callable[[], float],
         *,
         wake_signals: Callable[[], None],
-        wake_clockwork: Callable[[], None],
+        wake_scheduler: Callable[[], None],
     ) -> None:
         self._recorder = recorder
         self._clock = clock
         self._wake_signals = wake_signals
-        self._wake_clockwork = wake_clockwork
+        self._wake_scheduler = wake_scheduler
         self._presence: deque[PresenceNews] = deque()
         self._fresh: deque[Fresh] = deque(maxlen=MAX_UNSENT)
-        self.heard: dict[str, RobotLiveness] = {}
-        self.signs: dict[str, float] = {}  # visit: when its page last gave a sign
+        self.last_received: dict[str, RobotLiveness] = {}
+        self.signs: dict[str, float] = {}  # session: when its page last gave a sign
         self.counts: Counter[str] = Counter()
 
     def receive(self, message: aiomqtt.Message) -> None:
         """Take a message of the broker."""
         topic, payload = str(message.topic), bytes(message.payload or b"")  # type: ignore[arg-type]
         try:
-            self._hear(topic, payload, retained=message.retain)
+            self._on_message(topic, payload, retained=message.retain)
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
             if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:
@@ -96,7 +96,7 @@ class Intake:
                     self.counts[rejection.reason],
                 )
 
-    def _hear(self, topic: str, payload: bytes, *, retained: bool) -> None:
+    def _on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:
         now = self._clock()
         if topic.startswith(_REPORTS):
             report = _decoded(protocol.PageReport, payload, topic)
@@ -104,26 +104,28 @@ class Intake:
             self._notice_sign(report, now)
         elif topic.startswith(_NEWS):
             if _decoded(messages.ServerNews, payload, topic).type in PRESSING:
-                self._wake_clockwork()
+                self._wake_scheduler()
         else:
             parsed = topics.parse(topic)
             if parsed is None:
                 raise Rejection("unknown_topic", topic[:80])
-            self._hear_robot(*parsed, payload, now, retained=retained)
+            self._on_robot_message(*parsed, payload, now, retained=retained)
 
-    def _hear_robot(
+    def _on_robot_message(
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
     ) -> None:
         message = codec.decode(suffix, payload, "from_robot")
-        heard = self.heard.get(robot) or self.heard.setdefault(robot, RobotLiveness())
+        last_received = self.last_received.get(robot) or self.last_received.setdefault(
+            robot, RobotLiveness()
+        )
         match message:
             case messages.State():
-                self._hear_state(robot, heard, message, payload, now)
+                self._on_state(robot, last_received, message, payload, now)
             case messages.Heartbeat():
-                heard.heartbeat(message, now)
+                last_received.heartbeat(message, now)
             case messages.ActionStatus():
-                heard.answer(message)
-                session = heard.state.session if heard.state is not None else None
+                last_received.answer(message)
+                session = last_received.state.session if last_received.state is not None else None
                 if (
                     session is not None
                     and message.status in ENDED
@@ -133,18 +135,28 @@ class Intake:
             case messages.Event() if message.type != "photo" or not _is_ordered(message.action_id):
                 self._put(EventItem(robot, message, now))
             case messages.Connection():
-                heard.connection(message, now)
+                last_received.connection(message, now)
                 self._presence.append(PresenceNews(robot, message, retained))
             case messages.Factsheet():
                 self._presence.append(PresenceNews(robot, message, retained))
             case bytes() if not _is_ordered(action := suffix.partition("/")[2]):
                 self._recorder.put(PhotoItem(robot, action, message, now))
 
-    def _hear_state(
-        self, robot: str, heard: RobotLiveness, state: messages.State, payload: bytes, now: float
+    def _on_state(
+        self,
+        robot: str,
+        last_received: RobotLiveness,
+        state: messages.State,
+        payload: bytes,
+        now: float,
     ) -> None:
         item = StateItem(
-            robot, state, payload, now, heard.offset.seconds, late=not heard.take(state, now)
+            robot,
+            state,
+            payload,
+            now,
+            last_received.offset.seconds,
+            late=not last_received.take(state, now),
         )
         self._recorder.put(item)
         if state.session is not None:
@@ -157,8 +169,8 @@ class Intake:
             != protocol.HERE
         ):
             return
-        # Whatever the robot says of the visit meanwhile: on a busy site its state may be late, or
-        # name no visit for a moment.
+        # Whatever the robot says of the session meanwhile: on a busy site its state may be late, or
+        # name no session for a moment.
         self.signs.pop(report.session, None)
         self.signs[report.session] = now
         if len(self.signs) > MAX_SIGNS:
@@ -177,9 +189,9 @@ class Intake:
         news = [self._presence.popleft() for _ in range(len(self._presence))]
         now = self._clock()
         return news + [
-            PresenceNews(robot, heard.state)
-            for robot, heard in list(self.heard.items())
-            if heard.state and heard.is_present(now)
+            PresenceNews(robot, last_received.state)
+            for robot, last_received in list(self.last_received.items())
+            if last_received.state and last_received.is_present(now)
         ]
 
     def fresh(self) -> list["Fresh"]:
@@ -190,7 +202,7 @@ class Intake:
 
 
 def _is_ordered(action_id: str | None) -> bool:
-    """Tell whether something comes of what was ordered between two visits: such a picture only
+    """Tell whether something comes of what was ordered between two sessions: such a picture only
     shows that the camera works.
     """
     return (action_id or "").startswith(ORDERED)

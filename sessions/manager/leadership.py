@@ -15,7 +15,7 @@ from django.db.models import Q
 from sessions.models import ManagerBeat
 
 NAME = "session_manager"
-BEAT_SECONDS = 1.0
+HEARTBEAT_INTERVAL_S = 1.0
 WAIT_SECONDS = 0.5  # between two attempts of one that waits
 STALE_SECONDS = 4.0
 _LONG_AGO = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)

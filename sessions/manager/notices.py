@@ -1,7 +1,7 @@
 """What apps above this one have pages told about a session, waiting for the session manager's next
 look.
 
-Receivers of the session manager's signals call `tell`, in its own process; nobody else listens
+Receivers of the session manager's signals call `publish`, in its own process; nobody else listens
 here.
 """
 
@@ -16,7 +16,7 @@ MOST = 10_000
 _waiting: deque[ServerNews] = deque(maxlen=MOST)
 
 
-def tell(session: str, data: dict[str, Any], stamp: float) -> None:
+def publish(session: str, data: dict[str, Any], stamp: float) -> None:
     """Tell the page that drives in a session how far its task is: the fields of
     sessions.protocol.Task; `stamp` in Unix seconds.
     """

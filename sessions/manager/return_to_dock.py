@@ -1,7 +1,7 @@
-"""Robots between two visits: the decisions of sessions/leases/readiness.py carried out in the
+"""Robots between two sessions: the decisions of sessions/leases/readiness.py carried out in the
 database and said to the robots.
 
-Runs in the session manager's clockwork. What was ordered is remembered here alone: a session
+Runs in the session manager's scheduler thread. What was ordered is remembered here alone: a session
 manager that has just started orders once more, which a robot that is already on its way answers by
 going on.
 """
@@ -43,8 +43,8 @@ class ReturnToDock:
     def __init__(self) -> None:
         self._under_way: dict[str, Readiness] = {}
 
-    def look(
-        self, heard: Mapping[str, RobotLiveness], now: datetime.datetime
+    def tick(
+        self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime
     ) -> list[ManagerMessage]:
         """Bring every robot that is not ready a step nearer to it; return what is to be said."""
         away = list(
@@ -65,7 +65,7 @@ class ReturnToDock:
             if robot.pk in driven or not robot.can_go_home or not robot.enabled:
                 outbound_messages += self._let_be(robot, now)
             else:
-                outbound_messages += self._bring(robot, heard.get(robot.name), now)
+                outbound_messages += self._bring(robot, last_received.get(robot.name), now)
         return outbound_messages
 
     def _let_be(self, robot: Robot, now: datetime.datetime) -> list[ManagerMessage]:
@@ -77,12 +77,14 @@ class ReturnToDock:
         return [_outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))]
 
     def _bring(
-        self, robot: Robot, heard: RobotLiveness | None, now: datetime.datetime
+        self, robot: Robot, last_received: RobotLiveness | None, now: datetime.datetime
     ) -> list[ManagerMessage]:
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
         turnaround, kind = decide(
-            _answered(before, heard), _condition(robot, known, heard, now), now.timestamp()
+            _answered(before, last_received),
+            _condition(robot, known, last_received, now),
+            now.timestamp(),
         )
         outbound_messages = []
         if kind is not None:
@@ -115,10 +117,14 @@ class ReturnToDock:
             system_log.log("robot_ready", robot=robot, at=now, after=robot.turnaround)
 
 
-def _answered(turnaround: Readiness, heard: RobotLiveness | None) -> Readiness:
+def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Readiness:
     """Take the robot's newest word about what it was told."""
     order = turnaround.order
-    status = heard.answers.get(order.action_id) if heard is not None and order is not None else None
+    status = (
+        last_received.answers.get(order.action_id)
+        if last_received is not None and order is not None
+        else None
+    )
     return (
         turnaround
         if status is None or order is None
@@ -127,14 +133,14 @@ def _answered(turnaround: Readiness, heard: RobotLiveness | None) -> Readiness:
 
 
 def _condition(
-    robot: Robot, known: _Known, heard: RobotLiveness | None, now: datetime.datetime
+    robot: Robot, known: _Known, last_received: RobotLiveness | None, now: datetime.datetime
 ) -> Condition:
-    state = heard.state if heard is not None else None
+    state = last_received.state if last_received is not None else None
     if (
-        heard is None
+        last_received is None
         or state is None
-        or heard.state_at is None
-        or now.timestamp() - heard.state_at > STATE_SILENCE
+        or last_received.state_at is None
+        or now.timestamp() - last_received.state_at > STATE_SILENCE
     ):
         return Condition(heard=False)
     level = (
@@ -142,7 +148,7 @@ def _condition(
     )
     return Condition(
         let_go=state.session is None,
-        prompt=heard.is_prompt(now.timestamp()),
+        prompt=last_received.is_prompt(now.timestamp()),
         sees=known.sees,
         estop=state.safety.estop,
         docked=state.docked,

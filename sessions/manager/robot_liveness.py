@@ -46,7 +46,7 @@ class RobotLiveness:
     def heartbeat(self, message: Heartbeat, now: float) -> None:
         """Note a beat."""
         self.last_received_at = now
-        self.offset.hear(message, now)
+        self.offset.on_heartbeat(message, now)
 
     def answer(self, status: ActionStatus) -> None:
         """Note how far an action is, of the last few."""
@@ -102,7 +102,7 @@ class RobotLiveness:
         )
 
     def link(self, since: float, signs: Mapping[str, float] = NO_SIGNS) -> Link:
-        """Return what the timekeeper needs to know; `signs` are those of pages, of every visit."""
+        """Return what the scheduler needs to know; `signs` are those of pages, of every session."""
         state = self.state
         if state is None:
             return Link(since=since, last_received_at=self.last_received_at, signs=signs)

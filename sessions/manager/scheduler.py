@@ -22,8 +22,7 @@ from robots.api import codec, topics
 from robots.api.messages import ServerNews
 from robots.models import Robot
 from sessions import signals, system_log
-from sessions.leases import store, terms
-from sessions.leases.expiry import tick
+from sessions.leases import expiry, store, terms
 from sessions.leases.policy import Hold, Scene, minutes_until_turn
 from sessions.leases.store import LIVE, lease_message, load_scene, load_scenes, rules_of
 from sessions.leases.transitions import (
@@ -46,7 +45,7 @@ from sessions.recording.items import CloseItem
 logger = logging.getLogger(__name__)
 
 CLOSE_AGAIN_SECONDS = 5.0
-# for which a robot is not as the next visit needs it before anybody is called: one that has just
+# for which a robot is not as the next session needs it before anybody is called: one that has just
 # come says how it is
 CALL_SECONDS = 5.0
 NEVER = (-1, 0.0)  # epoch and time of a lease that was not published yet
@@ -74,11 +73,11 @@ class Scheduler:
         # session: place, whole minutes, why it is not ready
         self._places: dict[str, tuple[int, int, str]] = {}
         self._warned: set[tuple[str, int]] = set()
-        # robot: which visit was asked for a sign, and when
+        # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
         # session: why the robot is not as it needs it, and since when
         self._unready: dict[str, tuple[str, float]] = {}
-        self._told: set[str] = set()
+        self._published: set[str] = set()
         self._closing: dict[str, float] = {}
 
     def begin(self) -> None:
@@ -93,7 +92,7 @@ class Scheduler:
         self._leases = dict.fromkeys(Robot.objects.values_list("name", flat=True), NEVER)
         self._places = {}
 
-    def look(
+    def tick(
         self, links: dict[str, Link], default: Link, now: datetime.datetime
     ) -> list[CloseItem]:
         """Do what is due everywhere; return the sessions whose record can be closed.
@@ -111,10 +110,10 @@ class Scheduler:
         for robot in robots:
             link = replace(links.get(robot.name, default), asked=self._asked.get(robot.name))
             with log_ids.about(robot=robot.name):
-                for act in tick(robot, link, now, scenes[robot.pk]):
-                    self._tell(act, robot, now)
+                for act in expiry.tick(robot, link, now, scenes[robot.pk]):
+                    self._publish(act, robot, now)
                 if robot.pk in queues:
-                    self._tell_places(robot, now)
+                    self._publish_places(robot, now)
         return self._finish(now)
 
     @staticmethod
@@ -125,94 +124,96 @@ class Scheduler:
 
     # --- news -------------------------------------------------------------------------------------
 
-    def _tell(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
+    def _publish(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
         match act:
             case Move():
-                self._tell_moved(act, robot, now)
-            case Offer(visit):
-                self._note(visit, "offered", now)
-                self._news("granted", visit, now, remaining=settings.START_SECONDS)
-            case Warn(visit, remaining):
+                self._publish_moved(act, robot, now)
+            case Offer(session):
+                self._note(session, "offered", now)
+                self._news("granted", session, now, remaining=settings.START_SECONDS)
+            case Warn(session, remaining):
                 ends_at = round(now.timestamp() + remaining)
-                if not {(visit, ends_at + slack) for slack in (-1, 0, 1)} & self._warned:
-                    self._warned.add((visit, ends_at))
-                    self._note(visit, "turn_warning", now, remaining=round(remaining, 1))
-                    self._news("warning", visit, now, remaining=remaining)
+                if not {(session, ends_at + slack) for slack in (-1, 0, 1)} & self._warned:
+                    self._warned.add((session, ends_at))
+                    self._note(session, "turn_warning", now, remaining=round(remaining, 1))
+                    self._news("warning", session, now, remaining=remaining)
             case AskThere() | FoundThere():
-                self._tell_asked(act, robot, now)
-            case Drove(visit):
-                self._note(visit, "first_motion", now)
-            case SetTurn(visit, ends_at):
-                self._note(visit, "turn_limited" if ends_at else "turn_unlimited", now)
+                self._publish_asked(act, robot, now)
+            case Drove(session):
+                self._note(session, "first_motion", now)
+            case SetTurn(session, ends_at):
+                self._note(session, "turn_limited" if ends_at else "turn_unlimited", now)
                 if ends_at is None:
-                    self._warned = {pair for pair in self._warned if pair[0] != visit}
-            case End(visit, outcome, reason) if outcome in {"robot_fault", "stopped_by_operator"}:
+                    self._warned = {pair for pair in self._warned if pair[0] != session}
+            case End(session, outcome, reason) if outcome in {"robot_fault", "stopped_by_operator"}:
                 system_log.log(
                     "session_broken_off",
                     "warning",
                     robot=robot,
-                    session=visit,
+                    session=session,
                     at=now,
                     outcome=outcome,
                     reason=reason,
                 )
 
-    def _tell_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
-        self._note(move.visit, move.state, now)
-        self._news("state", move.visit, now, state=move.state)
-        if move.state == "driving" and move.visit == self._asked.get(robot.name, ("",))[0]:
+    def _publish_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
+        self._note(move.session, move.state, now)
+        self._news("state", move.session, now, state=move.state)
+        if move.state == "driving" and move.session == self._asked.get(robot.name, ("",))[0]:
             # Who was away could not answer, and is asked once more.
-            self._tell_asked(AskThere(move.visit, ANSWER_SECONDS), robot, now)
+            self._publish_asked(AskThere(move.session, ANSWER_SECONDS), robot, now)
 
-    def _tell_asked(self, act: AskThere | FoundThere, robot: Robot, now: datetime.datetime) -> None:
+    def _publish_asked(
+        self, act: AskThere | FoundThere, robot: Robot, now: datetime.datetime
+    ) -> None:
         match act:
-            case AskThere(visit, seconds):
-                self._asked[robot.name] = visit, now.timestamp()
-                self._note(visit, "asked_there", now)
-                self._news("idle", visit, now, remaining=seconds)
-            case FoundThere(visit):
+            case AskThere(session, seconds):
+                self._asked[robot.name] = session, now.timestamp()
+                self._note(session, "asked_there", now)
+                self._news("idle", session, now, remaining=seconds)
+            case FoundThere(session):
                 del self._asked[robot.name]
-                self._note(visit, "found_there", now)
-                self._news("idle", visit, now)
+                self._note(session, "found_there", now)
+                self._news("idle", session, now)
 
-    def _tell_places(self, robot: Robot, now: datetime.datetime) -> None:
+    def _publish_places(self, robot: Robot, now: datetime.datetime) -> None:
         scene, rules = load_scene(robot, now), rules_of(robot)
-        for place, visit in enumerate(scene.queue, 1):
+        for place, session in enumerate(scene.queue, 1):
             minutes = minutes_until_turn(scene, place, rules, now.timestamp())
-            told = (place, round(minutes), scene.waits_for)
-            if visit.offered_at is None and self._places.get(visit.id) != told:
-                self._places[visit.id] = told
+            published = (place, round(minutes), scene.waits_for)
+            if session.offered_at is None and self._places.get(session.id) != published:
+                self._places[session.id] = published
                 self._news(
-                    "queue", visit.id, now, place=place, minutes=minutes, text=scene.waits_for
+                    "queue", session.id, now, place=place, minutes=minutes, text=scene.waits_for
                 )
-        self._tell_unready(robot, scene, now)
+        self._publish_unready(robot, scene, now)
 
-    def _tell_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
+    def _publish_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
         """Note for whom a free robot is not ready; have it go home if that helps, and after some
         seconds call those who look after it.
         """
         if not scene.ready or scene.holder is not None:
             return
-        for visit in scene.queue:
-            reason = visit.not_ready.removeprefix(f"{terms.START}: ")
-            before, since = self._unready.get(visit.id, ("", now.timestamp()))
+        for session in scene.queue:
+            reason = session.not_ready.removeprefix(f"{terms.START}: ")
+            before, since = self._unready.get(session.id, ("", now.timestamp()))
             if reason != before:
                 self._note(
-                    visit.id,
+                    session.id,
                     "robot_not_ready" if reason else "robot_ready",
                     now,
                     **({"reason": reason} if reason else {}),
                 )
-                self._unready[visit.id] = reason, now.timestamp()
+                self._unready[session.id] = reason, now.timestamp()
                 if reason == terms.NOT_DOCKED and store.send_home(robot, now):
                     system_log.log(
-                        "robot_sent_home", robot=robot, session=visit.id, at=now, reason=reason
+                        "robot_sent_home", robot=robot, session=session.id, at=now, reason=reason
                     )
             elif reason and now.timestamp() - since >= CALL_SECONDS:
-                self._call_staff(robot, visit.id, reason, now)
+                self._call_staff(robot, session.id, reason, now)
 
     def _call_staff(self, robot: Robot, session: str, reason: str, now: datetime.datetime) -> None:
-        """Once for each visit and reason, whatever a session manager before this one has done."""
+        """Once for each session and reason, whatever a session manager before this one has done."""
         called = SessionEvent.objects.filter(
             session=session, source=SessionEvent.Source.SERVER, type="staff_called"
         )
@@ -251,7 +252,7 @@ class Scheduler:
         """Publish every lease that is new or due, and that nobody drives where somebody did; tell
         whether there was any.
 
-        A visit may end between the reading of its lease and the publishing, and the robot hear of
+        A session may end between the reading of its lease and the publishing, and the robot hear of
         its end first. So this is no part of a look, which takes longer, and whoever has published a
         lease asks again at once.
         """
@@ -333,15 +334,15 @@ class Scheduler:
         """Tell of sessions that have ended, whoever ended them, and ask for their records to be
         closed.
         """
-        items, told, closing = [], self._told, self._closing
-        self._told, self._closing = set(), {}  # what is closed by now need not be remembered
+        items, published, closing = [], self._published, self._closing
+        self._published, self._closing = set(), {}  # what is closed by now need not be remembered
         for session in Session.objects.filter(
             state=Session.State.ENDED, closed_at=None
         ).select_related("robot"):
             key = str(session.pk)
-            if key not in told:
-                self._tell_end(session, now)
-            self._told.add(key)
+            if key not in published:
+                self._publish_end(session, now)
+            self._published.add(key)
             self._closing[key] = closing.get(key, 0.0)
             if now.timestamp() - self._closing[key] >= CLOSE_AGAIN_SECONDS:
                 self._closing[key] = now.timestamp()
@@ -350,7 +351,7 @@ class Scheduler:
                 )
         return items
 
-    def _tell_end(self, session: Session, now: datetime.datetime) -> None:
+    def _publish_end(self, session: Session, now: datetime.datetime) -> None:
         self._places.pop(str(session.pk), None)
         ended = SessionEvent.objects.filter(
             session=session, source=SessionEvent.Source.SERVER, type="ended"

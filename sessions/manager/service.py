@@ -1,7 +1,7 @@
 """The session manager: the one process that owns time.
 
 Its event loop carries messages and never waits for anything else. Three threads wait: the recorder
-writes the record, the clockwork looks at visits, presence and signals, and a third keeps the beat
+writes the record, the scheduler looks at sessions, presence and signals, and a third keeps the beat
 that makes this process the only one. The connection to the broker is a persistent session at QoS 1,
 so that what robots say while this process restarts is delivered afterwards; what is missing even
 then is asked for again by its number (sessions/recording/sequence_tracker.py).
@@ -47,7 +47,7 @@ from sessions.manager.desired_state import DesiredState
 from sessions.manager.dispatch import send_all
 from sessions.manager.health import Fault, ManagerHealth, is_disk_full
 from sessions.manager.ingest import Intake, filters
-from sessions.manager.leadership import BEAT_SECONDS, WAIT_SECONDS, beat, give_back
+from sessions.manager.leadership import HEARTBEAT_INTERVAL_S, WAIT_SECONDS, beat, give_back
 from sessions.manager.lock_file import LockFile
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
@@ -105,8 +105,8 @@ class SessionManager:
         self._health = ManagerHealth()
         self._disk = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)
         self._disk_state: DiskState = "ok"
-        self._clockwork = ThreadPoolExecutor(1, "clockwork")
-        self._beating = ThreadPoolExecutor(1, "beat")
+        self._scheduler_thread = ThreadPoolExecutor(1, "scheduler")
+        self._heartbeat_thread = ThreadPoolExecutor(1, "beat")
         self._disk_watch = ThreadPoolExecutor(1, "disk")
 
     def stop(self) -> None:
@@ -123,7 +123,7 @@ class SessionManager:
         waits = False
         try:
             while not self._stopping.is_set():
-                if await self._in_beat(self._beat):
+                if await self._in_heartbeat_thread(self._heartbeat):
                     await self._be_the_one()
                 else:
                     if not waits:
@@ -131,33 +131,33 @@ class SessionManager:
                         waits = True
                     await self._pause(WAIT_SECONDS)
         finally:
-            await self._in_beat(give_back, self.holder)
+            await self._in_heartbeat_thread(give_back, self.holder)
             self._life.release()
-            for pool in (self._clockwork, self._beating):
+            for pool in (self._scheduler_thread, self._heartbeat_thread):
                 pool.submit(connection.close)
                 pool.shutdown()
             self._disk_watch.shutdown(wait=False)
 
     async def _be_the_one(self) -> None:
-        self._timekeeper = Scheduler()
-        self._homecoming = ReturnToDock()
+        self._scheduler = Scheduler()
+        self._return_to_dock = ReturnToDock()
         self._presence = PresenceWriter()
         self._loop = asyncio.get_running_loop()
         self.recorder = Recorder(
             functools.partial(self._loop.call_soon_threadsafe, self._ask_again), clock=self._clock
         )
-        self._intake = Intake(
+        self._ingest = Intake(
             self.recorder,
             self._clock,
             wake_signals=self._fresh.set,
-            wake_clockwork=self._pressing.set,
+            wake_scheduler=self._pressing.set,
         )
         self.recorder.start()
         logger.info("session_manager_started holder=%s", self.holder)
         self._serving = True
         serving = asyncio.create_task(self._serve_for_ever())
         try:
-            await self._keep_beat(serving)
+            await self._keep_heartbeat(serving)
         finally:
             self._serving = False
             await cancel(serving)
@@ -165,21 +165,21 @@ class SessionManager:
                 logger.error("record_not_finished counts=%s", dict(self.recorder.counts))
             logger.info(
                 "session_manager_stopped counts=%s",
-                dict(self.recorder.counts + self._intake.counts),
+                dict(self.recorder.counts + self._ingest.counts),
             )
 
-    async def _keep_beat(self, serving: "asyncio.Task[None]") -> None:
+    async def _keep_heartbeat(self, serving: "asyncio.Task[None]") -> None:
         """Return when this process is to stop, or is not the one any more."""
         assert self.recorder is not None
         while not self._stopping.is_set():
-            if not await self._in_beat(self._beat, self.report()):
+            if not await self._in_heartbeat_thread(self._heartbeat, self.report()):
                 logger.error("session_manager_replaced holder=%s", self.holder)
                 return
             if not self.recorder.is_alive:
                 raise RecorderDied
             if serving.done():
                 serving.result()
-            await self._pause(BEAT_SECONDS)
+            await self._pause(HEARTBEAT_INTERVAL_S)
 
     def report(self) -> dict[str, Any]:
         """Return how this process does, in words that hold nothing personal."""
@@ -189,21 +189,21 @@ class SessionManager:
             "waiting": self.recorder.waiting,
             "counts": dict(self.recorder.counts),
             "refused": dict(self.recorder.refused),
-            "rejected": dict(self._intake.counts),
+            "rejected": dict(self._ingest.counts),
         }
 
-    def _beat(self, report: dict[str, Any] | None = None) -> bool:
+    def _heartbeat(self, report: dict[str, Any] | None = None) -> bool:
         ours = beat(self.holder, timezone.now(), report, dead=self._life.predecessor())
         if ours:
             self._life.sign(self.holder)
         return ours
 
-    async def _in_beat(self, step: Callable[..., Any], *arguments: Any) -> Any:
+    async def _in_heartbeat_thread(self, step: Callable[..., Any], *arguments: Any) -> Any:
         """Do something with the beat's row; True when the database is away, for then nobody can
         take it either.
         """
         try:
-            return await self._in_thread(self._beating, step, *arguments)
+            return await self._in_thread(self._heartbeat_thread, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
             self._health.refused(error, time.monotonic())
             logger.warning("session_manager_beat_missed reason=%s", error)
@@ -252,7 +252,7 @@ class SessionManager:
 
     async def _serve(self) -> None:
         """Serve one connection, until it is lost."""
-        inbox = functools.partial(Inbox, self._intake.receive)
+        inbox = functools.partial(Inbox, self._ingest.receive)
         async with broker_address.client(
             self._address,
             self._credentials,
@@ -265,27 +265,27 @@ class SessionManager:
             self._client = client
             self._since = self._clock()
             broker_address.check_subscribed(await client.subscribe(filters()))
-            await self._in_thread(self._clockwork, self._timekeeper.begin)
+            await self._in_thread(self._scheduler_thread, self._scheduler.begin)
             self._standing = DesiredState()
             self.connected.set()
             logger.info(
                 "session_manager_connected host=%s port=%d", self._address.host, self._address.port
             )
             await until_one_ends(
-                self._look_for_ever(),
-                self._beat_for_ever(),
+                self._tick_for_ever(),
+                self._heartbeat_for_ever(),
                 self._signal_for_ever(),
-                self._tell_status_for_ever(),
+                self._publish_status_for_ever(),
                 self._watch_disk_for_ever(),
                 _end_of(client),
             )
 
     # --- what goes on while connected -------------------------------------------------------------
 
-    async def _look_for_ever(self) -> None:
+    async def _tick_for_ever(self) -> None:
         while True:
             self._pressing.clear()
-            await self._look_once()
+            await self._tick_once()
             await self._renew()
             try:
                 async with asyncio.timeout(POLL_INTERVAL_S):
@@ -293,33 +293,33 @@ class SessionManager:
             except TimeoutError:
                 continue
 
-    async def _look_once(self) -> None:
+    async def _tick_once(self) -> None:
         assert self.recorder is not None
-        for item in await self._try(self._look) or ():
+        for item in await self._try(self._tick) or ():
             self.recorder.put(item)
 
     async def _renew(self) -> None:
         """Publish leases before all that a look has found, and the rest after them."""
         published: bool | None = True
         while published:
-            published = await self._try(self._timekeeper.renew, timezone.now())
+            published = await self._try(self._scheduler.renew, timezone.now())
             await self._deliver()
 
     async def _try(self, step: Callable[..., Any], *arguments: Any) -> Any:
-        """Do a step of the clockwork; None when the database did not let it, which the next look
+        """Do a step of the scheduler; None when the database did not let it, which the next tick
         does again.
         """
         try:
-            return await self._in_thread(self._clockwork, step, *arguments)
+            return await self._in_thread(self._scheduler_thread, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
             self._health.refused(error, time.monotonic())
             logger.warning("session_manager_looks_again reason=%s", error)
             return None
 
-    def _look(self) -> list[CloseItem]:
-        """In the clockwork's thread: first who is there, then what time does."""
+    def _tick(self) -> list[CloseItem]:
+        """In the scheduler's thread: first who is there, then what time does."""
         now = timezone.now()
-        for news in self._intake.presence_news():
+        for news in self._ingest.presence_news():
             change = self._presence.take(news.robot, news.message, now, retained=news.retained)
             if change is not None:
                 system_log.log(
@@ -330,49 +330,51 @@ class SessionManager:
                 )
                 send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
         send(signals.looked, now=now)
-        self._timekeeper.outbox.extend(
+        self._scheduler.outbox.extend(
             ManagerMessage(topic, payload) for topic, payload in notices.drain()
         )
         links = {
-            robot: heard.link(self._since, self._intake.signs)
-            for robot, heard in list(self._intake.heard.items())
+            robot: last_received.link(self._since, self._ingest.signs)
+            for robot, last_received in list(self._ingest.last_received.items())
         }
-        closing = self._timekeeper.look(links, Link(since=self._since), now)
-        self._timekeeper.outbox.extend(self._standing.look(now))
-        self._timekeeper.outbox.extend(self._homecoming.look(dict(self._intake.heard), now))
+        closing = self._scheduler.tick(links, Link(since=self._since), now)
+        self._scheduler.outbox.extend(self._standing.tick(now))
+        self._scheduler.outbox.extend(
+            self._return_to_dock.tick(dict(self._ingest.last_received), now)
+        )
         return closing
 
     async def _deliver(self) -> None:
         """Publish what has gathered, in order; a letter leaves the box only when the broker has it.
 
         Nobody waits for the letter before: the last of many leases would be a second old, and its
-        visit over by then.
+        session over by then.
         """
-        while outbound_messages := list(itertools.islice(self._timekeeper.outbox, TOGETHER)):
+        while outbound_messages := list(itertools.islice(self._scheduler.outbox, TOGETHER)):
             for outcome in await asyncio.gather(
-                *map(self._tell, outbound_messages), return_exceptions=True
+                *map(self._publish, outbound_messages), return_exceptions=True
             ):
                 if outcome is not None:
                     raise outcome
 
-    async def _tell(self, outbound: ManagerMessage) -> None:
+    async def _publish(self, outbound: ManagerMessage) -> None:
         await self._client.publish(outbound.topic, outbound.payload, qos=1, retain=outbound.retain)
-        self._timekeeper.outbox.remove(outbound)
+        self._scheduler.outbox.remove(outbound)
 
-    async def _beat_for_ever(self) -> None:
+    async def _heartbeat_for_ever(self) -> None:
         while True:
-            for robot, heard in list(self._intake.heard.items()):
-                if heard.is_present(self._clock()):
-                    heard.beats += 1
+            for robot, last_received in list(self._ingest.last_received.items()):
+                if last_received.is_present(self._clock()):
+                    last_received.beats += 1
                     message = messages.CommandHeartbeat(
-                        n=heard.beats, stamp=self._clock(), peer=PEER
+                        n=last_received.beats, stamp=self._clock(), peer=PEER
                     )
                     await self._client.publish(
                         topics.of(robot, "command/heartbeat"), codec.encode(message)
                     )
             await asyncio.sleep(HEARTBEAT_SECONDS)
 
-    async def _tell_status_for_ever(self) -> None:
+    async def _publish_status_for_ever(self) -> None:
         """Say that this process lives and what it lacks; from the loop, which neither database nor
         disk holds up.
         """
@@ -403,7 +405,7 @@ class SessionManager:
             await self._fresh.wait()
             await asyncio.sleep(GATHER_SECONDS)  # many robots' states go to the thread together
             self._fresh.clear()
-            items = self._intake.fresh()
+            items = self._ingest.fresh()
             if any(
                 signal.has_listeners(Session)
                 for signal in (
@@ -413,9 +415,10 @@ class SessionManager:
                 )
             ):
                 offsets = {
-                    robot: heard.offset.seconds for robot, heard in list(self._intake.heard.items())
+                    robot: last_received.offset.seconds
+                    for robot, last_received in list(self._ingest.last_received.items())
                 }
-                await self._in_thread(self._clockwork, send_all, items, offsets)
+                await self._in_thread(self._scheduler_thread, send_all, items, offsets)
                 if notices.are_waiting():
                     self._pressing.set()
 

@@ -8,7 +8,7 @@ from django.db.models import Model, QuerySet
 Row = TypeVar("Row", bound=Model)
 
 
-def in_parts(rows: "QuerySet[Row]", size: int) -> Iterator[Row]:
+def iter_batches(rows: "QuerySet[Row]", size: int) -> Iterator[Row]:
     """Yield rows in their order, `size` at a time, so that no cursor is open while the caller has
     one of them.
 

@@ -72,7 +72,7 @@ class RecordBuilder:
         self._ask = ask
         self._chunks = Chunks()
         self._photos = Photos()
-        self._ledgers: dict[str, dict[str, SequenceTracker]] = {}
+        self._trackers: dict[str, dict[str, SequenceTracker]] = {}
         self._restored: set[tuple[str, str]] = set()
         self._robots: dict[str, _Robot] = {}
         self._touched: set[str] = set()
@@ -107,7 +107,7 @@ class RecordBuilder:
         state = item.state
         session = self._own(item.robot, state.session, item.received_at)
         tracker = self._tracker(item.robot, state.boot, session, item.received_at)
-        self._hear(
+        self._on_message(
             item.robot,
             state.boot,
             item.received_at,
@@ -151,7 +151,7 @@ class RecordBuilder:
             if session is None or (session, boot) in self._restored
             else self._store.stored(session, boot)
         )
-        runs = self._ledgers.setdefault(robot, {})
+        runs = self._trackers.setdefault(robot, {})
         tracker = runs.setdefault(boot, SequenceTracker())
         for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
             del runs[oldest]
@@ -160,7 +160,9 @@ class RecordBuilder:
             tracker.restore(session, stored, now)
         return tracker
 
-    def _hear(self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool) -> None:
+    def _on_message(
+        self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool
+    ) -> None:
         known = self._robots.setdefault(robot, _Robot(boot, now))
         known.last_received_at = now
         if fresh:
@@ -329,7 +331,7 @@ class RecordBuilder:
         """Close the chunks that are due, ask for what is owed, write down what is lost."""
         for chunk in self._chunks.ripe(now):
             self._keep(chunk)
-        for robot, runs in self._ledgers.items():
+        for robot, runs in self._trackers.items():
             known = self._robots.get(robot)
             if known is None:
                 continue
@@ -390,7 +392,7 @@ class RecordBuilder:
             known is not None and known.session != item.session and known.session_at > item.ended_at
         )
         owed = any(
-            tracker.owes(item.session) for tracker in self._ledgers.get(item.robot, {}).values()
+            tracker.owes(item.session) for tracker in self._trackers.get(item.robot, {}).values()
         )
         return later and not owed and now - item.ended_at > SETTLE_SECONDS
 

@@ -82,7 +82,7 @@ class Recorder:
         self._buffer = Buffer(limit)
         self._clock = clock
         self._store = RecordStore()
-        self._transcript = RecordBuilder(self._store, ask)
+        self._builder = RecordBuilder(self._store, ask)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._dropped = 0
@@ -95,12 +95,12 @@ class Recorder:
         """What was done so far: rows by kind, states, duplicates, foreign sessions, refused rows,
         dropped items.
         """
-        return self._store.counts + self._transcript.counts + Counter(dropped=self._dropped)
+        return self._store.counts + self._builder.counts + Counter(dropped=self._dropped)
 
     @property
     def refused(self) -> Counter[str]:
         """How many commands the robots said to have refused, by reason."""
-        return self._transcript.refused
+        return self._builder.refused
 
     @property
     def waiting(self) -> int:
@@ -140,12 +140,12 @@ class Recorder:
                 # asked before taking: what is put before `stop` is always taken
                 last = self._stopping.is_set()
                 for item in self._buffer.take(BATCH, 0.0 if last else LINGER):
-                    self._insist(lambda item=item: self._transcript.take(item))
-                self._insist(lambda: self._transcript.settle(self._clock()))
+                    self._insist(lambda item=item: self._builder.take(item))
+                self._insist(lambda: self._builder.settle(self._clock()))
                 if last and not len(self._buffer):
-                    self._transcript.close_all()
+                    self._builder.close_all()
                 self._insist(self._write)
-                self._insist(lambda: self._transcript.close_sessions(self._clock()))
+                self._insist(lambda: self._builder.close_sessions(self._clock()))
                 if last and not len(self._buffer):
                     return
         finally:
@@ -155,7 +155,7 @@ class Recorder:
         """Write; carefully after so long a pause that another session manager may
         have taken over.
         """
-        self._transcript.write(careful=time.monotonic() - self._written_at > STALE_SECONDS / 2)
+        self._builder.write(careful=time.monotonic() - self._written_at > STALE_SECONDS / 2)
         self._written_at = time.monotonic()
 
     def _insist(self, step: Callable[[], None]) -> None:

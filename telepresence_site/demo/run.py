@@ -33,7 +33,7 @@ from telepresence_site.management.commands.run_practice import READY
 from telepresence_site.serving import APPLICATION, DAPHNE
 
 # each robot lives in a simulated office of its own; somebody walks about in Giraff's
-COMPANY = {"giraff": ["--option", "people=1"]}
+MOVING_THINGS = {"giraff": ["--option", "people=1"]}
 START_SECONDS = 30.0  # that each part may need after the one before it is ready
 WATCH_SECONDS = 0.2
 
@@ -202,7 +202,7 @@ class Demo:
             ),
         ]
         for name, title, *_ in ROBOTS:
-            run_robot = [manage, "run_robot", name, *COMPANY.get(name, [])]
+            run_robot = [manage, "run_robot", name, *MOVING_THINGS.get(name, [])]
             parts.append(
                 Part(
                     f"simulated {title}",

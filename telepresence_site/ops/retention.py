@@ -18,7 +18,7 @@ from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.models import Drive
 from robots.models import Enrolment
 from sessions.models import NetworkSample, Session, Snapshot, SystemLog
-from sessions.recording.batches import in_parts
+from sessions.recording.batches import iter_batches
 
 PART = 200
 
@@ -80,7 +80,7 @@ def _with_address(before: datetime.datetime) -> Iterator[Session]:
         .only("device")
         .order_by("pk")
     )
-    for row in in_parts(rows, PART):
+    for row in iter_batches(rows, PART):
         if row.device.get("user_agent") or "/" in row.device.get("network", ""):
             yield row
 

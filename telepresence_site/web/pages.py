@@ -23,8 +23,8 @@ from experiments.participation.landing import invitations
 from robots.access import may_drive, robots_visible_to
 from robots.cards import STATES, Card, Traffic, card
 from robots.models import Robot
-from sessions.leases.policy import Hold, Scene, Visit, minutes_until_turn, place_in_queue
-from sessions.leases.store import rules_of, visit_of
+from sessions.leases.policy import ActiveSession, Hold, Scene, minutes_until_turn, place_in_queue
+from sessions.leases.store import rules_of, session_of
 from sessions.models import Session
 
 # a page asks every few seconds, and a class of visitors has one address
@@ -138,11 +138,11 @@ def cards_for(user: Any, now: datetime.datetime) -> list[Card]:
     """Return a card for every robot that `user`, signed in or not, may know of; those that can be
     driven now come first.
     """
-    visits = _living_visits()
+    sessions = _living_sessions()
     robots = robots_visible_to(user).filter(practice=False).select_related("floor_plan")
     cards = [
         _for_visitor(
-            _card(robot, traffic_at(robot, visits.get(robot.pk, []), now), user, now), user
+            _card(robot, traffic_at(robot, sessions.get(robot.pk, []), now), user, now), user
         )
         for robot in robots
     ]
@@ -159,21 +159,23 @@ def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> 
     )
 
 
-def _living_visits() -> dict[Any, list[Visit]]:
-    found: dict[Any, list[Visit]] = {}
+def _living_sessions() -> dict[Any, list[ActiveSession]]:
+    found: dict[Any, list[ActiveSession]] = {}
     for session in Session.objects.exclude(state=Session.State.ENDED):
-        found.setdefault(session.robot_id, []).append(visit_of(session))
+        found.setdefault(session.robot_id, []).append(session_of(session))
     return found
 
 
-def traffic_at(robot: Robot, visits: list[Visit], now: datetime.datetime) -> Traffic:
-    """Return who is at a robot, given its living visits, and how long somebody who came now would
+def traffic_at(robot: Robot, sessions: list[ActiveSession], now: datetime.datetime) -> Traffic:
+    """Return who is at a robot, given its living sessions, and how long somebody who came now would
     wait.
     """
-    holder = next((visit.id for visit in visits if visit.state in AT_THE_WHEEL), None)
-    scene = Scene(Hold(0, holder), tuple(visits))
+    holder = next((session.id for session in sessions if session.state in AT_THE_WHEEL), None)
+    scene = Scene(Hold(0, holder), tuple(sessions))
     place = place_in_queue(scene, None)
-    minutes = minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if visits else None
+    minutes = (
+        minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
+    )
     return Traffic(driven=holder is not None, waiting=place - 1, minutes=minutes)
 
 

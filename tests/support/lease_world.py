@@ -5,6 +5,7 @@ sessions.leases.policy and sessions.leases.transitions without a database.
 from dataclasses import dataclass, field, replace
 
 from sessions.leases.policy import (
+    ActiveSession,
     Ask,
     Deny,
     Grant,
@@ -12,7 +13,6 @@ from sessions.leases.policy import (
     Resume,
     Rules,
     Scene,
-    Visit,
     Wait,
     decide_take,
 )
@@ -40,7 +40,7 @@ ASKING = replace(RULES, idle=120.0)
 class World:
     now: float = 1000.0
     hold: Hold = field(default_factory=lambda: Hold(0))
-    visits: dict[str, Visit] = field(default_factory=dict)
+    sessions: dict[str, ActiveSession] = field(default_factory=dict)
     # session: visitor, outcome, reason
     ended: dict[str, tuple[str, str, str]] = field(default_factory=dict)
     grants: list[tuple[int, str]] = field(default_factory=list)  # epoch, visitor
@@ -51,13 +51,13 @@ class World:
     made: int = 0
     rules: Rules = RULES
     active_at: float | None = None  # when the robot last showed a sign of its driver
-    signs: dict[str, float] = field(default_factory=dict)  # visit: when its page last gave one
+    signs: dict[str, float] = field(default_factory=dict)  # session: when its page last gave one
     asked: tuple[str, float] | None = None
 
     @property
     def scene(self) -> Scene:
         return Scene(
-            self.hold, tuple(self.visits.values()), enabled=self.enabled, online=self.online
+            self.hold, tuple(self.sessions.values()), enabled=self.enabled, online=self.online
         )
 
     @property
@@ -76,8 +76,8 @@ class World:
         }
         return Link(0.0, self.now, self.now, self.hold.session, self.hold.epoch, silence, **known)
 
-    def visit_of(self, visitor: str) -> Visit | None:
-        return next((visit for visit in self.visits.values() if visit.visitor == visitor), None)
+    def session_of(self, visitor: str) -> ActiveSession | None:
+        return next((each for each in self.sessions.values() if each.visitor == visitor), None)
 
     def take(
         self,
@@ -103,7 +103,7 @@ class World:
                 self.change(
                     session,
                     seen_at=self.now,
-                    lost_at=None if isinstance(decision, Wait) else self.visits[session].lost_at,
+                    lost_at=None if isinstance(decision, Wait) else self.sessions[session].lost_at,
                 )
             case Deny():
                 pass
@@ -112,8 +112,8 @@ class World:
     def _join(self, visitor: str) -> str:
         self.made += 1
         session = f"s{self.made:04d}"
-        assert self.visit_of(visitor) is None
-        self.visits[session] = Visit(
+        assert self.session_of(visitor) is None
+        self.sessions[session] = ActiveSession(
             session, visitor, "waiting", self.now + self.made * 1e-6, seen_at=self.now
         )
         return session
@@ -121,30 +121,30 @@ class World:
     def _give(self, session: str, grant: Grant, peer: str) -> None:
         assert self.scene.holder is None or self.scene.holder.id == session, "two drivers"
         self.hold = Hold(self.hold.epoch + 1, session, peer)
-        visit = self.visits[session]
-        self.grants.append((self.hold.epoch, visit.visitor))
+        each = self.sessions[session]
+        self.grants.append((self.hold.epoch, each.visitor))
         lost = self.now if grant.state == "reconnecting" else None
         self.change(session, state=grant.state, seen_at=self.now, lost_at=lost)
         if not grant.returning:
             self.change(session, granted_at=self.now, offered_at=None, turn_ends_at=None)
 
     def change(self, session: str, **changes: object) -> None:
-        self.visits[session] = replace(self.visits[session], **changes)
+        self.sessions[session] = replace(self.sessions[session], **changes)
 
     def end(self, session: str, outcome: str, reason: str) -> None:
-        visit = self.visits.pop(session)
-        self.ended[session] = (visit.visitor, outcome, reason)
-        self.connected.discard(visit.visitor)
+        each = self.sessions.pop(session)
+        self.ended[session] = (each.visitor, outcome, reason)
+        self.connected.discard(each.visitor)
         if self.hold.session == session:
             self.hold = Hold(self.hold.epoch + 1)
 
     def pages_say_they_are_open(self, visitors) -> None:
-        for visit in list(self.visits.values()):
-            if visit.visitor in visitors:
+        for each in list(self.sessions.values()):
+            if each.visitor in visitors:
                 self.change(
-                    visit.id,
+                    each.id,
                     seen_at=self.now,
-                    lost_at=None if visit.state == "waiting" else visit.lost_at,
+                    lost_at=None if each.state == "waiting" else each.lost_at,
                 )
 
     def tick(self, link: Link | None = None):

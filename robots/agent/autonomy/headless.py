@@ -41,7 +41,7 @@ class Headless:
         self.monitor = CollisionMonitor(body.footprint, body.limits, [self._laser])
         self._told = ZERO
         self.node = NavigationNode(area, body, rng)
-        self.whereabouts = PoseExtrapolator()
+        self.pose_extrapolator = PoseExtrapolator()
         self.news: list[ActionProgress] = []
         self.output: NavigationOutput | None = None
         self.path: tuple[Point, ...] = ()
@@ -52,7 +52,7 @@ class Headless:
     def pose(self) -> Pose:
         """Where the robot believes to be."""
         moment = self._moment
-        return self.whereabouts.pose(
+        return self.pose_extrapolator.pose(
             moment.odometry if moment else None, moment.stamp if moment else 0.0
         )
 
@@ -79,7 +79,7 @@ class Headless:
             self._laser.look(moment.beams, self.monitor.track, moment.stamp)
         if self._due.due(moment.stamp):
             self.output = self.node.think(replace(moment, points=self.monitor.points()))
-            self.whereabouts.take(self.output, moment.stamp)
+            self.pose_extrapolator.take(self.output, moment.stamp)
             self.news += self.output.news
             self.path = self.path if self.output.path is None else self.output.path
         wanted = self.output.wanted if self.output else None

@@ -62,7 +62,7 @@ class Pointing:
             now: when it came.
         """
         role = role_of(command, sender, lease)
-        reason = self._refusal(role, command, sender, lease, shown=shown) or self._lateness(
+        reason = self._refusal(role, command, sender, lease, shown=shown) or self._staleness(
             peer, command.stamp, now
         )
         if reason is None:
@@ -85,7 +85,7 @@ class Pointing:
             reason = None if role == "screen" else "observer"
         return reason or (None if shown else "not_shown")
 
-    def _lateness(self, peer: str, stamp: float, now: float) -> str | None:
+    def _staleness(self, peer: str, stamp: float, now: float) -> str | None:
         """Return why a dot of a peer that may point is not taken all the same, or None, and
         remember it.
         """

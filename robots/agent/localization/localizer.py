@@ -116,7 +116,7 @@ class Localizer:
         """Know nothing about the pose any more: the next sweep starts a search of the whole map."""
         self.particles: ParticleSet | None = None
         self.believed: Cluster | None = None
-        self.confidence = self.fit = 0.0
+        self.confidence = self.match_score = 0.0
         self.judged = Agreement(np.zeros(1), np.zeros(1), np.zeros(1))
         self._searching: Search | None = None
         self._searched_from = CENTRE
@@ -135,7 +135,7 @@ class Localizer:
         """
         self.forget()
         # whoever says so is believed until the laser disagrees
-        self.confidence = self.fit = self.settings.scoring.lost
+        self.confidence = self.match_score = self.settings.scoring.lost
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
         self.particles = evenly(
             around(start, np.array([self.settings.sampling.most]), spread, turn, self.rng)
@@ -184,7 +184,7 @@ class Localizer:
             )
 
     def _is_time_to_search(self, there: Pose2D, stamp: float) -> bool:
-        if self._searching is not None or self.fit >= self.settings.scoring.lost:
+        if self._searching is not None or self.match_score >= self.settings.scoring.lost:
             return False
         moved = way_of(self._searched_from.inverse().compose(there)) >= self.settings.elsewhere
         return (
@@ -240,7 +240,12 @@ class Localizer:
         judged = agreement(
             self.field, self.settings.sensor, poses[best], sweep.thinned(self.settings.beams)
         )
-        return fits + (self.settings.sensor.worth * judged.against_others - fits[best])[owner]
+        return (
+            fits
+            + (self.settings.sensor.log_likelihood_scale * judged.against_others - fits[best])[
+                owner
+            ]
+        )
 
     def _match(self, particles: ParticleSet, sweep: Sweep) -> Cluster:
         """Return the heaviest cluster, its mean moved onto the map if it fits better there."""
@@ -272,12 +277,12 @@ class Localizer:
             self.field, self.settings.sensor, pose, sweep.thinned(self.settings.beams)
         )
         certain = self.believed.share**4 * min(1.0, self._proven / self.settings.scoring.proof)
-        fit = quality(self.judged, self.settings.scoring)
+        match_score = quality(self.judged, self.settings.scoring)
         gain = 1.0 - math.exp(
             -seconds * max(self._telling(), NOTICING) / self.settings.scoring.memory
         )
-        self.fit += (fit - self.fit) * gain
-        self.confidence += (fit * certain - self.confidence) * gain
+        self.match_score += (match_score - self.match_score) * gain
+        self.confidence += (match_score * certain - self.confidence) * gain
 
     def _telling(self) -> float:
         """Return how much a sweep has to say, from 0.1 to 1: little when most of it ends on what
@@ -305,14 +310,16 @@ class Localizer:
             0.0
             if self.particles is None
             else math.exp(
-                self.settings.sensor.worth
+                self.settings.sensor.log_likelihood_scale
                 * (float(self.judged.against_others[0]) - float(found.merit[0]))
                 + STAYING
             )
         )
-        share = np.exp(self.settings.sensor.worth * (found.merit[good] - found.merit[0]))
+        share = np.exp(
+            self.settings.sensor.log_likelihood_scale * (found.merit[good] - found.merit[0])
+        )
         each = np.full(len(poses), max(self.settings.sampling.fewest // len(poses), 50))
-        self.fit = max(self.fit, self.settings.scoring.lost)
+        self.match_score = max(self.match_score, self.settings.scoring.lost)
         self._proven, self._stood = math.inf if len(poses) == 1 else 0.0, 0
         hypotheses = around(poses, each, 0.08, math.radians(2.5), self.rng)
         weights = np.repeat(share / each, each)

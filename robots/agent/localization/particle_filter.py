@@ -50,8 +50,8 @@ class ParticleSet:
         sampling).
         """
         count = needed(self.poses[self.weights > 0.01 / len(self.weights)], sampling)
-        ladder = (rng.random() + np.arange(count)) / count
-        chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), ladder), len(self.weights) - 1)
+        comb = (rng.random() + np.arange(count)) / count
+        chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), comb), len(self.weights) - 1)
         return evenly(self.poses[chosen])
 
 

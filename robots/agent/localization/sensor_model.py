@@ -25,12 +25,13 @@ class SensorModel:
     """`sigma` metres a beam may miss a surface by; `floor` the price of a beam that fits nothing,
     as a share of one that fits.
 
-    Neighbouring beams err together, so that a sweep counts as `worth` beams however many it has.
+    Neighbouring beams err together, so that a sweep counts as `log_likelihood_scale` beams however
+    many it has.
     """
 
     sigma: float = 0.1
     floor: float = 0.05
-    worth: float = 12.0
+    log_likelihood_scale: float = 12.0
     near: float = 0.12
     through: float = 0.3
 
@@ -114,7 +115,8 @@ class LikelihoodField:
             return np.zeros(len(poses))
         found = self.field.look_up(self.table, *placed(sweep.points, poses))
         return np.asarray(
-            found.sum(axis=1) * (min(self.model.worth, len(sweep)) / len(sweep)), dtype=np.float64
+            found.sum(axis=1) * (min(self.model.log_likelihood_scale, len(sweep)) / len(sweep)),
+            dtype=np.float64,
         )
 
 

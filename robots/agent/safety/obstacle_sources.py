@@ -36,7 +36,7 @@ from robots.api.messages import Laser
 from robots.world.sensing import Floats, LaserScan
 
 Loss = Literal["stand", "creep"]
-Tells = Literal["place", "arc", "touch"]
+ObstacleReader = Literal["place", "arc", "touch"]
 NO_POINTS: Floats = np.zeros((0, 2))
 NOTHING = NO_POINTS, np.zeros(0)
 # rad beside its cone in which a sensor counts as looking still: a robot that drives a little askew
@@ -57,7 +57,7 @@ class ObstacleSource(Protocol):
     silence: float
     loss: Loss
     vague: float
-    tells: Tells
+    tells: ObstacleReader
 
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
@@ -87,7 +87,7 @@ class LaserSource:
     silence = 0.5
     loss: Loss = "stand"
     vague = 0.0
-    tells: Tells = "place"
+    tells: ObstacleReader = "place"
 
     def __init__(self, laser: Laser, settings: MemorySettings | None = None) -> None:
         self._last_received_at = -math.inf
@@ -174,7 +174,7 @@ class SonarSource:
     silence = 1.0
     loss: Loss = "stand"
     vague = 0.1
-    tells: Tells = "arc"
+    tells: ObstacleReader = "arc"
     SPACING = 0.05  # metres between two points of an arc
     OFF = 0.02  # metres that an echo may be off
     MARGIN = 0.06  # metres by which a point must be nearer than an echo to be looked through
@@ -261,7 +261,7 @@ class BumperSource:
     silence = 0.5
     loss: Loss = "creep"
     vague = 0.05
-    tells: Tells = "touch"
+    tells: ObstacleReader = "touch"
     KEPT = 20.0  # s
     FELT = np.linspace(-0.2, 0.2, 5)  # rad about the direction of a contact that count as touched
     BEYOND = 0.005  # metres

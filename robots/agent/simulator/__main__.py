@@ -86,7 +86,7 @@ def listen_address(text: str) -> tuple[str, int]:
     return host, int(port)
 
 
-def company(people: int, door_changes: float) -> dict[str, Any]:
+def moving_things(people: int, door_changes: float) -> dict[str, Any]:
     """Return who and what moves in the site beside the robot.
 
     Raises:
@@ -165,7 +165,7 @@ def main(arguments: list[str] | None = None) -> int:
             seed=words.seed,
             start=words.start,
             charge=words.charge,
-            **company(words.people, words.door_changes),
+            **moving_things(words.people, words.door_changes),
         )
     except (UnknownProfileError, SiteError, StartError, ValueError) as error:
         print(error, file=sys.stderr)

@@ -250,7 +250,7 @@ class Server:
             case _ if client.role == "driver":
                 self._drive(message)
             case _ if client.role == "operator":
-                client.say(self._play_fate(message))
+                client.say(self._inject_fault(message))
             case _:
                 raise framing.WireError(
                     f"{type(message).__name__} from {client.role or 'a stranger'}"
@@ -269,7 +269,7 @@ class Server:
             case _:
                 raise framing.WireError(f"{message!r} from a driver")
 
-    def _play_fate(self, message: wire.ToSimulator) -> wire.Said:
+    def _inject_fault(self, message: wire.ToSimulator) -> wire.Said:
         match message:
             case wire.SetDoors(doors):
                 self.simulation.set_doors(doors)

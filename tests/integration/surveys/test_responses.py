@@ -221,7 +221,7 @@ def test_a_questionnaire_that_asks_this_respondent_nothing_is_finished_at_once()
     row, definition = started([item("text", "a", show_if={"robot": ["rhodon"]})])
     assert place(row, definition) is None
     assert finish(row, definition, NOW) is None
-    assert row.standings(definition, row.given())["a"].missing == "not_applicable"
+    assert row.response_statuses(definition, row.given())["a"].missing == "not_applicable"
 
 
 def test_nobody_finishes_around_a_required_question():
@@ -246,7 +246,7 @@ def test_a_finished_response_takes_no_more_answers_and_keeps_its_time():
         save_page(row, definition, 0, fields={}, offered=["a"], saving=SAVING)
     finish(row, definition, LATER)
     assert Response.objects.get().finished_at == NOW
-    assert row.standings(definition, row.given())["a"].missing == "skipped"
+    assert row.response_statuses(definition, row.given())["a"].missing == "skipped"
 
 
 @pytest.mark.django_db(transaction=True)

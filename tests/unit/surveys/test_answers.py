@@ -10,7 +10,7 @@ from surveys.answers import (
     RefusedError,
     check_complete,
     read_answer,
-    standings,
+    response_statuses,
 )
 from surveys.conditions import Circumstances
 from tests.support.questionnaires import NOW, OPTIONS, defined, item
@@ -148,7 +148,9 @@ def test_missing_is_one_of_four_and_says_what_happened():
         "hidden": AnswerValue(value="b"),
         "now": AnswerValue(value="c"),
     }
-    found = standings(definition, stored, Circumstances(robot=frozenset({"rhodon"})), reached=1)
+    found = response_statuses(
+        definition, stored, Circumstances(robot=frozenset({"rhodon"})), reached=1
+    )
     assert {key: given.missing for key, given in found.items()} == {
         "left": "skipped",
         "declined": "preferred_not",

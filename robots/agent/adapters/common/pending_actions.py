@@ -76,7 +76,7 @@ class PendingActions:
     def __init__(self, tell: Callable[[ActionProgress], None]) -> None:
         self.drive: PendingAction | None = None
         self.head: PendingAction | None = None
-        self.whereabouts: PendingAction | None = None
+        self.localization: PendingAction | None = None
         self._tell = tell
 
     def begin(self, pending: PendingAction) -> None:
@@ -85,8 +85,8 @@ class PendingActions:
             self._end(self.head, "CANCELLED", "replaced")
             self.head = pending
         elif pending.kind == "relocalize":
-            self._end(self.whereabouts, "CANCELLED", "replaced")
-            self.whereabouts = pending
+            self._end(self.localization, "CANCELLED", "replaced")
+            self.localization = pending
         else:
             self._end(self.drive, "CANCELLED", "replaced")
             self.drive = pending
@@ -97,7 +97,7 @@ class PendingActions:
         return next(
             (
                 each
-                for each in (self.drive, self.head, self.whereabouts)
+                for each in (self.drive, self.head, self.localization)
                 if each is not None and each.action_id == action_id
             ),
             None,
@@ -114,7 +114,7 @@ class PendingActions:
 
     def end_all(self, reason: str) -> None:
         """The RCA is gone, and what it was doing with it."""
-        for pending in (self.drive, self.head, self.whereabouts):
+        for pending in (self.drive, self.head, self.localization):
             self._end(pending, "FAILED", reason)
 
     def watch(
@@ -158,7 +158,7 @@ class PendingActions:
             self._end(head, "FAILED", "the head does not get there")
 
     def _watch_position(self, now: float, pose: Pose, fixed_at: float) -> None:
-        pending = self.whereabouts
+        pending = self.localization
         if pending is None or pending.area is None:
             return
         is_news = fixed_at > pending.began + pending.area.settles
@@ -172,8 +172,8 @@ class PendingActions:
             return
         if pending is self.head:
             self.head = None
-        elif pending is self.whereabouts:
-            self.whereabouts = None
+        elif pending is self.localization:
+            self.localization = None
         elif pending is self.drive:
             self.drive = None
         else:

@@ -264,10 +264,10 @@ class RosbridgeBus:
         self._outgoing.say(entry)
         if entry["topic"] in self._refused:
             asyncio.get_running_loop().call_later(
-                REFUSED / 4, self._believe, entry["topic"], self._refused[entry["topic"]]
+                REFUSED / 4, self._accept_refusal, entry["topic"], self._refused[entry["topic"]]
             )
 
-    def _believe(self, topic: str, refusal: tuple[int, str]) -> None:
+    def _accept_refusal(self, topic: str, refusal: tuple[int, str]) -> None:
         """Take it that nothing is refused any more: rosbridge has not complained again, and says
         nothing else.
         """

@@ -112,7 +112,7 @@ class Detour(Protocol):
         """Put a packet of `size` bytes in; `deliver` is called when it comes out, if it does."""
 
 
-class Outbox(Protocol):
+class FrameSource(Protocol):
     """Where a sender finds what it sends, and whom it tells what the viewer asks for.
 
     `backlog` is set by the sender: it returns the bytes that wait in the socket. `detour` is what
@@ -137,10 +137,10 @@ class Outbox(Protocol):
 class PacketSender(RTCRtpSender):
     """Sends what an outbox holds to one viewer, instead of encoding a track."""
 
-    def __init__(self, kind: str, transport: Any, outbox: Outbox) -> None:
+    def __init__(self, kind: str, transport: Any, frames: FrameSource) -> None:
         super().__init__(kind, transport)
-        self._outbox = outbox
-        outbox.backlog = self.backlog
+        self._outbox = frames
+        frames.backlog = self.backlog
         self._stream: RtpStream | None = None
         self._noted = 0.0
 
@@ -242,9 +242,14 @@ class PacketSender(RTCRtpSender):
 
 
 def add_sender(
-    connection: RTCPeerConnection, kind: str, outbox: Outbox, codec: str, *, listens: bool = True
+    connection: RTCPeerConnection,
+    kind: str,
+    frames: FrameSource,
+    codec: str,
+    *,
+    listens: bool = True,
 ) -> PacketSender:
-    """Add a transceiver that sends from `outbox` with `codec` alone, such as `video/VP8`; call
+    """Add a transceiver that sends from `frames` with `codec` alone, such as `video/VP8`; call
     before the offer is set.
 
     `listens`: whether what the page sends on the same line is wanted.
@@ -252,7 +257,7 @@ def add_sender(
     transceiver = connection.addTransceiver(kind, direction="sendrecv" if listens else "sendonly")
     transceiver.setCodecPreferences(_with_retransmission(kind, codec))
     old = transceiver.sender
-    sender = PacketSender(kind, old.transport, outbox)
+    sender = PacketSender(kind, old.transport, frames)
     # A stream id of its own: browsers hold a picture back to match the sound of the same stream,
     # ours must never wait.
     sender._stream_id = f"{old._stream_id}-{kind}"

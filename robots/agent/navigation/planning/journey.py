@@ -37,7 +37,10 @@ RETRY = 1.0  # seconds between two looks for a way
 HELD = 2.0  # seconds before a thing until the robot backs off
 CREPT, CREPT_TURN = 0.05, 0.15  # metres, radians: no way off from where something holds the robot
 BACK_OFF, BACK_SPEED, BACK_TIME = 0.15, 0.1, 6.0  # metres, m/s, seconds at most
-WAYS_OUT, AWAY = (0.0, 0.3, -0.3), 0.01  # rad/s, and metres by which another way out must be better
+ESCAPE_TURN_RATES, AWAY = (
+    (0.0, 0.3, -0.3),
+    0.01,
+)  # rad/s, and metres by which another way out must be better
 # seconds face to face with somebody, metres to back off, metres that are close
 GIVE_WAY_AFTER, GIVE_WAY, GIVE_WAY_TO = 5.0, 0.4, 0.6
 BACK_OFFS = 4  # without getting a metre farther
@@ -268,7 +271,7 @@ class Journey:
         """Return the slow motion, back if possible, that leads away from what is near."""
         backward = Velocity(linear=-BACK_SPEED, angular=0.0)
         best, most = backward, -math.inf
-        for bend in WAYS_OUT:
+        for bend in ESCAPE_TURN_RATES:
             for speed in (-BACK_SPEED, BACK_SPEED):
                 motion = Velocity(linear=speed, angular=bend)
                 room = self._check.room_after(motion, BACK_OFF / BACK_SPEED, sense.hazards)

@@ -9,7 +9,7 @@ import numpy as np
 from robots.api.floorplan import DoorState
 
 
-class Draught:
+class RandomDoors:
     """Says which door moves when. Pure: the same generator gives the same times.
 
     Args:

@@ -38,7 +38,7 @@ from robots.agent.simulator.physics.drive import (
 from robots.agent.simulator.physics.faults import SOUND, Faults
 from robots.agent.simulator.physics.pedestrians import Pedestrians
 from robots.agent.simulator.physics.people import BODY, Person, legs, name_of, solid
-from robots.agent.simulator.physics.random_doors import Draught
+from robots.agent.simulator.physics.random_doors import RandomDoors
 from robots.agent.simulator.profiles import RobotModel
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
@@ -101,7 +101,7 @@ class Simulation:
         self.footprint = np.array(model.footprint)
         self._radius = model.radius
         self._doors = Doors(plan, with_doors(plan, {}))
-        self._draught = Draught(tuple(self.doors), door_changes, streams[3])
+        self._random_doors = RandomDoors(tuple(self.doors), door_changes, streams[3])
         self._fixed = fixed_solids(plan)
         self.obstacles = self._standing()
         self.time = 0.0
@@ -168,7 +168,7 @@ class Simulation:
         Unknown names are ignored. These doors move no more by themselves. Before the first step
         they stand there at once.
         """
-        self._draught.leave(set(doors))
+        self._random_doors.leave(set(doors))
         self._doors.want(doors)
         if self.time == 0.0 and self._doors.set_at_once(self._in_the_way()):
             self.obstacles = self._standing()
@@ -190,7 +190,7 @@ class Simulation:
 
     def step(self, dt: float) -> None:
         """Let `dt` seconds pass, some hundredths of a second at a time."""
-        self._doors.want(self._draught.due(self.time))
+        self._doors.want(self._random_doors.due(self.time))
         if not self._doors.is_still() and self._doors.step(dt, self._in_the_way()):
             self.obstacles = self._standing()
         if self.model.tilt:

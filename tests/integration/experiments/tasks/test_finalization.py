@@ -398,7 +398,7 @@ def test_the_settler_does_a_little_at_each_look_and_all_in_the_end(robot):
     close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5)
     settler, looks = Settler(), 0
     while not Drive.objects.filter(settled_at__isnull=False).exists():
-        settler.look(timezone.now(), share=1e-9)
+        settler.tick(timezone.now(), share=1e-9)
         looks += 1
         assert looks < 1000
     assert looks > 3
@@ -408,7 +408,7 @@ def test_the_settler_does_a_little_at_each_look_and_all_in_the_end(robot):
 @pytest.mark.django_db(transaction=True)
 def test_half_way_through_a_long_record_everybody_else_may_write(robot):
     """A drive of a quarter of an hour is read at many looks, between which the recorder writes in
-    another process and the clockwork here.
+    another process and the scheduler here.
     """
     drive = begin(robot)
     records = whole(timezone.now().timestamp())
@@ -431,7 +431,7 @@ def test_half_way_through_a_long_record_everybody_else_may_write(robot):
     close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5)
     settler, looks = Settler(), 0
     while not Drive.objects.filter(settled_at__isnull=False).exists():
-        settler.look(timezone.now(), share=1e-9)
+        settler.tick(timezone.now(), share=1e-9)
         with ThreadPoolExecutor(1) as elsewhere:  # a connection of its own, like another process
             elsewhere.submit(note_elsewhere, looks).result()
         system_log.log("here", at=timezone.now(), number=looks)
@@ -462,7 +462,7 @@ def test_a_drive_that_cannot_be_read_is_told_once_and_keeps_no_other_waiting(rob
     close(good, outcome="cancelled", reason="left", at=timezone.now().timestamp())
     settler = Settler()
     for _ in range(20):  # a look may see little of its time
-        settler.look(timezone.now(), share=0.5)
+        settler.tick(timezone.now(), share=0.5)
     assert list(finalization.due()) == [broken]
     assert [
         record.message.split()[0] for record in caplog.records if "not_settled" in record.message

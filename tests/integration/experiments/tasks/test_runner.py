@@ -130,7 +130,7 @@ def test_a_frame_is_sent_only_when_something_has_changed(robot):
             for n in range(20)
         ],
     )
-    runner.look(now=at(start + 7.0))
+    runner.tick(now=at(start + 7.0))
     assert count > 0
     assert shown() == []
 
@@ -154,7 +154,7 @@ def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(
             with suppress(OperationalError):
                 hear(runner, drive, [record])
     assert shown() == []
-    runner.look(now=at(records[-2].at))
+    runner.tick(now=at(records[-2].at))
     (frame,) = shown()
     assert frame.cue not in before, "nothing more is heard, and the page is told all the same"
     hear(runner, drive, records[-1:])
@@ -173,9 +173,9 @@ def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):
     start = timezone.now().timestamp()
     hear(runner, drive, way(start).records)
     limit = 300.0 + start + 0.25
-    runner.look(now=at(limit + PATIENCE - 0.2))
+    runner.tick(now=at(limit + PATIENCE - 0.2))
     assert Session.objects.get().state == "driving"
-    runner.look(now=at(limit + PATIENCE + 0.1))
+    runner.tick(now=at(limit + PATIENCE + 0.1))
     session = Session.objects.get()
     assert (session.outcome, session.outcome_reason) == ("timed_out", "task")
     last = shown()[-1]
@@ -191,7 +191,7 @@ def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
         Seen(limit - 2.1 + n / 4, "boot", 4000 + n, 0.5, 2.0, 3.1, contact=True) for n in range(8)
     ]
     hear(runner, drive, rests)
-    runner.look(now=at(limit + 0.5))
+    runner.tick(now=at(limit + 0.5))
     late = Seen(limit - 0.1, "boot", 5000, 0.5, 2.0, 3.1, docked=True, contact=True)
     about = {"session": str(drive.session_id), "received_at": limit + 0.6, "clock_offset": AHEAD}
     runner.on_state(robot="giraff", state=state_of(late, drive), **about)
@@ -207,7 +207,7 @@ def test_what_is_left_is_told_in_the_last_minutes_and_now_and_then_again(robot):
     hear(runner, drive, way(start).records)
     shown()
     for second in range(170, 230):
-        runner.look(now=at(start + second))
+        runner.tick(now=at(start + second))
     seconds = [one.remaining for one in shown() if one.remaining is not None]
     assert 5 <= len(seconds) <= 7
     assert seconds[0] == pytest.approx(120.0, abs=1.5)
@@ -221,7 +221,7 @@ def test_a_session_manager_that_was_killed_in_mid_task_is_followed_by_one_that_g
     before = len(shown())
     write(drive, records[: half - 3])  # the last second had not reached the database
     second = Runner()
-    second.look(now=at(records[half].at))
+    second.tick(now=at(records[half].at))
     assert [one.cue for one in shown()] == []  # the page knows all of it
     hear(second, drive, records[half - 3 :])  # what the broker had not been told is delivered
     assert Session.objects.get().outcome == "completed"
@@ -253,7 +253,7 @@ def test_a_time_limit_that_passed_while_no_session_manager_ran_is_applied_by_the
     drive = begin(robot)
     start = timezone.now().timestamp()
     write(drive, way(start).go(FIRST).records)
-    Runner().look(now=at(start + 400.0))
+    Runner().tick(now=at(start + 400.0))
     assert Session.objects.get().outcome == "timed_out"
 
 
@@ -277,9 +277,9 @@ def test_another_robot_and_another_session_have_no_say(robot):
 def test_a_drive_that_never_sees_a_picture_ends_when_its_turn_would_be_over(robot):
     drive, runner = begin(robot), Runner()
     granted = drive.granted_at.timestamp()
-    runner.look(now=at(granted + 470.0))
+    runner.tick(now=at(granted + 470.0))
     assert Session.objects.get().state == "driving"
-    runner.look(now=at(granted + 481.0))
+    runner.tick(now=at(granted + 481.0))
     assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == (
         "timed_out",
         "no_picture",
@@ -295,9 +295,9 @@ def test_a_practice_drive_ends_after_its_minutes(robot):
     start = timezone.now().timestamp()
     hear(runner, drive, way(start).go(FIRST).records)
     assert [one.cue for one in shown()] == ["practice"]
-    runner.look(now=at(start + 80.0))
+    runner.tick(now=at(start + 80.0))
     assert [one.remaining for one in shown()] == [pytest.approx(40.2, abs=0.2)]
-    runner.look(now=at(start + 121.0))
+    runner.tick(now=at(start + 121.0))
     session = Session.objects.get()
     assert (session.outcome, session.outcome_reason) == ("completed", "time_over")
     runner.on_end(session=session)
@@ -345,6 +345,6 @@ def test_the_runner_settles_what_is_over_beside_what_lives(robot):
     Robot.objects.update(turnaround="ready")
     other = begin(robot, "ben", drive.participant.study)
     for _ in range(40):
-        runner.look(now=timezone.now())
+        runner.tick(now=timezone.now())
     assert Drive.objects.get(pk=drive.pk).settled_at is not None
     assert Drive.objects.get(pk=other.pk).settled_at is None

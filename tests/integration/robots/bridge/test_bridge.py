@@ -31,7 +31,7 @@ class Ear:
     def __init__(self):
         self.inbound_messages = []
 
-    def hear(self, inbound):
+    def handle_message(self, inbound):
         self.inbound_messages.append(inbound)
 
     def heard(self, suffix):

@@ -955,11 +955,11 @@ async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_t
     bridge, robot, ada, monkeypatch
 ):
     monkeypatch.setattr(log_ids, "_process", {})  # whatever this process is said to be about
-    about, hear = [], drive.RobotConsumer._hear
+    about, handle_message = [], drive.RobotConsumer._handle_message
 
     def noting(page, inbound):
         about.append((inbound.suffix, log_ids.current()))
-        hear(page, inbound)
+        handle_message(page, inbound)
 
     monkeypatch.setattr(drive.RobotConsumer, "_hear", noting)
     async with Page("giraff", ada) as page:

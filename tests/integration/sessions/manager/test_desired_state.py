@@ -54,24 +54,24 @@ def said(outbound_messages):
 
 def test_a_robot_is_told_assistance_doors_and_map_once(giraff):
     orders = DesiredState()
-    first = said(orders.look(NOW))
+    first = said(orders.tick(NOW))
     assert (first["config"].assist, first["config"].doors) == ("slow", {"lab-door": "closed"})
     assert first["floorplan"].map_id == "office"
-    assert orders.look(NOW) == []
+    assert orders.tick(NOW) == []
 
 
 def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, office):
     orders = DesiredState()
-    orders.look(NOW)
+    orders.tick(NOW)
     Robot.objects.update(doors={"lab-door": "open"})
-    assert said(orders.look(NOW))["config"].doors == {"lab-door": "open"}
+    assert said(orders.tick(NOW))["config"].doors == {"lab-door": "open"}
     FloorPlan.objects.update(plan={"docks": []})
-    assert list(said(orders.look(NOW))) == ["floorplan"]
+    assert list(said(orders.tick(NOW))) == ["floorplan"]
 
 
 def test_a_robot_without_a_map_is_told_the_rest(giraff):
     Robot.objects.update(floor_plan=None)
-    assert list(said(DesiredState().look(NOW))) == ["config"]
+    assert list(said(DesiredState().tick(NOW))) == ["config"]
 
 
 def visit(robot: Robot, **fixed) -> str:
@@ -93,7 +93,7 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
         plan={"doors": [{"name": "lounge-door"}, {"name": "store-door", "state": "closed"}]}
     )
     orders = DesiredState()
-    orders.look(NOW)
+    orders.tick(NOW)
     slow = NetworkLab(delay=0.2)
     session = visit(
         giraff,
@@ -101,15 +101,15 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
         doors={"lounge-door": "closed", "store-door": "open", "lab-door": "open"},
         control_network=slow,
     )
-    during = said(orders.look(NOW))["config"]
+    during = said(orders.tick(NOW))["config"]
     assert (during.assist, during.control_network, during.video_network) == ("off", slow, None)
     assert during.network_session == session, (
         "nobody else gets it, however late the next word comes"
     )
     assert during.doors == {"lounge-door": "closed", "store-door": "open", "lab-door": "open"}
-    assert orders.look(NOW) == []
+    assert orders.tick(NOW) == []
     store.end(session, "cancelled", "left", NOW)
-    afterwards = said(orders.look(NOW))["config"]
+    afterwards = said(orders.tick(NOW))["config"]
     assert (afterwards.assist, afterwards.control_network, afterwards.network_session) == (
         "slow",
         None,
@@ -121,7 +121,7 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
 def test_a_session_manager_that_was_away_when_a_visit_ended_undoes_its_doors(giraff):
     session = visit(giraff, doors={"lounge-door": "closed"})
     store.end(session, "cancelled", "left", NOW)
-    assert said(DesiredState().look(NOW))["config"].doors == {
+    assert said(DesiredState().tick(NOW))["config"].doors == {
         "lounge-door": "open",
         "lab-door": "closed",
     }

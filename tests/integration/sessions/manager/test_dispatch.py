@@ -42,7 +42,7 @@ def session():
 
 @pytest.fixture
 def intake():
-    return Intake(Kept(), lambda: NOW, wake_signals=lambda: None, wake_clockwork=lambda: None)
+    return Intake(Kept(), lambda: NOW, wake_signals=lambda: None, wake_scheduler=lambda: None)
 
 
 def hears(intake: Intake, topic: str, message: m.Message) -> None:
@@ -56,18 +56,18 @@ def from_robot(intake: Intake, suffix: str, message: m.Message) -> None:
 
 
 @pytest.fixture
-def told():
-    heard = []
-    receiver = lambda **news: heard.append(
+def published():
+    last_received = []
+    receiver = lambda **news: last_received.append(
         (news["robot"], news["session"], news["message"], news["received_at"])
     )
     signals.message_received.connect(receiver, weak=False, dispatch_uid="test")
-    yield heard
+    yield last_received
     signals.message_received.disconnect(dispatch_uid="test")
 
 
 def test_an_action_that_has_ended_belongs_to_the_session_that_the_robot_is_in(
-    intake, session, told
+    intake, session, published
 ):
     failed = m.ActionStatus(
         action_id="a1", status="FAILED", stamp=NOW, type="photo", reason="no_picture"
@@ -82,7 +82,7 @@ def test_an_action_that_has_ended_belongs_to_the_session_that_the_robot_is_in(
         ActionItem("giraff", session, failed, NOW)
     ]
     send_all(intake.fresh(), {})
-    assert told == [("giraff", session, failed, NOW)]
+    assert published == [("giraff", session, failed, NOW)]
 
 
 def test_a_picture_that_only_showed_that_the_camera_works_is_not_kept(intake, session):
@@ -144,7 +144,7 @@ def test_an_ended_action_stands_once_in_the_record(session):
 
 
 def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(
-    intake, session, told
+    intake, session, published
 ):
     event = protocol.PageEvent(stamp=1.0, type="first_frame")
     for message in (event, protocol.PageNetwork(stamp=1.0, way="mqtt")):
@@ -164,7 +164,7 @@ def test_events_and_what_pages_say_reach_the_apps_above_and_nonsense_does_not(
     from_robot(intake, "event", photo)
     from_robot(intake, "event", m.Event(stamp=2.0, boot="b1", seq=3, type="docked"))
     send_all(intake.fresh(), {"giraff": 0.5})
-    assert told == [("", session, event, NOW), ("giraff", session, photo, NOW)]
+    assert published == [("", session, event, NOW), ("giraff", session, photo, NOW)]
     assert intake.fresh() == []
 
 
@@ -193,7 +193,7 @@ def test_a_state_that_comes_late_is_told_as_such(intake, session):
 
 def test_what_is_told_of_a_task_waits_for_the_next_look():
     list(notices.drain())
-    notices.tell("s1", {"cue": "dock_now"}, NOW)
+    notices.publish("s1", {"cue": "dock_now"}, NOW)
     assert notices.are_waiting()
     [(topic, payload)] = notices.drain()
     news = msgspec.json.decode(payload, type=m.ServerNews)
@@ -203,11 +203,12 @@ def test_what_is_told_of_a_task_waits_for_the_next_look():
 
 def test_driving_a_call_a_way_of_its_own_and_a_touch_of_the_page_are_signs_of_the_driver(session):
     now = [NOW]
-    intake = Intake(Kept(), lambda: now[0], wake_signals=lambda: None, wake_clockwork=lambda: None)
+    intake = Intake(Kept(), lambda: now[0], wake_signals=lambda: None, wake_scheduler=lambda: None)
 
     def last_sign():
         return max(
-            intake.heard["giraff"].link(0.0).active_at or 0.0, intake.signs.get(session, 0.0)
+            intake.last_received["giraff"].link(0.0).active_at or 0.0,
+            intake.signs.get(session, 0.0),
         )
 
     def sign_after(suffix, message):

@@ -275,7 +275,7 @@ async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(
 async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartbeat(
     broker, giraff, visitors, monkeypatch
 ):
-    answers, asked, told = threading.Event(), threading.Event(), {"faults": (), "count": 0}
+    answers, asked, published = threading.Event(), threading.Event(), {"faults": (), "count": 0}
     answers.set()
     room = DiskSpace.state
 
@@ -290,7 +290,7 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
     async def listen(client):
         async for message in client.messages:
             status = msgspec.json.decode(message.payload, type=messages.ManagerStatus)
-            told.update(faults=status.faults, count=told["count"] + 1)
+            published.update(faults=status.faults, count=published["count"] + 1)
 
     async with (
         running_manager(broker.url),
@@ -303,12 +303,12 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
         answers.clear()
         try:
             await wait_for(asked.is_set, what="the question")
-            heard, leases = told["count"], len(robot.leases)
+            last_received, leases = published["count"], len(robot.leases)
             await wait_for(
-                lambda: told["count"] > heard + 3 and len(robot.leases) > leases + 1,
+                lambda: published["count"] > last_received + 3 and len(robot.leases) > leases + 1,
                 what="beats and renewals",
             )
-            assert told["faults"] == ()
+            assert published["faults"] == ()
         finally:
             answers.set()
         await cancel(listening)
@@ -579,7 +579,7 @@ async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked
         assert isinstance(await take(visitors["cem"]), store.Queued)
         assert isinstance(await take(visitors["ben"]), store.Granted)
         await state_of(ben.session, "driving")
-        await news.of(cem.session, "queue", lambda told: told.place == 1)
+        await news.of(cem.session, "queue", lambda published: published.place == 1)
 
 
 async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
@@ -738,9 +738,9 @@ async def test_bytes_that_are_no_message_are_counted_and_harm_nothing(broker, gi
 async def test_a_session_that_ended_while_no_session_manager_ran_is_told_and_closed_by_the_next(
     broker, giraff, visitors
 ):
-    told = []
+    published = []
     signals.session_ended.connect(
-        lambda **news: told.append(str(news["session"].pk)), weak=False, dispatch_uid="test"
+        lambda **news: published.append(str(news["session"].pk)), weak=False, dispatch_uid="test"
     )
     try:
         async with ScriptedRobot("giraff", broker.url) as robot:
@@ -748,10 +748,10 @@ async def test_a_session_that_ended_while_no_session_manager_ran_is_told_and_clo
                 session = await drive(visitors["ana"], robot)
             await leave(session, visitors["ana"])
             async with running_manager(broker.url):
-                await wait_for(lambda: told == [session])
+                await wait_for(lambda: published == [session])
                 await wait_for(lambda: robot.session is None)
                 await wait_for(lambda: Session.objects.get(pk=session).closed_at, 15)
-        assert told == [session]
+        assert published == [session]
         assert not await sync_to_async(Lease.objects.filter(session__isnull=False).exists)()
     finally:
         signals.session_ended.disconnect(dispatch_uid="test")

@@ -247,18 +247,24 @@ def test_a_page_uses_no_suffix_but_its_own(suffix):
         ("command/velocity\n", "malformed"),
         ("command/velocity\n[]", "malformed"),
         (
-            'command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,'
-            '"linear":NaN,"angular":0,"method":"keyboard"}',
+            (
+                'command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,'
+                '"linear":NaN,"angular":0,"method":"keyboard"}'
+            ),
             "malformed",
         ),
         (
-            'command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,'
-            '"linear":1e9,"angular":0,"method":"keyboard"}',
+            (
+                'command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,'
+                '"linear":1e9,"angular":0,"method":"keyboard"}'
+            ),
             "malformed",
         ),
         (
-            'command/velocity\n{"session":"s","epoch":0,"seq":-1,"stamp":1,'
-            '"linear":0,"angular":0,"method":"keyboard"}',
+            (
+                'command/velocity\n{"session":"s","epoch":0,"seq":-1,"stamp":1,'
+                '"linear":0,"angular":0,"method":"keyboard"}'
+            ),
             "malformed",
         ),
         ('command/action\n{"type":"fly","actionId":"a","stamp":1}', "malformed"),

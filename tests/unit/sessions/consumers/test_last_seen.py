@@ -41,8 +41,8 @@ async def test_many_pages_are_one_question_and_each_gets_its_own_answer(asked):
 
 async def test_a_database_that_is_away_is_told_to_every_page_and_asked_again_by_the_next(asked):
     pages = LastSeenBatcher()
-    told = await asyncio.gather(pages.seen("a"), pages.seen("away"), return_exceptions=True)
-    assert [type(one) for one in told] == [OperationalError, OperationalError]
+    sent = await asyncio.gather(pages.seen("a"), pages.seen("away"), return_exceptions=True)
+    assert [type(one) for one in sent] == [OperationalError, OperationalError]
     assert await pages.seen("a")
 
 

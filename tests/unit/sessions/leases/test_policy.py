@@ -32,12 +32,12 @@ def test_asking_again_keeps_the_place(world):
     world.take("ben")
     world.take("cem")
     assert world.take("ben").place == 1
-    assert len(world.visits) == 3
+    assert len(world.sessions) == 3
 
 
 def test_the_same_page_resumes_with_its_old_peer_and_keeps_the_epoch(world):
     world.take("ana", peer="first")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     assert world.take("ana", peer="second", session=session, old_peer="first") == Resume(session)
     assert world.hold.epoch == 1
 
@@ -49,7 +49,7 @@ def test_a_double_click_is_not_a_second_tab(world):
 
 def test_a_wrong_old_peer_is_not_resumed(world):
     world.take("ana", peer="first")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     assert world.take("ana", peer="second", session=session, old_peer="guess") == Deny(
         "elsewhere", session
     )
@@ -59,7 +59,7 @@ def test_a_second_tab_is_refused_while_the_first_is_open_and_gets_a_new_epoch_wh
     world,
 ):
     world.take("ana", peer="first")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     assert world.take("ana", peer="second") == Deny("elsewhere", session)
     assert world.take("ana", peer="second", takeover=True).returning
     assert (world.hold.epoch, world.hold.peer) == (2, "second")
@@ -67,7 +67,7 @@ def test_a_second_tab_is_refused_while_the_first_is_open_and_gets_a_new_epoch_wh
 
 def test_a_reloaded_page_returns_to_its_session_with_a_new_epoch(world):
     world.take("ana", peer="first")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     world.change(session, state="driving", seen_at=None)  # the old page closed its socket
     grant = world.take("ana", peer="second", session=session)
     assert grant == Grant(session, "reconnecting", returning=True)
@@ -76,28 +76,28 @@ def test_a_reloaded_page_returns_to_its_session_with_a_new_epoch(world):
 
 def test_a_tab_that_copied_the_session_of_an_open_one_is_refused(world):
     world.take("ana", peer="first")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     world.change(session, state="driving")
     assert world.take("ana", peer="second", session=session) == Deny("elsewhere", session)
 
 
 def test_a_second_tab_cannot_steal_a_drive_that_lives_on_the_data_channel_alone(world):
     world.take("ana", peer="first")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     world.change(session, state="driving", seen_at=None)
     assert world.take("ana", peer="second") == Deny("elsewhere", session)
 
 
 def test_a_lost_visitor_returns_from_any_page(world):
     world.take("ana", peer="first")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     world.change(session, state="reconnecting", lost_at=world.now)
     assert world.take("ana", peer="phone").returning
 
 
 def test_a_session_that_is_over_is_not_resumed(world):
     world.take("ana")
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     world.end(session, "completed", "left")
     assert world.take("ana", session=session, old_peer="peer-of-ana") == Deny("ended", session)
     assert world.take("ben", session=session) == Deny("ended", session)
@@ -122,7 +122,7 @@ def test_whoever_waits_goes_on_waiting_while_the_robot_is_offline(world):
 def test_a_free_robot_is_for_the_first_in_the_queue(world):
     world.take("ana")
     world.take("ben")
-    world.end(world.visit_of("ana").id, "completed", "left")
+    world.end(world.session_of("ana").id, "completed", "left")
     assert isinstance(world.take("cem"), Wait)
     assert isinstance(world.take("ben"), Grant)
 
@@ -130,8 +130,8 @@ def test_a_free_robot_is_for_the_first_in_the_queue(world):
 def test_who_waits_with_a_closed_page_does_not_block_the_others_and_keeps_the_place(world):
     world.take("ana")
     world.take("ben")
-    world.change(world.visit_of("ben").id, seen_at=None, lost_at=world.now)
-    world.end(world.visit_of("ana").id, "completed", "left")
+    world.change(world.session_of("ben").id, seen_at=None, lost_at=world.now)
+    world.end(world.session_of("ana").id, "completed", "left")
     assert isinstance(world.take("cem"), Grant)
     assert world.take("ben").place == 1
 
@@ -140,8 +140,8 @@ def test_an_offered_turn_is_for_nobody_else(world):
     world.take("ana")
     world.take("ben")
     world.take("cem")
-    world.end(world.visit_of("ana").id, "completed", "left")
-    assert world.tick() == (Offer(world.visit_of("ben").id),)
+    world.end(world.session_of("ana").id, "completed", "left")
+    assert world.tick() == (Offer(world.session_of("ben").id),)
     assert isinstance(world.take("cem"), Wait)
     assert isinstance(world.take("dan"), Wait)
     assert isinstance(world.take("ben"), Grant)
@@ -150,7 +150,7 @@ def test_an_offered_turn_is_for_nobody_else(world):
 def test_a_lease_that_names_an_ended_visit_counts_as_free(world):
     world.take("ana")
     # the process that ended it was killed before it freed the lease
-    del world.visits[world.visit_of("ana").id]
+    del world.sessions[world.session_of("ana").id]
     assert isinstance(world.take("ben"), Grant)
 
 
@@ -169,9 +169,9 @@ class Everybody(RuleBasedStateMachine):
     def asks(self, visitor, takeover, tab):
         now = self.world.now
         order = [
-            visit.visitor
-            for visit in self.world.scene.queue
-            if visit.visitor == visitor or visit.page_open(now)
+            session.visitor
+            for session in self.world.scene.queue
+            if session.visitor == visitor or session.page_open(now)
         ]
         holder = self.world.scene.holder
         decision = self.world.take(visitor, peer=f"{visitor}-{tab}", takeover=takeover)
@@ -179,7 +179,7 @@ class Everybody(RuleBasedStateMachine):
         if isinstance(decision, Grant) and not decision.returning:
             assert holder is None
             ahead = order[: order.index(visitor)] if visitor in order else order
-            passed_over = [name for name in ahead if self.world.visit_of(name).offered_at is None]
+            passed_over = [name for name in ahead if self.world.session_of(name).offered_at is None]
             assert not passed_over, "somebody was ahead"
 
     @precondition(lambda self: self.world.scene.holder is not None)
@@ -194,19 +194,19 @@ class Everybody(RuleBasedStateMachine):
     @rule(visitor=VISITORS)
     def closes_the_page(self, visitor):
         self.open.discard(visitor)
-        visit = self.world.visit_of(visitor)
-        if visit is not None:
+        session = self.world.session_of(visitor)
+        if session is not None:
             self.world.change(
-                visit.id,
+                session.id,
                 seen_at=None,
-                lost_at=self.world.now if visit.state == "waiting" else visit.lost_at,
+                lost_at=self.world.now if session.state == "waiting" else session.lost_at,
             )
 
     @rule(visitor=VISITORS)
     def leaves(self, visitor):
-        visit = self.world.visit_of(visitor)
-        if visit is not None:
-            self.world.end(visit.id, "completed", "left")
+        session = self.world.session_of(visitor)
+        if session is not None:
+            self.world.end(session.id, "completed", "left")
 
     @rule(online=st.booleans())
     def robot_comes_or_goes(self, online):
@@ -222,9 +222,11 @@ class Everybody(RuleBasedStateMachine):
 
     @invariant()
     def there_is_one_driver_at_most(self):
-        drivers = [visit for visit in self.world.visits.values() if visit.state != "waiting"]
+        drivers = [
+            session for session in self.world.sessions.values() if session.state != "waiting"
+        ]
         assert len(drivers) <= 1
-        assert all(visit.id == self.world.hold.session for visit in drivers)
+        assert all(session.id == self.world.hold.session for session in drivers)
 
     @invariant()
     def every_grant_has_an_epoch_of_its_own(self):
@@ -233,15 +235,15 @@ class Everybody(RuleBasedStateMachine):
 
     @invariant()
     def a_visitor_has_one_visit_at_most(self):
-        visitors = [visit.visitor for visit in self.world.visits.values()]
+        visitors = [session.visitor for session in self.world.sessions.values()]
         assert len(visitors) == len(set(visitors))
 
     @invariant()
     def one_turn_at_most_is_offered_and_never_while_somebody_drives(self):
         offers = [
-            visit
-            for visit in self.world.scene.queue
-            if visit.offered_at is not None and self.world.now < visit.offered_at + RULES.start
+            session
+            for session in self.world.scene.queue
+            if session.offered_at is not None and self.world.now < session.offered_at + RULES.start
         ]
         assert len(offers) <= 1
         assert not (offers and self.world.scene.holder)
@@ -251,19 +253,19 @@ class Everybody(RuleBasedStateMachine):
         everybody ahead.
         """
         self.world.online = True
-        patient = [visit.visitor for visit in self.world.scene.queue]
+        patient = [session.visitor for session in self.world.scene.queue]
         self.open |= set(patient)
-        bound = self.world.now + (len(self.world.visits) + 1) * (
+        bound = self.world.now + (len(self.world.sessions) + 1) * (
             RULES.turn + RULES.warning + RULES.start + RULES.grace
         )
         while patient and self.world.now < bound:
             self.world.now += 1.0
             self.world.pages_say_they_are_open(self.open)
-            self.world.connected |= {visit.visitor for visit in self.world.visits.values()}
+            self.world.connected |= {session.visitor for session in self.world.sessions.values()}
             self.world.tick()
             for visitor in list(patient):
-                visit = self.world.visit_of(visitor)
-                if visit is None or isinstance(self.world.take(visitor), Grant | Resume | Deny):
+                session = self.world.session_of(visitor)
+                if session is None or isinstance(self.world.take(visitor), Grant | Resume | Deny):
                     patient.remove(visitor)
         assert not patient, "somebody was never served"
 

@@ -34,8 +34,8 @@ def world() -> World:
 def drive(world: World) -> str:
     world.connected.add("ana")
     world.tick()
-    session = world.visit_of("ana").id
-    assert world.visits[session].state == "driving"
+    session = world.session_of("ana").id
+    assert world.sessions[session].state == "driving"
     return session
 
 
@@ -50,7 +50,7 @@ def pass_time(world: World, seconds: float, *, open_pages=("ana", "ben", "cem"),
 
 
 def test_a_visit_drives_from_the_first_state_with_its_epoch_and_a_fresh_heartbeat(world):
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     assert world.tick() == ()
     old_epoch = Link(0.0, world.now, world.now, session, world.hold.epoch - 1, 0.1)
     assert world.tick(old_epoch) == ()
@@ -70,7 +70,7 @@ def test_a_silent_visitor_is_reconnecting_and_drives_again_when_back(world):
 def test_a_closed_page_alone_does_not_interrupt_the_drive(world):
     session = drive(world)
     pass_time(world, 120.0, open_pages=())
-    assert world.visits[session].state == "driving"
+    assert world.sessions[session].state == "driving"
 
 
 def test_the_grace_period_ends_as_connection_lost(world):
@@ -87,11 +87,11 @@ def test_who_comes_back_within_the_grace_period_gets_all_of_it_again(world):
     pass_time(world, RULES.grace - 2.0)
     assert isinstance(world.take("ana", peer="new"), Grant)
     pass_time(world, RULES.grace - 2.0)
-    assert world.visits[session].state == "reconnecting"
+    assert world.sessions[session].state == "reconnecting"
 
 
 def test_a_visit_that_never_connects_ends_as_connection_refused(world):
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     assert End(session, "connection_refused", "never_connected") in pass_time(
         world, RULES.start + 1.0
     )
@@ -123,7 +123,7 @@ def test_a_disabled_robot_ends_the_visit_as_stopped_by_operator(world):
 def test_a_turn_has_no_limit_while_nobody_waits(world):
     session = drive(world)
     assert pass_time(world, 10 * RULES.turn) == []
-    assert world.visits[session].turn_ends_at is None
+    assert world.sessions[session].turn_ends_at is None
 
 
 def test_a_turn_ends_after_its_minutes_when_somebody_waits_with_a_warning_before(world):
@@ -145,7 +145,7 @@ def test_who_has_driven_on_alone_for_long_is_warned_from_the_moment_that_somebod
     acts = world.tick()
     assert acts == (SetTurn(session, asked + RULES.warning), Warn(session, RULES.warning))
     pass_time(world, RULES.warning - 1.0)
-    assert world.visits[session].state == "driving"
+    assert world.sessions[session].state == "driving"
     assert End(session, "timed_out", "turn_over") in pass_time(world, 2.0)
 
 
@@ -153,7 +153,7 @@ def test_the_limit_is_lifted_when_nobody_waits_any_more(world):
     session = drive(world)
     world.take("ben")
     world.tick()
-    world.end(world.visit_of("ben").id, "cancelled", "left_queue")
+    world.end(world.session_of("ben").id, "cancelled", "left_queue")
     assert world.tick() == (SetTurn(session, None),)
     assert pass_time(world, 2 * RULES.turn) == []
 
@@ -161,17 +161,17 @@ def test_the_limit_is_lifted_when_nobody_waits_any_more(world):
 def test_who_waits_with_a_closed_page_ends_nobodys_turn(world):
     session = drive(world)
     world.take("ben")
-    world.change(world.visit_of("ben").id, seen_at=None)
+    world.change(world.session_of("ben").id, seen_at=None)
     pass_time(world, RULES.turn + 5.0, open_pages=("ana",))
-    assert world.visits[session].state == "driving"
+    assert world.sessions[session].state == "driving"
     assert world.ended["s0002"] == ("ben", "cancelled", "page_gone")
 
 
 def test_a_turn_that_is_not_taken_passes_to_the_next(world):
     world.take("ben")
     world.take("cem")
-    ben, cem = world.visit_of("ben").id, world.visit_of("cem").id
-    world.end(world.visit_of("ana").id, "completed", "left")
+    ben, cem = world.session_of("ben").id, world.session_of("cem").id
+    world.end(world.session_of("ana").id, "completed", "left")
     acts = pass_time(world, RULES.start + 1.0)
     assert acts[:3] == [Offer(ben), End(ben, "cancelled", "turn_not_taken"), Offer(cem)]
     assert isinstance(world.take("cem"), Grant)
@@ -179,8 +179,8 @@ def test_a_turn_that_is_not_taken_passes_to_the_next(world):
 
 def test_an_offer_is_withdrawn_while_the_robot_is_away_and_made_again(world):
     world.take("ben")
-    ben = world.visit_of("ben").id
-    world.end(world.visit_of("ana").id, "completed", "left")
+    ben = world.session_of("ben").id
+    world.end(world.session_of("ana").id, "completed", "left")
     world.tick()
     world.online = False
     assert world.tick() == (Withdraw(ben),)
@@ -191,12 +191,12 @@ def test_an_offer_is_withdrawn_while_the_robot_is_away_and_made_again(world):
 
 def test_an_offer_that_could_not_be_taken_does_not_lapse(world):
     world.take("ben")
-    world.end(world.visit_of("ana").id, "completed", "left")
+    world.end(world.session_of("ana").id, "completed", "left")
     world.tick()
     world.online = False
     world.now += RULES.start + 1.0
     world.pages_say_they_are_open({"ben"})
-    assert world.tick() == (Withdraw(world.visit_of("ben").id),)
+    assert world.tick() == (Withdraw(world.session_of("ben").id),)
 
 
 def test_nobody_is_punished_for_the_session_managers_own_absence(world):
@@ -212,14 +212,14 @@ def test_nobody_is_punished_for_the_session_managers_own_absence(world):
 
 
 def test_a_grant_whose_process_died_half_way_is_carried_on(world):
-    session = world.visit_of("ana").id
+    session = world.session_of("ana").id
     world.change(session, state="waiting")
     assert world.tick() == (Move(session, "connecting"),)
 
 
 def test_a_lease_of_an_ended_visit_is_freed(world):
     epoch = world.hold.epoch
-    world.visits.clear()
+    world.sessions.clear()
     assert world.tick() == (Free(epoch),)
 
 
@@ -247,7 +247,7 @@ def asking() -> World:
 
 
 def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot(asking):
-    session = asking.visit_of("ana").id
+    session = asking.session_of("ana").id
     assert isinstance(asking.take("ben"), Wait)
     asking.rules = replace(ASKING, turn=3600.0)
     assert AskThere(session, ANSWER_SECONDS) not in pass_time(asking, ASKING.idle - 1.0)
@@ -255,7 +255,7 @@ def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot
     acts = pass_time(asking, ANSWER_SECONDS + ON_THE_WAY + 1.0)
     assert [act for act in acts if isinstance(act, End | Offer)] == [
         End(session, "timed_out", IDLE),
-        Offer(asking.visit_of("ben").id),
+        Offer(asking.session_of("ben").id),
     ]
     assert not [act for act in acts if isinstance(act, AskThere)]
 
@@ -263,7 +263,7 @@ def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot
 def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_as_long_as_the_first(
     asking,
 ):
-    session = asking.visit_of("ana").id
+    session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + 5.0)
     asking.active_at = asking.now
     assert FoundThere(session) in asking.tick()
@@ -274,7 +274,7 @@ def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_a
 def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_take_their_time(
     asking,
 ):
-    session = asking.visit_of("ana").id
+    session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY - 1.0)
     asking.signs[session] = asking.now
     assert asking.tick() == (FoundThere(session),)
@@ -297,13 +297,13 @@ def test_who_gives_signs_is_never_asked(asking):
 def test_nobody_is_sent_away_who_was_not_asked_for_as_long_as_an_answer_takes(asking):
     asking.now += 1000.0  # the session manager could not look for so long
     asking.pages_say_they_are_open({"ana"})
-    assert asking.tick() == (AskThere(asking.visit_of("ana").id, ANSWER_SECONDS),)
+    assert asking.tick() == (AskThere(asking.session_of("ana").id, ANSWER_SECONDS),)
     assert pass_time(asking, ANSWER_SECONDS - 1.0) == []
 
 
 def test_a_question_to_one_visit_is_no_question_to_the_next(asking):
     pass_time(asking, ASKING.idle + 5.0)
-    asking.end(asking.visit_of("ana").id, "cancelled", "left")
+    asking.end(asking.session_of("ana").id, "cancelled", "left")
     asking.take("ben")
     asking.connected.add("ben")
     assert not [
@@ -314,7 +314,7 @@ def test_a_question_to_one_visit_is_no_question_to_the_next(asking):
 
 
 def test_nobody_is_asked_where_the_rules_or_the_terms_of_the_visit_say_never(asking):
-    session = asking.visit_of("ana").id
+    session = asking.session_of("ana").id
     asking.change(session, idle=0.0)
     assert pass_time(asking, 1000.0) == []
     asking.change(session, idle=None)
@@ -323,12 +323,12 @@ def test_nobody_is_asked_where_the_rules_or_the_terms_of_the_visit_say_never(ask
 
 
 def test_terms_of_a_visit_have_it_asked_sooner(asking):
-    asking.change(asking.visit_of("ana").id, idle=20.0)
+    asking.change(asking.session_of("ana").id, idle=20.0)
     assert [type(act) for act in pass_time(asking, 22.0)] == [AskThere]
 
 
 def test_a_lost_visitor_is_not_asked_but_has_the_grace_period(asking):
-    session = asking.visit_of("ana").id
+    session = asking.session_of("ana").id
     asking.connected.clear()
     acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY)
     assert [type(act) for act in acts] == [Move, End]

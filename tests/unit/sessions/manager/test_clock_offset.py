@@ -21,8 +21,8 @@ def beat(
 
 def test_before_the_first_echo_nothing_is_known():
     clock = ClockOffset("server")
-    clock.hear(Heartbeat(n=1, stamp=5.0), 5.0)
-    clock.hear(
+    clock.on_heartbeat(Heartbeat(n=1, stamp=5.0), 5.0)
+    clock.on_heartbeat(
         Heartbeat(n=1, stamp=5.0, echoes=(Echo(peer="page", n=1, stamp=1.0, received=1.0),)), 5.0
     )
     assert clock.seconds is None
@@ -31,7 +31,7 @@ def test_before_the_first_echo_nothing_is_known():
 @pytest.mark.parametrize("offset", [-3600.0, 0.0, 0.2, 1e6])
 def test_an_even_delay_leaves_no_error(offset):
     clock = ClockOffset("server")
-    clock.hear(*beat(1, 1000.0, 0.04, 0.04, offset))
+    clock.on_heartbeat(*beat(1, 1000.0, 0.04, 0.04, offset))
     assert clock.seconds == pytest.approx(offset, abs=1e-6)
     assert clock.round_trip == pytest.approx(0.08, abs=1e-6)
 
@@ -40,29 +40,29 @@ def test_the_exchange_with_the_least_round_trip_counts():
     rng, clock = random.Random(4), ClockOffset("server")
     for n in range(10):
         there, back = (0.002, 0.002) if n == 6 else (0.002 + rng.expovariate(5.0), 0.002)
-        clock.hear(*beat(n, 1000.0 + n, there, back, 7.0))
+        clock.on_heartbeat(*beat(n, 1000.0 + n, there, back, 7.0))
     assert clock.seconds == pytest.approx(7.0, abs=1e-6)
 
 
 def test_the_error_is_at_most_half_of_what_a_delay_is_uneven():
     rng, clock = random.Random(5), ClockOffset("server")
     for n in range(50):
-        clock.hear(*beat(n, 1000.0 + n, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.2), -2.0))
+        clock.on_heartbeat(*beat(n, 1000.0 + n, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.2), -2.0))
         assert abs(clock.seconds + 2.0) <= clock.round_trip / 2 + 1e-6
 
 
 def test_an_echo_that_is_repeated_says_nothing_new_and_old_ones_are_forgotten():
     clock = ClockOffset("server")
     first, received = beat(1, 1000.0, 0.001, 0.001, 0.0)
-    clock.hear(first, received)
+    clock.on_heartbeat(first, received)
     for n in range(2, 12):
-        clock.hear(*beat(n, 1000.0 + n, 0.01, 0.01, 5.0))
-        clock.hear(first, received + n) if n == 11 else None
+        clock.on_heartbeat(*beat(n, 1000.0 + n, 0.01, 0.01, 5.0))
+        clock.on_heartbeat(first, received + n) if n == 11 else None
     assert clock.seconds == pytest.approx(5.0, abs=1e-6)
 
 
 def test_a_restarted_server_that_counts_from_the_beginning_is_heard():
     clock = ClockOffset("server")
-    clock.hear(*beat(500, 1000.0, 0.01, 0.01, 1.0))
-    clock.hear(*beat(1, 2000.0, 0.001, 0.001, 2.0))
+    clock.on_heartbeat(*beat(500, 1000.0, 0.01, 0.01, 1.0))
+    clock.on_heartbeat(*beat(1, 2000.0, 0.001, 0.001, 2.0))
     assert clock.seconds == pytest.approx(2.0, abs=1e-6)

@@ -29,10 +29,10 @@ def test_an_agents_robot_stands_in_the_site_with_the_people_and_doors_that_it_wa
             "connecting-door",
         }
         assert eventually(lambda: "closed" in onlooker.truth().doors.values())
-        fate = Fate(int(address.rpartition(":")[2]))
-        assert fate.wish(wire.SetDoors(dict.fromkeys(truth.doors, "open"))) == ""
+        fault = Fate(int(address.rpartition(":")[2]))
+        assert fault.wish(wire.SetDoors(dict.fromkeys(truth.doors, "open"))) == ""
         assert eventually(lambda: "closed" not in onlooker.truth().doors.values())
-        fate.close()
+        fault.close()
         onlooker.close()
     finally:
         child.kill()

@@ -48,7 +48,7 @@ def standing_time(rows: list) -> tuple[float, float]:
 
 @pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
 def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
-    fate: signal.Signals,
+    fault: signal.Signals,
 ) -> None:
     with (
         watched() as computer,
@@ -56,7 +56,7 @@ def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
         driving_agent(robot.address) as agent,
     ):
         onlooker = robot.onlooker()
-        agent.send_signal(fate)
+        agent.send_signal(fault)
         struck = time.time()
         assert eventually(lambda: onlooker.truth().linear == 0.0, 5.0)
         last_command = onlooker.truth().commanded_at
@@ -74,7 +74,7 @@ def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
         duration, peak = standing_time(rows)
         assert duration <= peak / GIRAFF.limits.linear_braking + GIRAFF.watchdog + tolerance
         onlooker.close()
-        if fate == signal.SIGSTOP:
+        if fault == signal.SIGSTOP:
             agent.send_signal(signal.SIGCONT)
 
 
@@ -137,13 +137,13 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
     [signal.SIGTERM, signal.SIGINT, signal.SIGKILL],
     ids=["terminated", "interrupted", "killed"],
 )
-def test_however_the_simulator_ends_its_memory_is_gone(fate: signal.Signals) -> None:
+def test_however_the_simulator_ends_its_memory_is_gone(fault: signal.Signals) -> None:
     with simulator("--linger", "30") as robot:
         line = MediaLine(("127.0.0.1", robot.port), "camera")
         line.read(20.0)
         name = line.read(20.0).name
         assert memory_exists(name)
-        robot.process.send_signal(fate)
+        robot.process.send_signal(fault)
         robot.process.wait(timeout=40)
         assert eventually(lambda: not memory_exists(name), 5.0)
         line.close()
@@ -195,19 +195,19 @@ def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
 
 def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
     with simulator(*QUIET, "--seed", "3") as robot:
-        fate, onlooker = Fate(robot.port), robot.onlooker()
-        assert fate.wish(wire.CarryTo(8.6, 4.4, 1.0)) == ""
+        fault, onlooker = Fate(robot.port), robot.onlooker()
+        assert fault.wish(wire.CarryTo(8.6, 4.4, 1.0)) == ""
         assert (onlooker.truth().x, onlooker.truth().y) == (8.6, 4.4)
-        assert "desk-1 stands there" in fate.wish(wire.CarryTo(2.4, 7.2, 0.0))
-        assert fate.wish(wire.SetDoors({"lab-door": "closed"})) == ""
+        assert "desk-1 stands there" in fault.wish(wire.CarryTo(2.4, 7.2, 0.0))
+        assert fault.wish(wire.SetDoors({"lab-door": "closed"})) == ""
         assert eventually(lambda: onlooker.truth().doors["lab-door"] == "closed")
         with driving_agent(robot.address, linear=0.25):  # there is less than a metre ahead
             assert eventually(lambda: onlooker.truth().linear > 0.05)
-            assert fate.wish(wire.Break(Faults(wheels_stopped=True))) == ""
+            assert fault.wish(wire.Break(Faults(wheels_stopped=True))) == ""
             assert eventually(lambda: onlooker.truth().linear == 0.0)
-            assert fate.wish(wire.Break(Faults())) == ""
+            assert fault.wish(wire.Break(Faults())) == ""
             assert eventually(lambda: onlooker.truth().linear > 0.05)
-        fate.close()
+        fault.close()
         onlooker.close()
 
 

@@ -1,4 +1,4 @@
-"""The session manager's letters on their way to a broker in memory."""
+"""The session manager's messages on their way to a broker in memory."""
 
 import asyncio
 import random
@@ -27,31 +27,29 @@ class Broker:
             raise aiomqtt.MqttError("gone")
 
 
-def with_letters(count, broker):
-    """A session manager that has so many letters for a broker."""
+def with_messages(count, broker):
+    """A session manager that has so many messages for a broker."""
     manager = SessionManager("mqtt://nowhere", ("session-manager", "unused"), random.Random(1))
-    manager._timekeeper, manager._client = Scheduler(), broker
-    manager._timekeeper.outbox.extend(
-        ManagerMessage(f"t/{number}", b"x") for number in range(count)
-    )
+    manager._scheduler, manager._client = Scheduler(), broker
+    manager._scheduler.outbox.extend(ManagerMessage(f"t/{number}", b"x") for number in range(count))
     return manager
 
 
 async def test_what_the_broker_did_not_confirm_is_told_again_in_order_and_nothing_else():
     broker = Broker(lost="t/2")
-    manager = with_letters(5, broker)
+    manager = with_messages(5, broker)
     with pytest.raises(aiomqtt.MqttError, match="gone"):
         await manager._deliver()
     assert broker.told == [f"t/{number}" for number in range(5)]
-    assert [letter.topic for letter in manager._timekeeper.outbox] == ["t/2"]
+    assert [outbound.topic for outbound in manager._scheduler.outbox] == ["t/2"]
     broker.lost = ""
     await manager._deliver()
-    assert not manager._timekeeper.outbox
+    assert not manager._scheduler.outbox
 
 
 async def test_no_more_letters_are_on_their_way_than_a_client_keeps():
     broker = Broker(lost="")
-    manager = with_letters(3 * TOGETHER, broker)
+    manager = with_messages(3 * TOGETHER, broker)
     await manager._deliver()
     assert broker.told == [f"t/{number}" for number in range(3 * TOGETHER)]
     assert broker.most == TOGETHER <= MAX_INFLIGHT / 2
