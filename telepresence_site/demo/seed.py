@@ -12,7 +12,7 @@ from robots.models import FloorPlan, Robot
 from telepresence_site.environment import kept_secret
 from telepresence_site.local_credentials import keep_credentials_here
 
-OFFICE = Path(settings.BASE_DIR) / "robots" / "agent" / "world" / "plans" / "office"
+OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
 VISITOR, RESEARCHER = "visitor", "researcher"
 ROBOTS = (
     (

@@ -23,7 +23,7 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
     """
     names = [f"practice-{number}" for number in range(1, count + 1)]
     plan = FloorPlan.objects.filter(name=PLACE).first() or store_floor_plan(
-        settings.BASE_DIR / "robots" / "agent" / "world" / "plans" / PLACE
+        settings.BASE_DIR / "robots" / "world" / "plans" / PLACE
     )
     Robot.objects.filter(practice=True).exclude(name__in=names).update(enabled=False)
     for name in names:

@@ -44,7 +44,7 @@ from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
 from tests.support.synthetic_camera import SyntheticCamera
 
-OFFICE = ROOT / "robots/agent/world/plans/office"
+OFFICE = ROOT / "robots/world/plans/office"
 ROBOT = "giraff"
 STEP = "/study/step/"  # where a study goes on
 PRACTICE = "/practice/robot/"

@@ -20,7 +20,7 @@ from robots.models import FloorPlan, Robot
 from sessions.models import Session
 from tests.support.docked_robot import report_in_dock
 
-OFFICE = Path(settings.BASE_DIR) / "robots" / "agent" / "world" / "plans" / "office"
+OFFICE = Path(settings.BASE_DIR) / "robots" / "world" / "plans" / "office"
 
 
 def site(name: str = "office", *, series: str = "giraff") -> Robot:

@@ -43,7 +43,7 @@ def as_json(study: Study) -> str:
 def store_in(site: Site) -> None:
     """Put the study into a site's database, as a draft."""
     site.django(
-        "import json; from django.utils import timezone; from experiments import publishing; from"
+        "import json; from django.utils import timezone; from experiments.definition import publishing; from"
         " experiments.definition.schema import"
         f" from_stored;publishing.store(from_stored(json.loads({as_json(short_study())!r})),"
         " timezone.now())"

@@ -14,9 +14,11 @@ import pytest
 
 from tests.support.paths import ROOT
 
-SOURCES = sorted((ROOT / "robots" / "agent").rglob("*.py")) + sorted(
-    (ROOT / "robots" / "api").rglob("*.py")
-)
+SOURCES = [ROOT / "robots" / "__init__.py"] + [
+    path
+    for folder in ("agent", "api", "world")
+    for path in sorted((ROOT / "robots" / folder).rglob("*.py"))
+]
 ONLY_POSIX = {
     "os": (
         "chown chroot ctermid fchmod fchown fork forkpty geteuid getgid getgroups getloadavg"
@@ -106,7 +108,7 @@ PATHS = ("/dev/", "/proc/", "/sys/", "/run/", "/etc/", "/tmp/", "/var/", "/usr/"
 GUARDS = ("sys.platform", "os.name", "hasattr", "getattr")
 EXCUSES = {"NotImplementedError", "AttributeError"}
 # What people are told, and a word of theirs that is compared.
-PATHS_IN_WORDS = {"robots/agent/__init__.py", "robots/agent/devices/words.py"}
+PATHS_IN_WORDS = {"robots/__init__.py", "robots/agent/devices/words.py"}
 
 
 def dotted(node: ast.AST) -> str:

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.browser
 SETUP = """
 from django.utils import timezone
 from accounts.models import User
-from experiments import publishing
+from experiments.definition import publishing
 from experiments.definition.shipped import shipped
 from experiments.models import Study
 User.objects.filter(username={name!r}).update(is_staff=True, is_superuser=True)

@@ -23,7 +23,7 @@ from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame
 from experiments.tasks.runner import PATIENCE, Runner
 from robots.models import Robot
-from sessions.leases import store as turns
+from sessions.leases import store as leases
 from sessions.models import Session
 from surveys.models import Answer, Response
 from surveys.questionnaires import store
@@ -217,7 +217,7 @@ def test_a_drive_whose_network_comes_back_is_the_same_drive(walker, place):
     assert "Back to the robot" in walker.look().text
     walker.client.post(walker.url(), {"place": place.word, "go": "without"})
     assert walker.client.get(walker.url("study_drive")).status_code == 200
-    again = turns.take(walker.robot, walker.user, "another-peer", now=timezone.now())
+    again = leases.take(walker.robot, walker.user, "another-peer", now=timezone.now())
     assert again.session == str(drive.session_id)
     assert counted(walker) == before
     assert Session.objects.count() == 1 + place_number(place)
@@ -228,7 +228,7 @@ def test_a_drive_whose_network_stays_away_is_lost_once_and_its_late_states_are_k
     drive, runner, records = driving(brought(walker, place))
     hear(runner, drive, records[:-8])
     at = records[-1].at + 120.0
-    turns.end(str(drive.session_id), "connection_lost", "visitor_silent", moment(at))
+    leases.end(str(drive.session_id), "connection_lost", "visitor_silent", moment(at))
     over(runner, drive, moved=True)
     page = walker.look()
     assert progress.place(walker.participant) == following(place), page.text
@@ -248,7 +248,7 @@ def test_a_network_that_is_cut_before_anything_moved_leaves_the_step_to_be_tried
     walker, place
 ):
     drive, runner, _records = driving(brought(walker, place))
-    turns.end(str(drive.session_id), "connection_lost", "visitor_silent", timezone.now())
+    leases.end(str(drive.session_id), "connection_lost", "visitor_silent", timezone.now())
     over(runner, drive, moved=False)
     settle(close(drive, at=timezone.now().timestamp()), timezone.now())
     assert "Try again" in walker.look().text
@@ -340,8 +340,8 @@ def driving(walker: Walker) -> tuple[Drive, Runner, list]:
     """The robot taken at the step where somebody is; and what it would say of a drive to the first
     checkpoint.
     """
-    granted = turns.take(walker.robot, walker.user, "peer", now=timezone.now())
-    assert isinstance(granted, turns.Granted)
+    granted = leases.take(walker.robot, walker.user, "peer", now=timezone.now())
+    assert isinstance(granted, leases.Granted)
     Session.objects.filter(pk=granted.session).update(state="driving", driving_at=timezone.now())
     drive = Drive.objects.select_related("session__robot", "participant__study").get(
         session=granted.session

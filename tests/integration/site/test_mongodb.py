@@ -29,7 +29,7 @@ from django.db.models import Count
 from django.utils import timezone
 from accounts.models import User
 from robots.models import FloorPlan, Robot
-from sessions import turns
+from sessions.leases import store
 from sessions.manager.leadership import beat
 from sessions.models import Session, StateChunk
 from telepresence_site.ops.metrics import _of_the_site
@@ -48,10 +48,10 @@ try:
         report={"battery": {"charge": 0.5}},
     )
     assert bytes(FloorPlan.objects.get().image) == bytes(range(256))
-    first = turns.take(robot, ada, "peer-a", now=now)
-    assert isinstance(first, turns.Granted), first
-    assert isinstance(turns.take(robot, bob, "peer-b", now=now), turns.Queued)
-    assert turns.seen({first.session}, now) == {first.session}
+    first = store.take(robot, ada, "peer-a", now=now)
+    assert isinstance(first, store.Granted), first
+    assert isinstance(store.take(robot, bob, "peer-b", now=now), store.Queued)
+    assert store.seen({first.session}, now) == {first.session}
     StateChunk.objects.bulk_create([
         StateChunk(
             session_id=first.session, boot="b", first_seq=n, last_seq=n, count=1,
@@ -61,7 +61,7 @@ try:
     ])
     chunks = StateChunk.objects.filter(session=first.session).order_by("first_stamp")
     assert [chunk.first_seq for chunk in chunks] == [0, 1, 2]
-    assert turns.end(first.session, Session.Outcome.COMPLETED, "", now)
+    assert store.end(first.session, Session.Outcome.COMPLETED, "", now)
     assert beat("here:1", now, {"connected": True}) and not beat("there:2", now)
     states = Session.objects.values_list("state").annotate(n=Count("pk")).order_by()
     assert dict(states) == {"ended": 1, "waiting": 1}
