@@ -414,8 +414,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         self, request: HttpRequest, robots: "QuerySet[Robot]", *, enabled: bool
     ) -> None:
         changed = list(theirs_to_change(request, robots).exclude(enabled=enabled))
-        Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(enabled=enabled)
         for robot in changed:
+            robot.enabled = enabled
+            robot.save(update_fields=["enabled"])
             self.log_change(request, robot, _now("Enabled.") if enabled else _now("Disabled."))
             audit.note(
                 "robot_enabled" if enabled else "robot_disabled", actor=request.user, robot=robot

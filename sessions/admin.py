@@ -41,6 +41,7 @@ from sessions.models import (
     Snapshot,
     SystemLog,
 )
+from sessions.page_channel import check_pages, robot_group
 from sessions.recording.network_summary import summarise_network
 
 EVENTS_SHOWN = 500
@@ -337,6 +338,7 @@ class SessionAdmin(OwnersRows):
                 str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, "by an operator", now
             ):
                 stopped += 1
+                check_pages(robot_group(session.robot.name), session=str(session.pk))
                 system_log.log(
                     "session_stopped",
                     "warning",

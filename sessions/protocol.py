@@ -185,61 +185,6 @@ class Granted(Message, frozen=True, kw_only=True):
     terms: GrantedTerms | None = None
 
 
-class Idle(Message, frozen=True, kw_only=True):
-    """`session/idle`: are you still there? Without a sign the robot goes on to the next visitor in
-    `seconds`; absent: all is well.
-    """
-
-    seconds: Seconds | None = None
-
-
-class Task(Message, frozen=True, kw_only=True):
-    """`session/task`: how far the task is; all of it, each time that anything changes and whenever
-    a page takes the session.
-
-    `cue` is what the visitor is told (experiments.definition.cues.CueKey, or `practice`), `number`
-    the checkpoint that it speaks of (0 is the station), at `x`, `y` in metres on the map. `passed`
-    are the numbers of checkpoints behind the robot, `doors` the names of doors in the order they
-    were gone through. `remaining` is in seconds at `stamp`, said in the last minutes alone. `photo`
-    is the action whose picture waits for an answer while `window` is `review`. `outcome` is empty
-    until the task is over.
-    """
-
-    session: Id
-    stamp: Stamp
-    cue: Name = ""
-    number: Count | None = None
-    x: Metres | None = None
-    y: Metres | None = None
-    passed: Annotated[tuple[Count, ...], Meta(max_length=100)] = ()
-    remaining: Seconds | None = None
-    window: Literal["shut", "open", "review"] = "shut"
-    photo: Annotated[str, Meta(max_length=64)] = ""
-    outcome: Name = ""
-    doors: Annotated[tuple[Name, ...], Meta(max_length=1000)] = ()
-
-
-class Queued(Message, frozen=True, kw_only=True):
-    """`session/queued`: you wait; `place` 1 is next, `minutes` the estimate.
-
-    `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`,
-    a colon, and what the robot says; or `start`, a colon, and in one word why it is not as a study
-    wants it: `not_docked`, `elsewhere`, `lost`, `charge`, `silent`.
-    """
-
-    session: Id
-    place: Count
-    minutes: NotNegative
-    reason: Reason = ""
-
-
-class YourTurn(Message, frozen=True, kw_only=True):
-    """`session/turn`: the robot is yours if you send `session/take` within `seconds`."""
-
-    session: Id
-    seconds: Seconds
-
-
 class Observing(Message, frozen=True, kw_only=True):
     """`session/observing`: you watch."""
 
@@ -264,22 +209,6 @@ class Refused(Message, frozen=True, kw_only=True):
         "full",
     ]
     session: Id | None = None
-
-
-class Warning(Message, frozen=True, kw_only=True):  # noqa: A001 -- the word of the page
-    """`session/warning`: the turn ends in `remaining` seconds."""
-
-    remaining: Seconds
-
-
-class Ended(Message, frozen=True, kw_only=True):
-    """`session/ended`: the visit is over, with one of sessions.models.Session.Outcome, or `moved`
-    to another tab.
-    """
-
-    session: Id
-    outcome: Name
-    reason: Reason = ""
 
 
 class Room(Message, frozen=True, kw_only=True):
@@ -308,12 +237,6 @@ class RobotPresence(Message, frozen=True, kw_only=True):
 
     online: bool
     reason: Reason = ""
-
-
-class Notice(Message, frozen=True, kw_only=True):
-    """`notice`: a sentence of the operator."""
-
-    text: Reason
 
 
 class Fault(Message, frozen=True, kw_only=True):
@@ -346,6 +269,138 @@ class Denied(Message, frozen=True, kw_only=True):
 
     suffix: Name
     reason: Name
+
+
+# --- notices: server → the page of a session ------------------------------------------------------
+
+
+class Notice(Message, frozen=True, kw_only=True):
+    """What the page of a session is told without having asked for it.
+
+    Every notice has one name on its whole way (`NOTICES`): `session/<name>` is the suffix of its
+    frame, which processes hand on as it is, and where it belongs into the record, `<name>` is the
+    type of the session's event there and its other fields are the event's data.
+    """
+
+    session: Id
+
+
+class Queued(Notice, frozen=True, kw_only=True):
+    """You wait; `place` 1 is next, `minutes` the estimate.
+
+    `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`,
+    a colon, and what the robot says; or `start`, a colon, and in one word why it is not as a study
+    wants it: `not_docked`, `elsewhere`, `lost`, `charge`, `silent`.
+    """
+
+    place: Count
+    minutes: NotNegative
+    reason: Reason = ""
+
+
+class Offered(Notice, frozen=True, kw_only=True):
+    """The robot is yours if you send `session/take` within `seconds`."""
+
+    seconds: Seconds
+
+
+class TurnWarning(Notice, frozen=True, kw_only=True):
+    """The turn ends in `remaining` seconds."""
+
+    remaining: Seconds
+
+
+class AskedThere(Notice, frozen=True, kw_only=True):
+    """Are you still there? Without a sign the robot goes on to the next visitor in `seconds`."""
+
+    seconds: Seconds
+
+
+class FoundThere(Notice, frozen=True, kw_only=True):
+    """You have given a sign: all is well."""
+
+
+class Task(Notice, frozen=True, kw_only=True):
+    """How far the task is; all of it, each time that anything changes and whenever
+    a page takes the session.
+
+    `cue` is what the visitor is told (experiments.definition.cues.CueKey, or `practice`), `number`
+    the checkpoint that it speaks of (0 is the station), at `x`, `y` in metres on the map. `passed`
+    are the numbers of checkpoints behind the robot, `doors` the names of doors in the order they
+    were gone through. `remaining` is in seconds at `stamp`, said in the last minutes alone. `photo`
+    is the action whose picture waits for an answer while `window` is `review`. `outcome` is empty
+    until the task is over.
+    """
+
+    stamp: Stamp
+    cue: Name = ""
+    number: Count | None = None
+    x: Metres | None = None
+    y: Metres | None = None
+    passed: Annotated[tuple[Count, ...], Meta(max_length=100)] = ()
+    remaining: Seconds | None = None
+    window: Literal["shut", "open", "review"] = "shut"
+    photo: Annotated[str, Meta(max_length=64)] = ""
+    outcome: Name = ""
+    doors: Annotated[tuple[Name, ...], Meta(max_length=1000)] = ()
+
+
+class OperatorMessage(Notice, frozen=True, kw_only=True):
+    """A sentence of whoever looks after the session."""
+
+    text: Reason
+
+
+class Ended(Notice, frozen=True, kw_only=True):
+    """The session is over, with one of sessions.models.Session.Outcome, or `moved` to another
+    tab.
+    """
+
+    outcome: Name
+    reason: Reason = ""
+
+
+NOTICES: dict[str, type[Notice]] = {
+    "queued": Queued,
+    "offered": Offered,
+    "turn_warning": TurnWarning,
+    "asked_there": AskedThere,
+    "found_there": FoundThere,
+    "task": Task,
+    "operator_message": OperatorMessage,
+    "ended": Ended,
+}
+NOTICE_NAMES = {kind: name for name, kind in NOTICES.items()}
+_NOTICE = "session/"
+
+
+def notice_frame(notice: Notice) -> str:
+    """Return a notice as the page gets it."""
+    return encode_frame(_NOTICE + NOTICE_NAMES[type(notice)], notice)
+
+
+def decode_notice(frame: str) -> Notice:
+    """Return the notice of a frame.
+
+    Raises:
+        Rejection: it is none, or malformed.
+    """
+    suffix, _, payload = frame.partition("\n")
+    kind = NOTICES.get(suffix.removeprefix(_NOTICE)) if suffix.startswith(_NOTICE) else None
+    if kind is None:
+        raise Rejection("unknown_topic", suffix[:80])
+    try:
+        return msgspec.json.decode(payload, type=kind)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise Rejection("malformed", f"{suffix}: {error}") from error
+
+
+def task_of(session: str, shown: dict[str, Any], stamp: float) -> Task | None:
+    """Return what is stored of a task (Drive.shown) as a notice; None when it is none."""
+    try:
+        return msgspec.convert({**shown, "session": session, "stamp": stamp}, Task)
+    except msgspec.ValidationError:
+        return None
 
 
 # --- between servers ------------------------------------------------------------------------------
@@ -382,21 +437,15 @@ SIGNAL = "signal"
 TO_PAGE: dict[str, Any] = {
     "hello": Hello,
     "session/granted": Granted,
-    "session/queued": Queued,
-    "session/turn": YourTurn,
     "session/observing": Observing,
     "session/refused": Refused,
-    "session/warning": Warning,
-    "session/idle": Idle,
-    "session/task": Task,
-    "session/ended": Ended,
     "room": Room,
     "robot": RobotPresence,
     "screen": Screen,
-    "notice": Notice,
     "denied": Denied,
     "server/status": ServerStatus,
     "signal/reply": Answer | Candidate | Bye,
+    **{f"{_NOTICE}{name}": kind for name, kind in NOTICES.items()},
 }
 _DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()

@@ -1,5 +1,5 @@
-"""News for the apps above this one. Only the session manager sends them, in a thread where the ORM
-may be used.
+"""What the apps above this one are told. Only the session manager sends them, in a thread where the
+ORM may be used.
 
 Every receiver gets `sender=Session`. What a receiver raises is logged and harms nobody else
 (`send_robust`).
@@ -23,16 +23,19 @@ state_recovered = Signal()
 # what a page says comes from its own process, and a robot's session is what the robot says.
 message_received = Signal()
 
-# now: datetime. Sent twice a second, before the session manager looks at visits itself.
-looked = Signal()
+# What is sent for what was received of sessions.
+OF_SESSIONS = (state_received, state_recovered, message_received)
+
+# now: datetime. Sent twice a second, before the session manager looks at sessions itself.
+ticked = Signal()
 
 # robot: robots.models.Robot, reason: str, at: datetime. Its queue is paused: it could not be made
-# ready for the next visit.
+# ready for the next session.
 queue_paused = Signal()
 
-# robot: robots.models.Robot, session: sessions.models.Session, reason: str, at: datetime. The visit
-# is next and the robot is free, but for some seconds it has not been as the visit's terms want it.
-# Sent once for each visit and reason.
+# robot: robots.models.Robot, session: sessions.models.Session, reason: str, at: datetime. The
+# session is next and the robot is free, but for some seconds it has not been as the session's terms
+# want it. Sent once for each session and reason.
 not_ready = Signal()
 
 # robot: robots.models.Robot, online: bool, at: datetime.

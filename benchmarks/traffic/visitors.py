@@ -110,7 +110,7 @@ class LightVisitor:
                 self._robot_said(self._said.decode(payload), now)
             case "session/granted":
                 self._granted(msgspec.json.decode(payload, type=protocol.Granted))
-            case "session/turn":
+            case "session/offered":
                 self._ask()
             case "session/ended" | "session/refused":
                 self._told.counts[suffix] += 1

@@ -97,7 +97,7 @@ class View:
                 self.interface = message.terms.interface if message.terms is not None else ""
             case protocol.Queued():
                 self.session, self.queued, self.turn = message.session, True, False
-            case protocol.YourTurn():
+            case protocol.Offered():
                 self.turn = True
             case protocol.Refused():
                 self.refused = message.reason

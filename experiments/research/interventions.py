@@ -11,23 +11,29 @@ from typing import Any
 
 from accounts import audit
 from robots.models import Robot
-from sessions import system_log
+from sessions import protocol, system_log
 from sessions.leases import store
 from sessions.models import Session, SessionEvent
+from sessions.page_channel import check_pages, robot_group, send_notice
 
 LONGEST = 200
 
 
-def note_message(session: str, text: str, user: Any, now: datetime.datetime) -> None:
-    """Write down that somebody said something to the visitor."""
-    _note(session, "operator_message", user, now, text=text[:LONGEST])
-    audit.note("session_message", actor=user, thing=session, at=now)
+def send_message(session: Session, text: str, user: Any, now: datetime.datetime) -> bool:
+    """Send a sentence to the visitor's page and write it down; False when it could not be sent."""
+    message = protocol.OperatorMessage(session=str(session.pk), text=text[:LONGEST])
+    if not send_notice(session.robot.name, message):
+        return False
+    _note(message.session, protocol.NOTICE_NAMES[type(message)], user, now, text=message.text)
+    audit.note("session_message", actor=user, thing=message.session, at=now)
+    return True
 
 
 def end_session(session: Session, reason: str, user: Any, now: datetime.datetime) -> bool:
     """End a session as stopped by the operator; False when it was over already."""
     ended = store.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, reason[:LONGEST], now)
     if ended:
+        check_pages(robot_group(session.robot.name), session=str(session.pk))
         _note(str(session.pk), "operator_end", user, now, reason=reason[:LONGEST])
         audit.note(
             "session_stopped",

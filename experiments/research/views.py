@@ -6,7 +6,6 @@ import uuid
 from typing import Any
 
 import msgspec
-from asgiref.sync import async_to_sync
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, render
 from django.urls import reverse
@@ -26,8 +25,6 @@ from experiments.research import interventions, live
 from experiments.research.access import for_role, may, session_for
 from experiments.research.replay import photos_of, replay
 from robots.access import may_observe, may_operate
-from robots.api.messages import ServerNews
-from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
 from robots.views import plan_content
 from sessions.models import Session
@@ -96,26 +93,11 @@ def live_act(request: HttpRequest, slug: str) -> JsonResponse:
     with a `text`.
     """
     verdict = _act(request, slug)
-    if isinstance(verdict, ServerNews):
-        verdict = _say(request, verdict)
     return JsonResponse({"problem": verdict}, status=409 if verdict else 200)
 
 
-def _say(request: HttpRequest, news: ServerNews) -> str:
-    """Say something to a visitor, and write down what was said; return what is wrong."""
-    if not async_to_sync(_tell)(news):  # on the server's own loop, where the bridge lives
-        return _("The message could not be sent: the broker is away.")
-    interventions.note_message(news.session, news.text, request.user, timezone.now())
-    return ""
-
-
-async def _tell(news: ServerNews) -> bool:
-    bridge = mqtt_bridge.current()
-    return await bridge.wait_connected(BROKER_PATIENCE_SECONDS) and bridge.publish_session(news)
-
-
-def _act(request: HttpRequest, slug: str) -> str | ServerNews:
-    """Carry out an act; return what is wrong, or a message that has still to be sent.
+def _act(request: HttpRequest, slug: str) -> str:
+    """Carry out an act; return what is wrong.
 
     Raises:
         Http404: there is no such study, session or robot for whoever asks.
@@ -148,7 +130,7 @@ def _hold(request: HttpRequest, slug: str, act: str, text: str) -> str:
     )
 
 
-def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str | ServerNews:
+def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str:
     try:
         key = uuid.UUID(request.POST.get("session", ""))
     except ValueError as error:
@@ -165,11 +147,10 @@ def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str | S
             if interventions.end_session(session, text, request.user, now)
             else _("The session is over already.")
         )
-    return ServerNews(
-        type="message",
-        stamp=now.timestamp(),
-        session=str(session.pk),
-        text=text[: interventions.LONGEST],
+    return (
+        ""
+        if interventions.send_message(session, text, request.user, now)
+        else _("The message could not be sent. Try again.")
     )
 
 

@@ -28,6 +28,7 @@ from experiments.tasks.finalization import Settler, note_end
 from experiments.tasks.records import FirstFrame, Record, seen
 from experiments.tasks.stored_records import TASK, of_message, offset_of, stored
 from robots.api.messages import State
+from sessions import protocol
 from sessions.leases import store
 from sessions.leases.store import LIVE
 from sessions.manager import notices
@@ -257,7 +258,10 @@ class Runner:
         )
         if changed or again:
             Drive.objects.filter(pk=running.drive.pk).update(shown=shown)
-            notices.publish(str(running.drive.session_id), shown, now)
+            session = str(running.drive.session_id)
+            task = protocol.task_of(session, shown, now)
+            if task is not None:
+                notices.publish(task)
             # last: what the database did not take is told at the next tick
             running.told, running.published_at = shown, now
 

@@ -362,28 +362,6 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
     },
 }
 
-SERVER_NEWS: dict[str, m.ServerNews] = {
-    "queue": m.ServerNews(
-        type="queue", stamp=_STAMP, session=_SESSION, state="waiting", place=2, minutes=12.5
-    ),
-    "ended": m.ServerNews(
-        type="ended",
-        stamp=_STAMP,
-        session=_SESSION,
-        state="ended",
-        outcome="timed_out",
-        text="your turn is over",
-    ),
-    "warning": m.ServerNews(type="warning", stamp=_STAMP, session=_SESSION, remaining=60.0),
-    "idle": m.ServerNews(type="idle", stamp=_STAMP, session=_SESSION, remaining=30.0),
-    "task": m.ServerNews(
-        type="task",
-        stamp=_STAMP,
-        session=_SESSION,
-        data={"cue": "go_to_checkpoint", "number": 2, "x": 3.5, "y": -1.25, "passed": [1]},
-    ),
-}
-
 MANAGER_STATUS: dict[str, m.ManagerStatus] = {
     "well": m.ManagerStatus(stamp=_STAMP),
     "in trouble": m.ManagerStatus(stamp=_STAMP, faults=("database", "disk_full")),

@@ -10,7 +10,7 @@ Longer than most files here, because a reader who writes an agent wants all of t
 page.
 """
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
@@ -860,29 +860,6 @@ class PictureRequest(Message, frozen=True, kw_only=True):
     peer: Id = "page"
     seen: Stamp | None = None
     round_trip: Seconds | None = None
-
-
-class ServerNews(Message, frozen=True, kw_only=True):
-    """`telepresence/v1/server/session/<id>`: what the session manager tells the web processes about
-    one session.
-
-    `data` is for the page that drives: with type `task`, what it shows of the task.
-    """
-
-    QUEUE: ClassVar[str] = "queue"
-
-    type: Literal[
-        "queue", "granted", "state", "warning", "idle", "ended", "stop", "message", "task"
-    ]
-    stamp: Stamp
-    session: Id
-    state: Name = ""
-    outcome: Name = ""
-    place: Count | None = None
-    minutes: NotNegative | None = None
-    remaining: Seconds | None = None
-    text: Reason = ""
-    data: Annotated[dict[Name, Any], Meta(max_length=32)] = {}
 
 
 class ManagerStatus(Message, frozen=True, kw_only=True):

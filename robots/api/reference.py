@@ -15,7 +15,7 @@ import msgspec
 
 from robots.api import messages as m
 from robots.api import topics
-from robots.api.examples import EXAMPLES, MANAGER_STATUS, SERVER_NEWS
+from robots.api.examples import EXAMPLES, MANAGER_STATUS
 from robots.api.schema import json_schema
 
 REFERENCE = "docs/reference/robot-api.md"
@@ -99,11 +99,12 @@ of a grant to come back to it; `takeover` |
 `iceServers`, `limits`, `terms` |
 | `session/queued` | server | `session`, `place` (1 is next), `minutes`, `reason` why a robot \
 that nobody drives is not ready |
-| `session/turn` | server | `session`, `seconds` in which `session/take` gets the robot |
+| `session/offered` | server | `session`, `seconds` in which `session/take` gets the robot |
 | `session/refused` | server | `reason`, `session` |
-| `session/warning` | server | the turn ends in `remaining` seconds |
-| `session/idle` | server | are you there? within `seconds` send a `page/event` of type `here`; \
-without `seconds`: it has heard you |
+| `session/turn_warning` | server | `session`; the turn ends in `remaining` seconds |
+| `session/asked_there` | server | `session`; are you there? within `seconds` send a `page/event` \
+of type `here` |
+| `session/found_there` | server | `session`; it has heard you |
 | `session/task` | server | how far a study's task is |
 | `session/ended` | server | `session`, `outcome`, `reason` |
 | `session/leave` | program | ends the session; `session` and `peer` when it was left while there \
@@ -121,7 +122,7 @@ come here as well |
 server that cannot tell |
 | `server/status` | server | once a second and at every change: `faults`, a list of `part`, \
 `then`, `seconds`; see below |
-| `notice` | server | `text` of whoever operates the robot |
+| `session/operator_message` | server | `session`, `text` of somebody who looks after the session |
 | `denied` | server | a frame of `suffix` was refused for `reason` |
 | `screen` | server | for the robot's own display alone |
 
@@ -189,10 +190,6 @@ def reference() -> str:
     parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
     parts += [
         "## Between servers\n",
-        _class_section(m.ServerNews, "###"),
-        *(_example(name, news) for name, news in SERVER_NEWS.items()),
-    ]
-    parts += [
         _class_section(m.ManagerStatus, "###"),
         *(_example(name, status) for name, status in MANAGER_STATUS.items()),
     ]
@@ -203,7 +200,7 @@ def golden_files() -> dict[str, str]:
     """Return name → text of the golden files: one a topic, `{"suffix": …, "messages": {name:
     message}}`.
     """
-    named = {**EXAMPLES, "server/session/+": SERVER_NEWS, "server/manager": MANAGER_STATUS}
+    named = {**EXAMPLES, "server/manager": MANAGER_STATUS}
     return {
         _file_name(suffix): _json({"suffix": suffix, "messages": msgspec.to_builtins(examples)})
         for suffix, examples in named.items()
@@ -357,7 +354,7 @@ def _parts() -> list[type[m.Message]]:
     return [
         kind
         for kind in every
-        if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews, m.ManagerStatus}
+        if kind not in carried and kind not in {m.Message, m.Action, m.ManagerStatus}
     ]
 
 

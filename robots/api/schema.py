@@ -22,7 +22,7 @@ def json_schema() -> dict[str, Any]:
     lines = [
         topic for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) if topic.content is not bytes
     ]
-    kinds = [*(topic.content for topic in lines), messages.ServerNews, messages.ManagerStatus]
+    kinds = [*(topic.content for topic in lines), messages.ManagerStatus]
     shapes, definitions = msgspec.json.schema_components(kinds, ref_template="#/$defs/{name}")
     return {
         "$schema": DIALECT,

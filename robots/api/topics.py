@@ -253,6 +253,6 @@ def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
     }
 
 
-def session_news(session: str) -> str:
+def session_notices(session: str) -> str:
     """Return the topic on which servers tell each other about one session."""
     return f"{SERVER}/session/{session}"

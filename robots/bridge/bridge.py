@@ -32,7 +32,7 @@ from prometheus_client import Histogram
 
 from robots.api import codec, topics
 from robots.api.errors import Rejection
-from robots.api.messages import Action, Lease, Message, ServerNews
+from robots.api.messages import Action, Lease, Message
 from robots.bridge import broker_address
 from robots.bridge.delivery import LINK, Delivery, Listener, ReceivedMessage
 from robots.bridge.inbox import Inbox
@@ -185,7 +185,7 @@ class Bridge:
             self._client, self._writer = client, writer_of(client)
             try:
                 wanted = [
-                    (topics.session_news("+"), 1),
+                    (topics.session_notices("+"), 1),
                     (topics.MANAGER_STATUS, 0),
                     *(pair for robot in self._delivery.robots for pair in _filters(robot)),
                 ]
@@ -265,7 +265,7 @@ class Bridge:
             )
 
     def follow(self, session: str, listener: Listener) -> None:
-        """Have the news of a session brought to a listener."""
+        """Have the notices of a session brought to a listener."""
         self._delivery.follow(session, listener)
 
     def unfollow(self, session: str, listener: Listener) -> None:
@@ -317,9 +317,9 @@ class Bridge:
             retain=True,
         )
 
-    def publish_session(self, news: ServerNews) -> bool:
-        """Publish news of a session for every web process and the session manager."""
-        return self._fly(topics.session_news(news.session), codec.encode(news), qos=1)
+    def publish_notice(self, session: str, frame: str) -> bool:
+        """Publish a notice of a session for every web process and the session manager."""
+        return self._fly(topics.session_notices(session), frame.encode(), qos=1)
 
     def report(self, topic: str, message: Message) -> None:
         """Publish something for the record; kept, within bounds, while the broker is away."""

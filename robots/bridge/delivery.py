@@ -9,17 +9,17 @@ import msgspec
 
 from robots.api import codec, picture, topics
 from robots.api.errors import Rejection
-from robots.api.messages import Lease, ManagerStatus, ServerNews
+from robots.api.messages import Lease, ManagerStatus
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ServerWatch
 
-# Suffixes of letters that no robot wrote: the connection to the broker came (True) or went (False);
-# news of a session. Of no robot either: which parts of the server fail, once a second and whenever
-# that changes.
-LINK, NEWS, FAULTS = "link", "news", "faults"
+# Suffixes of messages that no robot wrote: the connection to the broker came (True) or went
+# (False); a notice of a session, which is a frame for its page; which parts of the server fail,
+# once a second and whenever that changes.
+LINK, NOTICE, FAULTS = "link", "notice", "faults"
 FAULTS_SECONDS = 1.0
+_NOTICES = topics.session_notices("")
 Decoded = TypeVar("Decoded")
-_news = msgspec.json.Decoder(ServerNews)
 _status = msgspec.json.Decoder(ManagerStatus)
 
 
@@ -84,7 +84,7 @@ class Delivery:
         return True
 
     def follow(self, session: str, listener: Listener) -> None:
-        """Bring the news of a session to a listener."""
+        """Bring the notices of a session to a listener."""
         self._followers.setdefault(session, set()).add(listener)
 
     def unfollow(self, session: str, listener: Listener) -> None:
@@ -100,8 +100,8 @@ class Delivery:
         Raises:
             Rejection: it is not what its topic promises.
         """
-        if topic.startswith(topics.session_news("")):
-            self.bring_news(_decoded(_news, payload))
+        if topic.startswith(_NOTICES):
+            self.bring_notice(topic.removeprefix(_NOTICES), payload.decode("utf-8", "replace"))
             return
         if topic == topics.MANAGER_STATUS:
             self.watch.heard(_decoded(_status, payload), now)
@@ -157,10 +157,10 @@ class Delivery:
                 self._told[robot] = faults, now
                 self.bring(robot, ReceivedMessage(FAULTS, faults))
 
-    def bring_news(self, news: ServerNews) -> None:
-        """Bring news to everybody who follows their session."""
-        for follower in tuple(self._followers.get(news.session, ())):
-            follower.handle_message(ReceivedMessage(NEWS, news))
+    def bring_notice(self, session: str, frame: str) -> None:
+        """Bring a notice to everybody who follows its session."""
+        for follower in tuple(self._followers.get(session, ())):
+            follower.handle_message(ReceivedMessage(NOTICE, None, frame))
 
 
 def _decoded(decoder: "msgspec.json.Decoder[Decoded]", payload: bytes) -> Decoded:

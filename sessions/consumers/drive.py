@@ -23,7 +23,7 @@ from robots.api.messages import Action, Message
 from robots.bridge import bridge
 from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from robots.ice import ice_servers
-from sessions import protocol
+from sessions import page_channel, protocol
 from sessions.consumers import queries, relay
 from sessions.consumers.authorization import (
     Authorization,
@@ -47,6 +47,7 @@ from sessions.leases.policy import PAGE_SEEN_EVERY
 log = logging.getLogger(__name__)
 
 WELCOME_EVERY = 60.0
+SPREAD_SECONDS = 2.0
 
 
 class RobotConsumer(DirectConsumer):
@@ -110,6 +111,8 @@ class RobotConsumer(DirectConsumer):
         self.peers.members.add(self.page_session)
         self.peers.changed()
         self._launch(self._keep_time(self.page_session))
+        groups = (page_channel.robot_group(self.name), page_channel.visitor_group(user.pk))
+        self._launch(page_channel.listen(groups, self._take_event))
 
     def _say_hello(self, context: queries.ConnectionContext) -> None:
         online = context.online if self.known.online is None else self.known.online
@@ -285,6 +288,32 @@ class RobotConsumer(DirectConsumer):
         if presence is not None and presence != self.presence:
             self.presence = presence
             self.sender.post("robot", presence)
+
+    # --- what Django code says --------------------------------------------------------------------
+
+    def _take_event(self, event: page_channel.Event) -> None:
+        assert self.page_session is not None
+        if event.get("session") not in {None, self.authorization.session}:
+            return
+        if event["type"] == page_channel.NOTICE:
+            self.page_session.handle_notice(event["frame"])
+        else:
+            at_once = event.get("session") is not None or self.authorization.session is not None
+            self._launch(self._look_again(0.0 if at_once else random.random() * SPREAD_SECONDS))
+
+    async def _look_again(self, pause: float) -> None:
+        """Find out whether the page may stay, and where its session stands; those who only watch a
+        robot do not ask all at once.
+        """
+        assert self.page_session is not None
+        await asyncio.sleep(pause)
+        try:
+            async with self.page_session.turn:
+                welcome = await self.page_session.still_welcome()
+            if welcome:
+                await self.page_session.confirm()
+        except (DatabaseError, InterfaceError) as error:
+            log.warning("page_not_checked robot=%s reason=%s", self.name, error)
 
     # --- what time brings -------------------------------------------------------------------------
 

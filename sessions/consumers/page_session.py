@@ -10,18 +10,18 @@ from typing import Any
 
 import msgspec
 from channels.db import database_sync_to_async
-from django.conf import settings
 from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 
 from accounts.models import User
-from robots.api.messages import Bye, Lease, Message, ServerNews, Stay
+from robots.api.errors import Rejection
+from robots.api.messages import Bye, Lease, Message, Stay
 from robots.bridge.bridge import Bridge
 from robots.bridge.known import KnownRobot
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol
-from sessions.consumers import queries, relay
+from sessions.consumers import queries
 from sessions.consumers.authorization import Authorization
 from sessions.consumers.last_seen import last_seen_batcher
 from sessions.consumers.peers import Peers
@@ -37,7 +37,7 @@ MAX_WAITING_VERBS = 5
 @dataclass(eq=False)
 class PageSession:
     """One page's session at one robot; also a member of the robot's company and the follower of its
-    session's news.
+    session's notices.
 
     Verbs run one after another, under `turn`; frames that need no database go on passing meanwhile.
     """
@@ -109,9 +109,8 @@ class PageSession:
             case store.Queued(session, place, minutes, reason):
                 self._follow(session)
                 self.authorization.wait(session)
-                self.sender.post(
-                    "session/queued",
-                    protocol.Queued(session=session, place=place, minutes=minutes, reason=reason),
+                self.sender.notify(
+                    protocol.Queued(session=session, place=place, minutes=minutes, reason=reason)
                 )
             case store.Refused(reason, session):
                 self.sender.post(
@@ -137,11 +136,9 @@ class PageSession:
         )
         self.sender.post("session/granted", message)
         if granted.shown:
-            self.handle_news(
-                ServerNews(
-                    type="task", stamp=time.time(), session=granted.session, data=granted.shown
-                )
-            )
+            task = protocol.task_of(granted.session, granted.shown, time.time())
+            if task is not None:
+                self.sender.notify(task)
 
     async def _choose_assist(self, verb: protocol.Assist) -> None:
         session, chosen = self.authorization.session, None
@@ -199,9 +196,8 @@ class PageSession:
             return
         left = await database_sync_to_async(store.leave)(session, peer=peer, now=timezone.now())
         outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
-        self.sender.post(
-            "session/ended",
-            protocol.Ended(session=session, outcome=outcome or "moved", reason=reason),
+        self.sender.notify(
+            protocol.Ended(session=session, outcome=outcome or "moved", reason=reason)
         )
         if left:
             self._send_ended(session, outcome, reason, drove=reason != store.LEFT_QUEUE)
@@ -209,26 +205,23 @@ class PageSession:
     def _send_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
         if drove:
             self.bridge.publish_lease(self.robot.name, None)
-        self.bridge.publish_session(
-            ServerNews(
-                type="ended",
-                stamp=time.time(),
-                session=session,
-                state="ended",
-                outcome=outcome,
-                text=reason,
-            )
-        )
+        ended = protocol.Ended(session=session, outcome=outcome, reason=reason)
+        self.bridge.publish_notice(session, protocol.notice_frame(ended))
 
     # --- what is heard ----------------------------------------------------------------------------
 
-    def handle_news(self, news: ServerNews) -> None:
-        """Tell the page what the session manager decided."""
-        if news.type == "ended":
-            self._over(protocol.Ended(session=news.session, outcome=news.outcome, reason=news.text))
+    def handle_notice(self, frame: str) -> None:
+        """Hand a notice of the page's session on, and act on its end."""
+        try:
+            notice = protocol.decode_notice(frame)
+        except Rejection as rejection:
+            log.error("notice_rejected robot=%s reason=%s", self.robot.name, rejection)
+            return
+        if isinstance(notice, protocol.Ended):
+            self._over(notice)
             self.peers.changed()
-        elif (sent := relay.sent(news, settings.START_SECONDS)) is not None:
-            self.sender.post(*sent)
+        else:
+            self.sender.notify(notice)
 
     def lost_lease(self, lease: Lease | None) -> bool:
         """Act on a lease that is not this page's any more; True when only the
@@ -275,9 +268,7 @@ class PageSession:
         elif driving and standing.lease is not None:
             self.bridge.publish_lease(self.robot.name, _ahead(standing.lease, self.known))
         elif not driving and standing.seconds is not None:
-            self.sender.post(
-                "session/turn", protocol.YourTurn(session=session, seconds=standing.seconds)
-            )
+            self.sender.notify(protocol.Offered(session=session, seconds=standing.seconds))
 
     # --- what time brings -------------------------------------------------------------------------
 
@@ -344,8 +335,8 @@ class PageSession:
         self.sender.end(protocol.REPLACED)
 
     def handle_message(self, inbound: Any) -> None:
-        """Take the news of the session that is followed."""
-        self.handle_news(inbound.message)
+        """Take a notice of the session that is followed."""
+        self.handle_notice(str(inbound.frame))
 
     def _follow(self, session: str) -> None:
         if self.authorization.session not in {None, session}:
@@ -361,7 +352,7 @@ class PageSession:
     def _over(self, ended: protocol.Ended) -> None:
         self.hang_up()
         self.forget()
-        self.sender.post("session/ended", ended)
+        self.sender.notify(ended)
 
     def hang_up(self) -> None:
         """Tell the robot that this page wants no more pictures, and must get none."""

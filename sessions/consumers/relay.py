@@ -1,8 +1,5 @@
-"""What a page hears of its robot and of its session: letters of the bridge turned into frames,
-pure.
-"""
+"""What a page hears of its robot: messages of the bridge turned into frames, pure."""
 
-import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -11,13 +8,12 @@ import msgspec
 
 from robots.api import topics
 from robots.api.codec import encode_frame
-from robots.api.messages import Heartbeat, Message, Pointer, ServerNews
+from robots.api.messages import Heartbeat, Message, Pointer
 from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ROBOT
 from sessions import protocol
 
-log = logging.getLogger(__name__)
 # Newest wins: an older one may be dropped on the way to a slow page.
 TELEMETRY = frozenset({"state", "pose", "path", "scan", "heartbeat"})
 KEPT = frozenset({"event", "action"})
@@ -144,49 +140,6 @@ def _fault(part: Any, known: KnownRobot, now: float) -> protocol.Fault:
     if part == ROBOT or left <= 0.0:
         return protocol.Fault(part=part, then="stopped")
     return protocol.Fault(part=part, then="stops", seconds=left)
-
-
-def sent(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None:
-    """Return news of a session in the page's words; None for those that say nothing to it.
-
-    `start_seconds` is how long an offered turn stays open when the news do not say.
-    """
-    match news.type:
-        case "queue" if news.place is not None:
-            return "session/queued", protocol.Queued(
-                session=news.session,
-                place=news.place,
-                minutes=news.minutes or 0.0,
-                reason=news.text,
-            )
-        case "granted":
-            return "session/turn", protocol.YourTurn(
-                session=news.session,
-                seconds=start_seconds if news.remaining is None else news.remaining,
-            )
-        case "warning" if news.remaining is not None:
-            return "session/warning", protocol.Warning(remaining=news.remaining)
-        case "idle":
-            return "session/idle", protocol.Idle(seconds=news.remaining)
-        case "task":
-            return _task(news)
-        case "ended":
-            return "session/ended", protocol.Ended(
-                session=news.session, outcome=news.outcome, reason=news.text
-            )
-        case "stop" | "message" if news.text:
-            return "notice", protocol.Notice(text=news.text)
-    return None
-
-
-def _task(news: ServerNews) -> tuple[str, Message] | None:
-    try:
-        return "session/task", msgspec.convert(
-            {**news.data, "session": news.session, "stamp": news.stamp}, protocol.Task
-        )
-    except msgspec.ValidationError as error:
-        log.error("task_news_malformed session=%s reason=%s", news.session, error)
-        return None
 
 
 assert {*TELEMETRY, *KEPT, "media"} == set(topics.TO_PAGE)

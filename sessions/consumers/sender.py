@@ -53,6 +53,10 @@ class Sender:
         """Send the page something of the server's own, which is never dropped."""
         self.put(outgoing(suffix, message))
 
+    def notify(self, notice: protocol.Notice) -> None:
+        """Send the page a notice."""
+        self.put(Outgoing(protocol.notice_frame(notice)))
+
     def put(self, out: Outgoing) -> None:
         """Send the page a frame; one that lets too much pile up is sent away."""
         if not self.queue.put(out.frame, droppable=out.droppable):

@@ -16,21 +16,18 @@ from sessions.leases.terms import NotGranted
 from sessions.leases.transitions import (
     IDLE,
     Act,
-    AskThere,
-    Drove,
-    End,
-    FoundThere,
+    FirstMotion,
     Free,
     Link,
     Lose,
     Move,
-    Offer,
-    SetTurn,
-    Warn,
+    TurnLimited,
+    TurnUnlimited,
     Withdraw,
     decide_tick,
 )
 from sessions.models import Session
+from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
 
 
 def tick(
@@ -53,31 +50,38 @@ def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.dat
             return change_lease(robot, epoch, session=None, peer="", now=now)
         case Move():
             return _move(act, _session(scene, act.session), now)
-        case End(session, outcome, reason):
+        case Ended(session=session, outcome=outcome, reason=reason):
             # while this was decided
             sign_came = reason == IDLE and link.signs.get(session, 0.0) >= now.timestamp()
             return not sign_came and end(
                 session, outcome, reason, now, **_as_decided(_session(scene, session))
             )
-        case Drove(session):
-            return _update(session, {"first_motion_at": now}, first_motion_at__isnull=True)
-        case SetTurn(session, ends_at):
-            return _update(session, {"turn_ends_at": _at(ends_at)})
-        case Offer(session):
-            return _update(
-                session, {"offered_at": now}, state=Session.State.WAITING, offered_at__isnull=True
-            )
-        case Withdraw(session):
-            return _update(session, {"offered_at": None}, state=Session.State.WAITING)
-        case Lose(session, lost_at):
-            return _update(
-                session,
-                {"lost_at": _at(lost_at)},
-                state=Session.State.WAITING,
-                lost_at__isnull=True,
-            )
-        case Warn() | AskThere() | FoundThere():
+        case TurnWarning() | AskedThere() | FoundThere():
             return True
+        case _:
+            changes, only_if = _changes(act, now)
+            return _update(act.session, changes, **only_if)
+
+
+def _changes(
+    act: FirstMotion | TurnLimited | TurnUnlimited | Offered | Withdraw | Lose,
+    now: datetime.datetime,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what an act changes in its session's row, and under which conditions."""
+    waiting = {"state": Session.State.WAITING}
+    match act:
+        case FirstMotion():
+            return {"first_motion_at": now}, {"first_motion_at__isnull": True}
+        case TurnLimited():
+            return {"turn_ends_at": _at(act.ends_at)}, {}
+        case TurnUnlimited():
+            return {"turn_ends_at": None}, {}
+        case Offered():
+            return {"offered_at": now}, waiting | {"offered_at__isnull": True}
+        case Withdraw():
+            return {"offered_at": None}, waiting
+        case Lose():
+            return {"lost_at": _at(act.lost_at)}, waiting | {"lost_at__isnull": True}
 
 
 def _move(move: Move, session: ActiveSession, now: datetime.datetime) -> bool:

@@ -40,6 +40,7 @@ from sessions.leases.policy import (
     ready,
     turn_end,
 )
+from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
 
 HEARTBEAT_SILENCE = 2.0
 STATE_SILENCE = 3.0
@@ -90,59 +91,23 @@ class Move:
 
 
 @dataclass(frozen=True)
-class Drove:
+class FirstMotion:
     """The visitor has moved the robot for the first time."""
 
     session: str
 
 
 @dataclass(frozen=True)
-class End:
-    """The session is over, with one of sessions.models.Session.Outcome."""
+class TurnLimited:
+    """The turn ends at `ends_at`, Unix seconds."""
 
     session: str
-    outcome: str
-    reason: str
+    ends_at: float
 
 
 @dataclass(frozen=True)
-class SetTurn:
-    """The turn ends then; None: not limited."""
-
-    session: str
-    ends_at: float | None
-
-
-@dataclass(frozen=True)
-class Warn:
-    """The turn ends in `remaining` seconds; said at every tick of the last minutes, for the shell
-    to say once.
-    """
-
-    session: str
-    remaining: float
-
-
-@dataclass(frozen=True)
-class AskThere:
-    """Ask whether the driver is still there; the robot is given away after `seconds` without a
-    sign.
-    """
-
-    session: str
-    seconds: float
-
-
-@dataclass(frozen=True)
-class FoundThere:
-    """The driver who was asked has given a sign."""
-
-    session: str
-
-
-@dataclass(frozen=True)
-class Offer:
-    """The robot is this session's, if it takes it in time."""
+class TurnUnlimited:
+    """Nobody waits any more: the turn has no end."""
 
     session: str
 
@@ -162,7 +127,22 @@ class Lose:
     lost_at: float
 
 
-Act = Free | Move | Drove | End | SetTurn | Warn | AskThere | FoundThere | Offer | Withdraw | Lose
+# What is told to the session's page is the notice itself. TurnWarning comes at every tick of the
+# last minutes, for the shell to say once.
+Act = (
+    Free
+    | Move
+    | FirstMotion
+    | TurnLimited
+    | TurnUnlimited
+    | Withdraw
+    | Lose
+    | TurnWarning
+    | AskedThere
+    | FoundThere
+    | Offered
+    | Ended
+)
 
 
 def decide_tick(scene: Scene, link: Link, rules: Rules, now: float) -> tuple[Act, ...]:
@@ -184,7 +164,7 @@ def _orphans(scene: Scene) -> Iterator[Act]:
     """
     for session in scene.sessions:
         if session.state != "waiting" and session.id != scene.hold.session:
-            yield End(session.id, "connection_lost", "lease_gone")
+            yield Ended(session=session.id, outcome="connection_lost", reason="lease_gone")
 
 
 def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act]:
@@ -196,13 +176,13 @@ def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act
             and session.offered_at is not None
             and now - max(session.offered_at, link.since) >= rules.start
         ):
-            yield End(session.id, "cancelled", "turn_not_taken")
+            yield Ended(session=session.id, outcome="cancelled", reason="turn_not_taken")
         elif session.page_open(now):
             continue
         elif session.lost_at is None:
             yield Lose(session.id, now)
         elif now - max(session.lost_at, link.since) > rules.grace:
-            yield End(session.id, "cancelled", "page_gone")
+            yield Ended(session=session.id, outcome="cancelled", reason="page_gone")
 
 
 def _driver(
@@ -213,7 +193,7 @@ def _driver(
         yield fault
         return
     if link.moved and not holder.drove and _speaks_of(link, holder, scene.hold):
-        yield Drove(holder.id)
+        yield FirstMotion(holder.id)
     moved_on = _connection(scene.hold, holder, link, rules.of(holder), now)
     if moved_on is not None:
         yield moved_on
@@ -224,16 +204,16 @@ def _driver(
     )
     if idle is not None:
         yield idle
-    if not isinstance(moved_on, End) and not isinstance(idle, End):
+    if not isinstance(moved_on, Ended) and not isinstance(idle, Ended):
         yield from _turn(scene, holder, rules, now)
 
 
-def _fault(scene: Scene, holder: ActiveSession, link: Link, now: float) -> End | None:
+def _fault(scene: Scene, holder: ActiveSession, link: Link, now: float) -> Ended | None:
     if not scene.enabled:
-        return End(holder.id, "stopped_by_operator", "robot_disabled")
+        return Ended(session=holder.id, outcome="stopped_by_operator", reason="robot_disabled")
     heard = max(link.since, link.last_received_at or 0.0, holder.granted_at or 0.0)
     if now - heard > ROBOT_SILENCE:
-        return End(holder.id, "robot_fault", "robot_offline")
+        return Ended(session=holder.id, outcome="robot_fault", reason="robot_offline")
     return None
 
 
@@ -256,7 +236,7 @@ def _speaks_of(link: Link, holder: ActiveSession, hold: Hold) -> bool:
 
 def _connection(
     hold: Hold, holder: ActiveSession, link: Link, rules: Rules, now: float
-) -> Move | End | None:
+) -> Move | Ended | None:
     if holder.state == "waiting":  # the process that granted the lease did not live to say so
         return Move(holder.id, "connecting")
     here = visitor_here(hold, holder, link, now)
@@ -267,47 +247,53 @@ def _connection(
     if holder.state == "connecting":
         refused = now - max(holder.granted_at or now, link.since) > rules.start
         return (
-            End(
-                holder.id,
-                "connection_refused",
-                "never_connected" if holder.page_open(now) else "page_gone",
+            Ended(
+                session=holder.id,
+                outcome="connection_refused",
+                reason="never_connected" if holder.page_open(now) else "page_gone",
             )
             if refused
             else None
         )
     lost = now - max(holder.lost_at or now, link.since) > rules.grace
-    return End(holder.id, "connection_lost", "visitor_silent") if lost else None
+    return (
+        Ended(session=holder.id, outcome="connection_lost", reason="visitor_silent")
+        if lost
+        else None
+    )
 
 
 def _idle(
     holder: ActiveSession, link: Link, rules: Rules, now: float
-) -> AskThere | FoundThere | End | None:
+) -> AskedThere | FoundThere | Ended | None:
     still_since = max(
         link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0
     )
     asked_at = link.asked[1] if link.asked is not None and link.asked[0] == holder.id else None
     if rules.idle <= 0.0 or now - still_since < rules.idle:
-        return FoundThere(holder.id) if asked_at is not None else None
+        return FoundThere(session=holder.id) if asked_at is not None else None
     if asked_at is None or asked_at < still_since:
-        return AskThere(holder.id, ANSWER_SECONDS)
+        return AskedThere(session=holder.id, seconds=ANSWER_SECONDS)
     return (
-        End(holder.id, "timed_out", IDLE) if now - asked_at >= ANSWER_SECONDS + ON_THE_WAY else None
+        Ended(session=holder.id, outcome="timed_out", reason=IDLE)
+        if now - asked_at >= ANSWER_SECONDS + ON_THE_WAY
+        else None
     )
 
 
 def _turn(scene: Scene, holder: ActiveSession, rules: Rules, now: float) -> Iterator[Act]:
     if not any(ready(session, now) for session in scene.queue):
         if holder.turn_ends_at is not None:
-            yield SetTurn(holder.id, None)
+            yield TurnUnlimited(holder.id)
         return
     ends_at = turn_end(holder, rules, now)
     if now >= ends_at:
-        yield End(holder.id, "timed_out", "turn_over")
+        yield Ended(session=holder.id, outcome="timed_out", reason="turn_over")
         return
     if holder.turn_ends_at is None:
-        yield SetTurn(holder.id, ends_at)
+        yield TurnLimited(holder.id, ends_at)
     if ends_at - now <= rules.warning:
-        yield Warn(holder.id, ends_at - now)
+        yield TurnWarning(session=holder.id, remaining=ends_at - now)
 
 
 def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Act]:
@@ -318,4 +304,4 @@ def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Act]:
     elif not any(offer_alive(session, rules, now) for session in offered):
         first = next((session for session in scene.queue if ready(session, now)), None)
         if first is not None and not first.not_ready:
-            yield Offer(first.id)
+            yield Offered(session=first.id, seconds=rules.start)

@@ -31,9 +31,7 @@ ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 # Answers to what is repeated many times a second, or asked for by the session manager itself, are
 # no part of a record.
 UNRECORDED = frozenset({"", "stop", "estop", "resend_states"})
-# News of the web processes after which it is worth looking at the database at once.
-PRESSING = frozenset({"granted", "ended", "stop"})
-_NEWS = topics.session_news("")
+_NOTICES = topics.session_notices("")
 _REPORTS = protocol.page_reports("")
 
 
@@ -41,7 +39,7 @@ def filters() -> list[tuple[str, int]]:
     """Return the (filter, QoS) pairs that the session manager subscribes to."""
     lines = [(suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED]
     robots = [(topics.of("+", suffix), line.qos) for suffix, line in lines if line is not None]
-    return [*robots, (topics.session_news("+"), 1), (protocol.page_reports("+"), 1)]
+    return [*robots, (topics.session_notices("+"), 1), (protocol.page_reports("+"), 1)]
 
 
 @dataclass(frozen=True)
@@ -102,9 +100,9 @@ class Intake:
             report = _decoded(protocol.PageReport, payload, topic)
             self._put(PageItem(report, now))
             self._notice_sign(report, now)
-        elif topic.startswith(_NEWS):
-            if _decoded(messages.ServerNews, payload, topic).type in PRESSING:
-                self._wake_scheduler()
+        elif topic.startswith(_NOTICES):
+            if isinstance(protocol.decode_notice(_text(payload, topic)), protocol.Ended):
+                self._wake_scheduler()  # a web process has ended it
         else:
             parsed = topics.parse(topic)
             if parsed is None:
@@ -209,6 +207,12 @@ def _is_ordered(action_id: str | None) -> bool:
 
 
 Fresh = StateItem | EventItem | ActionItem | PageItem
+
+
+def _text(payload: bytes, topic: str) -> str:
+    if len(payload) > protocol.MAX_FRAME:
+        raise Rejection("oversized", topic[:80])
+    return payload.decode("utf-8", "replace")
 
 
 def _decoded(kind: type[Any], payload: bytes, topic: str) -> Any:

@@ -1,4 +1,4 @@
-"""Which process is the session manager: the one whose name stands in the row and whose beat is
+"""Which process is the session manager: the one whose name is in the row and whose heartbeat is
 young.
 
 The row changes hands by one conditional update. A manager that was stopped cleanly gives it back;
@@ -8,10 +8,18 @@ lease (10 s) outlives the change.
 """
 
 import datetime
+import os
+import secrets
+import socket
+from pathlib import Path
 from typing import Any
 
 from django.db.models import Q
+from django.utils import timezone
 
+from sessions.manager.database_thread import DatabaseThread
+from sessions.manager.health import ManagerHealth
+from sessions.manager.lock_file import LockFile
 from sessions.models import ManagerBeat
 
 NAME = "session_manager"
@@ -21,12 +29,50 @@ STALE_SECONDS = 4.0
 _LONG_AGO = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
 
 
-def beat(
+class LeaderElection:
+    """One process's part in it, from its start to its end.
+
+    Args:
+        lock_file: tells a successor on this computer that this process is dead.
+        health: is told how heartbeats go.
+    """
+
+    def __init__(self, lock_file: Path, health: ManagerHealth) -> None:
+        self.holder = f"{socket.gethostname()}:{os.getpid()}:{secrets.token_hex(4)}"
+        self._lock_file = LockFile(lock_file)
+        self._thread = DatabaseThread("heartbeat", health)
+
+    async def win(self) -> bool:
+        """Take the row; False while somebody else has it, or the database is away."""
+        return bool(await self._thread.attempt(self._heartbeat, {}, refused=False))
+
+    async def keep(self, report: dict[str, Any]) -> bool:
+        """Say that this process leads, and how it does; False when another one has taken over.
+
+        While the database is away nobody can take it, so that this process goes on.
+        """
+        return bool(await self._thread.attempt(self._heartbeat, report, refused=True))
+
+    def _heartbeat(self, report: dict[str, Any]) -> bool:
+        dead = self._lock_file.predecessor()
+        ours = heartbeat(self.holder, timezone.now(), report, dead=dead)
+        if ours:
+            self._lock_file.sign(self.holder)
+        return ours
+
+    async def close(self) -> None:
+        """Let another process lead at once."""
+        await self._thread.attempt(give_back, self.holder)
+        self._lock_file.release()
+        await self._thread.close()
+
+
+def heartbeat(
     holder: str, now: datetime.datetime, report: dict[str, Any] | None = None, *, dead: str = ""
 ) -> bool:
     """Take the row, or keep it; False while somebody else has it.
 
-    `report` is how its holder does (SessionManager.report), for the web processes that answer
+    `report` is how its holder does (ActiveManager.report), for the web processes that answer
     /readyz and /metrics. `dead` is a holder of whom it is certain that its process is gone.
     """
     ManagerBeat.objects.get_or_create(name=NAME, defaults={"beat_at": _LONG_AGO})

@@ -1,26 +1,20 @@
-"""What apps above this one have pages told about a session, waiting for the session manager's next
-look.
+"""Notices that apps above this one have for pages, waiting for the session manager's next tick.
 
 Receivers of the session manager's signals call `publish`, in its own process; nobody else listens
 here.
 """
 
 from collections import deque
-from collections.abc import Iterator
-from typing import Any
 
-from robots.api import codec, topics
-from robots.api.messages import ServerNews
+from sessions.protocol import Notice
 
 MOST = 10_000
-_waiting: deque[ServerNews] = deque(maxlen=MOST)
+_waiting: deque[Notice] = deque(maxlen=MOST)
 
 
-def publish(session: str, data: dict[str, Any], stamp: float) -> None:
-    """Tell the page that drives in a session how far its task is: the fields of
-    sessions.protocol.Task; `stamp` in Unix seconds.
-    """
-    _waiting.append(ServerNews(type="task", stamp=stamp, session=session, data=data))
+def publish(notice: Notice) -> None:
+    """Have a notice brought to the page of its session."""
+    _waiting.append(notice)
 
 
 def are_waiting() -> bool:
@@ -28,8 +22,6 @@ def are_waiting() -> bool:
     return bool(_waiting)
 
 
-def drain() -> Iterator[tuple[str, bytes]]:
-    """Yield (topic, payload) of what waits, and forget it."""
-    while _waiting:
-        news = _waiting.popleft()
-        yield topics.session_news(news.session), codec.encode(news)
+def drain() -> list[Notice]:
+    """Return what waits, and forget it."""
+    return [_waiting.popleft() for _ in range(len(_waiting))]

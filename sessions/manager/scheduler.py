@@ -1,5 +1,5 @@
-"""The session manager's look at the database: twice a second it does what is due and collects what
-is to be published.
+"""What the session manager does in the database twice a second: all that is due, and collecting
+what is to be published.
 
 Synchronous; all of it runs in one thread of the session manager. What it decides stands in the
 database before anybody is told, and what is to be told waits in `outbox` until the loop has
@@ -13,33 +13,30 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 from django.conf import settings
 from django.db import DatabaseError
 from django.dispatch import Signal
 
 from robots import log_ids
 from robots.api import codec, topics
-from robots.api.messages import ServerNews
 from robots.models import Robot
-from sessions import signals, system_log
+from sessions import protocol, signals, system_log
 from sessions.leases import expiry, store, terms
 from sessions.leases.policy import Hold, Scene, minutes_until_turn
 from sessions.leases.store import LIVE, lease_message, load_scene, load_scenes, rules_of
 from sessions.leases.transitions import (
     ANSWER_SECONDS,
     Act,
-    AskThere,
-    Drove,
-    End,
-    FoundThere,
+    FirstMotion,
     Link,
     Move,
-    Offer,
-    SetTurn,
-    Warn,
+    TurnLimited,
+    TurnUnlimited,
 )
 from sessions.manager.health import is_disk_full
 from sessions.models import Lease, Session, SessionEvent
+from sessions.protocol import AskedThere, Ended, FoundThere, Notice, Offered, TurnWarning
 from sessions.recording.items import CloseItem
 
 logger = logging.getLogger(__name__)
@@ -61,9 +58,15 @@ class ManagerMessage:
     retain: bool = False
 
 
+def notice_message(notice: Notice) -> ManagerMessage:
+    """Return what web processes hand on to the session's page."""
+    frame = protocol.notice_frame(notice)
+    return ManagerMessage(topics.session_notices(notice.session), frame.encode())
+
+
 class Scheduler:
-    """Everything that the session manager remembers between two looks; the rest
-    is in the database.
+    """Everything that the session manager remembers between two ticks; the rest is in the
+    database.
     """
 
     def __init__(self) -> None:
@@ -122,59 +125,59 @@ class Scheduler:
         keys |= set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
         return list(Robot.objects.filter(pk__in=keys).defer(*UNREAD).order_by("name"))
 
-    # --- news -------------------------------------------------------------------------------------
+    # --- notices ----------------------------------------------------------------------------------
 
     def _publish(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
         match act:
             case Move():
                 self._publish_moved(act, robot, now)
-            case Offer(session):
-                self._note(session, "offered", now)
-                self._news("granted", session, now, remaining=settings.START_SECONDS)
-            case Warn(session, remaining):
-                ends_at = round(now.timestamp() + remaining)
-                if not {(session, ends_at + slack) for slack in (-1, 0, 1)} & self._warned:
-                    self._warned.add((session, ends_at))
-                    self._note(session, "turn_warning", now, remaining=round(remaining, 1))
-                    self._news("warning", session, now, remaining=remaining)
-            case AskThere() | FoundThere():
-                self._publish_asked(act, robot, now)
-            case Drove(session):
+            case Offered() | AskedThere() | FoundThere():
+                self._publish_recorded(act, robot, now)
+            case TurnWarning():
+                self._warn(act, now)
+            case FirstMotion(session):
                 self._note(session, "first_motion", now)
-            case SetTurn(session, ends_at):
-                self._note(session, "turn_limited" if ends_at else "turn_unlimited", now)
-                if ends_at is None:
-                    self._warned = {pair for pair in self._warned if pair[0] != session}
-            case End(session, outcome, reason) if outcome in {"robot_fault", "stopped_by_operator"}:
+            case TurnLimited(session):
+                self._note(session, "turn_limited", now)
+            case TurnUnlimited(session):
+                self._note(session, "turn_unlimited", now)
+                self._warned = {pair for pair in self._warned if pair[0] != session}
+            case Ended(outcome="robot_fault" | "stopped_by_operator"):
                 system_log.log(
                     "session_broken_off",
                     "warning",
                     robot=robot,
-                    session=session,
+                    session=act.session,
                     at=now,
-                    outcome=outcome,
-                    reason=reason,
+                    outcome=act.outcome,
+                    reason=act.reason,
                 )
 
     def _publish_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
         self._note(move.session, move.state, now)
-        self._news("state", move.session, now, state=move.state)
         if move.state == "driving" and move.session == self._asked.get(robot.name, ("",))[0]:
             # Who was away could not answer, and is asked once more.
-            self._publish_asked(AskThere(move.session, ANSWER_SECONDS), robot, now)
+            asked = AskedThere(session=move.session, seconds=ANSWER_SECONDS)
+            self._publish_recorded(asked, robot, now)
 
-    def _publish_asked(
-        self, act: AskThere | FoundThere, robot: Robot, now: datetime.datetime
+    def _publish_recorded(
+        self, notice: Offered | AskedThere | FoundThere, robot: Robot, now: datetime.datetime
     ) -> None:
-        match act:
-            case AskThere(session, seconds):
-                self._asked[robot.name] = session, now.timestamp()
-                self._note(session, "asked_there", now)
-                self._news("idle", session, now, remaining=seconds)
-            case FoundThere(session):
+        match notice:
+            case AskedThere():
+                self._asked[robot.name] = notice.session, now.timestamp()
+            case FoundThere():
                 del self._asked[robot.name]
-                self._note(session, "found_there", now)
-                self._news("idle", session, now)
+        self._record(notice, now)
+        self._send(notice)
+
+    def _warn(self, warning: TurnWarning, now: datetime.datetime) -> None:
+        session, ends_at = warning.session, round(now.timestamp() + warning.remaining)
+        if not {(session, ends_at + slack) for slack in (-1, 0, 1)} & self._warned:
+            self._warned.add((session, ends_at))
+            rounded = TurnWarning(session=session, remaining=round(warning.remaining, 1))
+            self._record(rounded, now)
+            self._send(rounded)
 
     def _publish_places(self, robot: Robot, now: datetime.datetime) -> None:
         scene, rules = load_scene(robot, now), rules_of(robot)
@@ -183,9 +186,10 @@ class Scheduler:
             published = (place, round(minutes), scene.waits_for)
             if session.offered_at is None and self._places.get(session.id) != published:
                 self._places[session.id] = published
-                self._news(
-                    "queue", session.id, now, place=place, minutes=minutes, text=scene.waits_for
+                queued = protocol.Queued(
+                    session=session.id, place=place, minutes=minutes, reason=scene.waits_for
                 )
+                self._send(queued)
         self._publish_unready(robot, scene, now)
 
     def _publish_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
@@ -231,9 +235,12 @@ class Scheduler:
             at=now,
         )
 
-    def _news(self, kind: Any, session: str, now: datetime.datetime, **fields: Any) -> None:
-        news = ServerNews(type=kind, stamp=now.timestamp(), session=session, **fields)
-        self.outbox.append(ManagerMessage(topics.session_news(session), codec.encode(news)))
+    def _send(self, notice: Notice) -> None:
+        self.outbox.append(notice_message(notice))
+
+    def _record(self, notice: Notice, now: datetime.datetime) -> None:
+        data = msgspec.to_builtins(notice)
+        self._note(data.pop("session"), protocol.NOTICE_NAMES[type(notice)], now, **data)
 
     @staticmethod
     def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
@@ -353,18 +360,17 @@ class Scheduler:
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
         self._places.pop(str(session.pk), None)
-        ended = SessionEvent.objects.filter(
+        recorded = SessionEvent.objects.filter(
             session=session, source=SessionEvent.Source.SERVER, type="ended"
         )
-        if ended.exists():
+        if recorded.exists():
             return  # by a session manager before this one
-        self._news(
-            "ended", str(session.pk), now, outcome=session.outcome, text=session.outcome_reason
+        ended = Ended(
+            session=str(session.pk), outcome=session.outcome, reason=session.outcome_reason
         )
+        self._send(ended)
         send(signals.session_ended, session=session)
-        self._note(
-            str(session.pk), "ended", now, outcome=session.outcome, reason=session.outcome_reason
-        )
+        self._record(ended, now)
         system_log.log(
             "session_ended",
             robot=session.robot,

@@ -264,7 +264,7 @@ const HANDLERS = {
     const now = unixNow();
     store.update({ faults: faults.map(({ part, then, seconds }) => ({ part, then, at: seconds === null ? null : now + seconds })) });
   },
-  notice: (message) => store.update({ notice: message.text }),
+  "session/operator_message": (message) => store.update({ notice: message.text }),
   "signal/reply": (message) => {
     dispatch({ type: "signal/reply", message });
     void link.signal(message);

@@ -256,7 +256,7 @@ const TO_PAGE = {
     }),
   ],
   "session/queued": [KIB, object({ session: id, place: count, minutes: notNegative, reason: optional(reason, "") })],
-  "session/turn": [KIB, object({ session: id, seconds })],
+  "session/offered": [KIB, object({ session: id, seconds })],
   "session/observing": [16 * KIB, object({ iceServers })],
   "session/refused": [
     KIB,
@@ -265,8 +265,9 @@ const TO_PAGE = {
       session: absent(id),
     }),
   ],
-  "session/warning": [KIB, object({ remaining: seconds })],
-  "session/idle": [KIB, object({ seconds: absent(seconds) })],
+  "session/turn_warning": [KIB, object({ session: id, remaining: seconds })],
+  "session/asked_there": [KIB, object({ session: id, seconds })],
+  "session/found_there": [KIB, object({ session: id })],
   "session/ended": [2 * KIB, object({ session: id, outcome: name, reason: optional(reason, "") })],
   room: [KIB, object({ driver: absent(name), driving: optional(flag, false), observers: optional(count, 0), waiting: optional(count, 0) })],
   screen: [
@@ -274,7 +275,7 @@ const TO_PAGE = {
     object({ title: name, session: absent(id), visitor: absent(name), study: optional(flag, false), iceServers }),
   ],
   robot: [2 * KIB, object({ online: flag, reason: optional(reason, "") })],
-  notice: [2 * KIB, object({ text: reason })],
+  "session/operator_message": [2 * KIB, object({ session: id, text: reason })],
   "server/status": [
     2 * KIB,
     object({

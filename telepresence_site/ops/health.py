@@ -6,13 +6,10 @@ word for every part; of the disk also while there is still room. Neither says an
 everybody's business.
 """
 
-import asyncio
 import datetime
 import logging
-from typing import Any
 
 from channels.db import database_sync_to_async
-from channels.layers import get_channel_layer
 from django.conf import settings
 from django.db import DatabaseError
 from django.http import HttpRequest, JsonResponse
@@ -22,13 +19,16 @@ from django.views.decorators.http import require_safe
 
 from robots.api.disk_space import DiskSpace
 from robots.bridge import bridge
+from sessions import page_channel
 from sessions.manager.leadership import NAME, STALE_SECONDS
 from sessions.models import ManagerBeat
 from sessions.recording.recorder import LIMIT
 
 log = logging.getLogger(__name__)
 PATIENCE_SECONDS = 1.0
-WELL, LOW = "ok", "low"  # a disk that is nearly full is told in time, and turns nobody away
+# A disk that is nearly full is told in time, and turns nobody away; nor does a channel layer that
+# is away: pages only hear later of what staff do (sessions/page_channel.py).
+WELL, LOW, SLOW = "ok", "low", "slow"
 BEHIND = LIMIT // 4  # items that wait for the database; a busy site has a few hundred
 
 
@@ -41,11 +41,11 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
     parts = {
         "database": database,
         "broker": WELL if broker else "away",
-        "channel_layer": await _channel_layer(),
+        "channel_layer": WELL if await page_channel.is_well() else SLOW,
         "session_manager": manager,
         "disk": DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state(),
     }
-    ready = all(word == WELL for word in parts.values() if word != LOW)
+    ready = all(word in {WELL, LOW, SLOW} for word in parts.values())
     if any(word != WELL for word in parts.values()):
         log.warning(
             "not_ready parts=%s", {part: word for part, word in parts.items() if word != WELL}
@@ -73,25 +73,3 @@ def manager_state(row: ManagerBeat | None, now: datetime.datetime) -> str:
     if not row.report.get("connected"):
         return "without_broker"
     return "behind" if row.report.get("waiting", 0) > BEHIND else WELL
-
-
-async def _channel_layer() -> str:
-    """Send a message through the layer and wait for it."""
-    layer: Any = get_channel_layer()
-    try:
-        async with asyncio.timeout(PATIENCE_SECONDS):
-            channel = await layer.new_channel()
-            await layer.send(channel, {"type": "ready"})
-            await layer.receive(channel)
-    except (TimeoutError, OSError, *_errors_of_redis()) as error:
-        log.warning("channel_layer_away reason=%s", type(error).__name__)
-        return "away"
-    return WELL
-
-
-def _errors_of_redis() -> tuple[type[Exception], ...]:
-    try:
-        from redis.exceptions import RedisError  # noqa: PLC0415 -- an extra
-    except ImportError:
-        return ()
-    return (RedisError,)

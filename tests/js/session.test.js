@@ -173,7 +173,7 @@ describe("lost connections", () => {
   test("an offered turn is not accepted by a reconnection", () => {
     const { effects } = play(
       ...WAITED,
-      message("session/turn", { session: "s1", seconds: 60 }),
+      message("session/offered", { session: "s1", seconds: 60 }),
       { type: "socket_closed", code: 1006 },
       { type: "socket_open" },
     );
@@ -270,7 +270,7 @@ describe("queue and turn", () => {
     const { visit, effects } = play(
       ...WAITED,
       message("session/queued", QUEUED),
-      message("session/turn", { session: "s2", seconds: 60 }),
+      message("session/offered", { session: "s2", seconds: 60 }),
     );
     assert.deepEqual([visit.phase, visit.startBy, kinds(effects)], ["turn", 160, ["call"]]);
     assert.deepEqual(sent(after(visit, { type: "start" }).effects), [
@@ -281,7 +281,7 @@ describe("queue and turn", () => {
   test("who has just pressed and gets the turn at once is not asked to press again", () => {
     const waiting = [
       message("session/queued", QUEUED),
-      message("session/turn", { session: "s2", seconds: 60 }),
+      message("session/offered", { session: "s2", seconds: 60 }),
     ];
     for (const pressed of [
       [...OPEN, { type: "drive" }],
@@ -307,7 +307,7 @@ describe("queue and turn", () => {
   test("a turn that went by is given up and said so", () => {
     const { visit, effects } = play(
       ...WAITED,
-      message("session/turn", { session: "s2", seconds: 60 }),
+      message("session/offered", { session: "s2", seconds: 60 }),
       { type: "turn_missed" },
     );
     assert.deepEqual([visit.phase, visit.reason], ["ended", "turn_missed"]);
@@ -315,7 +315,7 @@ describe("queue and turn", () => {
   });
 
   test("who is asked for a sign is called, and left in peace once there was one", () => {
-    const asked = play(...DRIVING, message("session/idle", { seconds: 30 }));
+    const asked = play(...DRIVING, message("session/asked_there", { session: "s1", seconds: 30 }));
     assert.equal(asked.visit.askedUntil, 130);
     assert.deepEqual(asked.effects, [{ type: "call", word: "idle" }]);
     const answered = after(asked.visit, { type: "here" }).visit;
@@ -329,12 +329,12 @@ describe("queue and turn", () => {
       isSigning(after(answered, { type: "here" }).visit, 101),
       "a later touch changes nothing",
     );
-    assert.ok(!isSigning(after(answered, message("session/idle", {})).visit, 101));
+    assert.ok(!isSigning(after(answered, message("session/found_there", { session: "s1" })).visit, 101));
     assert.ok(!isSigning(after(play(...DRIVING).visit, { type: "here" }).visit, 101));
     assert.deepEqual(
       [
-        after(asked.visit, message("session/idle", {})).visit.askedUntil,
-        after(asked.visit, message("session/idle", {})).effects,
+        after(asked.visit, message("session/found_there", { session: "s1" })).visit.askedUntil,
+        after(asked.visit, message("session/found_there", { session: "s1" })).effects,
       ],
       [null, []],
     );
@@ -343,7 +343,7 @@ describe("queue and turn", () => {
   test("who gave no sign is told so when the visit ends, and is asked no more", () => {
     const { visit } = play(
       ...DRIVING,
-      message("session/idle", { seconds: 30 }),
+      message("session/asked_there", { session: "s1", seconds: 30 }),
       message("session/ended", { session: "s1", outcome: "timed_out", reason: "idle" }),
     );
     assert.deepEqual([visit.phase, visit.reason, visit.askedUntil], ["ended", "idle", null]);
@@ -351,7 +351,7 @@ describe("queue and turn", () => {
 
   test("a warning tells when the turn ends", () => {
     assert.equal(
-      play(...DRIVING, message("session/warning", { remaining: 90 })).visit.turnEnds,
+      play(...DRIVING, message("session/turn_warning", { session: "s1", remaining: 90 })).visit.turnEnds,
       190,
     );
   });
@@ -390,7 +390,7 @@ describe("silence", () => {
   });
 
   test("an end while the turn was offered is a missed turn, unless an operator ended it", () => {
-    const turn = [...WAITED, message("session/turn", { session: "s1", seconds: 60 })];
+    const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
     const end = (outcome) =>
       play(...turn, message("session/ended", { session: "s1", outcome, reason: "" })).visit.reason;
     assert.deepEqual(

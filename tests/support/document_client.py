@@ -129,7 +129,7 @@ class DocumentClient:
             )
             self.driving = True
             self._hurry()
-        elif suffix == "session/turn":
+        elif suffix == "session/offered":
             await self._say("session/take", {"session": message["session"]})
         elif suffix in {"session/ended", "session/refused"}:
             self.ended, self.driving, self.session, self.peer = message, False, None, None

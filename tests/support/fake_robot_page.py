@@ -385,7 +385,7 @@ class FakeRobotPage:
     def _offer_turn(self, seconds: float) -> None:
         self._end("completed")
         page = self._queue.pop(0)
-        page.say("session/turn", protocol.YourTurn(session=page.peer, seconds=seconds))
+        page.say("session/offered", protocol.Offered(session=page.peer, seconds=seconds))
 
     def _tell(self, suffix: str, message: m.Message) -> None:
         for page in self._pages.values():

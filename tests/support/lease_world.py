@@ -17,20 +17,17 @@ from sessions.leases.policy import (
     decide_take,
 )
 from sessions.leases.transitions import (
-    AskThere,
-    Drove,
-    End,
-    FoundThere,
+    FirstMotion,
     Free,
     Link,
     Lose,
     Move,
-    Offer,
-    SetTurn,
-    Warn,
+    TurnLimited,
+    TurnUnlimited,
     Withdraw,
     decide_tick,
 )
+from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
 
 RULES = Rules(turn=60.0, warning=20.0, start=15.0, grace=10.0)
 ASKING = replace(RULES, idle=120.0)
@@ -156,22 +153,24 @@ class World:
                     self.hold = Hold(epoch + 1)
                 case Move(session, state, lost_at):
                     self.change(session, state=state, lost_at=lost_at)
-                case End(session, outcome, reason):
+                case Ended(session=session, outcome=outcome, reason=reason):
                     self.end(session, outcome, reason)
-                case SetTurn(session, ends_at):
+                case TurnLimited(session, ends_at):
                     self.change(session, turn_ends_at=ends_at)
-                case Offer(session):
+                case TurnUnlimited(session):
+                    self.change(session, turn_ends_at=None)
+                case Offered(session=session):
                     self.change(session, offered_at=self.now)
                 case Withdraw(session):
                     self.change(session, offered_at=None)
                 case Lose(session, lost_at):
                     self.change(session, lost_at=lost_at)
-                case Drove(session):
+                case FirstMotion(session):
                     self.change(session, drove=True)
-                case AskThere(session):
+                case AskedThere(session=session):
                     self.asked = session, self.now
                 case FoundThere():
                     self.asked = None
-                case Warn():
+                case TurnWarning():
                     pass
         return acts

@@ -8,6 +8,7 @@ import time
 
 from robots.api import codec, picture, topics
 from robots.bridge.delivery import LINK, Delivery, ReceivedMessage
+from sessions import protocol
 
 
 class MemoryBridge:
@@ -20,14 +21,8 @@ class MemoryBridge:
         self.connected = True
         self.stored = {}
         self.counts = collections.Counter()
-        self.sent, self.stops, self.leases, self.retained, self.news, self.reports = (
-            [],
-            [],
-            [],
-            [],
-            [],
-            [],
-        )
+        self.sent, self.stops, self.leases = [], [], []
+        self.retained, self.notices, self.reports = [], [], []
 
     def serves(self, _loop):
         return True
@@ -75,10 +70,14 @@ class MemoryBridge:
         self.leases.append((robot, lease))
         return self.connected
 
-    def publish_session(self, news):
-        self.news.append(news)
-        self.delivery.bring_news(news)
+    def publish_notice(self, session, frame):
+        self.notices.append(protocol.decode_notice(frame))
+        self.delivery.bring_notice(session, frame)
         return self.connected
+
+    def notify(self, notice):
+        """As the session manager does."""
+        self.publish_notice(notice.session, protocol.notice_frame(notice))
 
     def report(self, topic, message):
         self.reports.append((topic, message))

@@ -215,7 +215,7 @@ const HANDLERS = {
     const first = [...LET_GO, { type: "remember", session: message.session }, ...(visit.mayObserve ? [send("session/observe")] : [])];
     return [/** @type {Partial<Visit>} */ (waits ? changes : { ...changes, link: "none" }), waits ? [] : first];
   },
-  "session/turn": (visit, { message, now }) => {
+  "session/offered": (visit, { message, now }) => {
     const turn = { session: message.session, startBy: now + message.seconds };
     if (visit.pressedAt !== null && now - visit.pressedAt <= STILL_PRESSED) {
       return ask(visit, { ...turn, pressedAt: null });
@@ -245,11 +245,9 @@ const HANDLERS = {
     }
     return over(visit.phase === "driving" ? "ended" : "lobby", visit.phase === "driving" ? "connection_lost" : "");
   },
-  "session/warning": (_visit, { message, now }) => [{ turnEnds: now + message.remaining }],
-  "session/idle": (_visit, { message, now }) => {
-    const asked = (message.seconds ?? null) !== null;
-    return [asked ? { askedUntil: now + message.seconds } : { askedUntil: null, signingUntil: null }, asked ? [{ type: "call", word: "idle" }] : []];
-  },
+  "session/turn_warning": (_visit, { message, now }) => [{ turnEnds: now + message.remaining }],
+  "session/asked_there": (_visit, { message, now }) => [{ askedUntil: now + message.seconds }, [{ type: "call", word: "idle" }]],
+  "session/found_there": () => [{ askedUntil: null, signingUntil: null }],
   "session/ended": (visit, { message }) => {
     if (visit.session !== message.session) {
       return [visit.unsaid?.session === message.session ? { unsaid: null } : {}];

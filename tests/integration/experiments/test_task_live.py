@@ -102,9 +102,9 @@ async def listen(
         await client.subscribe(f"telepresence/v1/server/session/{session}", 1)
         ready.set()
         async for message in client.messages:
-            news = msgspec.json.decode(message.payload, type=messages.ServerNews)
-            if news.type == "task":
-                frames.append(relay.told(news, 60.0)[1])
+            notice = protocol.decode_notice(message.payload.decode())
+            if isinstance(notice, protocol.Task):
+                frames.append(notice)
 
 
 def stored(session: str) -> list[str]:

@@ -30,7 +30,7 @@ from django.utils import timezone
 from accounts.models import User
 from robots.models import FloorPlan, Robot
 from sessions.leases import store
-from sessions.manager.leadership import beat
+from sessions.manager.leadership import heartbeat
 from sessions.models import Session, StateChunk
 from telepresence_site.ops.metrics import _of_the_site
 call_command("migrate", verbosity=0)
@@ -62,7 +62,7 @@ try:
     chunks = StateChunk.objects.filter(session=first.session).order_by("first_stamp")
     assert [chunk.first_seq for chunk in chunks] == [0, 1, 2]
     assert store.end(first.session, Session.Outcome.COMPLETED, "", now)
-    assert beat("here:1", now, {"connected": True}) and not beat("there:2", now)
+    assert heartbeat("here:1", now, {"connected": True}) and not heartbeat("there:2", now)
     states = Session.objects.values_list("state").annotate(n=Count("pk")).order_by()
     assert dict(states) == {"ended": 1, "waiting": 1}
     assert len(_of_the_site(now)) > 8

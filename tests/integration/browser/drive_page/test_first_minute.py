@@ -45,14 +45,18 @@ async def test_who_is_asked_for_a_sign_gives_it_by_the_button_or_any_touch_and_i
         for give in (lambda: page.click("#card-main"), lambda: page.mouse.wheel(0, 1)):
             known = len(signs(site))
             await said_until_shown(
-                page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0))
+                page,
+                "idle",
+                lambda: site.tell(
+                    "session/asked_there", protocol.AskedThere(session=site.session, seconds=30.0)
+                ),
             )
             assert await page.title() == "Are you still there? · Giraff · Telepresence"
             await give()
             await page.wait_for_selector("#card", state="hidden")
             # given again, for the server has not said that it has it
             await until(lambda known=known: len(signs(site)) >= known + 2)
-            site.tell("session/idle", protocol.Idle())
+            site.tell("session/found_there", protocol.FoundThere(session=site.session))
         assert "still there" not in await page.title()
 
 
@@ -60,7 +64,11 @@ async def test_who_gave_no_sign_reads_why_the_visit_is_over(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         await said_until_shown(
-            page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0))
+            page,
+            "idle",
+            lambda: site.tell(
+                "session/asked_there", protocol.AskedThere(session=site.session, seconds=30.0)
+            ),
         )
         over = protocol.Ended(session=site.session, outcome="timed_out", reason="idle")
         await said_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))

@@ -7,11 +7,12 @@ from django.urls import reverse
 from django.utils import timezone
 
 from experiments.models import StudyMember
-from experiments.research import live
+from experiments.research import interventions, live
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
 from sessions.leases import store
 from sessions.models import Session, SessionEvent, SystemLog
+from sessions.protocol import OperatorMessage
 from tests.support import replays
 from tests.support.memory_bridge import MemoryBridge
 from tests.support.people import person
@@ -191,7 +192,9 @@ def test_ending_a_session_needs_a_reason_and_is_written_down(client, drive):
     assert act(client, act="end", session=str(drive.session_id), text="again").status_code == 409
 
 
-def test_a_message_reaches_the_visitor_and_is_written_down(client, drive, bridge):
+def test_a_message_reaches_the_visitor_and_is_written_down(client, drive, monkeypatch):
+    sent = []
+    monkeypatch.setattr(interventions, "send_notice", lambda *said: sent.append(said) or True)
     researcher = member("researcher")
     client.force_login(researcher)
     assert (
@@ -200,8 +203,8 @@ def test_a_message_reaches_the_visitor_and_is_written_down(client, drive, bridge
         ).status_code
         == 200
     )
-    assert [(news.type, news.session, news.text) for news in bridge.news] == [
-        ("message", str(drive.session_id), "Turn round, please.")
+    assert sent == [
+        ("giraff", OperatorMessage(session=str(drive.session_id), text="Turn round, please."))
     ]
     assert operators_acts() == [("operator_message", "server")]
     assert SessionEvent.objects.get(type="operator_message").data == {
@@ -210,13 +213,12 @@ def test_a_message_reaches_the_visitor_and_is_written_down(client, drive, bridge
     }
 
 
-def test_a_message_that_cannot_be_sent_is_said_to_be_so(client, drive, bridge):
-    bridge.connected = False
+def test_a_message_that_cannot_be_sent_is_said_to_be_so(client, drive, monkeypatch):
+    monkeypatch.setattr(interventions, "send_notice", lambda *_said: False)
     client.force_login(member("researcher"))
     response = act(client, act="message", session=str(drive.session_id), text="Hello?")
     assert response.status_code == 409
-    assert "broker" in response.json()["problem"]
-    assert bridge.news == []
+    assert "could not be sent" in response.json()["problem"]
     assert operators_acts() == []
 
 

@@ -15,7 +15,7 @@ import pytest
 from robots.api import codec, picture, topics
 from robots.api import messages as m
 from robots.bridge.bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
-from robots.bridge.delivery import LINK, NEWS
+from robots.bridge.delivery import LINK, NOTICE
 from tests.support import words
 from tests.support.broker_rig import HOST, KINDS, BrokerRig
 from tests.support.pages import until
@@ -148,13 +148,13 @@ async def test_news_of_a_session_go_to_its_followers_in_every_web_process(rig):
         here.follow("s1", one)
         there.follow("s1", two)
         there.follow("s2", other)
-        here.publish_session(m.ServerNews(type="warning", stamp=1.0, session="s1", remaining=9.0))
-        await until(lambda: one.heard(NEWS) and two.heard(NEWS))
+        here.publish_notice("s1", "session/turn_warning\n{}")
+        await until(lambda: one.heard(NOTICE) and two.heard(NOTICE))
         there.unfollow("s1", two)
-        here.publish_session(m.ServerNews(type="ended", stamp=2.0, session="s1"))
-        here.publish_session(m.ServerNews(type="ended", stamp=2.0, session="s2"))
-        await until(lambda: other.heard(NEWS) and len(one.heard(NEWS)) == 2)
-        assert len(two.heard(NEWS)) == 1
+        here.publish_notice("s1", "session/ended\n{}")
+        here.publish_notice("s2", "session/ended\n{}")
+        await until(lambda: other.heard(NOTICE) and len(one.heard(NOTICE)) == 2)
+        assert len(two.heard(NOTICE)) == 1
 
 
 async def test_a_bad_message_is_counted_and_the_next_one_is_brought(rig):

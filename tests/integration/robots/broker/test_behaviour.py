@@ -7,7 +7,7 @@ import random
 import aiomqtt
 import pytest
 
-from robots.api.topics import of, session_news
+from robots.api.topics import of, session_notices
 from robots.broker import packets
 from robots.broker.users import MAX_PACKET
 from tests.support.broker_rig import (
@@ -124,7 +124,7 @@ async def test_a_robots_outputs_reach_the_servers_and_servers_commands_reach_the
         of("giraff", "lease"),
         of("giraff", "command/velocity"),
         of("giraff", "signal/p1"),
-        session_news("s1"),
+        session_notices("s1"),
         of("giraff", "state/more"),
         "telepresence/v1/giraff",
         "somewhere/else",
@@ -143,8 +143,8 @@ async def test_what_a_robot_may_not_write_reaches_nobody(rig, topic):
         assert heard.payloads(topic) == []
     async with rig.client("web") as web, ReceivedPacket(web) as later:
         await web.subscribe("telepresence/v1/#", qos=1)
-        await web.publish(session_news("s2"), b"end", qos=1)
-        await later.payload(session_news("s2"), b"end")
+        await web.publish(session_notices("s2"), b"end", qos=1)
+        await later.payload(session_notices("s2"), b"end")
         assert later.payloads(topic) == []
 
 
@@ -183,7 +183,7 @@ async def test_a_robot_hears_nothing_of_others_whatever_it_subscribes_to(rig, fi
             await giraff.subscribe(of("giraff", "command/action"), qos=1)
             await web.publish(of("rhodon", "lease"), b"told secret", qos=1)
             await web.publish(of("rhodon", "command/velocity"), b"secret")
-            await web.publish(session_news("s1"), b"secret", qos=1)
+            await web.publish(session_notices("s1"), b"secret", qos=1)
             await web.publish(of("giraff", "command/action"), b"mine", qos=1)
             await heard.payload(of("giraff", "command/action"), b"mine")
             assert {str(message.topic) for message in heard.messages} == {
@@ -242,8 +242,8 @@ async def test_an_empty_retained_message_deletes_what_was_kept_and_is_itself_del
         await heard.payload(GIRAFF_LEASE, b"")
         async with rig.client("web") as new, ReceivedPacket(new) as stored:
             await new.subscribe("telepresence/v1/#", qos=1)
-            await web.publish(session_news("s1"), b"end", qos=1)
-            await stored.payload(session_news("s1"), b"end")
+            await web.publish(session_notices("s1"), b"end", qos=1)
+            await stored.payload(session_notices("s1"), b"end")
             assert stored.payloads(GIRAFF_LEASE) == []
 
 
@@ -293,8 +293,8 @@ async def test_overlapping_subscriptions_deliver_a_message_once(rig):
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe([("telepresence/v1/#", 0), (GIRAFF_LEASE, 1)])
         await web.publish(GIRAFF_LEASE, b"lease", qos=1)
-        await web.publish(session_news("s1"), b"end", qos=1)
-        await heard.payload(session_news("s1"), b"end")
+        await web.publish(session_notices("s1"), b"end", qos=1)
+        await heard.payload(session_notices("s1"), b"end")
         assert heard.payloads(GIRAFF_LEASE) == [b"lease"]
 
 
@@ -317,11 +317,11 @@ async def test_messages_of_one_sender_arrive_in_their_order(rig, qos):
 
 async def test_nothing_comes_after_unsubscribing(rig):
     async with rig.client("web") as web, ReceivedPacket(web) as heard:
-        await web.subscribe([(GIRAFF_LEASE, 1), (session_news("s1"), 1)])
+        await web.subscribe([(GIRAFF_LEASE, 1), (session_notices("s1"), 1)])
         await web.unsubscribe(GIRAFF_LEASE)
         await web.publish(GIRAFF_LEASE, b"lease", qos=1)
-        await web.publish(session_news("s1"), b"end", qos=1)
-        await heard.payload(session_news("s1"), b"end")
+        await web.publish(session_notices("s1"), b"end", qos=1)
+        await heard.payload(session_notices("s1"), b"end")
         assert heard.payloads(GIRAFF_LEASE) == []
 
 
@@ -483,10 +483,10 @@ async def test_a_clean_connection_forgets_the_session(rig):
         ReceivedPacket(recorder) as heard,
         rig.client("web") as web,
     ):
-        await recorder.subscribe(session_news("s1"), qos=1)
+        await recorder.subscribe(session_notices("s1"), qos=1)
         await web.publish(GIRAFF_LEASE, b"lease", qos=1)
-        await web.publish(session_news("s1"), b"end", qos=1)
-        await heard.payload(session_news("s1"), b"end")
+        await web.publish(session_notices("s1"), b"end", qos=1)
+        await heard.payload(session_notices("s1"), b"end")
         assert heard.payloads(GIRAFF_LEASE) == []
 
 

@@ -286,48 +286,35 @@ async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, 
         granted = await driver.take()
         await waiting.say("session/take", protocol.Take())
         session = (await waiting.expect("session/queued")).session
-        bridge.publish_session(
-            m.ServerNews(type="queue", stamp=1.0, session=session, place=1, minutes=3.5)
-        )
-        bridge.publish_session(
-            m.ServerNews(type="granted", stamp=1.0, session=session, remaining=60.0)
-        )
-        bridge.publish_session(
-            m.ServerNews(type="warning", stamp=1.0, session=granted.session, remaining=90.0)
-        )
-        bridge.publish_session(
-            m.ServerNews(type="idle", stamp=1.0, session=granted.session, remaining=30.0)
-        )
-        bridge.publish_session(m.ServerNews(type="idle", stamp=1.0, session=granted.session))
-        bridge.publish_session(
-            m.ServerNews(type="message", stamp=1.0, session=granted.session, text="Mind the cat.")
-        )
+        bridge.notify(protocol.Queued(session=session, place=1, minutes=3.5))
+        bridge.notify(protocol.Offered(session=session, seconds=60.0))
+        bridge.notify(protocol.TurnWarning(session=granted.session, remaining=90.0))
+        bridge.notify(protocol.AskedThere(session=granted.session, seconds=30.0))
+        bridge.notify(protocol.FoundThere(session=granted.session))
         assert (await waiting.expect("session/queued")).minutes == 3.5
-        assert (await waiting.expect("session/turn")).seconds == 60.0
-        assert (await driver.expect("session/warning")).remaining == 90.0
-        assert [
-            (await driver.expect("session/idle")).seconds,
-            (await driver.expect("session/idle")).seconds,
-        ] == [30.0, None]
-        assert (await driver.expect("notice")).text == "Mind the cat."
-    assert (
-        waiting.told("session/warning")
-        == waiting.told("notice")
-        == driver.told("session/turn")
-        == []
-    )
+        assert (await waiting.expect("session/offered")).seconds == 60.0
+        assert (await driver.expect("session/turn_warning")).remaining == 90.0
+        assert (await driver.expect("session/asked_there")).seconds == 30.0
+        await driver.expect("session/found_there")
+    assert waiting.told("session/turn_warning") == driver.told("session/offered") == []
+
+
+async def test_a_notice_that_is_none_is_logged_and_the_page_goes_on(bridge, robot, ada, caplog):
+    async with Page("giraff", ada) as page:
+        granted = await page.take()
+        for frame in ("", "session/ended", 'session/ended\n{"session": 1}', "state\n{}"):
+            bridge.delivery.bring_notice(granted.session, frame)
+        bridge.notify(protocol.TurnWarning(session=granted.session, remaining=9.0))
+        assert (await page.expect("session/turn_warning")).remaining == 9.0
+    assert caplog.text.count("notice_rejected") == 4
 
 
 async def test_who_was_stopped_by_the_operator_is_told_and_drives_no_more(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
-        bridge.publish_session(
-            m.ServerNews(
-                type="ended",
-                stamp=1.0,
-                session=granted.session,
-                outcome="stopped_by_operator",
-                text="closing time",
+        bridge.notify(
+            protocol.Ended(
+                session=granted.session, outcome="stopped_by_operator", reason="closing time"
             )
         )
         ended = await page.expect("session/ended")
@@ -688,7 +675,7 @@ async def test_an_offered_turn_that_was_announced_while_the_broker_was_away_is_a
         bridge.lose_broker()
         await sync_to_async(Session.objects.filter(pk=session).update)(offered_at=timezone.now())
         bridge.find_broker()
-        assert 0.0 < (await waiting.expect("session/turn")).seconds <= 60.0
+        assert 0.0 < (await waiting.expect("session/offered")).seconds <= 60.0
 
 
 # --- whoever may not stay -------------------------------------------------------------------------

@@ -15,10 +15,11 @@ from robots.api import topics
 from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.expiry import tick
-from sessions.leases.transitions import IDLE, End, Free, Link, Move, Offer, decide_tick
-from sessions.manager.leadership import STALE_SECONDS, beat, give_back
+from sessions.leases.transitions import IDLE, Free, Link, Move, decide_tick
+from sessions.manager.leadership import STALE_SECONDS, give_back, heartbeat
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
+from sessions.protocol import Ended, Offered
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
@@ -283,7 +284,9 @@ def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(
         assert tick(giraff, link, after(100)) == ()
     assert Session.objects.get().state == "driving"
     signs.clear()
-    assert tick(giraff, link, after(100)) == (End(granted.session, "timed_out", IDLE),)
+    assert tick(giraff, link, after(100)) == (
+        Ended(session=granted.session, outcome="timed_out", reason=IDLE),
+    )
 
 
 def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana, ben):
@@ -337,7 +340,7 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert keeper.renew(after(1))
     first, *others = keeper.outbox
     assert (first.topic, first.payload, first.retain) == (topics.of("giraff", "lease"), b"", True)
-    assert topics.session_news(granted.session) in [letter.topic for letter in others]
+    assert topics.session_notices(granted.session) in [letter.topic for letter in others]
 
 
 def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(
@@ -369,20 +372,24 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     queued = store.take(giraff, ben, "peer-2", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(1))
     link = Link(since=NOW.timestamp(), last_received_at=NOW.timestamp())
-    assert tick(giraff, link, after(1)) == (Offer(queued.session),)
+    assert tick(giraff, link, after(1)) == (
+        Offered(session=queued.session, seconds=settings.START_SECONDS),
+    )
     assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.Queued)
     store.seen({queued.session}, after(70))
-    assert End(queued.session, "cancelled", "turn_not_taken") in tick(giraff, link, after(70))
+    assert Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken") in tick(
+        giraff, link, after(70)
+    )
 
 
 def test_one_session_manager_has_the_beat():
-    assert beat("a", NOW)
-    assert not beat("b", after(1))
-    assert beat("a", after(2))
-    assert not beat("b", after(2 + STALE_SECONDS - 0.1))
-    assert beat("b", after(2 + STALE_SECONDS + 0.1))
-    assert not beat("a", after(7))
+    assert heartbeat("a", NOW)
+    assert not heartbeat("b", after(1))
+    assert heartbeat("a", after(2))
+    assert not heartbeat("b", after(2 + STALE_SECONDS - 0.1))
+    assert heartbeat("b", after(2 + STALE_SECONDS + 0.1))
+    assert not heartbeat("a", after(7))
     give_back("a")
-    assert not beat("a", after(7))
+    assert not heartbeat("a", after(7))
     give_back("b")
-    assert beat("a", after(7))
+    assert heartbeat("a", after(7))

@@ -14,9 +14,10 @@ from sessions import protocol
 from sessions.consumers import queries, relay
 from sessions.leases import store, terms
 from sessions.leases.expiry import tick
-from sessions.leases.transitions import End, Link, Move
+from sessions.leases.transitions import Link, Move
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
+from sessions.protocol import Ended
 from tests.support import words
 from tests.support.fixed_terms import provided
 from tests.support.memory_bridge import MemoryBridge
@@ -195,7 +196,9 @@ def test_the_turn_and_the_grace_of_the_terms_are_obeyed(provider, giraff, ana, b
         silence=60.0,
     )
     assert tick(giraff, link, after(120)) == ()
-    assert tick(giraff, link, after(121.5)) == (End(session, "connection_lost", "visitor_silent"),)
+    assert tick(giraff, link, after(121.5)) == (
+        Ended(session=session, outcome="connection_lost", reason="visitor_silent"),
+    )
 
 
 def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana, ben):
@@ -215,7 +218,7 @@ def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana
     take(giraff, ben, "peer-ben", at=100)
     Session.objects.filter(visitor=ben).update(seen_at=after(299))
     acts = tick(giraff, link, after(150))
-    assert [act.ends_at for act in acts if type(act).__name__ == "SetTurn"] == [
+    assert [act.ends_at for act in acts if type(act).__name__ == "TurnLimited"] == [
         pytest.approx(after(300).timestamp())
     ]
 
@@ -297,22 +300,7 @@ async def test_a_page_is_told_the_terms_and_where_the_task_stands_whenever_it_ta
     assert {lease.assist for _, lease in bridge.leases} == {"off"}
 
 
-def test_news_of_a_task_reach_the_page_and_nonsense_does_not():
-    news = m.ServerNews(
-        type="task",
-        stamp=5.0,
-        session="s1",
-        data={"cue": "dock_now", "passed": [1, 2], "remaining": 30.5},
-    )
-    suffix, task = relay.told(news, 60.0)
-    assert (suffix, task.stamp, task.passed, task.remaining, task.outcome) == (
-        "session/task",
-        5.0,
-        (1, 2),
-        30.5,
-        "",
-    )
-    assert (
-        relay.told(m.ServerNews(type="task", stamp=5.0, session="s1", data={"passed": "all"}), 60.0)
-        is None
-    )
+def test_what_is_stored_of_a_task_is_a_notice_and_nonsense_is_none():
+    task = protocol.task_of("s1", {"cue": "dock_now", "passed": [1, 2], "remaining": 30.5}, 5.0)
+    assert (task.stamp, task.passed, task.remaining, task.outcome) == (5.0, (1, 2), 30.5, "")
+    assert protocol.task_of("s1", {"passed": "all"}, 5.0) is None

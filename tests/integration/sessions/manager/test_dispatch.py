@@ -192,12 +192,11 @@ def test_a_state_that_comes_late_is_told_as_such(intake, session):
 
 
 def test_what_is_told_of_a_task_waits_for_the_next_look():
-    list(notices.drain())
-    notices.publish("s1", {"cue": "dock_now"}, NOW)
+    notices.drain()
+    task = protocol.Task(session="s1", stamp=NOW, cue="dock_now")
+    notices.publish(task)
     assert notices.are_waiting()
-    [(topic, payload)] = notices.drain()
-    news = msgspec.json.decode(payload, type=m.ServerNews)
-    assert (topic, news.type, news.data) == (topics.session_news("s1"), "task", {"cue": "dock_now"})
+    assert notices.drain() == [task]
     assert not notices.are_waiting()
 
 

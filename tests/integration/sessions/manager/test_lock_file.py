@@ -9,14 +9,14 @@ import sys
 import pytest
 from django.utils import timezone
 
-from sessions.manager.leadership import beat
+from sessions.manager.leadership import heartbeat
 from sessions.manager.lock_file import LockFile
 
 HOLDER = """
 import sys
 from pathlib import Path
-from sessions.manager.lock_file import LifeSign
-life = LifeSign(Path(sys.argv[1]))
+from sessions.manager.lock_file import LockFile
+life = LockFile(Path(sys.argv[1]))
 print(repr(life.predecessor()), flush=True)
 life.sign("first")
 print("signed", flush=True)
@@ -103,9 +103,9 @@ def test_a_file_that_was_removed_names_nobody(tmp_path):
 def test_the_row_of_one_who_is_dead_for_certain_is_taken_at_once_and_no_other_ones():
     now = timezone.now()
     soon = now + datetime.timedelta(seconds=0.1)
-    assert beat("a", now)
-    assert not beat("b", soon)
-    assert not beat("b", soon, dead="somebody else")
-    assert beat("b", soon, dead="a")
-    assert not beat("a", soon)
-    assert not beat("c", soon, dead="a")
+    assert heartbeat("a", now)
+    assert not heartbeat("b", soon)
+    assert not heartbeat("b", soon, dead="somebody else")
+    assert heartbeat("b", soon, dead="a")
+    assert not heartbeat("a", soon)
+    assert not heartbeat("c", soon, dead="a")

@@ -14,10 +14,11 @@ from robots.models import Robot, RobotPermit
 from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.readiness import LATE, ORDERED
-from sessions.leases.transitions import Link, Offer, Withdraw
+from sessions.leases.transitions import Link, Withdraw
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import SystemLog
+from sessions.protocol import Offered
 from tests.support import words
 
 pytestmark = pytest.mark.django_db
@@ -115,10 +116,10 @@ def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
     assert isinstance(queued, store.Queued)
     assert queued.reason == "returning: dock"
     assert queued.minutes > 0
-    assert not [act for act in tick(robot, Link(), after(2)) if isinstance(act, Offer)]
+    assert not [act for act in tick(robot, Link(), after(2)) if isinstance(act, Offered)]
     situation.says(after(3), docked=True)
     situation.look(after(3))
-    assert [act for act in tick(Robot.objects.get(), Link(), after(4)) if isinstance(act, Offer)]
+    assert [act for act in tick(Robot.objects.get(), Link(), after(4)) if isinstance(act, Offered)]
 
 
 def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, ana):
@@ -128,7 +129,7 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
     store.take(giraff, ana, "p1", now=NOW)
     Robot.objects.update(returns_home=False)
     store.leave(holder.session, peer="p0", now=after(1))
-    assert any(isinstance(act, Offer) for act in tick(giraff, Link(), after(2)))
+    assert any(isinstance(act, Offered) for act in tick(giraff, Link(), after(2)))
     Robot.objects.update(returns_home=True, turnaround="paused", turnaround_reason="estop")
     assert any(isinstance(act, Withdraw) for act in tick(Robot.objects.get(), Link(), after(3)))
 

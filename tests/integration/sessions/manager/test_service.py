@@ -6,6 +6,7 @@ import hashlib
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import aiomqtt
 import msgspec
@@ -240,13 +241,13 @@ async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
         await sync_to_async(Robot.objects.filter(name="giraff").update)(
             connection="ONLINE", last_seen_at=timezone.now()
         )
-        signals.looked.connect(takes, weak=False, dispatch_uid="test")
+        signals.ticked.connect(takes, weak=False, dispatch_uid="test")
         try:
             async with running_manager(broker.url):
                 await wait_for(lambda: any(robot.leases), what="the lease")
                 await asyncio.sleep(0.5)
         finally:
-            signals.looked.disconnect(dispatch_uid="test")
+            signals.ticked.disconnect(dispatch_uid="test")
     given = [lease is not None for lease in robot.leases]
     assert given == sorted(given), "the lease was taken away again"
 
@@ -348,7 +349,7 @@ async def test_states_that_are_delivered_twice_are_stored_once(broker, giraff, v
         again = robot.sent[session][:10]
         for seq in again:
             await robot.publish("state", robot.buffer[seq])
-        await wait_for(lambda: manager.recorder.counts["duplicates"] >= len(again))
+        await wait_for(lambda: manager.active.recorder.counts["duplicates"] >= len(again))
         await leave(session, visitors["ana"])
         await wait_for(lambda: robot.session is None)
         await complete(session, robot)
@@ -526,32 +527,29 @@ async def test_the_operators_stop_ends_the_session_and_takes_the_lease_back(
         assert (await state_of(session, "ended")).outcome == "stopped_by_operator"
 
 
-class News:
-    """What a web process hears of visits, in whatever order that of several visits comes."""
+class Notices:
+    """What a web process hears of sessions, in whatever order that of several sessions comes."""
 
     def __init__(self, client: aiomqtt.Client) -> None:
         self._client = client
-        self._heard: list[messages.ServerNews] = []
+        self._received: list[protocol.Notice] = []
 
     async def of(
         self,
         session: str,
-        kind: str,
-        is_right: Callable[[messages.ServerNews], bool] = lambda _: True,
+        kind: type[protocol.Notice],
+        is_right: Callable[[Any], bool] = lambda _: True,
         within: float = 10.0,
-    ) -> messages.ServerNews:
-        """Return the first news of this kind of a visit, heard before or yet to come."""
+    ) -> Any:
+        """Return the first notice of this kind of a session, received before or yet to come."""
 
-        def is_it(news: messages.ServerNews) -> bool:
-            return (news.session, news.type) == (session, kind) and is_right(news)
+        def is_it(notice: protocol.Notice) -> bool:
+            return isinstance(notice, kind) and notice.session == session and is_right(notice)
 
         async with asyncio.timeout(patient(within)):
-            while (found := next(filter(is_it, self._heard), None)) is None:
-                self._heard.append(
-                    msgspec.json.decode(
-                        (await anext(self._client.messages)).payload, type=messages.ServerNews
-                    )
-                )
+            while (found := next(filter(is_it, self._received), None)) is None:
+                message = await anext(self._client.messages)
+                self._received.append(protocol.decode_notice(message.payload.decode()))
         return found
 
 
@@ -565,21 +563,21 @@ async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked
         ScriptedRobot("giraff", broker.url) as robot,
         aiomqtt.Client(HOST, broker.port) as web,
     ):
-        await web.subscribe(topics.session_news("+"), 1)
-        news = News(web)
+        await web.subscribe(topics.session_notices("+"), 1)
+        notices = Notices(web)
         ana = await drive(visitors["ana"], robot)
         ben, cem = await take(visitors["ben"]), await take(visitors["cem"])
         assert [type(taken) for taken in (ben, cem)] == [store.Queued, store.Queued]
-        assert (await news.of(cem.session, "queue")).place == 2
-        assert (await news.of(ana, "warning")).remaining <= 2.5
-        ended = await news.of(ana, "ended")
-        assert (ended.outcome, ended.text) == ("timed_out", "turn_over")
-        offered = await news.of(ben.session, "granted")
-        assert offered.remaining == settings.START_SECONDS
+        assert (await notices.of(cem.session, protocol.Queued)).place == 2
+        assert (await notices.of(ana, protocol.TurnWarning)).remaining <= 2.5
+        ended = await notices.of(ana, protocol.Ended)
+        assert (ended.outcome, ended.reason) == ("timed_out", "turn_over")
+        offered = await notices.of(ben.session, protocol.Offered)
+        assert offered.seconds == settings.START_SECONDS
         assert isinstance(await take(visitors["cem"]), store.Queued)
         assert isinstance(await take(visitors["ben"]), store.Granted)
         await state_of(ben.session, "driving")
-        await news.of(cem.session, "queue", lambda published: published.place == 1)
+        await notices.of(cem.session, protocol.Queued, lambda published: published.place == 1)
 
 
 async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
@@ -593,15 +591,15 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
         ScriptedRobot("giraff", broker.url) as robot,
         aiomqtt.Client(HOST, broker.port) as web,
     ):
-        await web.subscribe(topics.session_news("+"), 1)
-        news = News(web)
+        await web.subscribe(topics.session_notices("+"), 1)
+        notices = Notices(web)
         ana = await drive(visitors["ana"], robot)
         ben = await take(visitors["ben"])
         assert isinstance(ben, store.Queued)
-        assert (await news.of(ana, "idle")).remaining == 1.0
-        ended = await news.of(ana, "ended")
-        assert (ended.outcome, ended.text) == ("timed_out", "idle")
-        await news.of(ben.session, "granted")
+        assert (await notices.of(ana, protocol.AskedThere)).seconds == 1.0
+        ended = await notices.of(ana, protocol.Ended)
+        assert (ended.outcome, ended.reason) == ("timed_out", "idle")
+        await notices.of(ben.session, protocol.Offered)
         asked = SessionEvent.objects.filter(session=ana, source="server", type="asked_there")
         assert await sync_to_async(asked.count)() == 1
 
@@ -699,7 +697,7 @@ async def test_a_robot_cannot_write_into_the_record_of_another_robots_session(
         await rogue.event("collision")
         rogue.session = "no-such-session"
         await rogue.event("collision")
-        await wait_for(lambda: manager.recorder.counts["foreign_session"] > 10)
+        await wait_for(lambda: manager.active.recorder.counts["foreign_session"] > 10)
         await leave(session, visitors["ana"])
         await wait_for(lambda: robot.session is None)
         await complete(session, robot)
@@ -727,7 +725,7 @@ async def test_bytes_that_are_no_message_are_counted_and_harm_nothing(broker, gi
             for suffix in ("state", "event", "heartbeat", "connection", "factsheet", "action"):
                 await anybody.publish(topics.of("giraff", suffix), payload)
             await anybody.publish(protocol.page_reports(session), payload)
-            await anybody.publish(topics.session_news(session), payload)
+            await anybody.publish(topics.session_notices(session), payload)
         count = len(robot.sent[session])
         await wait_for(lambda: len(robot.sent[session]) > count + 20)
         await leave(session, visitors["ana"])

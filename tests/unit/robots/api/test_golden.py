@@ -10,7 +10,7 @@ import pytest
 
 from robots.api import codec, messages, topics
 from robots.api.errors import Rejection
-from robots.api.examples import EXAMPLES, MANAGER_STATUS, SERVER_NEWS
+from robots.api.examples import EXAMPLES, MANAGER_STATUS
 from robots.api.reference import golden_files
 from sessions import protocol
 from tests.support.paths import GOLDEN
@@ -55,7 +55,7 @@ def test_every_topic_and_every_message_class_has_an_example():
     assert {line.suffix for line in lines if line.content is not bytes} == set(EXAMPLES)
     shown = {
         type(message)
-        for examples in (*EXAMPLES.values(), SERVER_NEWS, MANAGER_STATUS)
+        for examples in (*EXAMPLES.values(), MANAGER_STATUS)
         for message in examples.values()
     }
     inside = {type(value) for message in all_examples() for value in parts(message)}
@@ -70,7 +70,7 @@ def test_every_topic_and_every_message_class_has_an_example():
 def all_examples():
     return [
         message
-        for examples in [*EXAMPLES.values(), SERVER_NEWS, MANAGER_STATUS]
+        for examples in [*EXAMPLES.values(), MANAGER_STATUS]
         for message in examples.values()
     ]
 

@@ -50,10 +50,10 @@ def test_an_agents_own_subscriptions_are_permitted():
 
 
 def test_only_servers_use_the_servers_tree():
-    assert SERVER.may_publish(topics.session_news("s1"))
+    assert SERVER.may_publish(topics.session_notices("s1"))
     assert SERVER.may_subscribe(f"{topics.SERVER}/#")
-    assert not GIRAFF.may_publish(topics.session_news("s1"))
-    assert not GIRAFF.may_subscribe(topics.session_news("s1"))
+    assert not GIRAFF.may_publish(topics.session_notices("s1"))
+    assert not GIRAFF.may_subscribe(topics.session_notices("s1"))
 
 
 def test_a_server_reads_everything_of_ours_and_nothing_else():

@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from sessions.leases.policy import Deny, Grant, Resume, Wait
-from sessions.leases.transitions import Offer
+from sessions.protocol import Offered
 from tests.support.lease_world import RULES, World
 
 
@@ -141,7 +141,7 @@ def test_an_offered_turn_is_for_nobody_else(world):
     world.take("ben")
     world.take("cem")
     world.end(world.session_of("ana").id, "completed", "left")
-    assert world.tick() == (Offer(world.session_of("ben").id),)
+    assert world.tick() == (Offered(session=world.session_of("ben").id, seconds=RULES.start),)
     assert isinstance(world.take("cem"), Wait)
     assert isinstance(world.take("dan"), Wait)
     assert isinstance(world.take("ben"), Grant)

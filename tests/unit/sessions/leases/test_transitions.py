@@ -10,17 +10,14 @@ from sessions.leases.transitions import (
     IDLE,
     ON_THE_WAY,
     ROBOT_SILENCE,
-    AskThere,
-    End,
-    FoundThere,
     Free,
     Link,
     Move,
-    Offer,
-    SetTurn,
-    Warn,
+    TurnLimited,
+    TurnUnlimited,
     Withdraw,
 )
+from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
 from tests.support.lease_world import ASKING, RULES, World
 
 
@@ -77,7 +74,7 @@ def test_the_grace_period_ends_as_connection_lost(world):
     session = drive(world)
     world.connected.clear()
     acts = pass_time(world, RULES.grace + 2.0)
-    assert End(session, "connection_lost", "visitor_silent") in acts
+    assert Ended(session=session, outcome="connection_lost", reason="visitor_silent") in acts
     assert world.scene.hold.session is None
 
 
@@ -92,16 +89,16 @@ def test_who_comes_back_within_the_grace_period_gets_all_of_it_again(world):
 
 def test_a_visit_that_never_connects_ends_as_connection_refused(world):
     session = world.session_of("ana").id
-    assert End(session, "connection_refused", "never_connected") in pass_time(
-        world, RULES.start + 1.0
-    )
+    assert Ended(
+        session=session, outcome="connection_refused", reason="never_connected"
+    ) in pass_time(world, RULES.start + 1.0)
 
 
 def test_a_robot_that_falls_silent_ends_the_visit_as_robot_fault(world):
     session = drive(world)
     world.online, world.offline_since = False, world.now
     acts = pass_time(world, ROBOT_SILENCE + 2.0)
-    assert acts == [End(session, "robot_fault", "robot_offline")], (
+    assert acts == [Ended(session=session, outcome="robot_fault", reason="robot_offline")], (
         "the visitor is there, so it is the robot that is lost"
     )
 
@@ -117,7 +114,9 @@ def test_when_the_robot_is_silent_and_the_page_is_gone_the_visitor_is_the_one_wh
 def test_a_disabled_robot_ends_the_visit_as_stopped_by_operator(world):
     session = drive(world)
     world.enabled = False
-    assert world.tick() == (End(session, "stopped_by_operator", "robot_disabled"),)
+    assert world.tick() == (
+        Ended(session=session, outcome="stopped_by_operator", reason="robot_disabled"),
+    )
 
 
 def test_a_turn_has_no_limit_while_nobody_waits(world):
@@ -131,10 +130,10 @@ def test_a_turn_ends_after_its_minutes_when_somebody_waits_with_a_warning_before
     session = drive(world)
     world.take("ben")
     acts = pass_time(world, RULES.turn + 1.0)
-    assert acts[0] == SetTurn(session, start + RULES.turn)
-    warnings = [act.remaining for act in acts if isinstance(act, Warn)]
+    assert acts[0] == TurnLimited(session, start + RULES.turn)
+    warnings = [act.remaining for act in acts if isinstance(act, TurnWarning)]
     assert max(warnings) == pytest.approx(RULES.warning, abs=0.6)
-    assert End(session, "timed_out", "turn_over") in acts
+    assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
 
 
 def test_who_has_driven_on_alone_for_long_is_warned_from_the_moment_that_somebody_waits(world):
@@ -143,10 +142,13 @@ def test_who_has_driven_on_alone_for_long_is_warned_from_the_moment_that_somebod
     world.take("ben")
     asked = world.now
     acts = world.tick()
-    assert acts == (SetTurn(session, asked + RULES.warning), Warn(session, RULES.warning))
+    assert acts == (
+        TurnLimited(session, asked + RULES.warning),
+        TurnWarning(session=session, remaining=RULES.warning),
+    )
     pass_time(world, RULES.warning - 1.0)
     assert world.sessions[session].state == "driving"
-    assert End(session, "timed_out", "turn_over") in pass_time(world, 2.0)
+    assert Ended(session=session, outcome="timed_out", reason="turn_over") in pass_time(world, 2.0)
 
 
 def test_the_limit_is_lifted_when_nobody_waits_any_more(world):
@@ -154,7 +156,7 @@ def test_the_limit_is_lifted_when_nobody_waits_any_more(world):
     world.take("ben")
     world.tick()
     world.end(world.session_of("ben").id, "cancelled", "left_queue")
-    assert world.tick() == (SetTurn(session, None),)
+    assert world.tick() == (TurnUnlimited(session),)
     assert pass_time(world, 2 * RULES.turn) == []
 
 
@@ -173,7 +175,11 @@ def test_a_turn_that_is_not_taken_passes_to_the_next(world):
     ben, cem = world.session_of("ben").id, world.session_of("cem").id
     world.end(world.session_of("ana").id, "completed", "left")
     acts = pass_time(world, RULES.start + 1.0)
-    assert acts[:3] == [Offer(ben), End(ben, "cancelled", "turn_not_taken"), Offer(cem)]
+    assert acts[:3] == [
+        Offered(session=ben, seconds=RULES.start),
+        Ended(session=ben, outcome="cancelled", reason="turn_not_taken"),
+        Offered(session=cem, seconds=RULES.start),
+    ]
     assert isinstance(world.take("cem"), Grant)
 
 
@@ -186,7 +192,7 @@ def test_an_offer_is_withdrawn_while_the_robot_is_away_and_made_again(world):
     assert world.tick() == (Withdraw(ben),)
     assert world.tick() == ()
     world.online = True
-    assert world.tick() == (Offer(ben),)
+    assert world.tick() == (Offered(session=ben, seconds=RULES.start),)
 
 
 def test_an_offer_that_could_not_be_taken_does_not_lapse(world):
@@ -208,7 +214,9 @@ def test_nobody_is_punished_for_the_session_managers_own_absence(world):
     world.change(session, seen_at=None)
     assert world.tick(started) == ()
     world.now += RULES.grace + 0.1
-    assert world.tick(started) == (End(session, "connection_lost", "visitor_silent"),)
+    assert world.tick(started) == (
+        Ended(session=session, outcome="connection_lost", reason="visitor_silent"),
+    )
 
 
 def test_a_grant_whose_process_died_half_way_is_carried_on(world):
@@ -226,13 +234,13 @@ def test_a_lease_of_an_ended_visit_is_freed(world):
 def test_a_visit_that_lost_its_lease_is_ended(world):
     session = drive(world)
     world.hold = type(world.hold)(world.hold.epoch + 1)
-    assert world.tick()[0] == End(session, "connection_lost", "lease_gone")
+    assert world.tick()[0] == Ended(session=session, outcome="connection_lost", reason="lease_gone")
 
 
 def test_waiting_visits_are_offered_nothing_while_somebody_drives(world):
     drive(world)
     assert isinstance(world.take("ben"), Wait)
-    assert not any(isinstance(act, Offer) for act in pass_time(world, 5.0))
+    assert not any(isinstance(act, Offered) for act in pass_time(world, 5.0))
 
 
 # --- are you still there? -------------------------------------------------------------------------
@@ -250,14 +258,16 @@ def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot
     session = asking.session_of("ana").id
     assert isinstance(asking.take("ben"), Wait)
     asking.rules = replace(ASKING, turn=3600.0)
-    assert AskThere(session, ANSWER_SECONDS) not in pass_time(asking, ASKING.idle - 1.0)
-    assert AskThere(session, ANSWER_SECONDS) in pass_time(asking, 1.5)
+    assert AskedThere(session=session, seconds=ANSWER_SECONDS) not in pass_time(
+        asking, ASKING.idle - 1.0
+    )
+    assert AskedThere(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 1.5)
     acts = pass_time(asking, ANSWER_SECONDS + ON_THE_WAY + 1.0)
-    assert [act for act in acts if isinstance(act, End | Offer)] == [
-        End(session, "timed_out", IDLE),
-        Offer(asking.session_of("ben").id),
+    assert [act for act in acts if isinstance(act, Ended | Offered)] == [
+        Ended(session=session, outcome="timed_out", reason=IDLE),
+        Offered(session=asking.session_of("ben").id, seconds=RULES.start),
     ]
-    assert not [act for act in acts if isinstance(act, AskThere)]
+    assert not [act for act in acts if isinstance(act, AskedThere)]
 
 
 def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_as_long_as_the_first(
@@ -266,9 +276,9 @@ def test_a_sign_after_the_question_keeps_the_robot_and_the_next_question_waits_a
     session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + 5.0)
     asking.active_at = asking.now
-    assert FoundThere(session) in asking.tick()
+    assert FoundThere(session=session) in asking.tick()
     assert pass_time(asking, ASKING.idle - 1.0) == []
-    assert AskThere(session, ANSWER_SECONDS) in pass_time(asking, 2.0)
+    assert AskedThere(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 2.0)
 
 
 def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_take_their_time(
@@ -277,15 +287,15 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
     session = asking.session_of("ana").id
     pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY - 1.0)
     asking.signs[session] = asking.now
-    assert asking.tick() == (FoundThere(session),)
-    assert not [act for act in pass_time(asking, ASKING.idle - 1.0) if isinstance(act, End)]
+    assert asking.tick() == (FoundThere(session=session),)
+    assert not [act for act in pass_time(asking, ASKING.idle - 1.0) if isinstance(act, Ended)]
 
 
 def test_a_sign_of_another_visit_keeps_nothing(asking):
     asking.signs["s0"] = asking.now + ASKING.idle
     assert [
         type(act) for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY + 1.0)
-    ] == [AskThere, End]
+    ] == [AskedThere, Ended]
 
 
 def test_who_gives_signs_is_never_asked(asking):
@@ -297,7 +307,9 @@ def test_who_gives_signs_is_never_asked(asking):
 def test_nobody_is_sent_away_who_was_not_asked_for_as_long_as_an_answer_takes(asking):
     asking.now += 1000.0  # the session manager could not look for so long
     asking.pages_say_they_are_open({"ana"})
-    assert asking.tick() == (AskThere(asking.session_of("ana").id, ANSWER_SECONDS),)
+    assert asking.tick() == (
+        AskedThere(session=asking.session_of("ana").id, seconds=ANSWER_SECONDS),
+    )
     assert pass_time(asking, ANSWER_SECONDS - 1.0) == []
 
 
@@ -309,7 +321,7 @@ def test_a_question_to_one_visit_is_no_question_to_the_next(asking):
     assert not [
         act
         for act in pass_time(asking, ASKING.idle - 1.0)
-        if isinstance(act, FoundThere | AskThere | End)
+        if isinstance(act, FoundThere | AskedThere | Ended)
     ]
 
 
@@ -324,12 +336,12 @@ def test_nobody_is_asked_where_the_rules_or_the_terms_of_the_visit_say_never(ask
 
 def test_terms_of_a_visit_have_it_asked_sooner(asking):
     asking.change(asking.session_of("ana").id, idle=20.0)
-    assert [type(act) for act in pass_time(asking, 22.0)] == [AskThere]
+    assert [type(act) for act in pass_time(asking, 22.0)] == [AskedThere]
 
 
 def test_a_lost_visitor_is_not_asked_but_has_the_grace_period(asking):
     session = asking.session_of("ana").id
     asking.connected.clear()
     acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY)
-    assert [type(act) for act in acts] == [Move, End]
-    assert acts[-1] == End(session, "connection_lost", "visitor_silent")
+    assert [type(act) for act in acts] == [Move, Ended]
+    assert acts[-1] == Ended(session=session, outcome="connection_lost", reason="visitor_silent")

@@ -1,0 +1,261 @@
+"""What the session manager does while it is connected to the broker.
+
+The connection is a persistent session at QoS 1, so that what robots say while this process
+restarts is delivered afterwards; what is missing even then is asked for again by its number
+(sessions/recording/sequence_tracker.py).
+
+A lease that the broker has kept from before a crash permits nothing (robots act only on a fresh
+copy) and is replaced at the beginning.
+"""
+
+import asyncio
+import itertools
+import logging
+import secrets
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import aiomqtt
+from django.utils import timezone
+
+from robots.api import codec, messages, topics
+from robots.bridge import broker_address
+from robots.presence import PresenceWriter
+from sessions import signals, system_log
+from sessions.leases.transitions import Link
+from sessions.manager import notices
+from sessions.manager.database_thread import DatabaseThread
+from sessions.manager.desired_state import DesiredState
+from sessions.manager.disk_watch import DiskWatch
+from sessions.manager.dispatch import send_all
+from sessions.manager.health import Fault, ManagerHealth
+from sessions.manager.ingest import Intake, filters
+from sessions.manager.return_to_dock import ReturnToDock
+from sessions.manager.robot_liveness import PEER
+from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message, send
+from sessions.manager.task_group import until_one_ends
+from sessions.models import Session
+from sessions.recording.items import CloseItem
+from sessions.recording.recorder import Recorder
+
+logger = logging.getLogger(__name__)
+
+IDENTIFIER = "session-manager"
+POLL_INTERVAL_S = 0.5
+HEARTBEAT_SECONDS = 0.5
+STATUS_SECONDS = 0.5
+HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
+GATHER_SECONDS = 0.04
+TOGETHER = 200  # messages on their way to the broker at once, of the thousand that a client keeps
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a leading session manager keeps from one connection to the next.
+
+    `due` is set when the scheduler is to run at once, `received` when the apps above have something
+    to be told.
+    """
+
+    recorder: Recorder
+    ingest: Intake
+    scheduler: Scheduler
+    return_to_dock: ReturnToDock
+    presence: PresenceWriter
+    thread: DatabaseThread
+    health: ManagerHealth
+    disk: DiskWatch
+    due: asyncio.Event
+    received: asyncio.Event
+
+
+class BrokerConnection:
+    """One connection, from its subscriptions to its loss.
+
+    Args:
+        client: connected.
+        work: outlives the connection.
+        clock: Unix seconds.
+    """
+
+    def __init__(self, client: aiomqtt.Client, work: Work, clock: Callable[[], float]) -> None:
+        self._client = client
+        self._work = work
+        self._clock = clock
+        self._since = clock()
+        self._desired_state = DesiredState()
+        self._asking: set[asyncio.Task[None]] = set()
+
+    async def begin(self) -> None:
+        """Subscribe, and have every lease published anew."""
+        self._client.pending_calls_threshold = 2 * TOGETHER
+        broker_address.check_subscribed(await self._client.subscribe(filters()))
+        await self._work.thread.run(self._work.scheduler.begin)
+
+    async def serve(self) -> None:
+        """Do everything that goes on while connected, until the connection is lost."""
+        await until_one_ends(
+            self._tick_for_ever(),
+            self._heartbeat_for_ever(),
+            self._signal_for_ever(),
+            self._publish_status_for_ever(),
+            _end_of(self._client),
+        )
+
+    # --- the scheduler ----------------------------------------------------------------------------
+
+    async def _tick_for_ever(self) -> None:
+        while True:
+            self._work.due.clear()
+            for item in await self._work.thread.attempt(self._tick) or ():
+                self._work.recorder.put(item)
+            await self._renew()
+            try:
+                async with asyncio.timeout(POLL_INTERVAL_S):
+                    await self._work.due.wait()
+            except TimeoutError:
+                continue
+
+    async def _renew(self) -> None:
+        """Publish leases before all that a tick has found, and the rest after them."""
+        scheduler, published = self._work.scheduler, True
+        while published:
+            published = await self._work.thread.attempt(scheduler.renew, timezone.now())
+            await publish_all(scheduler.outbox, self._client)
+
+    def _tick(self) -> list[CloseItem]:
+        """In the scheduler's thread: first who is there, then what time does."""
+        now, work = timezone.now(), self._work
+        for news in work.ingest.presence_news():
+            change = work.presence.take(news.robot, news.message, now, retained=news.retained)
+            if change is not None:
+                system_log.log(
+                    "robot_online" if change.online else "robot_offline",
+                    robot=change.robot,
+                    at=now,
+                    state=change.state,
+                )
+                send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
+        send(signals.ticked, now=now)
+        work.scheduler.outbox.extend(map(notice_message, notices.drain()))
+        robots = dict(work.ingest.last_received)
+        links = {name: robot.link(self._since, work.ingest.signs) for name, robot in robots.items()}
+        closing = work.scheduler.tick(links, Link(since=self._since), now)
+        work.scheduler.outbox.extend(self._desired_state.tick(now))
+        work.scheduler.outbox.extend(work.return_to_dock.tick(robots, now))
+        return closing
+
+    # --- what goes out regularly ------------------------------------------------------------------
+
+    async def _heartbeat_for_ever(self) -> None:
+        while True:
+            for robot, liveness in list(self._work.ingest.last_received.items()):
+                if liveness.is_present(self._clock()):
+                    liveness.beats += 1
+                    message = messages.CommandHeartbeat(
+                        n=liveness.beats, stamp=self._clock(), peer=PEER
+                    )
+                    await self._client.publish(
+                        topics.of(robot, "command/heartbeat"), codec.encode(message)
+                    )
+            await asyncio.sleep(HEARTBEAT_SECONDS)
+
+    async def _publish_status_for_ever(self) -> None:
+        """Say that this process lives and what it lacks; from the loop, which neither database nor
+        disk holds up.
+        """
+        published_at, faults = -STATUS_SECONDS, self._faults()
+        while True:
+            before, faults, now = faults, self._faults(), time.monotonic()
+            if faults != before or now - published_at >= STATUS_SECONDS:
+                published_at = now
+                await self._client.publish(
+                    topics.MANAGER_STATUS,
+                    codec.encode(messages.ManagerStatus(stamp=self._clock(), faults=faults)),
+                )
+            await asyncio.sleep(HEALTH_SECONDS)
+
+    def _faults(self) -> tuple[Fault, ...]:
+        return self._work.health.faults(time.monotonic(), self._work.disk.state)
+
+    # --- what comes in ----------------------------------------------------------------------------
+
+    async def _signal_for_ever(self) -> None:
+        """Tell the apps above what was received of sessions."""
+        ingest = self._work.ingest
+        while True:
+            await self._work.received.wait()
+            await asyncio.sleep(GATHER_SECONDS)  # many robots' states go to the thread together
+            self._work.received.clear()
+            items = ingest.fresh()
+            if any(signal.has_listeners(Session) for signal in signals.OF_SESSIONS):
+                offsets = {
+                    robot: liveness.offset.seconds
+                    for robot, liveness in list(ingest.last_received.items())
+                }
+                await self._work.thread.run(send_all, items, offsets)
+                if notices.are_waiting():
+                    self._work.due.set()
+
+    def ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
+        """Ask an agent for states; unanswered it is asked again, so that nothing has to be kept
+        here.
+        """
+        action = messages.ResendStates(
+            action_id=f"resend-{secrets.token_hex(8)}",
+            stamp=self._clock(),
+            role="server",
+            user=IDENTIFIER,
+            boot=boot,
+            first=first,
+            last=last,
+        )
+        asking = asyncio.get_running_loop().create_task(
+            self._publish_quietly(topics.of(robot, "command/action"), codec.encode(action))
+        )
+        self._asking.add(asking)
+        asking.add_done_callback(self._asking.discard)
+        logger.info(
+            "states_asked_again robot=%s boot=%s first=%d last=%d", robot, boot, first, last
+        )
+
+    async def _publish_quietly(self, topic: str, payload: bytes) -> None:
+        try:
+            await self._client.publish(topic, payload, qos=1)
+        except aiomqtt.MqttError as error:
+            logger.info("states_not_asked reason=%s", error)
+
+
+class Publishing(Protocol):
+    """The part of aiomqtt.Client that publishes."""
+
+    async def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> None:
+        """Return when the broker has the message, or raise MqttError."""
+
+
+async def publish_all(outbox: deque[ManagerMessage], client: Publishing) -> None:
+    """Publish what waits, in order; a message leaves the outbox only when the broker has it.
+
+    No message waits for the one before: the last of many leases would be a second old, and its
+    session over by then.
+    """
+
+    async def publish(outbound: ManagerMessage) -> None:
+        await client.publish(outbound.topic, outbound.payload, qos=1, retain=outbound.retain)
+        outbox.remove(outbound)
+
+    while batch := list(itertools.islice(outbox, TOGETHER)):
+        for outcome in await asyncio.gather(*map(publish, batch), return_exceptions=True):
+            if outcome is not None:
+                raise outcome
+
+
+async def _end_of(client: aiomqtt.Client) -> None:
+    """Return, or raise MqttError, when the connection ends; messages do not come this way (see
+    robots/bridge/inbox.py).
+    """
+    async for _ in client.messages:
+        pass

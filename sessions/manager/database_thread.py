@@ -1,0 +1,75 @@
+"""A thread of the session manager's that works in the database, so that its event loop never waits
+for it.
+"""
+
+import asyncio
+import functools
+import logging
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from django.db import DatabaseError, InterfaceError, connection
+
+from sessions.manager.health import ManagerHealth, is_disk_full
+
+logger = logging.getLogger(__name__)
+
+
+class DatabaseThread:
+    """Does one step after another, and notes how each went.
+
+    Args:
+        name: of the thread.
+        health: is told when a step begins and ends; what waits for the thread does not count.
+    """
+
+    def __init__(self, name: str, health: ManagerHealth) -> None:
+        self._health = health
+        self._pool = ThreadPoolExecutor(1, name)
+
+    async def run(self, step: Callable[..., Any], *arguments: Any) -> Any:
+        """Do a step and return what it returns.
+
+        Raises:
+            DatabaseError: or InterfaceError, as the step did.
+        """
+        return await asyncio.get_running_loop().run_in_executor(
+            self._pool, functools.partial(self._watched, step, *arguments)
+        )
+
+    async def attempt(self, step: Callable[..., Any], *arguments: Any, refused: Any = None) -> Any:
+        """Do a step; return `refused` when the database did not let it."""
+        try:
+            return await self.run(step, *arguments)
+        except (DatabaseError, InterfaceError) as error:
+            self._health.refused(error, time.monotonic())
+            logger.warning("database_step_refused step=%s reason=%s", step.__name__, error)
+            return refused
+
+    def _watched(self, step: Callable[..., Any], *arguments: Any) -> Any:
+        begun = object()
+        self._health.begun(begun, time.monotonic())
+        try:
+            return _with_fresh_connection(step, *arguments)
+        finally:
+            self._health.ended(begun, time.monotonic())
+
+    async def close(self) -> None:
+        """Wait for the last step, and close the thread's connection."""
+        self._pool.submit(connection.close)
+        await asyncio.to_thread(self._pool.shutdown)
+
+
+def _with_fresh_connection(step: Callable[..., Any], *arguments: Any) -> Any:
+    """Run a step; after a database error the thread's connection is not trusted any more.
+
+    Unless the disk is full: then SQLite could not open another one, for which it needs room.
+    """
+    try:
+        return step(*arguments)
+    except (DatabaseError, InterfaceError) as error:
+        if not is_disk_full(error):
+            connection.close()
+        raise

@@ -1,0 +1,121 @@
+"""What Django code, in whatever web process it runs, tells open pages through the channel layer.
+
+A page is in the group of its robot and in that of its visitor. It is told to look again whether it
+may stay, or a notice for its session. What robots and the session manager say comes by the broker
+instead; and what the layer loses, because Redis is away or the sender is a process without one, a
+page finds by itself when it looks into the database, a minute later at most.
+"""
+
+import asyncio
+import functools
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from asgiref.sync import async_to_sync
+from channels.layers import get_channel_layer
+from django.db import transaction
+
+from sessions import protocol
+
+try:
+    from redis.exceptions import RedisError
+except ImportError:  # an extra
+    LAYER_ERRORS: tuple[type[Exception], ...] = (OSError, TimeoutError)
+else:
+    LAYER_ERRORS = (OSError, TimeoutError, RedisError)
+
+log = logging.getLogger(__name__)
+
+PATIENCE_SECONDS = 1.0
+RETRY_SECONDS = 5.0
+CHECK, NOTICE = "check", "notice"
+Event = dict[str, Any]
+
+
+def robot_group(name: str) -> str:
+    """Return the group of a robot's pages."""
+    return f"robot.{name}"
+
+
+def visitor_group(user: Any) -> str:
+    """Return the group of a visitor's pages, by the user's key."""
+    return f"visitor.{user}"
+
+
+def check_pages(group: str, *, session: str | None = None) -> None:
+    """Have pages look again whether they may stay, and where their session stands, as soon as what
+    was changed in the database is there for all; only the page of `session` when that is given.
+    """
+    transaction.on_commit(functools.partial(_send, group, {"type": CHECK, "session": session}))
+
+
+def send_notice(robot: str, notice: protocol.Notice) -> bool:
+    """Send a notice to the page of its session; False when the layer is away."""
+    frame = protocol.notice_frame(notice)
+    return _send(robot_group(robot), {"type": NOTICE, "session": notice.session, "frame": frame})
+
+
+def _send(group: str, event: Event) -> bool:
+    return async_to_sync(_asend)(group, event)
+
+
+async def _asend(group: str, event: Event) -> bool:
+    try:
+        async with asyncio.timeout(PATIENCE_SECONDS):
+            await _layer().group_send(group, event)
+    except LAYER_ERRORS as error:
+        log.warning("channel_layer_away group=%s reason=%s", group, type(error).__name__)
+        return False
+    return True
+
+
+async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> None:
+    """Hand every event of these groups to `handle`, until cancelled; while the layer is away, try
+    again and again.
+    """
+    layer = _layer()
+    while True:
+        channel = ""
+        try:
+            channel = await layer.new_channel()
+            for group in groups:
+                await layer.group_add(group, channel)
+            while True:
+                handle(await layer.receive(channel))
+        except LAYER_ERRORS as error:
+            log.warning("channel_layer_away reason=%s", type(error).__name__)
+        finally:
+            if channel:
+                await _leave(groups, channel)
+        await asyncio.sleep(RETRY_SECONDS)
+
+
+async def _leave(groups: tuple[str, ...], channel: str) -> None:
+    try:
+        for group in groups:
+            await _layer().group_discard(group, channel)
+    except LAYER_ERRORS:
+        return  # it has forgotten the channel already
+
+
+async def is_well() -> bool:
+    """Tell whether an event of a group arrives."""
+    arrived = asyncio.Event()
+    group = f"probe.{id(arrived)}"
+    listening = asyncio.create_task(listen((group,), lambda _event: arrived.set()))
+    try:
+        async with asyncio.timeout(PATIENCE_SECONDS):
+            while not arrived.is_set():  # until the listener is there
+                if not await _asend(group, {"type": CHECK}):
+                    return False
+                await asyncio.sleep(0.01)
+    except TimeoutError:
+        return False
+    finally:
+        listening.cancel()
+    return True
+
+
+def _layer() -> Any:
+    return get_channel_layer()

@@ -1,0 +1,153 @@
+"""What Django code tells open pages through the channel layer."""
+
+import asyncio
+import subprocess
+
+import pytest
+from asgiref.sync import sync_to_async
+from channels.layers import get_channel_layer
+from django.conf import settings
+from django.test import AsyncClient
+from django.urls import reverse
+from django.utils import timezone
+
+from accounts.models import User
+from experiments.research import interventions
+from robots.models import Robot, RobotPermit
+from sessions import page_channel, protocol
+from sessions.models import Session
+from tests.support.pages import Page, until
+from tests.support.patience import patient
+from tests.support.site import free_port
+
+pytestmark = pytest.mark.django_db(transaction=True)
+AT_ONCE = 5.0  # s; a page asks by itself once a minute
+
+
+@pytest.fixture
+def robot(db):
+    return Robot.objects.create(name="giraff", connection="ONLINE", last_seen_at=timezone.now())
+
+
+@pytest.fixture
+def ada(db):
+    return User.objects.create_user("ada", password="x")
+
+
+@pytest.fixture
+def bob(db):
+    return User.objects.create_user("bob", password="x")
+
+
+async def drive(page):
+    """Take the robot, and wait until the page listens to the layer."""
+    granted = await page.take()
+    group = page_channel.visitor_group(page.user.pk)
+    await until(lambda: get_channel_layer().groups.get(group))
+    return granted.session
+
+
+async def test_a_message_reaches_the_page_of_its_session_and_no_other(bridge, robot, ada, bob):
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
+        session = await drive(driver)
+        message = protocol.OperatorMessage(session=session, text="Mind the cat.")
+        assert await sync_to_async(page_channel.send_notice)("giraff", message)
+        assert await driver.expect("session/operator_message") == message
+        await other.say("session/observe", protocol.Observe())
+        await other.expect("session/observing")
+        assert other.told("session/operator_message") == []
+
+
+async def test_a_page_hears_at_once_that_staff_have_ended_its_session(bridge, robot, ada, bob):
+    async with Page("giraff", ada) as page:
+        session = await Session.objects.select_related("robot").aget(pk=await drive(page))
+        await sync_to_async(interventions.end_session)(session, "smoke", bob, timezone.now())
+        ended = await page.expect("session/ended")
+    assert (ended.outcome, ended.reason) == ("stopped_by_operator", "smoke")
+
+
+async def test_a_visitor_who_is_shut_out_leaves_at_once(bridge, robot, ada):
+    async with Page("giraff", ada) as page:
+        await drive(page)
+        ada.is_active = False
+        await ada.asave()
+        async with asyncio.timeout(patient(AT_ONCE)):
+            assert await page.closed() == protocol.SIGNED_OUT
+
+
+async def test_logging_out_ends_the_pages_of_this_browser_and_no_others(bridge, robot, ada):
+    async with Page("giraff", ada) as here, Page("giraff", ada) as elsewhere:
+        await drive(here)
+        client = AsyncClient()
+        client.cookies[settings.SESSION_COOKIE_NAME] = here.cookie
+        await client.post(reverse("account_logout"))
+        async with asyncio.timeout(patient(AT_ONCE)):
+            assert await here.closed() == protocol.SIGNED_OUT
+        await elsewhere.settle(bridge)
+
+
+async def test_a_permit_that_is_taken_away_ends_the_visit_at_once(bridge, robot, ada):
+    robot.access = robot.Access.INVITATION
+    await robot.asave()
+    permit = await RobotPermit.objects.acreate(robot=robot, user=ada, kind=RobotPermit.Kind.INVITED)
+    async with Page("giraff", ada) as page:
+        await drive(page)
+        await permit.adelete()
+        async with asyncio.timeout(patient(AT_ONCE)):
+            assert await page.closed() == protocol.NOT_ALLOWED
+
+
+async def test_a_robot_that_is_withdrawn_is_nobodys_at_once(bridge, robot, ada):
+    async with Page("giraff", ada) as page:
+        await drive(page)
+        robot.access = robot.Access.INVITATION
+        await robot.asave()
+        async with asyncio.timeout(patient(AT_ONCE)):
+            assert await page.closed() == protocol.NOT_ALLOWED
+
+
+async def test_a_layer_that_comes_late_is_listened_to_then(monkeypatch):
+    monkeypatch.setattr(page_channel, "RETRY_SECONDS", 0.01)
+    refusals = iter([OSError("away"), OSError("away")])
+    new_channel = type(get_channel_layer()).new_channel
+
+    async def late(self, *args):
+        for refusal in refusals:
+            raise refusal
+        return await new_channel(self, *args)
+
+    monkeypatch.setattr(type(get_channel_layer()), "new_channel", late)
+    assert await page_channel.is_well()
+
+
+async def test_through_redis_and_when_redis_is_killed_and_comes_back(tmp_path, caplog, settings):
+    port = free_port()
+
+    def start():
+        words = ["redis-server", "--port", str(port), "--bind", "127.0.0.1", "--save", ""]
+        return subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.DEVNULL)
+
+    async def until(wanted):
+        async with asyncio.timeout(patient(20)):
+            while await page_channel.is_well() is not wanted:
+                await asyncio.sleep(0.05)
+
+    settings.CHANNEL_LAYERS = {
+        "default": {
+            "BACKEND": "channels_redis.pubsub.RedisPubSubChannelLayer",
+            "CONFIG": {"hosts": [f"redis://127.0.0.1:{port}"]},
+        }
+    }
+    server = start()
+    try:
+        await until(wanted=True)
+        server.kill()
+        server.wait()
+        await until(wanted=False)
+        assert "channel_layer_away" in caplog.text
+        server = start()
+        await until(wanted=True)
+    finally:
+        server.kill()
+        server.wait()
+        await get_channel_layer().flush()
