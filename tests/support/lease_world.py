@@ -171,6 +171,4 @@ class World:
                     self.asked = session, self.now
                 case FoundThere():
                     self.asked = None
-                case TurnWarning():
-                    pass
         return acts
