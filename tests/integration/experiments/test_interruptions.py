@@ -272,7 +272,7 @@ def test_the_time_limit_of_a_drive_ends_it_once_and_leads_on_with_its_outcome(
     hear(runner, drive, records)
     limit = records[0].at + LIMIT[place.step] + PATIENCE + 1.0
     for manager in (runner, runner, Runner()):  # the last one was started after it
-        manager.look(now=moment(limit))
+        manager.tick(now=moment(limit))
     session = Session.objects.get(pk=drive.session_id)
     assert (session.state, session.outcome) == ("ended", outcome)
     over(runner, drive, moved=True)
@@ -294,7 +294,7 @@ def test_the_time_limit_of_a_drive_ends_it_once_and_leads_on_with_its_outcome(
 @pytest.mark.parametrize("place", DRIVEN, ids=lambda place: place.step)
 def test_a_drive_without_a_picture_ends_with_its_turn_and_may_be_tried_again(walker, place):
     drive, runner, _records = driving(brought(walker, place))
-    runner.look(now=drive.granted_at + datetime.timedelta(seconds=LIMIT[place.step] + 181.0))
+    runner.tick(now=drive.granted_at + datetime.timedelta(seconds=LIMIT[place.step] + 181.0))
     session = Session.objects.get(pk=drive.session_id)
     assert (session.outcome, session.outcome_reason) == ("timed_out", "no_picture")
     over(runner, drive, moved=False)

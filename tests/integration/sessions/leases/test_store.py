@@ -244,10 +244,10 @@ def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monk
             for robot in Robot.objects.all()
         }
         keeper = Scheduler()
-        keeper.look(links, Link(since=NOW.timestamp()), after(0.5))
+        keeper.tick(links, Link(since=NOW.timestamp()), after(0.5))
         keeper.renew(after(0.5))
         with CaptureQueriesContext(connection) as asked:
-            keeper.look(links, Link(since=NOW.timestamp()), after(1))
+            keeper.tick(links, Link(since=NOW.timestamp()), after(1))
             assert not keeper.renew(after(1)), "nothing is due"
         assert not [query for query in asked if not query["sql"].startswith("SELECT")]
         return len(asked)
@@ -263,7 +263,7 @@ def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW, seen_at=after(100))
     signs, asked = {}, (granted.session, after(61).timestamp())
-    heard = {"heard_at": after(100).timestamp(), "state_at": after(100).timestamp()}
+    heard = {"last_received_at": after(100).timestamp(), "state_at": after(100).timestamp()}
     link = Link(
         since=NOW.timestamp(),
         **heard,
@@ -336,7 +336,7 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert keeper.renew(after(0.5))
     keeper.outbox.clear()
     store.end(granted.session, Session.Outcome.STOPPED_BY_OPERATOR, "", after(0.9))
-    keeper.look({}, Link(since=NOW.timestamp()), after(1))
+    keeper.tick({}, Link(since=NOW.timestamp()), after(1))
     assert keeper.renew(after(1))
     first, *others = keeper.outbox
     assert (first.topic, first.payload, first.retain) == (topics.of("giraff", "lease"), b"", True)

@@ -206,7 +206,7 @@ def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana
     session = take(giraff, ana).session
     Session.objects.update(state="driving", driving_at=NOW)
     near = {
-        "heard_at": after(299).timestamp(),
+        "last_received_at": after(299).timestamp(),
         "state_at": after(299).timestamp(),
         "session": session,
         "epoch": 1,

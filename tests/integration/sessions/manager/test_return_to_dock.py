@@ -74,7 +74,7 @@ class Situation:
     def look(self, now):
         return [
             codec.decode("command/action", outbound.payload, "to_robot")
-            for outbound in self.return_to_dock.look({"giraff": self.last_received}, now)
+            for outbound in self.return_to_dock.tick({"giraff": self.last_received}, now)
         ]
 
 
