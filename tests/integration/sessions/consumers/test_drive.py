@@ -948,7 +948,7 @@ async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_t
         about.append((inbound.suffix, log_ids.current()))
         handle_message(page, inbound)
 
-    monkeypatch.setattr(drive.RobotConsumer, "_hear", noting)
+    monkeypatch.setattr(drive.RobotConsumer, "_handle_message", noting)
     async with Page("giraff", ada) as page:
         await page.say("session/take", protocol.Take())
         granted = await page.expect("session/granted")
