@@ -48,4 +48,4 @@ def relocalize(world, text):
     x, y = (rows[0][0] + rows[0][1]) / 2.0, (rows[0][2] + rows[0][3]) / 2.0
     truth = world.truth
     is_near = abs(truth.x - x) <= X_MAX and abs(truth.y - y) <= Y_MAX
-    world.believe(truth if is_near else Pose2D(x, y, truth.theta))
+    world.localize_at(truth if is_near else Pose2D(x, y, truth.theta))

@@ -59,7 +59,7 @@ class RcaWorld:
     def believed(self):
         return self._map_from_world.compose(self.sim.pose)
 
-    def believe(self, place):
+    def localize_at(self, place):
         self._map_from_world = place.compose(self.sim.pose.inverse())
 
     def drive(self, linear, angular):

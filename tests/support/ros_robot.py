@@ -72,7 +72,7 @@ class RosRobot:
         What it believes is published once, with the next scan, and again when the robot has moved.
         """
         if message["header"]["frame_id"] == "map" and not self.world.deaf:
-            self.world.believe(messages.pose_in(message["pose"]["pose"]))
+            self.world.localize_at(messages.pose_in(message["pose"]["pose"]))
             self._fixed = 0.0
 
     def go(self, stamped, goal):

@@ -62,7 +62,7 @@ class Onlooker:
         self._socket.close()
 
 
-class Fate(Onlooker):
+class SimulatorOperator(Onlooker):
     """A blocking operator of a simulator."""
 
     def __init__(self, port: int) -> None:

@@ -12,7 +12,7 @@ from robots.agent.simulator.wire import CarryTo
 from tests.support.patience import patient
 from tests.support.photographs import keep_at_all_sizes
 from tests.support.site import wait_for
-from tests.support.truth import Fate
+from tests.support.truth import SimulatorOperator
 
 pytestmark = pytest.mark.browser
 
@@ -23,8 +23,8 @@ def giraff(site):
 
 
 @pytest.fixture(scope="module")
-def fate(giraff):
-    return Fate(giraff.port)
+def operator(giraff):
+    return SimulatorOperator(giraff.port)
 
 
 def on_the_map(visitor, x, y):
@@ -159,9 +159,9 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
     assert giraff.truth().contacts == contacts
 
 
-def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, fate):
+def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
     fay = visitor("fay").drive()
-    assert fate.wish(CarryTo(8.6, 4.4, 1.57)) == ""
+    assert operator.wish(CarryTo(8.6, 4.4, 1.57)) == ""
     fay.hold(
         "ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost"
     )
@@ -175,10 +175,10 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, fate):
 
 
 def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(
-    site, visitor, giraff, fate
+    site, visitor, giraff, operator
 ):
     gil, hans, stranger = visitor("gil").drive(), visitor("hans").open(go=True), visitor()
-    assert fate.wish(CarryTo(1.9, 5.2, 0.0)) == ""
+    assert operator.wish(CarryTo(1.9, 5.2, 0.0)) == ""
     press(gil, "Go to…")
     press(gil, "Show where the robot is")
     show_place(gil, giraff.truth())

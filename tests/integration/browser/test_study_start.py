@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from robots.agent.simulator.wire import CarryTo
 from tests.support.site import Site, wait_for
 from tests.support.task_study import begin_short_study
-from tests.support.truth import Fate
+from tests.support.truth import SimulatorOperator
 
 pytestmark = pytest.mark.browser
 TITLE = "The robot is not in its charging station"
@@ -21,7 +21,7 @@ DOCK, CORRIDOR = CarryTo(0.5, 6.3, 3.14159), CarryTo(8.6, 4.4, 1.57)
 def hands(site):
     """Somebody at the robot, who may carry it."""
     giraff = site.start_robot("giraff", "--start", "corridor-centre", "--seed", "3")
-    return Fate(giraff.port)
+    return SimulatorOperator(giraff.port)
 
 
 def join(site: Site, name: str) -> None:

@@ -28,7 +28,7 @@ from tests.support.simulators import (
     memory_exists,
     simulator,
 )
-from tests.support.truth import Fate
+from tests.support.truth import SimulatorOperator
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 QUIET = ("--no-camera", "--start", "corridor-centre")
@@ -195,7 +195,7 @@ def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
 
 def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
     with simulator(*QUIET, "--seed", "3") as robot:
-        fault, onlooker = Fate(robot.port), robot.onlooker()
+        fault, onlooker = SimulatorOperator(robot.port), robot.onlooker()
         assert fault.wish(wire.CarryTo(8.6, 4.4, 1.0)) == ""
         assert (onlooker.truth().x, onlooker.truth().y) == (8.6, 4.4)
         assert "desk-1 stands there" in fault.wish(wire.CarryTo(2.4, 7.2, 0.0))

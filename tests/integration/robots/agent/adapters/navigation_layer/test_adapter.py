@@ -28,7 +28,7 @@ from tests.support.adapter_conformance import AdapterConformance, some
 from tests.support.autonomous_drive import driving, made
 from tests.support.scripted_robot import ScriptedRobot, still
 from tests.support.simulators import alive
-from tests.support.truth import Fate, Onlooker
+from tests.support.truth import Onlooker, SimulatorOperator
 
 pytestmark = pytest.mark.usefixtures("patient_adapters")
 NEAR = "3.0,1.0,3.1"  # two metres before
@@ -175,15 +175,15 @@ async def test_cancelling_stops_the_robot():
 async def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(faults, words):
     async with driving(made()) as drive:
         await drive.known()
-        fate = Fate(drive.port())
+        operator = SimulatorOperator(drive.port())
         await drive.adapter.start(goto())
         await drive.moving()
-        assert await asyncio.to_thread(fate.wish, simulated.Break(faults)) == ""
+        assert await asyncio.to_thread(operator.wish, simulated.Break(faults)) == ""
         ended = await drive.ended("g")
         assert ended.status == "FAILED"
         assert words in ended.reason
         await drive.standing()
-        fate.close()
+        operator.close()
 
 
 async def test_a_killed_mind_ends_the_action_with_a_reason_and_the_next_knows_where_the_robot_is():

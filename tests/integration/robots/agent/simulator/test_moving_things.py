@@ -3,7 +3,7 @@
 from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.simulator import wire
 from tests.support.simulators import eventually
-from tests.support.truth import Fate, Onlooker
+from tests.support.truth import Onlooker, SimulatorOperator
 
 
 def test_an_agents_robot_stands_in_the_site_with_the_people_and_doors_that_it_was_told() -> None:
@@ -29,7 +29,7 @@ def test_an_agents_robot_stands_in_the_site_with_the_people_and_doors_that_it_wa
             "connecting-door",
         }
         assert eventually(lambda: "closed" in onlooker.truth().doors.values())
-        fault = Fate(int(address.rpartition(":")[2]))
+        fault = SimulatorOperator(int(address.rpartition(":")[2]))
         assert fault.wish(wire.SetDoors(dict.fromkeys(truth.doors, "open"))) == ""
         assert eventually(lambda: "closed" not in onlooker.truth().doors.values())
         fault.close()
