@@ -180,17 +180,17 @@ async def test_commands_that_are_missing_are_counted_by_their_numbers(robot):
 
 
 async def test_timers_go_on_and_note_how_late_they_are():
-    timers, rung = Timers(), asyncio.Event()
+    timers, step = Timers(), asyncio.Event()
     count = 0
 
     def ring():
         nonlocal count
         count += 1
         if count == 3:
-            rung.set()
+            step.set()
 
     timers.every(0.001, 0.5, ring)
-    await asyncio.wait_for(rung.wait(), 60)
+    await asyncio.wait_for(step.wait(), 60)
     assert len(timers.late) >= 3
     assert min(timers.late) >= 0.0
 
