@@ -18,9 +18,9 @@ from benchmarks.table import Figure, keep
 from benchmarks.true_world import TrueWorld
 from robots.agent.navigation.planning.steps import Step
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS
 from robots.api.floorplan import Checkpoint, Place
 from robots.api.geometry import wrap_angle
+from robots.world.robot_models import MODELS
 from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.navigation_rig import Rig
 

@@ -23,8 +23,8 @@ import numpy as np
 from benchmarks.table import Figure, keep
 from benchmarks.true_world import TrueWorld
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS, RobotModel
 from robots.api.floorplan import DoorState
+from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.navigation_rig import Rig
 

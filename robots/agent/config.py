@@ -16,10 +16,10 @@ from typing import Any
 
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.api import network_words
+from robots.api.credentials_file import ENVIRONMENT
 from robots.api.messages import NetworkLab
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
-ENVIRONMENT = "TELEPRESENCE_"
 SETTINGS = (
     "server",
     "mqtt_url",

@@ -16,8 +16,7 @@ from accounts import audit
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from robots.enrol import credentials, tokens
-from robots.enrol.credentials import Credentials
-from robots.views import bearer
+from robots.enrol.credentials import Credentials, bearer
 
 log = logging.getLogger(__name__)
 LARGEST = 4096

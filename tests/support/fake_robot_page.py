@@ -33,10 +33,10 @@ from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import Sender
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import model_of
 from robots.api import codec, floorplan, picture
 from robots.api import messages as m
 from robots.api.errors import Rejection
+from robots.world.robot_models import model_of
 from sessions import protocol
 from tests.support.collected import collected_files
 from tests.support.paths import ROOT
@@ -44,7 +44,7 @@ from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
 from tests.support.synthetic_camera import SyntheticCamera
 
-OFFICE = ROOT / "robots/agent/world/plans/office"
+OFFICE = ROOT / "robots/world/plans/office"
 ROBOT = "giraff"
 STEP = "/study/step/"  # where a study goes on
 PRACTICE = "/practice/robot/"

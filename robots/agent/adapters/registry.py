@@ -11,8 +11,8 @@ from typing import Any, cast
 
 from robots.agent.adapters.navigation_layer.adapter import wrapped
 from robots.agent.autonomy.area import update_of
+from robots.agent.ramp import check_times
 from robots.agent.robot_interface import Adapter, AdapterError
-from robots.agent.safety.ramp import check_times
 from robots.world.sites import SiteError, load_site
 
 HERE = "robots.agent.adapters"

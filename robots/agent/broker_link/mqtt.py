@@ -22,9 +22,9 @@ from aiomqtt import Client, MqttError, Will
 from aiomqtt import Message as Delivery
 from paho.mqtt.reasoncodes import ReasonCode
 
-from robots.agent.backoff import Backoff
 from robots.agent.broker_link.broker_discovery import believed
 from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
+from robots.agent.timing import Backoff
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet

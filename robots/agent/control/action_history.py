@@ -2,10 +2,9 @@
 
 from collections import OrderedDict
 
-from robots.api.messages import ActionStatus
+from robots.api.messages import ENDED, ActionStatus
 
 KEPT = 1000
-ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 
 class ActionHistory:

@@ -10,8 +10,7 @@ from typing import Any
 import av
 import msgspec
 
-from robots.agent.cadence import Cadence
-from robots.agent.control.action_history import ENDED, ActionHistory
+from robots.agent.control.action_history import ActionHistory
 from robots.agent.control.calls import Calls
 from robots.agent.control.publisher import Publisher
 from robots.agent.control.reports import Reports
@@ -20,8 +19,9 @@ from robots.agent.media.photos import develop
 from robots.agent.robot_interface import ActionProgress, AdapterError, Frame
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import MOTION, Sender, role_of
-from robots.agent.timing import TimeSource
+from robots.agent.timing import Cadence, TimeSource
 from robots.api.messages import (
+    ENDED,
     Action,
     ActionState,
     ActionStatus,

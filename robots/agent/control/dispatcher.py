@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from robots.agent.autonomy.area import dock_of
-from robots.agent.cadence import Cadence
 from robots.agent.control.actions import Actions
 from robots.agent.control.calls import NOTHING, Calls
 from robots.agent.control.publisher import Link, Media, Publisher
@@ -24,6 +23,7 @@ from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.webrtc.packet_gate import Command
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress, RcaState
 from robots.agent.safety.collision_monitor import CollisionMonitor, seen_from
 from robots.agent.safety.contacts import SIDES, sides_of
@@ -31,9 +31,8 @@ from robots.agent.safety.freshness import frame_age
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.obstacle_sources import NO_POINTS
 from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
 from robots.agent.store import Store
-from robots.agent.timing import TimeSource
+from robots.agent.timing import Cadence, TimeSource
 from robots.api import codec
 from robots.api.floorplan import Dock as Station
 from robots.api.messages import (

@@ -12,11 +12,10 @@ from typing import Any
 
 import msgspec
 
-from robots.agent.cadence import Cadence
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
 from robots.agent.safety.kernel import STANDSTILL, Kernel
-from robots.agent.safety.ramp import ZERO
-from robots.agent.timing import TimeSource
+from robots.agent.timing import Cadence, TimeSource
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import (

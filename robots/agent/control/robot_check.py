@@ -20,6 +20,7 @@ from typing import Any
 from robots.agent.adapters import registry
 from robots.agent.config import AgentConfig, ConfigError, load
 from robots.agent.devices.equipment import equipment_of
+from robots.agent.ramp import LONGEST_WATCHDOG, ZERO
 from robots.agent.robot_interface import (
     FROM_PAGE,
     Adapter,
@@ -28,7 +29,6 @@ from robots.agent.robot_interface import (
     RcaState,
     VideoSource,
 )
-from robots.agent.safety.ramp import LONGEST_WATCHDOG, ZERO
 from robots.api.messages import Velocity
 
 Say = Callable[[str], None]

@@ -14,9 +14,9 @@ import random
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Protocol, TypeVar
 
-from robots.agent.backoff import Backoff
 from robots.agent.control.state_validation import UnsoundReadingError, sound
 from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, Navigating, RcaState
+from robots.agent.timing import Backoff
 from robots.api.floorplan import Dock as Station
 from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
 from robots.cancellation import cancel

@@ -15,9 +15,9 @@ import numpy as np
 from robots.agent.localization.odometry import Track
 from robots.agent.navigation.assistance.assist import Assist, Assisted
 from robots.agent.navigation.assistance.swept import outside
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Profile, RcaState
 from robots.agent.safety.obstacle_sources import NO_POINTS, ObstacleSource, sources_of
-from robots.agent.safety.ramp import ZERO
 from robots.api.floorplan import Dock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import AssistLevel, Limits, Point, Pose, Velocity

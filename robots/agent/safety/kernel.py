@@ -41,6 +41,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
+from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
 from robots.agent.safety.clock_sync import Clocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
@@ -57,7 +58,6 @@ from robots.agent.safety.permissions import (
     role_of,
     staleness,
 )
-from robots.agent.safety.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
 from robots.api.messages import (
     Action,
     AssistLevel,

@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.agent import framing
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.faults import Faults
 from robots.api.floorplan import DoorState
 
 COMMAND_LIMIT = 64 << 10

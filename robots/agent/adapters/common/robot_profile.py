@@ -23,8 +23,8 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
+from robots.agent.ramp import check_times
 from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
-from robots.agent.safety.ramp import check_times
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
 SHIPPED = Path(__file__).parents[1] / "profiles"

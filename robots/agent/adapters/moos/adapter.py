@@ -37,8 +37,8 @@ from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.moos.client import MoosClient
 from robots.agent.adapters.moos.wire import Mail
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
-from robots.agent.safety.ramp import ZERO
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Undock, Velocity
 
 OWN: tuple[Capability, ...] = ("localization", "goto", "dock", "undock", "relocalize", "tilt")

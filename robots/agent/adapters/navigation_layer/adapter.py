@@ -29,9 +29,8 @@ from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import dock_of
 from robots.agent.autonomy.pose_extrapolator import PoseExtrapolator
-from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot, beams_of
-from robots.agent.cadence import Cadence
-from robots.agent.control.action_history import ENDED
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     ActionProgress,
     Adapter,
@@ -44,10 +43,11 @@ from robots.agent.robot_interface import (
     VideoSource,
     outputs_of,
 )
-from robots.agent.safety.ramp import ZERO
+from robots.agent.timing import Cadence
 from robots.api.floorplan import Dock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import (
+    ENDED,
     Action,
     Capability,
     FloorPlanUpdate,
@@ -56,7 +56,7 @@ from robots.api.messages import (
     Relocalize,
     Velocity,
 )
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, beams_of
 
 THINKING = 0.1  # seconds between two perceptions
 LATE = 0.3  # seconds without a thought after which the robot stands

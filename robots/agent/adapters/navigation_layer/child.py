@@ -17,8 +17,8 @@ from pathlib import Path
 from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput
-from robots.agent.backoff import Backoff
 from robots.agent.robot_interface import AdapterError
+from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
 
 START_TIME = 30.0  # a slow computer reads scipy for that long

@@ -41,10 +41,10 @@ from robots.agent.robot_interface import (
 from robots.agent.simulator import wire
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.agent.simulator.physics.simulation import StartError, start_pose
-from robots.agent.simulator.profiles import RobotModel, UnknownProfileError, model_of
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
+from robots.world.robot_models import RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
 
 OPTIONS = (

@@ -13,7 +13,7 @@ import av
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.media.webrtc.rtp import AUDIO_RATE
+from robots.agent.media.rtp import AUDIO_RATE
 
 BLOCK = 960  # samples: 20 ms at 48 kHz
 BITRATE = 40_000

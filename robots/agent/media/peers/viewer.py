@@ -6,17 +6,16 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from robots.agent.cadence import Cadence
 from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.peers.bitrate import BitrateAdapter
-from robots.agent.media.peers.frame_queue import FrameQueue, SoundQueue
-from robots.agent.media.peers.key_frames import Reason
+from robots.agent.media.rtp import ClockTeller, Kind
 from robots.agent.media.webrtc.aiortc_hooks import Detour
+from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
-from robots.agent.media.webrtc.rtp import ClockTeller
-from robots.agent.media.webrtc.sdp import Kind
 from robots.agent.media.webrtc.signalling import PageConnection
+from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
 from robots.api.messages import Candidate, CommandHeartbeat, Offer
 

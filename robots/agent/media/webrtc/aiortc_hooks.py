@@ -39,7 +39,7 @@ from aiortc.rtcrtpparameters import (
 )
 from aiortc.rtp import AnyRtcpPacket, RtcpRrPacket, RtcpSrPacket
 
-from robots.agent.media.webrtc.rtp import (
+from robots.agent.media.rtp import (
     LARGEST_ID,
     ExtensionIds,
     RtpStream,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.agent.navigation.assistance.swept import along
-from robots.agent.safety.ramp import ZERO, approach
+from robots.agent.ramp import ZERO, approach
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import Floats
 

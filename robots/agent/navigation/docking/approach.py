@@ -17,15 +17,14 @@ import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.docking import station as shape
-from robots.agent.navigation.obstacles.memory import into
 from robots.agent.navigation.planning.follower import SETTLED, Follower
 from robots.agent.navigation.planning.steps import Sense, Step, failed, finished
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.floorplan import Dock
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
-from robots.world.sensing import Floats
+from robots.world.sensing import Floats, points_in_frame
 
 BEFORE = 0.9  # where the last metre begins: metres from the docked pose
 TRIES = 3
@@ -260,7 +259,7 @@ class Docking:
         half = self._dock.station.width / 2.0 + EXEMPT
 
         def elsewhere(points: Floats) -> Floats:
-            local = into(docked, points)
+            local = points_in_frame(docked, points)
             chosen: Floats = points[
                 (local[:, 0] < front)
                 | ((np.abs(local[:, 1]) > half) & (local[:, 0] < front + EXEMPT))

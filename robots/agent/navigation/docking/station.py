@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.navigation.obstacles.memory import into
 from robots.api.floorplan import Station
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, points_in_frame
 
 ON_FRONT = 0.035  # metres from the line that count as on it
 OUT = 0.5  # points are looked at so far beyond either edge: metres
@@ -74,7 +73,7 @@ def find(beams: LaserScan, expected: Pose2D, station: Station, window: Window) -
 
 def _best(points: Floats, expected: Pose2D, station: Station, window: Window) -> Pose2D:
     """Return the pose with the best score of a grid about the expected one."""
-    local = into(expected, points)
+    local = points_in_frame(expected, points)
     along, aside = (
         np.arange(-size, size + 1e-9, window.step) for size in (window.along, window.aside)
     )
@@ -132,7 +131,7 @@ def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None
     """Return the rough pose, fitted to the points on its front; None when too little of the front
     is there.
     """
-    local = into(rough, points)
+    local = points_in_frame(rough, points)
     on_front = (np.abs(local[:, 0]) <= ON_FRONT) & (
         np.abs(local[:, 1]) <= station.width / 2.0 + ON_FRONT
     )

@@ -9,9 +9,8 @@ from collections import deque
 
 import numpy as np
 
-from robots.agent.navigation.obstacles.memory import into, out_of
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
 
 HOLD = 2.5  # seconds
 NEAR = 1.6  # metres from the robot at which somebody is remembered
@@ -28,7 +27,9 @@ class LostObstacles:
         """Take the points (n, 2) of walkers in a sweep, in the robot's frame at `odometry`."""
         near = walkers[np.hypot(walkers[:, 0], walkers[:, 1]) <= NEAR]
         if len(near):
-            self._seen.append((stamp, out_of(odometry, near[:: max(1, len(near) // POINTS)])))
+            self._seen.append(
+                (stamp, points_from_frame(odometry, near[:: max(1, len(near) // POINTS)]))
+            )
 
     def out_of_sight(self, now: float, odometry: Pose2D, beams: LaserScan) -> Floats:
         """Return the points (m, 2), in the robot's frame at `odometry`, that no beam of the laser
@@ -38,8 +39,8 @@ class LostObstacles:
             self._seen.popleft()
         if not self._seen:
             return np.zeros((0, 2))
-        points = into(odometry, np.vstack([points for _, points in self._seen]))
-        from_laser = into(beams.mount, points)
+        points = points_in_frame(odometry, np.vstack([points for _, points in self._seen]))
+        from_laser = points_in_frame(beams.mount, points)
         turned = (np.arctan2(from_laser[:, 1], from_laser[:, 0]) - float(beams.angles[0])) % (
             2.0 * np.pi
         )

@@ -9,11 +9,11 @@ is soon forgotten. What has not stood still for `SETTLED` seconds may be somebod
 import numpy as np
 
 from robots.agent.navigation.obstacles.doors import DoorWatch
-from robots.agent.navigation.obstacles.memory import into, out_of, sees
+from robots.agent.navigation.obstacles.memory import sees
 from robots.agent.navigation.planning.costmap import Bools, Cells, CostMap
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
 from robots.world.solids import leaf_end
 
 ON_MAP = 0.2  # what is seen so close to something of the map is that thing: metres
@@ -69,7 +69,7 @@ class LocalObstacleMap:
         from longer ago.
         """
         close = points[np.hypot(points[:, 0], points[:, 1]) <= NOTED]
-        rows, columns, inside = self.costmap.cells(out_of(robot, close))
+        rows, columns, inside = self.costmap.cells(points_from_frame(robot, close))
         which = inside & (self.costmap.clearance[rows, columns] > ON_MAP / 2.0)
         self._mark(rows[which], columns[which], now)
 
@@ -147,7 +147,7 @@ class LocalObstacleMap:
         """
         asked = self._asked
         if asked is None or asked[0] != robot or asked[1] is not points:
-            seen = out_of(robot, points)
+            seen = points_from_frame(robot, points)
             self._asked = asked = robot, points, seen, self.costmap.cells(seen)
         return asked[2], asked[3]
 
@@ -155,7 +155,7 @@ class LocalObstacleMap:
         """Tell for points (n, 2) in the robot's frame where something has stood still for long,
         there or in the next cell.
         """
-        rows, columns, _ = self.costmap.cells(out_of(robot, points))
+        rows, columns, _ = self.costmap.cells(points_from_frame(robot, points))
         high, wide = self.costmap.shape
         down, right = (
             np.minimum(np.maximum(rows + AROUND[0], 0), high - 1),
@@ -187,7 +187,7 @@ class LocalObstacleMap:
         rows, columns = np.nonzero(self._there)
         if len(rows) == 0:
             return
-        seen = into(laser, self.costmap.centres(rows, columns))
+        seen = points_in_frame(laser, self.costmap.centres(rows, columns))
         distances = np.hypot(seen[:, 0], seen[:, 1])
         bearings = (
             np.sign(beams.angle_increment) * (np.arctan2(seen[:, 1], seen[:, 0]) - beams.angle_min)
@@ -219,7 +219,7 @@ def moved(points: Floats, before: Pose2D, after: Pose2D) -> Floats:
     """Return points (n, 2), seen from `before`, as they are seen from `after`; both poses in one
     frame.
     """
-    return into(after, out_of(before, points))
+    return points_in_frame(after, points_from_frame(before, points))
 
 
 def _beside(points: Floats, lines: Floats) -> Floats:

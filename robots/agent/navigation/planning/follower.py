@@ -14,7 +14,7 @@ import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck, Checked, Hazards
 from robots.agent.navigation.planning.path import Path
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
 

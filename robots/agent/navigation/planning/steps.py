@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from robots.agent.navigation.assistance.braking import Hazards
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from robots.world.sensing import Floats, LaserScan

@@ -1,5 +1,5 @@
 """A differential drive: speeds follow their targets within the base's accelerations, the pose
-follows the speeds on arcs.
+follows the speeds on arcs; and the head, which tilts.
 """
 
 import math
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.api.messages import Limits
+from robots.api.messages import Limits, TiltRange
 
 STRAIGHT = 1e-9
 
@@ -131,3 +131,11 @@ def reckoned(motion: Motion, separation: float, encoders: Encoders) -> Motion:
     left = (motion.linear - motion.angular * separation / 2.0) * encoders.left
     right = (motion.linear + motion.angular * separation / 2.0) * encoders.right
     return Motion((left + right) / 2.0, (right - left) / (separation * encoders.separation))
+
+
+def tilted(angle: float, target: float, tilt: TiltRange, dt: float) -> float:
+    """Return a head's angle in radians, positive looks down, after `dt` seconds on the way to
+    `target` at the speed of its motor.
+    """
+    wanted = min(max(target, tilt.minimum), tilt.maximum)
+    return _towards(angle, wanted, tilt.speed * dt)

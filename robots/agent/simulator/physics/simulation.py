@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.agent.simulator import sonar
-from robots.agent.simulator.physics import battery, head, laser
+from robots.agent.simulator.faults import SOUND, Faults
+from robots.agent.simulator.physics import battery, range_sensors
 from robots.agent.simulator.physics.contact import (
     RELEASE,
     Obstacles,
@@ -34,14 +34,14 @@ from robots.agent.simulator.physics.drive import (
     follow,
     reckoned,
     slip,
+    tilted,
 )
-from robots.agent.simulator.physics.faults import SOUND, Faults
 from robots.agent.simulator.physics.pedestrians import Pedestrians
 from robots.agent.simulator.physics.people import BODY, Person, legs, name_of, solid
 from robots.agent.simulator.physics.random_doors import RandomDoors
-from robots.agent.simulator.profiles import RobotModel
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import RobotModel
 from robots.world.sensing import LaserScan
 from robots.world.sites import with_doors
 from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
@@ -194,7 +194,7 @@ class Simulation:
         if not self._doors.is_still() and self._doors.step(dt, self._in_the_way()):
             self.obstacles = self._standing()
         if self.model.tilt:
-            self.tilt = head.step(self.tilt, self.tilt_target, self.model.tilt, dt)
+            self.tilt = tilted(self.tilt, self.tilt_target, self.model.tilt, dt)
         if self._target() != STILL or self.motion != STILL:
             self._drive(dt)
         if self._pedestrians:
@@ -213,7 +213,7 @@ class Simulation:
         """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN
         when it is broken so.
         """
-        ranges = laser.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
+        ranges = range_sensors.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
         return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
 
     def echoes(self, sounding: tuple[int, ...]) -> tuple[float, ...]:
@@ -222,7 +222,9 @@ class Simulation:
         """
         mounts, segments = self.model.sonar.mounts(self.model.footprint), self._segments()
         return tuple(
-            sonar.echo(segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng)
+            range_sensors.echo(
+                segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng
+            )
             for index in sounding
         )
 

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.profiles import RobotModel
 from robots.agent.simulator.render.canvas import Canvas, Image, Walls
 from robots.agent.simulator.render.items import Things, before, gather, joined
 from robots.agent.simulator.render.lens import Lens, grind
@@ -20,6 +19,7 @@ from robots.agent.simulator.render.scene import Builder, Glass, Scene
 from robots.agent.simulator.render.visibility import NEAR, Sight, Window, look
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import RobotModel
 from robots.world.solids import Floats, Opening
 
 KEPT_LENSES = 2

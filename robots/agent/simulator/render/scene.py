@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.simulator.profiles import RobotModel
 from robots.agent.simulator.render import furniture, textures
 from robots.agent.simulator.render.furniture import Block
 from robots.agent.simulator.render.lighting import Lights, hang, light_floor, light_wall
@@ -30,6 +29,7 @@ from robots.agent.simulator.render.materials import (
 from robots.agent.simulator.render.texture_atlas import Flat, TextureAtlas, Upright
 from robots.api.floorplan import Decoration, Door, DoorState, FloorPlan, Mirror, Passage, Surface
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import RobotModel
 from robots.world.solids import Floats, bar, fixed_solids, inside, leaf_turn, rectangle
 
 WALL_DENSITY = 100.0  # texels a metre

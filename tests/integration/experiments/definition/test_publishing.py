@@ -21,7 +21,7 @@ from tests.support.study_site import cabin_with_giraff, robot_at
 
 pytestmark = pytest.mark.django_db
 NOW = datetime.datetime(2026, 5, 4, 10, 0, tzinfo=datetime.UTC)
-OFFICE = ROOT / "robots/agent/world/plans/office"
+OFFICE = ROOT / "robots/world/plans/office"
 WHY = "It was rehearsed by hand in the laboratory."
 
 

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from robots.agent.navigation.assistance.assist import Assisted
+from robots.agent.ramp import ZERO
 from robots.agent.safety.contacts import CREEP, SIDES
 from robots.agent.safety.estop_latch import BUTTON
 from robots.agent.safety.kernel import MAX_STEP, SAME_STOP, STANDSTILL, STANDSTILL_TURNING, Kernel
 from robots.agent.safety.lease import Remembered
 from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
+from robots.agent.ramp import ZERO
 from robots.agent.safety.kernel import MAX_STEP
 from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
 from tests.support.kernel_bench import LIMITS, Bench
 

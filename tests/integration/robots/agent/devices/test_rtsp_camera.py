@@ -14,7 +14,7 @@ from robots.agent.devices.camera import DeviceCamera
 from robots.agent.devices.reader import Reader, ReaderLimits
 from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.capture.capture import CaptureState
-from robots.agent.media.webrtc.rtp import RtpClock
+from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import AdapterError
 from tests.support.rtsp_server import rtsp_server
 from tests.support.simulators import eventually

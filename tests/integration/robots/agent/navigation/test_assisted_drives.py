@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.assist import BLIND, JUDGED, Careless, Rig, careless_drive, crossings, novice_drive
+from robots.agent.ramp import ZERO
 from robots.agent.safety.collision_monitor import CREEP
-from robots.agent.safety.ramp import ZERO
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF, MODELS
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, MODELS
 from robots.world.sites import load_site, shipped_sites
 
 OFFICE = load_site("office").plan

@@ -15,9 +15,9 @@ import pytest
 from robots.agent import framing
 from robots.agent.adapters.simulator.media import MediaLine
 from robots.agent.simulator import wire
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.realtime import LONGEST_LAG
-from robots.agent.simulator.profiles import GIRAFF
+from robots.world.robot_models import GIRAFF
 from tests.support.host_jitter import pauses, watched
 from tests.support.patience import patient
 from tests.support.simulators import (

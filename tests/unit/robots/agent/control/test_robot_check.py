@@ -15,8 +15,8 @@ from robots.agent.control.robot_check import (
     stopped_after,
     verdict,
 )
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import UNKNOWN_BATTERY, AdapterError
-from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from tests.support.scripted_robot import PROFILE, ScriptedRobot, still
 from tests.support.virtual_time import VirtualTime

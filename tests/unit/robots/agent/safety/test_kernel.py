@@ -5,10 +5,10 @@ once.
 import msgspec
 import pytest
 
+from robots.agent.ramp import ZERO
 from robots.agent.safety.clock_sync import SERVER_PEER
 from robots.agent.safety.estop_latch import EStopLatch
 from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 

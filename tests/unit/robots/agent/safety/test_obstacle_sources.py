@@ -11,6 +11,7 @@ import pytest
 from robots.agent.control.state_validation import UnsoundReadingError, sound
 from robots.agent.localization.odometry import Track
 from robots.agent.navigation.assistance.swept import hull, outside
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     NOWHERE,
     UNKNOWN_BATTERY,
@@ -28,7 +29,6 @@ from robots.agent.safety.obstacle_sources import (
     SonarSource,
     sources_of,
 )
-from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, Scan, Velocity
 from tests.support.kernel_bench import LIMITS

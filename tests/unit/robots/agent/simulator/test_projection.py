@@ -10,9 +10,9 @@ import math
 import numpy as np
 
 from robots.agent.simulator.physics.drive import Motion, advance, follow, slip
-from robots.agent.simulator.profiles import RobotModel, model_of
 from robots.agent.simulator.render.lens import grind
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import RobotModel, model_of
 from tests.support.paths import GOLDEN
 
 PROJECTION = GOLDEN / "projection.json"

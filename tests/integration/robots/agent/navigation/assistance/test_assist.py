@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from robots.agent.navigation.assistance.assist import Assist, AssistSettings
 from robots.agent.navigation.assistance.steering import SteeringSettings, bounds, helping_turn
 from robots.agent.navigation.assistance.swept import outside
-from robots.agent.navigation.obstacles.memory import into
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.agent.simulator.physics.drive import Motion, advance, follow
-from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, MODELS, RHODON
+from robots.world.sensing import points_in_frame
 
 NOTHING = np.zeros((0, 2))
 LEVELS = ["slow", "steer"]
@@ -50,7 +50,7 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
     told, own, motion, poses, answer = ZERO, ZERO, Motion(0.0, 0.0), [pose], None
     for _ in range(int(seconds / TICK)):
         asked = follow(Motion(own.linear, own.angular), Motion(*stick), limits, TICK)
-        near = into(pose, points)
+        near = points_in_frame(pose, points)
         goal = pose.inverse().compose(dock) if dock else None
         answer = assist.shape(
             Velocity(linear=asked.linear, angular=asked.angular),
@@ -70,7 +70,9 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
 
 
 def gap(model, pose, points):
-    return float(outside(Assist(model.footprint, model.limits).hull, into(pose, points)).min())
+    return float(
+        outside(Assist(model.footprint, model.limits).hull, points_in_frame(pose, points)).min()
+    )
 
 
 # --- what is never done ---------------------------------------------------------------------------
@@ -295,7 +297,7 @@ def test_steering_goes_round_a_thing_in_the_way(aside):
 
 def test_a_robot_that_was_stopped_goes_on_saying_why():
     poses, _ = go(GIRAFF, "slow", (0.7, 0.0), WALL)
-    near = into(poses[-1], WALL)
+    near = points_in_frame(poses[-1], WALL)
     for speed in (0.001, 0.004, 0.02):
         answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
             Velocity(linear=speed, angular=0.0), ZERO, near, "slow"

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.agent.navigation.assistance.braking import REACTION, BrakeCheck, Hazards, stop_course
-from robots.agent.safety.ramp import ZERO
-from robots.agent.simulator.profiles import GIRAFF, RHODON
+from robots.agent.ramp import ZERO
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, RHODON
 
 NONE = np.zeros((0, 2))
 CHECK = BrakeCheck(np.array(GIRAFF.footprint), GIRAFF.limits)

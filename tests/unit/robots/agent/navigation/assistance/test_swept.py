@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from robots.agent.navigation.assistance.swept import arcs, distances, hull, outside, stops
 from robots.agent.simulator.physics.drive import Motion, advance, follow
-from robots.agent.simulator.profiles import GIRAFF, MODELS
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, MODELS
 
 SQUARE = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 SPEEDS = st.tuples(st.floats(-0.3, 0.7), st.floats(-0.7, 0.7))

@@ -7,8 +7,8 @@ import pytest
 
 from robots.agent.navigation.docking.station import NARROW, WIDE, Window, find
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS, RobotModel
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan
 

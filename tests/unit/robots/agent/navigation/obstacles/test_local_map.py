@@ -9,8 +9,8 @@ from robots.agent.navigation.obstacles.doors import MEMORY, DoorWatch
 from robots.agent.navigation.obstacles.local_map import AT_LONGEST, SETTLED, LocalObstacleMap
 from robots.agent.navigation.planning.costmap import CostMap
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_site
 

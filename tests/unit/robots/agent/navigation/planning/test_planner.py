@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.path import Path, resampled
 from robots.agent.navigation.planning.planner import Planner
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from robots.world.robot_models import GIRAFF
 from robots.world.sensing import CENTRE
 from robots.world.sites import load_site
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from robots.agent.simulator.physics.contact import Obstacles, gap, normals, place
 from robots.agent.simulator.physics.drive import Motion
-from robots.agent.simulator.profiles import GIRAFF, RHODON
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF, RHODON
 from robots.world.sites import load_plan
 from robots.world.solids import Solid, fixed_solids, leaf_solid, rectangle
 

@@ -15,8 +15,8 @@ from robots.agent.simulator.physics.drive import (
     follow,
     slip,
 )
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import GIRAFF
 
 LIMITS = GIRAFF.limits
 speeds = st.floats(-3, 3)

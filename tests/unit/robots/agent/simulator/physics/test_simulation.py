@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.contact import distance_to
 from robots.agent.simulator.physics.drive import STILL, Motion
-from robots.agent.simulator.physics.faults import Faults
 from robots.agent.simulator.physics.people import BODY
 from robots.agent.simulator.physics.simulation import BUMP_TIME, Sample, Simulation, StartError
-from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON, OdometryModel
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import GIRAFF, MODELS, RHODON, OdometryModel
 from robots.world.sites import load_plan
 
 PLAN, _ = load_plan("office")

@@ -19,7 +19,7 @@ from robots.agent.navigation.planning.follower import Followed, Follower
 from robots.agent.navigation.planning.path import Path
 from robots.agent.navigation.planning.planner import GOAL_REACH, Planner
 from robots.agent.navigation.planning.steps import Sense, Step, failed, finished
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Limits, Velocity

@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Callable
 
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.key_frames import Reason
-from robots.agent.media.peers.sender_queue import ViewerQueue
+from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.webrtc.aiortc_hooks import Detour, Outgoing
+from robots.agent.media.webrtc.sender_queue import ViewerQueue
 
 MAX_SOUNDS = 10  # 200 ms
 PAUSE = 0.2  # s without a picture: what is old then is the camera's fault
