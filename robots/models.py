@@ -147,6 +147,15 @@ class Robot(models.Model):
         _("turning limit (rad/s)"), null=True, blank=True, validators=[MinValueValidator(0.01)]
     )
 
+    adapter = models.CharField(
+        _("adapter"),
+        max_length=100,
+        blank=True,
+        validators=[RegexValidator(r"^[\w./][\w./-]*\Z", _("A name, or the path of a .py file."))],
+        help_text=_(
+            "The software that connects the agent to the robot. New credentials files name it."
+        ),
+    )
     assist = models.CharField(
         _("assistance"),
         max_length=5,

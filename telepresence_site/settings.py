@@ -53,7 +53,7 @@ MIDDLEWARE = [
     "django.contrib.auth.middleware.AuthenticationMiddleware",
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
-    "accounts.rate_limits.TellsToWait",
+    "accounts.rate_limits.RetryAfterMiddleware",
     "allauth.account.middleware.AccountMiddleware",
 ]
 

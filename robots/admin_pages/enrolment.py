@@ -16,6 +16,7 @@ from accounts import audit
 from robots.admin_pages.access import OfRobots, theirs_to_change
 from robots.enrol.credentials import ask_for_renewal
 from robots.enrol.tokens import make_token
+from robots.forms import offered
 from robots.models import Robot
 
 
@@ -32,6 +33,7 @@ class EnrolmentPage(OfRobots):
         }
         if request.method == "POST":
             context["token"] = make_token(robot, timezone.now())
+            context["adapters"] = ", ".join(offered())
             context["server"] = request.build_absolute_uri("/").rstrip("/")
             self.log_change(request, robot, _("New one-time token."))
             audit.note("enrolment_made", actor=request.user, robot=robot)

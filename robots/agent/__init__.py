@@ -1,5 +1,5 @@
-"""The robot's side: what `manage.py run_robot` runs on the robot's own computer. Imports robots.api,
-robots.world and three small modules (pyproject.toml names them), and nothing else of ours.
+"""The robot's side: what `manage.py run_robot` runs on the robot's own computer. Of ours it imports
+robots.api, robots.world, and three small modules that CONTRIBUTING.md names.
 
 PyAV's wheel (and with it aiortc) brings a GnuTLS that reads its configuration when it is loaded,
 and was built to look for it in a folder under /tmp, which any user of the computer may make: with a

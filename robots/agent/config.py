@@ -16,6 +16,7 @@ from typing import Any
 
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.api import network_words
+from robots.api.adapter_names import OURS, AmbiguousAdapterError, known_names
 from robots.api.credentials_file import ENVIRONMENT
 from robots.api.messages import NetworkLab
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
@@ -103,7 +104,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--adapter",
         help=(
-            "which kind of robot control architecture (default without a --server:"
+            f"which kind of robot control architecture: {', '.join(sorted(OURS))}, the name of an"
+            " adapter that an installed package brings, or a .py file (default without a --server:"
             f" {DEFAULT_ADAPTER})"
         ),
     )
@@ -322,9 +324,15 @@ def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
     """
     if not found["adapter"] and (enrolling or not found["mqtt_url"]):
         raise ConfigError(
-            "which robot is this? Give --adapter (ros1, ros2, rosbridge, moos, openmora_mqtt,"
-            " simulator, or a .py file)"
+            f"which robot is this? Give --adapter ({', '.join(_adapter_names())}, or a .py file)"
         )
+
+
+def _adapter_names() -> tuple[str, ...]:
+    try:
+        return known_names()
+    except AmbiguousAdapterError as error:
+        raise ConfigError(str(error)) from error
 
 
 def _options(given: list[str]) -> dict[str, str]:
