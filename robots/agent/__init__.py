@@ -1,16 +1,3 @@
 """The robot's side: what `manage.py run_robot` runs on the robot's own computer. Of ours it imports
 robots.api, robots.world, and three small modules that CONTRIBUTING.md names.
-
-PyAV's wheel (and with it aiortc) brings a GnuTLS that reads its configuration when it is loaded,
-and was built to look for it in a folder under /tmp, which any user of the computer may make: with a
-provider of code to load in it. So nothing loads av but what is in this package, and before it does,
-GnuTLS is told where the system's configuration is, there or not. The wheel's ALSA has the same
-fault and is never opened: devices/alsa.py; its VPL looks there for drivers, so no encoder of
-Intel's (`*_qsv`) may be opened.
-
-    https://www.gnutls.org/manual/html_node/System_002dwide-configuration-of-the-library.html
 """
-
-import os
-
-os.environ.setdefault("GNUTLS_SYSTEM_PRIORITY_FILE", "/etc/gnutls/config")

@@ -6,7 +6,7 @@ import pathlib
 import sys
 
 sys.path.insert(
-    0, str(pathlib.Path(__file__).resolve().parents[2] / "robots" / "agent" / "adapters")
+    0, str(pathlib.Path(__file__).resolve().parents[2] / "robots" / "agent" / "adapters" / "ros")
 )
 
 import ros1_node

@@ -46,7 +46,7 @@ def standing_time(rows: list) -> tuple[float, float]:
     return rows[last].stamp - rows[braking].stamp, peak
 
 
-@pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
+@pytest.mark.parametrize("fault", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
 def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(
     fault: signal.Signals,
 ) -> None:
@@ -133,7 +133,7 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
 
 
 @pytest.mark.parametrize(
-    "fate",
+    "fault",
     [signal.SIGTERM, signal.SIGINT, signal.SIGKILL],
     ids=["terminated", "interrupted", "killed"],
 )
