@@ -9,22 +9,16 @@ from robots.api.geometry import Pose2D
 
 @dataclass(frozen=True)
 class Scoring:
-    """`even` is the merit of a pose that scores one half, `slope` how fast the score rises there; a
-    search finds poses from `plausible` on.
+    """How the merit of a pose becomes a score."""
 
-    Of several places that a search found, one is believed when it held for `proof` metres of way.
-    The score follows over `memory` seconds, so that somebody who walks past loses nobody. Without a
-    sweep it falls to 1/e over `blind` metres beyond the first `granted`.
-    """
-
-    lost: float = 0.5
-    even: float = 0.52
-    slope: float = 14.0
-    memory: float = 1.5
-    granted: float = 0.3
-    blind: float = 4.0
-    plausible: float = 0.4
-    proof: float = 1.0
+    lost: float = 0.5  # score below which the robot is lost
+    even: float = 0.52  # merit of a pose that scores one half
+    slope: float = 14.0  # how fast the score rises there
+    memory: float = 1.5  # s over which the score follows: somebody who walks past loses nobody
+    granted: float = 0.3  # m without a sweep for which the score holds
+    blind: float = 4.0  # m after that, over which it falls to 1/e
+    plausible: float = 0.4  # merit from which a search takes a pose
+    proof: float = 1.0  # m for which one of several places has to hold until it is believed
 
 
 def quality(judged: Agreement, scoring: Scoring) -> float:

@@ -73,15 +73,25 @@ from robots.api.messages import (
     Way,
 )
 
-NAVIGATION_SILENCE = 2.0
-MAX_STEP = 0.04  # two ticks: the longest time that one output may accelerate for
-STANDSTILL, STANDSTILL_TURNING = 0.02, 0.05  # m/s and rad/s: a robot that is slower stands
-STANDS_FOR = 0.3  # s for which it has to have been measured so
-# s beyond its braking time after which a robot that was told to stand and moves is an error
-RUNS_ON = 2.0
-GRANTS_KEPT = 16
-STOPS_KEPT = 256
-SAME_STOP = 3.0
+
+@dataclass(frozen=True)
+class KernelParams:
+    """Times and thresholds of the safety kernel that no limit of the robot or the lease sets."""
+
+    # s without the driver, after which what the robot does by itself ends
+    navigation_silence: float = 2.0
+    max_step: float = 0.04  # s, two ticks: the longest time that one output may accelerate for
+    standstill: float = 0.02  # m/s: a robot that is slower stands
+    standstill_turning: float = 0.05  # rad/s, the same
+    stands_for: float = 0.3  # s for which it has to have been measured so
+    # s beyond its braking time: a robot that moves, though told to stand, is an error
+    runs_on_after: float = 2.0
+    grants_kept: int = 16  # newest
+    stops_kept: int = 256  # newest
+    same_stop: float = 3.0  # s within which an emergency stop that comes again is the same one
+
+
+KERNEL = KernelParams()
 
 
 @dataclass(frozen=True)
@@ -344,7 +354,7 @@ class Kernel:
     def runs_on(self, now: float) -> bool:
         """Tell whether the robot moves although it should have come to a stand for long."""
         since = self._told_to_stand_at
-        return since is not None and _moves(self._motion) and now - since > RUNS_ON
+        return since is not None and _moves(self._motion) and now - since > KERNEL.runs_on_after
 
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
@@ -586,7 +596,7 @@ class Kernel:
         """Note when a robot that may have been moving stands."""
         if self._current != ZERO or self._hands_off:
             self._unsettle()
-        elif self._still_since is not None and now - self._still_since >= STANDS_FOR:
+        elif self._still_since is not None and now - self._still_since >= KERNEL.stands_for:
             self._restless = self._yields = False
             if self.navigation and not self.navigation.may_begin:
                 self.navigation = replace(self.navigation, may_begin=True)
@@ -608,22 +618,25 @@ class Kernel:
             return
         if self.leases.live(now) is None:
             self._cancel_navigation("no_lease")
-        elif now - max(running.since, self.driver_heard or running.since) >= NAVIGATION_SILENCE:
+        elif (
+            now - max(running.since, self.driver_heard or running.since)
+            >= KERNEL.navigation_silence
+        ):
             self._cancel_navigation("heartbeat_lost")
 
     def _raise_floor(self, grant: tuple[str | None, int], seq: int) -> None:
         self._floors.pop(grant, None)
         self._floors[grant] = seq
-        if len(self._floors) > GRANTS_KEPT:
+        if len(self._floors) > KERNEL.grants_kept:
             del self._floors[next(iter(self._floors))]
 
     def _repeats(self, kind: str, action_id: str, now: float) -> bool:
-        return now - self._stops.get((kind, action_id), float("-inf")) < SAME_STOP
+        return now - self._stops.get((kind, action_id), float("-inf")) < KERNEL.same_stop
 
     def _remember_stop(self, kind: str, action_id: str, now: float) -> None:
         self._stops.pop((kind, action_id), None)
         self._stops[kind, action_id] = now
-        if len(self._stops) > STOPS_KEPT:
+        if len(self._stops) > KERNEL.stops_kept:
             del self._stops[next(iter(self._stops))]
 
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
@@ -658,8 +671,8 @@ class Kernel:
             # So long without a word from us the base has stopped by itself; going on from the old
             # speed would start it again.
             self._own = self._current = ZERO
-        self.contacts.moved(self._current.linear * min(since, MAX_STEP))
-        step = min(since, MAX_STEP)
+        self.contacts.moved(self._current.linear * min(since, KERNEL.max_step))
+        step = min(since, KERNEL.max_step)
         allowed = self._limited(target, now)
         if shaped and self.monitor is not None and self.assist.level != "off":
             allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=since, dt_up=step), now)
@@ -686,7 +699,10 @@ class Kernel:
 
 
 def _moves(measured: Velocity) -> bool:
-    return abs(measured.linear) > STANDSTILL or abs(measured.angular) > STANDSTILL_TURNING
+    return (
+        abs(measured.linear) > KERNEL.standstill
+        or abs(measured.angular) > KERNEL.standstill_turning
+    )
 
 
 def _grant(lease: Lease | None) -> tuple[str, int] | None:

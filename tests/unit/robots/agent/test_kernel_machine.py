@@ -16,7 +16,7 @@ from robots.agent.navigation.assistance.assist import Assisted
 from robots.agent.ramp import ZERO
 from robots.agent.safety.contacts import CREEP, SIDES
 from robots.agent.safety.estop_latch import BUTTON
-from robots.agent.safety.kernel import MAX_STEP, SAME_STOP, STANDSTILL, STANDSTILL_TURNING, Kernel
+from robots.agent.safety.kernel import KERNEL, Kernel
 from robots.agent.safety.lease import Remembered
 from robots.agent.safety.permissions import Sender
 from robots.api import messages as m
@@ -36,7 +36,10 @@ turns = st.sampled_from([0.35, -0.35, 0.0])
 
 
 def moves(velocity):
-    return abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL_TURNING
+    return (
+        abs(velocity.linear) > KERNEL.standstill
+        or abs(velocity.angular) > KERNEL.standstill_turning
+    )
 
 
 class Walls:
@@ -262,7 +265,7 @@ class KernelMachine(RuleBasedStateMachine):
                 self.pressed_at[number] = self.now
             self.navigation_is_over()
         elif not watches:
-            assert self.now - self.pressed_at.get(number, -math.inf) < SAME_STOP, (
+            assert self.now - self.pressed_at.get(number, -math.inf) < KERNEL.same_stop, (
                 "an e-stop that repeats none was not obeyed"
             )
         self.sees(self.bench.outputs[-1][1])
@@ -445,7 +448,7 @@ class KernelMachine(RuleBasedStateMachine):
         ):
             assert abs(new) <= limit + SLACK
             if drives:
-                assert abs(new) <= abs(old) + up * MAX_STEP + SLACK
+                assert abs(new) <= abs(old) + up * KERNEL.max_step + SLACK
             else:
                 assert (
                     abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
 from robots.agent.ramp import ZERO
-from robots.agent.safety.kernel import MAX_STEP
+from robots.agent.safety.kernel import KERNEL
 from robots.agent.safety.permissions import Sender
 from robots.api import messages as m
 from tests.support.kernel_bench import LIMITS, Bench
@@ -115,7 +115,9 @@ class Account:
             assert (
                 not grows
                 or abs(after)
-                <= (abs(before) if before * after > 0 else 0.0) + up * min(dt, MAX_STEP) + SLACK
+                <= (abs(before) if before * after > 0 else 0.0)
+                + up * min(dt, KERNEL.max_step)
+                + SLACK
             )
         permitted = (
             bench.now < self.accepted_at + LIMITS.deadman
