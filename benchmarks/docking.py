@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from benchmarks.true_world import TrueWorld
-from robots.agent.navigation.planning.steps import Step
+from robots.agent.navigation.planning.steps import NavigationStep
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import Checkpoint, Place
 from robots.api.geometry import wrap_angle
@@ -81,7 +81,7 @@ def study_run(world: TrueWorld, seed: int, people: int) -> tuple[str, float]:
     ), sim.time
 
 
-def _reached(rig: Rig, checkpoint: Checkpoint, done: Step) -> bool:
+def _reached(rig: Rig, checkpoint: Checkpoint, done: NavigationStep) -> bool:
     return (
         done.status == "FINISHED"
         and math.dist((checkpoint.x, checkpoint.y), rig.sim.pose[:2]) <= checkpoint.radius

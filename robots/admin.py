@@ -22,8 +22,7 @@ from django.views.decorators.cache import never_cache
 from accounts import audit
 from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
 from robots.admin_pages.doors import DoorPage
-from robots.admin_pages.enrolment import EnrolmentPage
-from robots.admin_pages.screen import ScreenPage
+from robots.admin_pages.keys import EnrolmentPage, ScreenPage
 from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, offered
 from robots.models import FloorPlan, Robot, RobotPermit

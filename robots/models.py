@@ -23,8 +23,8 @@ def refuse_reserved_name(name: str) -> None:
 
 
 class FloorPlan(models.Model):
-    """A site: the occupancy map of ROS map_server and the plan that names its parts
-    (robots.api.floorplan).
+    """A site as it is stored: the occupancy map of ROS map_server, and in `plan` what
+    robots.api.floorplan.FloorPlan is the file and wire form of.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)

@@ -23,7 +23,7 @@ LARGEST = 4096
 ENROLLING, RENEWING = Attempts("enrol", limit=10), Attempts("renew", limit=20)
 
 
-class Asked(msgspec.Struct):
+class EnrolmentRequest(msgspec.Struct):
     """What an agent shows to be enrolled."""
 
     robot: str
@@ -37,7 +37,7 @@ class Asked(msgspec.Struct):
 def enrol(request: HttpRequest) -> JsonResponse:
     """Exchange a one-time token for credentials: {"robot", "token"} in, {"robot", "token"} out."""
     try:
-        asked = msgspec.json.decode(request.body[:LARGEST], type=Asked)
+        asked = msgspec.json.decode(request.body[:LARGEST], type=EnrolmentRequest)
     except (msgspec.DecodeError, RecursionError):
         return JsonResponse(
             {"error": "malformed", "detail": "Send a JSON object with robot and token."}, status=400

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.localization.field import Field
+from robots.agent.localization.field import DistanceField
 from robots.world.sensing import Floats, LaserScan
 
 
@@ -108,7 +108,7 @@ def placed(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
 class LikelihoodField:
     """The log-likelihood (h, w) of a beam that ends in a cell of the field."""
 
-    field: Field
+    field: DistanceField
     model: SensorModel
     table: Floats
 
@@ -126,7 +126,7 @@ class LikelihoodField:
 
 
 def likelihood_field(
-    field: Field, model: SensorModel, sigma: float | None = None
+    field: DistanceField, model: SensorModel, sigma: float | None = None
 ) -> LikelihoodField:
     """Return the table of a map, with another `sigma` than the model's when given."""
     table = np.log(
@@ -172,7 +172,7 @@ class Agreement:
         return merit
 
 
-def agreement(field: Field, model: SensorModel, poses: Floats, sweep: Sweep) -> Agreement:
+def agreement(field: DistanceField, model: SensorModel, poses: Floats, sweep: Sweep) -> Agreement:
     """Return how the beams of a sweep divide, each (n,), at poses (n, 3); of no beams none fits."""
     if not len(sweep):
         nothing = np.zeros(len(poses))

@@ -20,9 +20,9 @@ from typing import Any
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.capture.capture import CaptureState
-from robots.agent.media.capture.microphone import MicrophoneFeed
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.page_sources import PageCamera, PageMicrophone
+from robots.agent.media.capture.sound import MicrophoneFeed
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.jpeg_fallback.stills import JpegFallback
 from robots.agent.media.peers.connections import Connections

@@ -16,9 +16,9 @@ from robots.agent.navigation.assistance.braking import BrakeCheck
 from robots.agent.navigation.obstacles.blocked_reason import what_blocks
 from robots.agent.navigation.obstacles.local_map import LocalObstacleMap
 from robots.agent.navigation.planning.follower import Followed, Follower
-from robots.agent.navigation.planning.path import Path
+from robots.agent.navigation.planning.path import PlannedPath
 from robots.agent.navigation.planning.planner import PLANNER, Planner
-from robots.agent.navigation.planning.steps import Sense, Step, failed, finished
+from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed, finished
 from robots.agent.ramp import ZERO
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import wrap_angle
@@ -66,7 +66,7 @@ JOURNEY = JourneyParams()
 class _Way:
     """A path, the points that it leads over, and how far along it each of them is, metres."""
 
-    path: Path
+    path: PlannedPath
     over: list[tuple[float, float]]
     ways: list[float]
 
@@ -107,7 +107,7 @@ class Journey:
         self._over = list(over)
         self._heading = heading
         self._ways: list[float] = []  # along the path to each point that is left
-        self._path: Path | None = None
+        self._path: PlannedPath | None = None
         self._looked = -math.inf
         self._sought = -math.inf
         self._shorter = -math.inf
@@ -125,7 +125,7 @@ class Journey:
         self._best_at: float | None = None
         self._begun: float | None = None
 
-    def step(self, sense: Sense) -> Step:
+    def step(self, sense: Sense) -> NavigationStep:
         """Return what to do now."""
         self._begun = sense.now if self._begun is None else self._begun
         if self._back is not None:
@@ -210,11 +210,11 @@ class Journey:
                 ways.append(driven)
         points = np.vstack(legs)
         distinct = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > 1e-6])
-        return _Way(Path(points[distinct]), over, ways)
+        return _Way(PlannedPath(points[distinct]), over, ways)
 
     def _leg(
         self, start: tuple[float, float], end: tuple[float, float], clearance: Floats
-    ) -> Path | None:
+    ) -> PlannedPath | None:
         if len(self._over) > 1 and self._planner.straight(start, end, clearance):
             return self._planner.line(start, end)
         return self._planner.plan(start, end, clearance)
@@ -243,7 +243,7 @@ class Journey:
 
     # --- getting on -------------------------------------------------------------------------------
 
-    def _on_the_way(self, sense: Sense, followed: Followed) -> Step:
+    def _on_the_way(self, sense: Sense, followed: Followed) -> NavigationStep:
         params = self._params
         held = followed.state == "held"
         if self._held is None or self._moved_on(sense, self._held):
@@ -321,7 +321,7 @@ class Journey:
                     best, most = motion, room
         return best
 
-    def _back_off(self, sense: Sense, back: _Back) -> Step:
+    def _back_off(self, sense: Sense, back: _Back) -> NavigationStep:
         done = self._check.fastest(sense.velocity, back.velocity, sense.hazards)
         if (
             back.begun.odometry.distance(sense.odometry) >= back.way
@@ -330,7 +330,7 @@ class Journey:
             self._back, self._path, self._sought = None, None, -math.inf
         return self._running(done.velocity, "backs off")
 
-    def _wait(self, sense: Sense) -> Step:
+    def _wait(self, sense: Sense) -> NavigationStep:
         params = self._params
         self._no_way_since = sense.now if self._no_way_since is None else self._no_way_since
         if sense.now - self._no_way_since >= params.beside_after:
@@ -353,7 +353,7 @@ class Journey:
             self._beside += math.dist(beside, self._over[-1])
             self._over[-1] = beside
 
-    def _given_up(self, sense: Sense, followed: Followed) -> Step | None:
+    def _given_up(self, sense: Sense, followed: Followed) -> NavigationStep | None:
         """Return the end of a journey that gets no farther."""
         params = self._params
         turning = followed.state == "driving" and followed.velocity.linear == 0.0
@@ -376,9 +376,9 @@ class Journey:
             )
         return None
 
-    def _running(self, velocity: Velocity, reason: str) -> Step:
+    def _running(self, velocity: Velocity, reason: str) -> NavigationStep:
         if self._path is None:
-            return Step(velocity, "RUNNING", reason)
+            return NavigationStep(velocity, "RUNNING", reason)
         ahead = self._path.between(self._follower.way, math.inf)
         share = 1.0 - self._follower.remaining / max(self._longest, 1e-6)
-        return Step(velocity, "RUNNING", reason, ahead, min(max(share, 0.0), 1.0))
+        return NavigationStep(velocity, "RUNNING", reason, ahead, min(max(share, 0.0), 1.0))

@@ -20,7 +20,7 @@ from robots.agent.navigation.obstacles.memory import sees
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.path import resampled
 from robots.agent.navigation.planning.planner import Planner
-from robots.agent.navigation.planning.steps import Sense, Step, failed
+from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed
 from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.navigation.wheels import WheelWatch
 from robots.agent.ramp import ZERO
@@ -71,7 +71,7 @@ class Navigator:
         self._beams: LaserScan | None = None
         self._walkers: Floats = np.zeros((0, 2))
         self._lost_obstacles = LostObstacles()
-        self._last = Step(None, "FINISHED")
+        self._last = NavigationStep(None, "FINISHED")
         self._asked = ZERO
         self._now = 0.0
         self._lost_since: float | None = None
@@ -145,7 +145,7 @@ class Navigator:
         """End the task; the next step brakes."""
         if self._task is not None:
             self._task, self._then = None, None
-            self._last = Step(None, "FAILED", "cancelled")
+            self._last = NavigationStep(None, "FAILED", "cancelled")
 
     def forget(self) -> None:
         """Forget what was seen that is not on the map: the robot has been carried away, or was
@@ -165,7 +165,7 @@ class Navigator:
         beams: LaserScan | None,
         charger_contact: bool,
         now: float,
-    ) -> Step:
+    ) -> NavigationStep:
         """Return what to do now; call it while idle too, so that the robot knows what stands about.
 
         Args:
@@ -213,12 +213,12 @@ class Navigator:
         dock = self.plan.dock_of(self.series) if self.plan else None
         return Undocking(dock, self._check, self.limits, self._costmap.circumscribed, about=about)
 
-    def _idle(self, velocity: Velocity) -> Step:
+    def _idle(self, velocity: Velocity) -> NavigationStep:
         standing = velocity == ZERO and self._asked == ZERO
         self._asked = ZERO
-        return Step(None if standing else ZERO, self._last.status, self._last.reason)
+        return NavigationStep(None if standing else ZERO, self._last.status, self._last.reason)
 
-    def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> Step | None:
+    def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> NavigationStep | None:
         """Return why the robot must stand now, whatever it is doing; None when nothing is amiss."""
         assert self._began is not None
         seen = (
@@ -233,14 +233,14 @@ class Navigator:
                 else "the laser sees nothing"
             )
         if now - seen > BLIND:
-            return Step(ZERO, "RUNNING", "waits for the laser")
+            return NavigationStep(ZERO, "RUNNING", "waits for the laser")
         if estimate.localized or not self._task_needs_map():
             self._lost_since = None
         else:
             self._lost_since = now if self._lost_since is None else self._lost_since
             if now - self._lost_since > LOST_FOR_GOOD:
                 return failed("the robot has lost where it is on the map")
-            return Step(ZERO, "RUNNING", "the robot does not know where it is")
+            return NavigationStep(ZERO, "RUNNING", "the robot does not know where it is")
         if self._wheels.stuck(self._asked, odometry, now):
             return failed("the wheels do not turn")
         return None
@@ -256,7 +256,7 @@ class Navigator:
         *,
         charger_contact: bool,
         now: float,
-    ) -> Step:
+    ) -> NavigationStep:
         assert self._task is not None
         assert self._beams is not None
         if charger_contact and isinstance(self._task, Journey) and self._then is None:
@@ -291,12 +291,12 @@ class Navigator:
         self._walkers = strangers[~self._obstacle_map.settled(robot, strangers, now)]
         self._lost_obstacles.take(beams.stamp, odometry, self._walkers)
 
-    def _take(self, step: Step) -> Step:
+    def _take(self, step: NavigationStep) -> NavigationStep:
         """Note how a step ended; what comes after an undocking is begun."""
         self._asked = step.velocity or ZERO
         if step.status == "FINISHED" and self._then is not None:
             self._task, self._then = self._then, None
-            return Step(ZERO, "RUNNING")
+            return NavigationStep(ZERO, "RUNNING")
         if step.status != "RUNNING":
             self._task, self._then, self._last = None, None, step
         return step

@@ -77,7 +77,7 @@ class _Peer:
     beats: dict[Way, tuple[int, float, float]] = field(default_factory=dict)
 
 
-class Clocks:
+class PeerClocks:
     """All peers that beat, and the beats that we sent ourselves."""
 
     def __init__(self) -> None:

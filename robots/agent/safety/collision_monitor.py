@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from robots.agent.localization.odometry import Track
-from robots.agent.navigation.assistance.assist import Assist, Assisted
+from robots.agent.localization.odometry import OdometryTrack
+from robots.agent.navigation.assistance.assist import Assisted, DriverAssistance
 from robots.agent.navigation.assistance.swept import outside
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Profile, RcaState
 from robots.agent.safety.obstacle_sources import NO_POINTS, ObstacleSource, sources_of
-from robots.api.floorplan import Dock as Station
+from robots.api.floorplan import ChargingDock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import AssistLevel, Limits, Point, Pose, Velocity
 from robots.world.sensing import CENTRE, Floats
@@ -50,8 +50,8 @@ class CollisionMonitor:
             ValueError: not such a footprint.
         """
         self.dock: Pose2D | None = None
-        self.track = Track()
-        self._assist = Assist(footprint, limits)
+        self.track = OdometryTrack()
+        self._assist = DriverAssistance(footprint, limits)
         self._sources = tuple(sources)
         self._looked_at = tuple(
             any(source.looks(bearing) for source in self._sources) for bearing in (0.0, math.pi)

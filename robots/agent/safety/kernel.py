@@ -42,16 +42,16 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
-from robots.agent.safety.clock_sync import Clocks
+from robots.agent.safety.clock_sync import PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
 from robots.agent.safety.estop_latch import refusal as latch_refusal
 from robots.agent.safety.freshness import judge
-from robots.agent.safety.hold import Hold
+from robots.agent.safety.hold import DriveHold
 from robots.agent.safety.lease import LeaseKeeper, Remembered
 from robots.agent.safety.permissions import (
     MOVING,
-    Sender,
+    CommandSender,
     forbidden,
     mismatch,
     refusal,
@@ -103,7 +103,7 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CommandVerdict:
     """What became of a velocity command: refused for a `reason`, or accepted with its age in
     seconds.
     """
@@ -147,7 +147,7 @@ class Shaper(Protocol):
 
 
 @dataclass
-class Assist:
+class AssistInForce:
     """The assistance in force and the clearance in metres that it goes by."""
 
     level: AssistLevel = "off"
@@ -177,8 +177,8 @@ class Kernel:
     latch: EStopLatch | None = None
     newest_lease: Remembered | None = None
     monitor: Shaper | None = None
-    clocks: Clocks = field(default_factory=Clocks)
-    assist: Assist = field(default_factory=Assist)
+    clocks: PeerClocks = field(default_factory=PeerClocks)
+    assist: AssistInForce = field(default_factory=AssistInForce)
     fault: str | None = None
     button_pressed: bool = False
     navigation: Navigation | None = None
@@ -198,7 +198,7 @@ class Kernel:
         self._own = ZERO  # as far as the ramp has it, without what the collision monitor added
         self._current = ZERO  # what the base was last told
         self._output_at = self._accepted_at = self._now = float("-inf")
-        self._hold: Hold | None = None
+        self._hold: DriveHold | None = None
         self._knew_driver = False
         self._driven_by: Way | None = None  # the transport of the driver's last velocity
         self._motion = ZERO  # as measured last
@@ -261,8 +261,8 @@ class Kernel:
     # --- velocities -------------------------------------------------------------------------------
 
     def velocity(
-        self, command: VelocityCommand, sender: Sender, *, now: float, unix: float
-    ) -> Verdict:
+        self, command: VelocityCommand, sender: CommandSender, *, now: float, unix: float
+    ) -> CommandVerdict:
         """Judge a velocity command; an accepted one is the new target, which `tick` then
         approaches.
         """
@@ -294,7 +294,7 @@ class Kernel:
         self._cancel_navigation("manual")
         asked = Velocity(linear=command.linear, angular=command.angular)
         self._target, self._accepted_at = self.caps(now).clamp(asked, fresh.scale), now
-        return Verdict(None, fresh.age)
+        return CommandVerdict(None, fresh.age)
 
     def tick(self, now: float, wanted: Velocity | None = None) -> Decision:
         """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or
@@ -410,7 +410,7 @@ class Kernel:
 
     # --- stop -------------------------------------------------------------------------------------
 
-    def stop(self, action: Stop, sender: Sender, now: float) -> bool:
+    def stop(self, action: Stop, sender: CommandSender, now: float) -> bool:
         """Brake. Return False when it only repeats a stop that was obeyed, and the driver has gone
         on since.
         """
@@ -437,7 +437,7 @@ class Kernel:
         self._hold_on(now)
         self._halt("stopped", now)
 
-    def estop(self, action: EStop, sender: Sender, *, now: float, unix: float) -> bool:
+    def estop(self, action: EStop, sender: CommandSender, *, now: float, unix: float) -> bool:
         """Brake, and latch for whoever is answerable: one that only watches stops. Return False
         when it only repeats one that was obeyed.
         """
@@ -480,7 +480,9 @@ class Kernel:
 
     # --- actions ----------------------------------------------------------------------------------
 
-    def permit(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
+    def permit(
+        self, action: Action, sender: CommandSender, *, now: float, unix: float
+    ) -> str | None:
         """Return in one word why an action (other than stop and estop) is refused, and count it;
         None when it may be done.
         """
@@ -527,9 +529,9 @@ class Kernel:
 
     # --- inside -----------------------------------------------------------------------------------
 
-    def _refuse(self, reason: str, age: float = 0.0) -> Verdict:
+    def _refuse(self, reason: str, age: float = 0.0) -> CommandVerdict:
         self.refused[reason] += 1
-        return Verdict(reason, age)
+        return CommandVerdict(reason, age)
 
     def _unmoved(self, *, moving: bool) -> str | None:
         """Return why a valid command of the driver moves nothing; a zero lets go of a hold and
@@ -553,7 +555,9 @@ class Kernel:
             return "stopped"
         return None if self.leases.live(now) else "no_lease"
 
-    def _why_not(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
+    def _why_not(
+        self, action: Action, sender: CommandSender, *, now: float, unix: float
+    ) -> str | None:
         lease = self.leases.live(now)
         reason = refusal(action, sender, lease, self.capabilities) or staleness(
             action, sender, lease, self.clocks, now=now, unix=unix
@@ -610,7 +614,7 @@ class Kernel:
         self._restless, self._still_since = True, None
 
     def _hold_on(self, now: float) -> None:
-        self._hold = Hold(_grant(self.leases.live(now)), self._driven_by, now)
+        self._hold = DriveHold(_grant(self.leases.live(now)), self._driven_by, now)
 
     def _watch_navigation(self, now: float) -> None:
         running = self.navigation

@@ -20,7 +20,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from robots.agent.localization.odometry import Track
+from robots.agent.localization.odometry import OdometryTrack
 from robots.agent.navigation.assistance.swept import Hull, hull
 from robots.agent.navigation.obstacles.memory import (
     SAME_BEARING,
@@ -56,7 +56,7 @@ class ObstacleSource(Protocol):
     vague: float
     tells: ObstacleReader
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
 
     def last_received_at(self) -> float:
@@ -91,12 +91,12 @@ class LaserSource:
         self._laser = laser
         self._memory = RollingObstacleMap(settings)
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take the scan of a reading, when it has one."""
         if reading.scan is not None:
             self.look(beams_of(reading.scan, self._laser), track, now)
 
-    def look(self, beams: LaserScan, track: Track, now: float) -> None:
+    def look(self, beams: LaserScan, track: OdometryTrack, now: float) -> None:
         """Take a sweep; one that sees nothing at all is that of a broken laser, and no sign of
         life.
         """
@@ -134,7 +134,7 @@ class DepthSource(LaserSource):
         self._camera, self._beams = camera, beams
         self._mount = Pose2D(camera.x, camera.y, camera.theta)
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take the points of a reading. That none came is no fault: the floor is free."""
         seen, camera = reading.points, self._camera
         if seen is None:
@@ -187,7 +187,7 @@ class SonarSource:
         self._way = 0.0
         self._was: Pose2D | None = None
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take echoes, and that there were none."""
         for echo in reading.sonar:
             if 0 <= echo.sonar < len(self._sonars):
@@ -269,7 +269,7 @@ class BumperSource:
         self._felt: deque[tuple[float, Floats]] = deque(maxlen=64)
         self._pressed: tuple[float, ...] = ()
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take which directions are pressed: each contact where it begins, and where it ends."""
         self._now = now
         if reading.bumper is None:

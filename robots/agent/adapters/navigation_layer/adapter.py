@@ -44,7 +44,7 @@ from robots.agent.robot_interface import (
     outputs_of,
 )
 from robots.agent.timing import Cadence
-from robots.api.floorplan import Dock as Station
+from robots.api.floorplan import ChargingDock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import (
     ENDED,
@@ -325,15 +325,15 @@ class AutonomyAdapter:
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
         if known is not None:
-            self.node.say(wire.Place(known, AGAIN_SPREAD, AGAIN_TURN))
+            self.node.say(wire.KnownPlace(known, AGAIN_SPREAD, AGAIN_TURN))
         elif self.profile.start is not None and self._pose_buffer.unheard:
-            self.node.say(wire.Place(self.profile.start, START_SPREAD, START_TURN))
+            self.node.say(wire.KnownPlace(self.profile.start, START_SPREAD, START_TURN))
         elif (
             self._pose_buffer.unheard
             and self._area is not None
             and (kept := self._memory.recall(self._area.map_id))
         ):
-            self.node.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
+            self.node.say(wire.KnownPlace(kept, AGAIN_SPREAD, AGAIN_TURN))
 
     def _think(self, output: NavigationOutput) -> None:
         now = self._now()

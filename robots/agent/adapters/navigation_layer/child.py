@@ -228,7 +228,7 @@ class NavigationProcess:
         match word:
             case wire.Thinks(output):
                 self._output(output)
-            case wire.Answer(number, problem):
+            case wire.OrderReply(number, problem):
                 answer = self._answers.get(number)
                 if answer is not None and not answer.done():
                     answer.set_result(problem)

@@ -26,7 +26,7 @@ SPARSE = {"scan": 0.95, "pose": 0.19}
 log = logging.getLogger(__name__)
 
 
-class Pictures(Protocol):
+class WatchedVideo(Protocol):
     """What a viewer watches: the camera, or for the robot's screen the visitor."""
 
     @property
@@ -66,7 +66,7 @@ class Viewer:
         self,
         peer: str,
         *,
-        camera: Pictures | None,
+        camera: WatchedVideo | None,
         microphone: Sounds | None,
         on_command: Callable[[ReceivedPacket], None],
         on_end: Callable[[str], None],

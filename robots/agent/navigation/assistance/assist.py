@@ -98,7 +98,7 @@ class Assisted:
     own: Velocity = ZERO
 
 
-class Assist:
+class DriverAssistance:
     """The assistance of one robot. It remembers nothing: the same question has the same answer."""
 
     def __init__(

@@ -19,10 +19,10 @@ import numpy as np
 from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.docking import station as shape
 from robots.agent.navigation.planning.follower import FOLLOWER, Follower
-from robots.agent.navigation.planning.steps import Sense, Step, failed, finished
+from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed, finished
 from robots.agent.ramp import ZERO
 from robots.api.docked import DOCKED, DockReading, DockState, follow
-from robots.api.floorplan import Dock
+from robots.api.floorplan import ChargingDock
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import Floats, points_in_frame
@@ -77,7 +77,7 @@ DOCKING = DockingParams()
 UNDOCKING = UndockingParams()
 
 
-class Stage(Enum):
+class DockingStage(Enum):
     """What a docking robot is at. A try that fails goes from any stage to BACK, and from there to
     the next try's APPROACH.
     """
@@ -88,10 +88,10 @@ class Stage(Enum):
     BACK = "out again"
 
 
-class Task(Protocol):
+class NavigationTask(Protocol):
     """Something that is stepped to its end."""
 
-    def step(self, sense: Sense) -> Step:
+    def step(self, sense: Sense) -> NavigationStep:
         """Return what to do now."""
 
 
@@ -100,10 +100,10 @@ class Docking:
 
     def __init__(
         self,
-        dock: Dock,
+        dock: ChargingDock,
         check: BrakeCheck,
         limits: Limits,
-        approach: Callable[[Pose2D], Task],
+        approach: Callable[[Pose2D], NavigationTask],
         params: DockingParams = DOCKING,
     ) -> None:
         self._dock = dock
@@ -120,25 +120,25 @@ class Docking:
     @property
     def needs_map(self) -> bool:
         """Tell whether the robot has to know where it is on the map now."""
-        return self._stage in {Stage.APPROACH, Stage.LOOK} and self._seen == 0
+        return self._stage in {DockingStage.APPROACH, DockingStage.LOOK} and self._seen == 0
 
-    def step(self, sense: Sense) -> Step:
+    def step(self, sense: Sense) -> NavigationStep:
         """Return what to do now."""
-        if sense.charger_contact and self._stage is not Stage.BACK:
+        if sense.charger_contact and self._stage is not DockingStage.BACK:
             return self._seat(sense)
         self._contact_since, self._seated, self._presses = None, DockState(), True
-        if self._stage is Stage.APPROACH:
+        if self._stage is DockingStage.APPROACH:
             return self._come(sense)
-        if self._stage is Stage.BACK:
+        if self._stage is DockingStage.BACK:
             return self._back(sense)
         self._sight(sense)
-        return self._look(sense) if self._stage is Stage.LOOK else self._enter(sense)
+        return self._look(sense) if self._stage is DockingStage.LOOK else self._enter(sense)
 
     # --- the stages -------------------------------------------------------------------------------
 
     def _begin_try(self, number: int) -> None:
         self._try = number
-        self._stage = Stage.APPROACH
+        self._stage = DockingStage.APPROACH
         self._way = self._approach(
             self._pose.compose(Pose2D(-self._params.start_distance, 0.0, 0.0))
         )
@@ -149,23 +149,23 @@ class Docking:
         self._waits = False
         self._out: _Reverse | None = None
 
-    def _come(self, sense: Sense) -> Step:
+    def _come(self, sense: Sense) -> NavigationStep:
         step = self._way.step(sense)
         if step.status == "FAILED":
             return failed(f"the charging station cannot be reached: {step.reason}")
         if step.status == "FINISHED":
-            self._stage = Stage.LOOK
+            self._stage = DockingStage.LOOK
             self._since = sense.now
             self._glance = Follower(self._check, self._limits)
             self._straight_on = sense.odometry.theta
             return self._running(ZERO, "looks for the charging station", 0.7)
-        return Step(step.velocity, "RUNNING", step.reason, step.path, step.progress * 0.7)
+        return NavigationStep(step.velocity, "RUNNING", step.reason, step.path, step.progress * 0.7)
 
-    def _look(self, sense: Sense) -> Step:
+    def _look(self, sense: Sense) -> NavigationStep:
         """Stand and look; then turn a little to one side and to the other."""
         params = self._params
         if self._seen >= params.trusted_after:
-            self._stage = Stage.ENTER
+            self._stage = DockingStage.ENTER
             self._since = sense.now
             return self._enter(sense)
         waited = sense.now - self._since
@@ -182,7 +182,7 @@ class Docking:
         turned = self._glance.turn(error, sense.velocity, sense.hazards, 0.05)
         return self._running(turned.velocity, "looks for the charging station", 0.7)
 
-    def _enter(self, sense: Sense) -> Step:
+    def _enter(self, sense: Sense) -> NavigationStep:
         params = self._params
         here = self._error(sense)
         if sense.now - self._since > params.entering_time:
@@ -212,7 +212,7 @@ class Docking:
             min(0.99, 0.75 + 0.25 * (1.0 + here.x / params.start_distance)),
         )
 
-    def _seat(self, sense: Sense) -> Step:
+    def _seat(self, sense: Sense) -> NavigationStep:
         """The contacts meet: press on a little, so that they go on meeting; then stand until the
         robot is docked.
         """
@@ -233,7 +233,7 @@ class Docking:
             return self._again(sense, "the robot did not come to rest on the contacts")
         deep = (
             self._docked_in_odometry is None
-            or self._stage is not Stage.ENTER
+            or self._stage is not DockingStage.ENTER
             or self._error(sense).x >= params.seated_at
         )
         self._presses = not deep and sense.now - self._contact_since < params.seating_time
@@ -241,10 +241,10 @@ class Docking:
             Velocity(linear=params.slowest, angular=0.0) if self._presses else ZERO, "", 0.99
         )
 
-    def _again(self, sense: Sense, reason: str) -> Step:
+    def _again(self, sense: Sense, reason: str) -> NavigationStep:
         """Take a try back: out, and anew; or give up."""
         self._why = reason
-        self._stage = Stage.BACK
+        self._stage = DockingStage.BACK
         self._out = _Reverse(
             self._check,
             self._limits,
@@ -254,7 +254,7 @@ class Docking:
         )
         return self._running(ZERO, reason, 0.7)
 
-    def _back(self, sense: Sense) -> Step:
+    def _back(self, sense: Sense) -> NavigationStep:
         params = self._params
         assert self._out is not None
         step = self._out.step(sense)
@@ -361,7 +361,7 @@ class Docking:
             and sense.now - self._still_since >= params.stalled_after
         )
 
-    def _running(self, velocity: Velocity, reason: str, progress: float) -> Step:
+    def _running(self, velocity: Velocity, reason: str, progress: float) -> NavigationStep:
         line = np.array(
             [
                 [
@@ -370,7 +370,7 @@ class Docking:
                 ]
             ]
         ).reshape(2, 2)
-        return Step(velocity, "RUNNING", reason, line, progress)
+        return NavigationStep(velocity, "RUNNING", reason, line, progress)
 
 
 class _Reverse:
@@ -390,7 +390,7 @@ class _Reverse:
         self._from: Pose2D | None = None
         self._moving_at = -math.inf
 
-    def step(self, sense: Sense) -> Step:
+    def step(self, sense: Sense) -> NavigationStep:
         params = self._params
         if self._from is None:
             self._from, self._moving_at = sense.odometry, sense.now
@@ -399,7 +399,7 @@ class _Reverse:
             return (
                 finished()
                 if abs(sense.velocity.linear) <= FOLLOWER.settled
-                else Step(ZERO, "RUNNING", progress=1.0)
+                else NavigationStep(ZERO, "RUNNING", progress=1.0)
             )
         speed = min(params.speed, self._limits.reverse, 0.05 + (self._way - gone))
         done = self._check.fastest(
@@ -409,7 +409,7 @@ class _Reverse:
             self._moving_at = sense.now
         if sense.now - self._moving_at > params.patience:
             return failed("something stands behind the robot")
-        return Step(
+        return NavigationStep(
             done.velocity,
             "RUNNING",
             "" if done.velocity != ZERO else "waits for what stands behind the robot",
@@ -426,7 +426,7 @@ class Undocking:
 
     def __init__(
         self,
-        dock: Dock | None,
+        dock: ChargingDock | None,
         check: BrakeCheck,
         limits: Limits,
         circumscribed: float,
@@ -443,7 +443,7 @@ class Undocking:
         self._is_out = False
         self._held_since: float | None = None
 
-    def step(self, sense: Sense) -> Step:
+    def step(self, sense: Sense) -> NavigationStep:
         """Return what to do now."""
         params = self._params
         if self._away is None:
@@ -457,14 +457,14 @@ class Undocking:
             return failed("the robot is still in its charging station")
         if step.status == "FINISHED" and self._turn is not None:
             self._is_out = True
-            return Step(ZERO, "RUNNING", progress=params.backed_share)
+            return NavigationStep(ZERO, "RUNNING", progress=params.backed_share)
         return (
             replace(step, progress=step.progress * params.backed_share)
             if self._turn is not None and step.status == "RUNNING"
             else step
         )
 
-    def _face_away(self, away: float, sense: Sense) -> Step:
+    def _face_away(self, away: float, sense: Sense) -> NavigationStep:
         """Turn; the robot is out already, so that it is done too where it has no room or somebody
         stays in the way.
         """
@@ -480,7 +480,7 @@ class Undocking:
             self._held_since is not None and sense.now - self._held_since > params.held_after
         ):
             return finished()
-        return Step(
+        return NavigationStep(
             turned.velocity,
             "RUNNING",
             progress=params.backed_share

@@ -37,7 +37,7 @@ STATION = StationParams()
 
 
 @dataclass(frozen=True)
-class Window:
+class SearchWindow:
     """How far about the expected pose a station is looked for: metres along, metres aside, radians;
     and the steps between.
     """
@@ -49,8 +49,8 @@ class Window:
     turn_step: float = 0.05
 
 
-WIDE = Window(along=0.36, aside=0.4, turned=0.3)
-NARROW = Window(along=0.08, aside=0.08, turned=0.1)
+WIDE = SearchWindow(along=0.36, aside=0.4, turned=0.3)
+NARROW = SearchWindow(along=0.08, aside=0.08, turned=0.1)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,9 @@ class Sighting:
     points: int
 
 
-def find(beams: LaserScan, expected: Pose2D, station: Station, window: Window) -> Sighting | None:
+def find(
+    beams: LaserScan, expected: Pose2D, station: Station, window: SearchWindow
+) -> Sighting | None:
     """Return where the front of a station is, or None when nothing of its shape is there.
 
     Args:
@@ -80,7 +82,7 @@ def find(beams: LaserScan, expected: Pose2D, station: Station, window: Window) -
     return _refined(points, _best(points, expected, station, window), station)
 
 
-def _best(points: Floats, expected: Pose2D, station: Station, window: Window) -> Pose2D:
+def _best(points: Floats, expected: Pose2D, station: Station, window: SearchWindow) -> Pose2D:
     """Return the pose with the best score of a grid about the expected one."""
     local = points_in_frame(expected, points)
     along, aside = (

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck, Checked, Hazards
-from robots.agent.navigation.planning.path import Path
+from robots.agent.navigation.planning.path import PlannedPath
 from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
@@ -69,14 +69,14 @@ class Follower:
         self.check = check
         self.limits = limits
         self._params = params
-        self.path = Path(np.zeros((1, 2)))
+        self.path = PlannedPath(np.zeros((1, 2)))
         self.way = 0.0
         self._heading: float | None = None
         self._side = 0.0  # of the turn on the spot that is going on, 0 without one
         self._long_way = False  # the near side is blocked
         self._at_end = False
 
-    def take(self, path: Path, heading: float | None) -> None:
+    def take(self, path: PlannedPath, heading: float | None) -> None:
         """Follow a path from its start and end with a heading, or with any."""
         self.path, self.way, self._heading = path, 0.0, heading
         self._at_end, self._side, self._long_way = False, 0.0, False

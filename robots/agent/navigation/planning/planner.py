@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from robots.agent.navigation.planning.costmap import Bools, CostMap, NoWayError
-from robots.agent.navigation.planning.path import Path, resampled
+from robots.agent.navigation.planning.path import PlannedPath, resampled
 from robots.world.sensing import Floats
 
 
@@ -87,7 +87,7 @@ class Planner:
 
     def plan(
         self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
-    ) -> Path | None:
+    ) -> PlannedPath | None:
         """Return the way from start to goal through `clearance` (h, w), or None
         when there is none.
         """
@@ -107,7 +107,7 @@ class Planner:
             )
             stuck = self._misfits(line, clearance)
             if not stuck.any():
-                return Path(resampled(np.vstack([[start], line])))
+                return PlannedPath(resampled(np.vstack([[start], line])))
             rows, columns, _ = self.costmap.cells(line[stuck])
             cost[rows, columns] = math.inf
         return None
@@ -119,9 +119,9 @@ class Planner:
         line = _line(np.array(start), np.array(goal), self.costmap.transform.resolution / 2.0)
         return bool((self.costmap.sample(clearance, line) >= self.costmap.least).all())
 
-    def line(self, start: tuple[float, float], goal: tuple[float, float]) -> Path:
+    def line(self, start: tuple[float, float], goal: tuple[float, float]) -> PlannedPath:
         """Return the straight line between two points, as it is."""
-        return Path(resampled(np.array([start, goal])))
+        return PlannedPath(resampled(np.array([start, goal])))
 
     def _cheapest(
         self, start: tuple[float, float], goal: tuple[float, float], cost: Floats

@@ -28,7 +28,7 @@ from robots.agent.simulator.physics.contact import (
 from robots.agent.simulator.physics.doors import Doors
 from robots.agent.simulator.physics.drive import (
     STILL,
-    Motion,
+    WheelMotion,
     clamp,
     draw_encoders,
     follow,
@@ -57,7 +57,7 @@ class StartError(ValueError):
     """The robot cannot begin where it was told to, in one sentence."""
 
 
-class Sample(NamedTuple):
+class TrueState(NamedTuple):
     """One moment of the truth; `time` in seconds since the start of the simulation."""
 
     time: float
@@ -151,12 +151,12 @@ class Simulation:
         """Return the footprint (n, 2) in the world."""
         return place(self.footprint, self.pose)
 
-    def command(self, linear: float, angular: float) -> Motion:
+    def command(self, linear: float, angular: float) -> WheelMotion:
         """Take a velocity and return what the base will aim at; silence for `model.watchdog`
         seconds brakes to a stand.
         """
         self.commanded, self.commanded_at = (
-            clamp(Motion(linear, angular), self.model.limits),
+            clamp(WheelMotion(linear, angular), self.model.limits),
             self.time,
         )
         return self.commanded
@@ -276,15 +276,15 @@ class Simulation:
         """Return the volts at the battery."""
         return battery.voltage(self.charge, self.model.battery, charging=self.docked)
 
-    def sample(self) -> Sample:
+    def sample(self) -> TrueState:
         """Return the truth of this moment."""
-        return Sample(self.time, *self.commanded, *self.motion, *self.pose)
+        return TrueState(self.time, *self.commanded, *self.motion, *self.pose)
 
     def errors(self) -> tuple[str, ...]:
         """Return what is wrong with the robot, in words for its owner."""
         return ("battery empty",) if self.charge <= 0.0 else ()
 
-    def _target(self) -> Motion:
+    def _target(self) -> WheelMotion:
         silent = self.time - self.commanded_at > self.model.watchdog
         return (
             STILL if silent or self.charge <= 0.0 or self.faults.wheels_stopped else self.commanded
@@ -379,7 +379,7 @@ class Simulation:
         return [self.outline(), *(solid(person).outline for person in self.people)]
 
 
-def _wheels(motion: Motion, dt: float) -> Pose2D:
+def _wheels(motion: WheelMotion, dt: float) -> Pose2D:
     """Return the relative motion that the wheels' encoders report."""
     half = motion.angular * dt / 2.0
     return Pose2D(

@@ -18,7 +18,7 @@ from robots.agent.safety.contacts import CREEP, SIDES
 from robots.agent.safety.estop_latch import BUTTON
 from robots.agent.safety.kernel import KERNEL, Kernel
 from robots.agent.safety.lease import Remembered
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
@@ -181,7 +181,7 @@ class KernelMachine(RuleBasedStateMachine):
             )
             moving = bool(linear or angular)
             verdict = self.kernel.velocity(
-                command, Sender(way, "p1"), now=self.now, unix=self.bench.unix
+                command, CommandSender(way, "p1"), now=self.now, unix=self.bench.unix
             )
             if moving:
                 self.quiet_since = self.now
@@ -207,7 +207,7 @@ class KernelMachine(RuleBasedStateMachine):
         )
         assert (
             self.kernel.velocity(
-                command, Sender("datachannel", peer), now=self.now, unix=self.bench.unix
+                command, CommandSender("datachannel", peer), now=self.now, unix=self.bench.unix
             ).reason
             is not None
         )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from robots.agent.ramp import ZERO
 from robots.agent.safety.kernel import KERNEL
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from tests.support.kernel_bench import LIMITS, Bench
 
@@ -180,7 +180,9 @@ def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, 
         epoch=epoch,
         seq=max(0, bench.seq + step),
     )
-    verdict = bench.kernel.velocity(command, Sender(way, peer), now=bench.now, unix=bench.unix)
+    verdict = bench.kernel.velocity(
+        command, CommandSender(way, peer), now=bench.now, unix=bench.unix
+    )
     assert bench.now < account.lease_until or verdict.reason
     if verdict.reason is None:
         account.accepted_at = bench.now
@@ -191,7 +193,7 @@ def _good(bench, account, linear, angular):
     command = bench.command(
         linear, angular, session=lease.session if lease else "s1", epoch=lease.epoch if lease else 1
     )
-    verdict = bench.kernel.velocity(command, Sender("mqtt"), now=bench.now, unix=bench.unix)
+    verdict = bench.kernel.velocity(command, CommandSender("mqtt"), now=bench.now, unix=bench.unix)
     assert (bench.now < account.lease_until and not account.latched) or verdict.reason
     if verdict.reason is None:
         account.accepted_at = bench.now

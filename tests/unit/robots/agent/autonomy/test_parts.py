@@ -188,7 +188,7 @@ def test_a_mind_without_a_map_says_so_and_takes_no_harm():
             wire.BeginAction(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)),
         ]
     )
-    assert said == [wire.Answer(7, "no map")]
+    assert said == [wire.OrderReply(7, "no map")]
 
 
 def test_a_mind_serves_its_socket_until_that_is_closed():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robots.agent.control.state_validation import UnsoundReadingError, sound
-from robots.agent.localization.odometry import Track
+from robots.agent.localization.odometry import OdometryTrack
 from robots.agent.navigation.assistance.swept import hull, outside
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
@@ -64,7 +64,7 @@ class Ear:
     """A sonar source and the robot's track."""
 
     def __init__(self, *sonars):
-        self.source, self.track, self.stamp = SonarSource(sonars), Track(), 0.0
+        self.source, self.track, self.stamp = SonarSource(sonars), OdometryTrack(), 0.0
 
     def hear(self, *distances, at=ORIGIN):
         self.stamp += 0.5
@@ -186,7 +186,7 @@ def test_nearer_than_a_sonar_can_measure_every_corner_creeps():
 
 
 def test_a_bumper_remembers_what_was_touched_where_it_stood():
-    source, track = BumperSource(hull(FOOTPRINT)), Track()
+    source, track = BumperSource(hull(FOOTPRINT)), OdometryTrack()
     track.add(1.0, ORIGIN)
     source.sense(reading(bumper=(0.0,)), track, 1.0)
     points = source.seen(ORIGIN, 1.0)
@@ -202,7 +202,7 @@ def test_a_bumper_remembers_what_was_touched_where_it_stood():
 
 
 def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
-    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
+    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), OdometryTrack()
     track.add(1.0, ORIGIN)
     source.sense(
         reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1], [9.0, 0.0], [-1.0, 0.0]]))),
@@ -223,7 +223,7 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
 
 
 def test_what_was_close_before_a_depth_camera_and_has_gone_is_forgotten():
-    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
+    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), OdometryTrack()
     track.add(1.0, ORIGIN)
     source.sense(reading(points=ObstaclePoints(1.0, np.array([[0.45, 0.0]]))), track, 1.0)
     assert len(source.seen(ORIGIN, 1.0)) == 1
