@@ -28,7 +28,7 @@ from benchmarks.table import Figure, keep
 from robots.agent.adapters.simulator.adapter import fitted, profile_of
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState, SonarEcho
-from robots.agent.safety.collision_monitor import CREEP, monitor_of
+from robots.agent.safety.collision_monitor import MONITOR, monitor_of
 from robots.agent.safety.contacts import sides_of
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.floorplan import FloorPlan
@@ -373,7 +373,7 @@ def careless(first: int, runs: int, minutes: float) -> list[Figure]:
         figures += [
             Figure(f"{kind}: collisions", hits, "", 0.0 if helped and not name else None),
             Figure(f"{kind}: contacts of any speed", touches, ""),
-            Figure(f"{kind}: hardest contact", hardest, "m/s", CREEP if helped else None),
+            Figure(f"{kind}: hardest contact", hardest, "m/s", MONITOR.creep if helped else None),
             Figure(f"{kind}: driven", driven, "min"),
             Figure(f"{kind}: way a minute", way / driven, "m"),
             Figure(

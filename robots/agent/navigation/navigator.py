@@ -8,6 +8,7 @@ the robot standing.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,10 +31,18 @@ from robots.api.messages import Limits, Velocity
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import Estimate, Floats, LaserScan
 
-# age of the newest sweep with which the robot stops, and gives up: seconds
-BLIND, BLIND_FOR_GOOD = 0.5, 2.5
-LOST_FOR_GOOD = 4.0  # seconds
-DRAWN_SPACING = 0.4  # points of a drawn line are taken so far apart: metres
+
+@dataclass(frozen=True)
+class NavigatorParams:
+    """How long a robot goes on that does not see, or does not know where it is."""
+
+    blind_stop: float = 0.5  # s since the newest sweep, after which the robot stops
+    blind_end: float = 2.5  # s, after which it gives up
+    lost_end: float = 4.0  # s without a pose, after which it gives up
+    drawn_spacing: float = 0.4  # m between points that are taken of a drawn line
+
+
+NAVIGATOR = NavigatorParams()
 
 
 class Navigator:
@@ -122,7 +131,7 @@ class Navigator:
         if len(line) < 2 or not np.isfinite(line).all():
             raise NoWayError("a line needs two points or more")
         end = self._planner.goal(float(line[-1, 0]), float(line[-1, 1]))
-        drawn = resampled(line, DRAWN_SPACING)[:-1]
+        drawn = resampled(line, NAVIGATOR.drawn_spacing)[:-1]
         fits = self._costmap.sample(self._costmap.clearance, drawn) >= self._costmap.least
         self._begin(self._journey([*((float(x), float(y)) for x, y in drawn[fits]), end], None))
 
@@ -224,21 +233,21 @@ class Navigator:
         seen = (
             self._beams.stamp
             if self._beams is not None and sees(self._beams)
-            else self._began - BLIND
+            else self._began - NAVIGATOR.blind_stop
         )
-        if now - seen > BLIND_FOR_GOOD:
+        if now - seen > NAVIGATOR.blind_end:
             return failed(
                 "the laser is silent"
                 if self._beams is None or sees(self._beams)
                 else "the laser sees nothing"
             )
-        if now - seen > BLIND:
+        if now - seen > NAVIGATOR.blind_stop:
             return NavigationStep(ZERO, "RUNNING", "waits for the laser")
         if estimate.localized or not self._task_needs_map():
             self._lost_since = None
         else:
             self._lost_since = now if self._lost_since is None else self._lost_since
-            if now - self._lost_since > LOST_FOR_GOOD:
+            if now - self._lost_since > NAVIGATOR.lost_end:
                 return failed("the robot has lost where it is on the map")
             return NavigationStep(ZERO, "RUNNING", "the robot does not know where it is")
         if self._wheels.stuck(self._asked, odometry, now):

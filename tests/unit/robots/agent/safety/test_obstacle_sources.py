@@ -21,7 +21,7 @@ from robots.agent.robot_interface import (
     Sonar,
     SonarEcho,
 )
-from robots.agent.safety.collision_monitor import CREEP, CollisionMonitor
+from robots.agent.safety.collision_monitor import MONITOR, CollisionMonitor
 from robots.agent.safety.obstacle_sources import (
     BumperSource,
     DepthSource,
@@ -157,14 +157,14 @@ def test_where_nothing_looks_a_driver_who_is_helped_creeps():
     watch.sense(reading(sonar=echoes(None)), 1.0)
     assert watch.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
     back = watch.shape(BACK, ZERO, "slow", 1.1)
-    assert (back.velocity.linear, back.why) == (-CREEP, "slow")
+    assert (back.velocity.linear, back.why) == (-MONITOR.creep, "slow")
 
 
 def test_a_bumper_alone_lets_a_driver_creep():
     watch = monitor(BumperSource(hull(FOOTPRINT)))
     watch.sense(reading(bumper=()), 1.0)
     for wanted in (AHEAD, BACK):
-        assert abs(watch.shape(wanted, ZERO, "slow", 1.1).velocity.linear) == CREEP
+        assert abs(watch.shape(wanted, ZERO, "slow", 1.1).velocity.linear) == MONITOR.creep
 
 
 def test_a_robot_whose_bumper_says_nothing_any_more_creeps_though_it_hears_nothing():
@@ -173,7 +173,7 @@ def test_a_robot_whose_bumper_says_nothing_any_more_creeps_though_it_hears_nothi
     assert watch.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
     watch.sense(reading(1.6, sonar=echoes(None, None, stamp=1.6)), 1.6)
     told = watch.shape(AHEAD, AHEAD, "slow", 1.6)
-    assert told.velocity.linear == pytest.approx(CREEP)
+    assert told.velocity.linear == pytest.approx(MONITOR.creep)
 
 
 def test_nearer_than_a_sonar_can_measure_every_corner_creeps():
@@ -182,7 +182,7 @@ def test_nearer_than_a_sonar_can_measure_every_corner_creeps():
     )
     watch.sense(reading(sonar=echoes(None, None, 0.05)), 1.0)
     told = watch.shape(Velocity(linear=0.5, angular=0.0), ZERO, "slow", 1.1).velocity
-    assert 0.0 < told.linear <= CREEP + 1e-9
+    assert 0.0 < told.linear <= MONITOR.creep + 1e-9
 
 
 def test_a_bumper_remembers_what_was_touched_where_it_stood():
