@@ -26,15 +26,15 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from robots.agent.adapters.simulator.adapter import fitted, profile_of
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState, SonarEcho
-from robots.agent.safety.collision_monitor import CREEP, monitor_of
+from robots.agent.safety.collision_monitor import MONITOR, monitor_of
 from robots.agent.safety.contacts import sides_of
-from robots.agent.safety.ramp import ZERO
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS, RobotModel
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import AssistLevel, Scan, Velocity
+from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_site, shipped_sites
 from tests.support.kernel_bench import Bench
 
@@ -373,7 +373,7 @@ def careless(first: int, runs: int, minutes: float) -> list[Figure]:
         figures += [
             Figure(f"{kind}: collisions", hits, "", 0.0 if helped and not name else None),
             Figure(f"{kind}: contacts of any speed", touches, ""),
-            Figure(f"{kind}: hardest contact", hardest, "m/s", CREEP if helped else None),
+            Figure(f"{kind}: hardest contact", hardest, "m/s", MONITOR.creep if helped else None),
             Figure(f"{kind}: driven", driven, "min"),
             Figure(f"{kind}: way a minute", way / driven, "m"),
             Figure(

@@ -88,7 +88,7 @@ class NodeThread:
             case wire.Settled():
                 self.ready = True
                 self._process._settled()
-            case wire.Answer() if self._order is not None:
+            case wire.OrderReply() if self._order is not None:
                 self._order.set_result("")
 
 

@@ -21,10 +21,10 @@ import numpy as np
 
 from benchmarks.table import Figure, keep, quantiles
 from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.profiles import GIRAFF
 from robots.agent.simulator.render.camera import SceneCamera
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 
 BOUND = 8.0  # ms a frame

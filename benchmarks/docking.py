@@ -16,11 +16,13 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from benchmarks.true_world import TrueWorld
-from robots.agent.navigation.planning.steps import Step
+from robots.agent.navigation.docking.approach import DOCKING, UNDOCKING
+from robots.agent.navigation.docking.station import STATION
+from robots.agent.navigation.planning.steps import NavigationStep
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS
 from robots.api.floorplan import Checkpoint, Place
 from robots.api.geometry import wrap_angle
+from robots.world.robot_models import MODELS
 from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.navigation_rig import Rig
 
@@ -81,7 +83,7 @@ def study_run(world: TrueWorld, seed: int, people: int) -> tuple[str, float]:
     ), sim.time
 
 
-def _reached(rig: Rig, checkpoint: Checkpoint, done: Step) -> bool:
+def _reached(rig: Rig, checkpoint: Checkpoint, done: NavigationStep) -> bool:
     return (
         done.status == "FINISHED"
         and math.dist((checkpoint.x, checkpoint.y), rig.sim.pose[:2]) <= checkpoint.radius
@@ -105,6 +107,7 @@ def main() -> int:
     parser.add_argument("--people", type=int, default=1, help="who walk during the study run")
     parser.add_argument("--sites", nargs="+", default=list(shipped_sites()))
     wanted = parser.parse_args()
+    print("  ", DOCKING, UNDOCKING, STATION, sep="\n  ", flush=True)
     studies = wanted.study_runs if wanted.study_runs is not None else max(1, wanted.runs // 3)
     figures, details, begun, simulated = [], {}, time.perf_counter(), 0.0
     for series, model in sorted(MODELS.items()):

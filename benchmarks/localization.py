@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.table import Figure, keep
-from robots.agent.localization.localizer import Localizer
+from robots.agent.localization.localizer import Localizer, Settings
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import MODELS
 from robots.world.sensing import Estimate
 from robots.world.sites import Site, load_site, shipped_sites
 from tests.support.wanderer import TICK, Wanderer, Ways, standing_somewhere
@@ -146,6 +146,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=300.0)
     parser.add_argument("--first", type=int, default=JUDGING, help="the first seed")
     asked = parser.parse_args()
+    print(Settings(), flush=True)
     loaded = {name: load_site(name) for name in shipped_sites()}
     sites = {name: (site, Ways(site.grid)) for name, site in loaded.items()}
     seeds = range(asked.first, asked.first + asked.runs)

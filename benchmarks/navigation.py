@@ -22,9 +22,14 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from benchmarks.true_world import TrueWorld
+from robots.agent.navigation.assistance.braking import BRAKING
+from robots.agent.navigation.journey import JOURNEY
+from robots.agent.navigation.obstacles.local_map import LOCAL_MAP
+from robots.agent.navigation.planning.follower import FOLLOWER
+from robots.agent.navigation.planning.planner import PLANNER
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS, RobotModel
 from robots.api.floorplan import DoorState
+from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.navigation_rig import Rig
 
@@ -123,6 +128,7 @@ def main() -> int:
     parser.add_argument("--sites", nargs="+", default=list(shipped_sites()))
     parser.add_argument("--series", nargs="+", default=sorted(MODELS))
     wanted = parser.parse_args()
+    print("  ", JOURNEY, FOLLOWER, PLANNER, BRAKING, LOCAL_MAP, sep="\n  ", flush=True)
     tally, begun = Tally(), time.perf_counter()
     for site in wanted.sites:
         for series in wanted.series:

@@ -15,8 +15,8 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS
 from robots.api.messages import Goto
+from robots.world.robot_models import MODELS
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan, shipped_sites
 from tests.support.headless_robot import DT, HeadlessRobot

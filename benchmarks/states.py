@@ -19,7 +19,7 @@ from typing import Any
 
 from benchmarks.traffic.mqtt_line import hello
 from robots.api import topics
-from robots.broker.packets import Publish, publish
+from robots.broker.packets import PublishPacket, publish
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path(__file__).parent / "results" / "states.json"
@@ -328,7 +328,7 @@ async def read_acknowledgements(reader: asyncio.StreamReader) -> bytes:
 
 def packet(name: str, seq: int, payload: bytes) -> bytes:
     """Return the PUBLISH of a robot's state at QoS 1."""
-    return publish(Publish(topics.of(name, "state"), payload, 1, packet_id=seq % 65535 + 1))
+    return publish(PublishPacket(topics.of(name, "state"), payload, 1, packet_id=seq % 65535 + 1))
 
 
 # --- the table ------------------------------------------------------------------------------------

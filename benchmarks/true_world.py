@@ -8,9 +8,9 @@ import numpy as np
 
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.planner import Planner
-from robots.agent.simulator.profiles import RobotModel
 from robots.api.floorplan import DoorState
 from robots.world.grid import OCCUPIED, OccupancyGrid
+from robots.world.robot_models import RobotModel
 from robots.world.sensing import Floats
 from robots.world.sites import Site
 from robots.world.solids import inside, leaf_solid

@@ -1,12 +1,11 @@
-"""Robots: what they are, what they say (`api`), what connects them (`agent`, on their computer) and
-how the server reaches them (`bridge`, `broker`).
+"""Robots: what the site knows of them, the words on the wire, the world, and the agent.
 
 PyAV's wheel (and with it aiortc) brings a GnuTLS that reads its configuration when it is loaded,
 and was built to look for it in a folder under /tmp, which any user of the computer may make: with a
-provider of code to load in it. So nothing loads av but what is in this package, and before it does,
+provider of code to load in it. So nothing loads av but what is in `robots`, and before it does,
 GnuTLS is told where the system's configuration is, there or not. The wheel's ALSA has the same
-fault and is never opened: agent/devices/alsa.py; its VPL looks there for drivers, so no encoder of
-Intel's (`*_qsv`) may be opened.
+fault and is never opened (robots/agent/devices/alsa.py); its VPL looks there for drivers, so no
+encoder of Intel's (`*_qsv`) may be opened.
 
     https://www.gnutls.org/manual/html_node/System_002dwide-configuration-of-the-library.html
 """

@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied
-from django.db.models import Count, Model, QuerySet
+from django.db.models import Count, Field, Model, QuerySet
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import get_object_or_404, render
 from django.urls import NoReverseMatch, URLPattern, path, reverse
@@ -22,10 +22,9 @@ from django.views.decorators.cache import never_cache
 from accounts import audit
 from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
 from robots.admin_pages.doors import DoorPage
-from robots.admin_pages.enrolment import EnrolmentPage
-from robots.admin_pages.screen import ScreenPage
+from robots.admin_pages.keys import EnrolmentPage, ScreenPage
 from robots.enrol.credentials import make_credentials, revoke
-from robots.forms import FloorPlanForm
+from robots.forms import AdapterInput, FloorPlanForm, offered
 from robots.models import FloorPlan, Robot, RobotPermit
 from robots.presence import trouble_of
 from robots.readiness_text import in_words
@@ -82,6 +81,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     )
     save_on_top = True
     readonly_fields = (
+        "adapter_here",
         "key",
         "screen",
         "between",
@@ -116,6 +116,8 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             _("Connection"),
             {
                 "fields": (
+                    "adapter",
+                    "adapter_here",
                     "key",
                     "online_now",
                     "control",
@@ -150,6 +152,14 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     def has_change_permission(self, request: HttpRequest, obj: Robot | None = None) -> bool:
         """Who oversees all robots, and the owner."""
         return bool(super().has_change_permission(request, obj)) or self.is_of(request, obj)
+
+    def formfield_for_dbfield(
+        self, db_field: "Field[Any, Any]", request: HttpRequest, **options: Any
+    ) -> Any:
+        """Offer the adapters that are installed on the server."""
+        if db_field.name == "adapter":
+            options["widget"] = AdapterInput(attrs={"class": "vTextField"})
+        return super().formfield_for_dbfield(db_field, request, **options)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         """Keep who may drive, and note who was given or lost it."""
@@ -260,6 +270,18 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """The way to its drive page."""
         return link_to("drive", _now("Drive"), robot.name)
 
+    @admin.display(description=_("on this server"))
+    def adapter_here(self, robot: Robot) -> str:
+        """Whether the adapter is installed on the server, which is no fault when it is not."""
+        if not robot.adapter or robot.adapter.endswith(".py"):
+            return NOTHING
+        if robot.adapter in offered():
+            return _now("installed")
+        return _now(
+            "Not installed on this server. That is fine: install it on the robot's computer, where"
+            " the agent runs."
+        )
+
     @admin.display(description=_("credentials"))
     def key(self, robot: Robot) -> str | SafeString:
         """When its credentials were made, and the way to new ones."""
@@ -344,11 +366,12 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             self.log_change(request, robot, _now("New credentials."))
             audit.note("credentials_made", actor=request.user, robot=robot)
             server = request.build_absolute_uri("/").rstrip("/")
-            toml = made.toml(server=server)
+            toml = made.toml(server=server, **({"adapter": robot.adapter} if robot.adapter else {}))
             context |= {
                 "token": made.token,
                 "server": server,
                 "toml": toml,
+                "adapters": ", ".join(offered()),
                 "file": f"{robot.name}.toml",
             }
             # In the page itself, so that the token need not be kept for a second request.

@@ -1,15 +1,41 @@
-"""Forms of the administration: a floor plan from its files."""
+"""Parts of the administration's forms: a robot's adapter, and a floor plan from its files."""
 
 from typing import Any
 
 from django import forms
 from django.core.files.uploadedfile import UploadedFile
 from django.template.defaultfilters import filesizeformat
+from django.utils.html import format_html, format_html_join
+from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
+from robots.api.adapter_names import AmbiguousAdapterError, known_names
 from robots.floorplans import MAX_IMAGE, MAX_PLAN, MAX_YAML, FloorPlanRefusedError, read_upload
 from robots.models import FloorPlan
+
+
+class AdapterInput(forms.TextInput):
+    """A text field that offers the adapters that are installed on the server, and takes any other:
+    the agent runs on the robot's computer, where others may be installed.
+    """
+
+    def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> SafeString:
+        """Return the field and the list that belongs to it."""
+        known = f"{name}-known"
+        field = super().render(name, value, {**(attrs or {}), "list": known}, renderer)
+        options = format_html_join("", '<option value="{}"></option>', ((n,) for n in offered()))
+        return format_html('{}<datalist id="{}">{}</datalist>', field, known, options)
+
+
+def offered() -> tuple[str, ...]:
+    """Return the adapters that the server can name, none where two packages contradict each
+    other.
+    """
+    try:
+        return known_names()
+    except AmbiguousAdapterError:
+        return ()
 
 
 class FloorPlanForm(forms.ModelForm):

@@ -23,8 +23,8 @@ def refuse_reserved_name(name: str) -> None:
 
 
 class FloorPlan(models.Model):
-    """A site: the occupancy map of ROS map_server and the plan that names its parts
-    (robots.api.floorplan).
+    """A site as it is stored: the occupancy map of ROS map_server, and in `plan` what
+    robots.api.floorplan.FloorPlan is the file and wire form of.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -147,6 +147,15 @@ class Robot(models.Model):
         _("turning limit (rad/s)"), null=True, blank=True, validators=[MinValueValidator(0.01)]
     )
 
+    adapter = models.CharField(
+        _("adapter"),
+        max_length=100,
+        blank=True,
+        validators=[RegexValidator(r"^[\w./][\w./-]*\Z", _("A name, or the path of a .py file."))],
+        help_text=_(
+            "The software that connects the agent to the robot. New credentials files name it."
+        ),
+    )
     assist = models.CharField(
         _("assistance"),
         max_length=5,

@@ -98,7 +98,7 @@ class PresenceChange:
 
 
 @dataclass
-class _Known:
+class _KnownRobot:
     robot: Robot
     waiting: dict[str, Any] = field(default_factory=dict)
     written: float = -1e18
@@ -113,7 +113,7 @@ class PresenceWriter:
 
     def __init__(self, write_seconds: float = WRITE_SECONDS) -> None:
         self._write_seconds = write_seconds
-        self._known: dict[str, _Known] = {}
+        self._known: dict[str, _KnownRobot] = {}
         self._unknown: dict[str, float] = {}
 
     def take(
@@ -139,7 +139,7 @@ class PresenceWriter:
         state = known.robot.connection
         return PresenceChange(known.robot, state == "ONLINE", state) if state != was else None
 
-    def _find(self, name: str, now: float) -> _Known | None:
+    def _find(self, name: str, now: float) -> _KnownRobot | None:
         if name in self._known:
             return self._known[name]
         if self._unknown.get(name, -1e18) > now - UNKNOWN_SECONDS:
@@ -148,10 +148,10 @@ class PresenceWriter:
         if robot is None:
             self._unknown[name] = now
             return None
-        self._known[name] = _Known(robot)
+        self._known[name] = _KnownRobot(robot)
         return self._known[name]
 
-    def _write(self, name: str, known: _Known, now: float) -> None:
+    def _write(self, name: str, known: _KnownRobot, now: float) -> None:
         if not Robot.objects.filter(pk=known.robot.pk).update(**known.waiting):
             del self._known[name]  # deleted, perhaps made anew under the same name
         known.waiting, known.written = {}, now

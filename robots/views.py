@@ -39,7 +39,7 @@ def agent_configuration(request: HttpRequest) -> JsonResponse:
         return too_many(
             request, max(REFUSED.wait(address, now), ASKED.wait(address, now)), json=True
         )
-    name, token = bearer(request.headers.get("Authorization", ""))
+    name, token = credentials.bearer(request.headers.get("Authorization", ""))
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
         REFUSED.count(address, now)
@@ -57,13 +57,6 @@ def agent_configuration(request: HttpRequest) -> JsonResponse:
     return JsonResponse(
         {"robot": robot.name, "mqttUrl": urls[0], "mqttUrls": urls, "iceServers": servers}
     )
-
-
-def bearer(header: str) -> tuple[str, str]:
-    """Return (robot, token) of an Authorization header, empty when there is none."""
-    scheme, _, rest = header.partition(" ")
-    name, _, token = rest.strip().partition(":")
-    return (name, token) if scheme.lower() == "bearer" and len(rest) < 512 else ("", "")
 
 
 def mqtt_urls_for(request: HttpRequest) -> list[str]:

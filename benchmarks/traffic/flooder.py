@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from benchmarks.traffic.mqtt_line import hello, subscribe
 from robots.api import topics
-from robots.broker.packets import Publish, publish
+from robots.broker.packets import PublishPacket, publish
 
 HOST = "127.0.0.1"
 PIECE = 256 * 1024  # bytes of one write
@@ -38,7 +38,7 @@ def _subscribes(user: str) -> bytes:
 def _photos(user: str) -> bytes:
     return _repeated(
         *(
-            publish(Publish(topics.of(user, f"photo/{number}"), b"x", retain=True))
+            publish(PublishPacket(topics.of(user, f"photo/{number}"), b"x", retain=True))
             for number in range(500)
         )
     )
@@ -46,14 +46,14 @@ def _photos(user: str) -> bytes:
 
 def _unacknowledged(user: str) -> bytes:
     return subscribe([(topics.of(user, "connection"), 1)]) + _repeated(
-        publish(Publish(topics.of(user, "connection"), b"", 1, packet_id=1))
+        publish(PublishPacket(topics.of(user, "connection"), b"", 1, packet_id=1))
     )
 
 
 def _unreleased(user: str) -> bytes:
     return _repeated(
         *(
-            publish(Publish(topics.of(user, "state"), b"", 2, packet_id=number))
+            publish(PublishPacket(topics.of(user, "state"), b"", 2, packet_id=number))
             for number in range(1, 5000)
         )
     )
@@ -61,14 +61,16 @@ def _unreleased(user: str) -> bytes:
 
 KEY_FLOODS: dict[str, Callable[[str], bytes]] = {
     "pings": lambda _: _repeated(b"\xc0\x00"),
-    "empty": lambda user: _repeated(publish(Publish(topics.of(user, "state"), b""))),
-    "refused": lambda _: _repeated(publish(Publish(topics.of("somebody-else", "state"), b""))),
+    "empty": lambda user: _repeated(publish(PublishPacket(topics.of(user, "state"), b""))),
+    "refused": lambda _: _repeated(
+        publish(PublishPacket(topics.of("somebody-else", "state"), b""))
+    ),
     "subscribes": _subscribes,
     "unacknowledged": _unacknowledged,
     "unreleased": _unreleased,
-    "huge": lambda user: publish(Publish(topics.of(user, "state"), bytes(1024 * 1024))),
+    "huge": lambda user: publish(PublishPacket(topics.of(user, "state"), bytes(1024 * 1024))),
     "retained": lambda user: _repeated(
-        publish(Publish(topics.of(user, "connection"), b"x" * 100, retain=True))
+        publish(PublishPacket(topics.of(user, "connection"), b"x" * 100, retain=True))
     ),
     "photos": _photos,
     "reconnects": lambda _: b"",
@@ -87,7 +89,7 @@ class Flooder:
         """Sign in, and write whatever the flood is made of for as long as the broker takes it; read
         nothing of its answers.
         """
-        will = Publish(topics.of(self._user, "connection"), b"x", 1)
+        will = PublishPacket(topics.of(self._user, "connection"), b"x", 1)
         data = KEY_FLOODS[flood](self._user)
         while True:
             with contextlib.suppress(OSError):

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 from robots.broker import packets
-from robots.broker.packets import Publish
+from robots.broker.packets import PublishPacket
 
 KEEP_ALIVE = 30
 PING = b"\xc0\x00"
@@ -50,7 +50,7 @@ class MqttLine(asyncio.Protocol):
     ) -> None:
         """Send a message: at QoS 1 when it has a packet id."""
         self._transport.write(
-            packets.publish(Publish(topic, payload, int(packet_id > 0), retain, packet_id))
+            packets.publish(PublishPacket(topic, payload, int(packet_id > 0), retain, packet_id))
         )
 
     def leave(self) -> None:
@@ -127,7 +127,7 @@ def _end(data: bytes, at: int) -> tuple[int, int] | None:
     return None
 
 
-def hello(client_id: str, user: str, password: str, will: Publish | None = None) -> bytes:
+def hello(client_id: str, user: str, password: str, will: PublishPacket | None = None) -> bytes:
     """Return a CONNECT of a client that keeps nothing at the broker."""
     flags = USER | PASSWORD | CLEAN
     parts = [client_id.encode()]

@@ -27,7 +27,7 @@ from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
 from robots.agent.safety.lease import LeaseKeeper
 from robots.api import codec, topics
 from robots.api import messages as m
-from robots.broker.packets import Publish
+from robots.broker.packets import PublishPacket
 
 POSE, STATE, BEAT = 1 / 15, 1 / 4, 1 / 5
 STATES_KEPT = 9600
@@ -99,7 +99,7 @@ class LightRobot:
         rings = [(POSE, self._say_pose), (STATE, self._say_state), (BEAT, self._say_beat)]
         for period, act in rings:
             self._timers.every(period, self._rng.random(), act)
-        will = Publish(
+        will = PublishPacket(
             topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
         )
         filters = [

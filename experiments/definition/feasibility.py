@@ -17,7 +17,7 @@ from experiments.definition.schema import (
     Questionnaire,
     Study,
 )
-from robots.api.floorplan import Dock, FloorPlan
+from robots.api.floorplan import ChargingDock, FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
 
@@ -93,7 +93,7 @@ def obstacles(study: Study, known: Known, unreachable: Unreachable) -> Iterator[
         )
 
 
-def dock_of(course: Course, plan: FloorPlan) -> Dock | None:
+def dock_of(course: Course, plan: FloorPlan) -> ChargingDock | None:
     """Return the station of a course: the one that it names, or the only one for its robot; None
     when that is not exactly one.
     """

@@ -20,7 +20,6 @@ from types import FrameType
 from typing import Any
 
 from robots.agent.adapters import registry
-from robots.agent.backoff import Backoff
 from robots.agent.broker_link.broker_discovery import believed, broker_urls
 from robots.agent.broker_link.enrolment import enrol_if_asked, keep_renewing
 from robots.agent.broker_link.mqtt import Endpoint, MqttLink
@@ -34,6 +33,7 @@ from robots.agent.robot_interface import Adapter, AdapterError
 from robots.agent.safety.obstacle_sources import sources_of
 from robots.agent.store import Store
 from robots.agent.thread_priority import SECOND, set_nice
+from robots.agent.timing import Backoff
 from robots.api.messages import Capability, Factsheet
 from robots.interpreter import set_up_for_latency
 

@@ -16,10 +16,11 @@ from typing import Any
 
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.api import network_words
+from robots.api.adapter_names import OURS, AmbiguousAdapterError, known_names
+from robots.api.credentials_file import ENVIRONMENT
 from robots.api.messages import NetworkLab
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
-ENVIRONMENT = "TELEPRESENCE_"
 SETTINGS = (
     "server",
     "mqtt_url",
@@ -74,6 +75,32 @@ class AgentConfig:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Name the command line's arguments; `run_robot` and `python -m robots.agent` have the same."""
     parser.add_argument("robot", help="the robot's name, as the site has it")
+    _add_server(parser)
+    _add_robot(parser)
+    _add_media(parser)
+    parser.add_argument(
+        "--var",
+        metavar="DIR",
+        type=Path,
+        help="where the agent keeps an e-stop across restarts (default: var)",
+    )
+    _add_network_lab(parser)
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="try the robot with its wheels off the ground, measure its watchdog, and end",
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="with --check: its wheels are off the ground, do not ask"
+    )
+    parser.add_argument(
+        "--clear-estop",
+        action="store_true",
+        help="let go of an e-stop that was latched: for whoever stands beside the robot",
+    )
+
+
+def _add_server(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--server", metavar="URL", help="the site; it says where the broker is")
     parser.add_argument(
         "--mqtt",
@@ -100,10 +127,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="certificates to trust besides the system's, for a self-made one",
     )
+
+
+def _add_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--adapter",
         help=(
-            "which kind of robot control architecture (default without a --server:"
+            f"which kind of robot control architecture: {', '.join(sorted(OURS))}, the name of an"
+            " adapter that an installed package brings, or a .py file (default without a --server:"
             f" {DEFAULT_ADAPTER})"
         ),
     )
@@ -122,6 +153,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="an option of the adapter; may be repeated",
     )
+
+
+def _add_media(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--viewers", type=int, help=f"how many pages may watch at once (default: {DEFAULT_VIEWERS})"
     )
@@ -142,12 +176,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DEVICE",
         help="such as alsa:default, or none (default: the architecture's)",
     )
-    parser.add_argument(
-        "--var",
-        metavar="DIR",
-        type=Path,
-        help="where the agent keeps an e-stop across restarts (default: var)",
-    )
+
+
+def _add_network_lab(parser: argparse.ArgumentParser) -> None:
     lab = (
         f"make the driver's network worse, such as {network_words.EXAMPLE},rate=400: ms, %%, kbit/s"
     )
@@ -161,19 +192,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--network-seed", metavar="N", default="0", help="the seed of their chance (default: 0)"
-    )
-    parser.add_argument(
-        "--check",
-        action="store_true",
-        help="try the robot with its wheels off the ground, measure its watchdog, and end",
-    )
-    parser.add_argument(
-        "--yes", action="store_true", help="with --check: its wheels are off the ground, do not ask"
-    )
-    parser.add_argument(
-        "--clear-estop",
-        action="store_true",
-        help="let go of an e-stop that was latched: for whoever stands beside the robot",
     )
 
 
@@ -322,9 +340,15 @@ def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
     """
     if not found["adapter"] and (enrolling or not found["mqtt_url"]):
         raise ConfigError(
-            "which robot is this? Give --adapter (ros1, ros2, rosbridge, moos, openmora_mqtt,"
-            " simulator, or a .py file)"
+            f"which robot is this? Give --adapter ({', '.join(_adapter_names())}, or a .py file)"
         )
+
+
+def _adapter_names() -> tuple[str, ...]:
+    try:
+        return known_names()
+    except AmbiguousAdapterError as error:
+        raise ConfigError(str(error)) from error
 
 
 def _options(given: list[str]) -> dict[str, str]:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
 
-from robots.api.floorplan import Dock as Station
+from robots.api.floorplan import ChargingDock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import (
     Action,

@@ -56,7 +56,7 @@ class FloorPlanError(ValueError):
         self.problems = problems
 
 
-class Part(
+class PlanPart(
     Struct,
     frozen=True,
     kw_only=True,
@@ -69,7 +69,7 @@ class Part(
     """
 
 
-class Placed(Part, frozen=True, kw_only=True):
+class Placed(PlanPart, frozen=True, kw_only=True):
     """A pose of the map."""
 
     x: Metres
@@ -77,7 +77,7 @@ class Placed(Part, frozen=True, kw_only=True):
     theta: Radians = 0.0
 
 
-class Room(Part, frozen=True, kw_only=True):
+class Room(PlanPart, frozen=True, kw_only=True):
     """A room; `polygon` is its floor, in order, not closed."""
 
     name: Key
@@ -87,14 +87,14 @@ class Room(Part, frozen=True, kw_only=True):
     floor_colour: Colour = "#b08d62"
 
 
-class Surface(Part, frozen=True, kw_only=True):
+class Surface(PlanPart, frozen=True, kw_only=True):
     """What one side of a wall looks like."""
 
     material: WallMaterial = "plaster"
     colour: Colour = "#efe9dd"
 
 
-class Wall(Part, frozen=True, kw_only=True):
+class Wall(PlanPart, frozen=True, kw_only=True):
     """A straight wall from floor to ceiling: centre line, thickness, and its two sides as seen when
     walking from start to end.
     """
@@ -106,7 +106,7 @@ class Wall(Part, frozen=True, kw_only=True):
     right: Surface = Surface()
 
 
-class Passage(Part, frozen=True, kw_only=True):
+class Passage(PlanPart, frozen=True, kw_only=True):
     """An opening without a door between two rooms; above `height` the wall goes on."""
 
     name: Key
@@ -118,7 +118,7 @@ class Passage(Part, frozen=True, kw_only=True):
     connects: tuple[Key, Key]
 
 
-class Door(Part, frozen=True, kw_only=True):
+class Door(PlanPart, frozen=True, kw_only=True):
     """A door: the closed leaf runs from the hinge at `start` to `end`; open, it is turned by
     `swing` about the hinge.
     """
@@ -136,7 +136,7 @@ class Door(Part, frozen=True, kw_only=True):
     connects: tuple[Key, Key]
 
 
-class Decoration(Part, frozen=True, kw_only=True):
+class Decoration(PlanPart, frozen=True, kw_only=True):
     """Something flat on a wall's face: `x`, `y` its centre on that face, `z` the height of its
     centre, in metres.
     """
@@ -151,7 +151,7 @@ class Decoration(Part, frozen=True, kw_only=True):
     text: Name = ""
 
 
-class Mirror(Part, frozen=True, kw_only=True):
+class Mirror(PlanPart, frozen=True, kw_only=True):
     """A mirror; its glass looks to the left of start → end."""
 
     name: Key
@@ -162,7 +162,7 @@ class Mirror(Part, frozen=True, kw_only=True):
     top: Height = 1.9
 
 
-class Furniture(Part, frozen=True, kw_only=True):
+class Furniture(PlanPart, frozen=True, kw_only=True):
     """A thing that stands on the floor.
 
     A box is `width` along its own x and `depth` along its y, its front looks to -y; a cylinder is
@@ -181,7 +181,7 @@ class Furniture(Part, frozen=True, kw_only=True):
     colour: Colour = "#8b6b4a"
 
 
-class Rug(Part, frozen=True, kw_only=True):
+class Rug(PlanPart, frozen=True, kw_only=True):
     """Something flat on the floor that nobody bumps into: `width` along its own x, `depth` along
     its y.
     """
@@ -194,7 +194,7 @@ class Rug(Part, frozen=True, kw_only=True):
     colour: Colour = "#8c4a3c"
 
 
-class Station(Part, frozen=True, kw_only=True):
+class Station(PlanPart, frozen=True, kw_only=True):
     """The body of a charging station: its front is `distance` ahead of the docked
     robot's centre.
     """
@@ -205,7 +205,7 @@ class Station(Part, frozen=True, kw_only=True):
     height: Height = 0.45
 
 
-class Dock(Part, frozen=True, kw_only=True):
+class ChargingDock(PlanPart, frozen=True, kw_only=True):
     """A charging station for one series of robots; `x`, `y`, `theta` is the pose of the docked
     robot, nose to the station.
     """
@@ -226,7 +226,7 @@ class Place(Placed, frozen=True, kw_only=True):
     title: Name
 
 
-class Checkpoint(Part, frozen=True, kw_only=True):
+class Checkpoint(PlanPart, frozen=True, kw_only=True):
     """One step of the exploration task; reached within `radius`."""
 
     number: Annotated[int, Meta(ge=0, le=99)]
@@ -236,7 +236,7 @@ class Checkpoint(Part, frozen=True, kw_only=True):
     title: Name = ""
 
 
-class Route(Part, frozen=True, kw_only=True):
+class Route(PlanPart, frozen=True, kw_only=True):
     """The checkpoints for one series of robots, 0 (its dock) first, and the path that is suggested
     between them.
     """
@@ -246,7 +246,7 @@ class Route(Part, frozen=True, kw_only=True):
     path: Annotated[tuple[Point, ...], Meta(max_length=500)] = ()
 
 
-class FloorPlan(Part, frozen=True, kw_only=True):
+class FloorPlan(PlanPart, frozen=True, kw_only=True):
     """A whole site. `ceiling` is its height in metres; `map_id` names the map
     that it belongs to.
     """
@@ -263,7 +263,7 @@ class FloorPlan(Part, frozen=True, kw_only=True):
     mirrors: Annotated[tuple[Mirror, ...], Meta(max_length=10)] = ()
     furniture: Annotated[tuple[Furniture, ...], Meta(max_length=500)] = ()
     rugs: Annotated[tuple[Rug, ...], Meta(max_length=100)] = ()
-    docks: Annotated[tuple[Dock, ...], Meta(max_length=50)] = ()
+    docks: Annotated[tuple[ChargingDock, ...], Meta(max_length=50)] = ()
     places: Annotated[tuple[Place, ...], Meta(max_length=200)] = ()
     starts: Annotated[tuple[Place, ...], Meta(max_length=200)] = ()
     routes: Annotated[tuple[Route, ...], Meta(max_length=50)] = ()
@@ -277,7 +277,7 @@ class FloorPlan(Part, frozen=True, kw_only=True):
         """Return the room whose floor holds the point, or None."""
         return next((room for room in self.rooms if contains(room.polygon, x, y)), None)
 
-    def dock_of(self, series: str) -> Dock | None:
+    def dock_of(self, series: str) -> ChargingDock | None:
         """Return the first dock for a series of robots, or None."""
         return next((dock for dock in self.docks if dock.type == series), None)
 

@@ -68,6 +68,7 @@ Capability = Literal[
     "network_lab",
 ]
 ActionState = Literal["WAITING", "RUNNING", "FINISHED", "FAILED", "CANCELLED"]
+ENDED: frozenset[ActionState] = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 
 class Message(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):

@@ -34,7 +34,7 @@ class QuickWriter:
         waiting = self._paho._out_packet
         if len(waiting) >= MOST_WAITING:
             return False
-        packet = packets.publish(packets.Publish(topic, payload))
+        packet = packets.publish(packets.PublishPacket(topic, payload))
         try:
             sent = 0 if waiting else self._socket.send(packet)
         except BlockingIOError:

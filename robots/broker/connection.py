@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from robots.broker import packets
 from robots.broker.admission import Admission, Usage
 from robots.broker.bounded_log import BoundedLog
-from robots.broker.hub import Hub, Session
+from robots.broker.hub import Hub, MqttSession
 from robots.broker.packets import (
     Acknowledgement,
     Connect,
@@ -23,7 +23,7 @@ from robots.broker.packets import (
     Packet,
     PingRequest,
     ProtocolError,
-    Publish,
+    PublishPacket,
     Subscribe,
     Unsubscribe,
 )
@@ -49,17 +49,17 @@ class Desk(Protocol):
 
     hub: Hub
     log: BoundedLog
-    admission: "Admission[Connection]"
-    connections: "set[Connection]"
+    admission: "Admission[ClientConnection]"
+    connections: "set[ClientConnection]"
 
-    def check(self, connection: "Connection") -> None:
+    def check(self, connection: "ClientConnection") -> None:
         """Have `connection.sign_in` run when its turn has come."""
 
     async def authenticate(self, connect: Connect, address: str) -> BrokerUser | None:
         """Return whose password it is, or None."""
 
 
-class Connection(asyncio.BufferedProtocol):
+class ClientConnection(asyncio.BufferedProtocol):
     """One client. Before its CONNECT was accepted `session` is None and nothing but the CONNECT
     counts.
     """
@@ -69,14 +69,14 @@ class Connection(asyncio.BufferedProtocol):
     def __init__(self, desk: Desk, tls: ssl.SSLContext | None) -> None:
         self._desk, self._tls = desk, tls
         self.address = "?"
-        self.session: Session | None = None
+        self.session: MqttSession | None = None
         self.is_ready = True
         self.closing_since: float | None = None
         self.turns = 0  # for tests and measurements
         self._keep_alive = 0.0
         self._began = self._heard = time.monotonic()
         self._reader = packets.PacketReader(CONNECT_BYTES)
-        self._usage: Usage[Connection] | None = None
+        self._usage: Usage[ClientConnection] | None = None
         self._next_turn: asyncio.Handle | None = None
         self._task: asyncio.Task[None] | None = None  # of a stranger: TLS, then the password
 
@@ -270,7 +270,7 @@ class Connection(asyncio.BufferedProtocol):
         elif self.closing_since is None:
             self.transport.resume_reading()
 
-    def _take_turn(self, session: Session, usage: Usage["Connection"]) -> float:
+    def _take_turn(self, session: MqttSession, usage: Usage["ClientConnection"]) -> float:
         """Obey a few packets; return how long this user has to wait for more."""
         self.turns += 1
         for _ in range(PACKETS_A_TURN):
@@ -289,10 +289,10 @@ class Connection(asyncio.BufferedProtocol):
             self._obey(session, packet)
         return 0.0
 
-    def _obey(self, session: Session, packet: Packet) -> None:
+    def _obey(self, session: MqttSession, packet: Packet) -> None:
         hub = self._desk.hub
         match packet:
-            case Publish():
+            case PublishPacket():
                 self._published(session, packet)
             case Acknowledgement():
                 self._acknowledged(session, packet)
@@ -311,7 +311,7 @@ class Connection(asyncio.BufferedProtocol):
             case Connect():
                 raise ProtocolError("second CONNECT")
 
-    def _published(self, session: Session, message: Publish) -> None:
+    def _published(self, session: MqttSession, message: PublishPacket) -> None:
         if message.qos == 2:
             self._desk.hub.receive_once(session, message)
             self.write(packets.acknowledgement(packets.PUBREC, message.packet_id))
@@ -320,7 +320,7 @@ class Connection(asyncio.BufferedProtocol):
         if message.qos:
             self.write(packets.acknowledgement(packets.PUBACK, message.packet_id))
 
-    def _acknowledged(self, session: Session, packet: Acknowledgement) -> None:
+    def _acknowledged(self, session: MqttSession, packet: Acknowledgement) -> None:
         if packet.kind == packets.PUBACK:
             self._desk.hub.acknowledge(session, packet.packet_id)
         elif packet.kind == packets.PUBREL:

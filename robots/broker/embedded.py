@@ -1,8 +1,8 @@
 """The embedded broker: sockets, clock and passwords around `Hub`. It needs nothing but Python, and
 runs in a process of its own.
 
-Each client is a `Connection`. Passwords are checked off the loop; users come from memory, which a
-task renews from the database, so that no message waits for a query.
+Each client is a `ClientConnection`. Passwords are checked off the loop; users come from memory,
+which a task renews from the database, so that no message waits for a query.
 """
 
 import asyncio
@@ -14,7 +14,7 @@ from collections import deque
 from accounts.client_address import counted
 from robots.broker.admission import Admission
 from robots.broker.bounded_log import BoundedLog
-from robots.broker.connection import Connection
+from robots.broker.connection import ClientConnection
 from robots.broker.hub import Hub
 from robots.broker.packets import Connect, ProtocolError
 from robots.broker.permissions import BrokerUser
@@ -39,14 +39,14 @@ class EmbeddedBroker:
     def __init__(self, read_users: ReadUsers, *, poll: float = POLL_SECONDS) -> None:
         self.log = BoundedLog(logger)
         self.hub = Hub(self.log)
-        self.admission: Admission[Connection] = Admission()
-        self.connections: set[Connection] = set()
+        self.admission: Admission[ClientConnection] = Admission()
+        self.connections: set[ClientConnection] = set()
         self._read_users, self._poll = read_users, poll
         self._users: dict[str, BrokerUser] = {}
         self._read_at = -1e18
         self._reading = asyncio.Lock()
         self._verifier = Verifier()
-        self._unchecked: deque[Connection] = deque()
+        self._unchecked: deque[ClientConnection] = deque()
         self._server: asyncio.Server | None = None
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -60,7 +60,11 @@ class EmbeddedBroker:
         self._take_users(await self._read_users())
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(
-            lambda: Connection(self, tls), host, port, backlog=ACCEPTED_A_TURN, reuse_address=True
+            lambda: ClientConnection(self, tls),
+            host,
+            port,
+            backlog=ACCEPTED_A_TURN,
+            reuse_address=True,
         )
         # asyncio's one number is how many are accepted in a turn, and how many the kernel lets wait
         for listening in self._server.sockets:
@@ -94,7 +98,7 @@ class EmbeddedBroker:
             self.hub.expire(now - SESSION_SECONDS)
             self.log.flush()
 
-    def check(self, connection: Connection) -> None:
+    def check(self, connection: ClientConnection) -> None:
         """Look at the CONNECT of a stranger when its turn has come: one in a turn of the loop."""
         self._unchecked.append(connection)
         if len(self._unchecked) == 1:

@@ -2,7 +2,7 @@
 database.
 
 A connection hands over what it read (connect, publish, subscribe, …) and is told what to write
-through its `Link`. What it keeps to (OASIS MQTT 3.1.1): QoS 0 and 1 outwards and the lesser of a
+through its `HubLink`. What it keeps to (OASIS MQTT 3.1.1): QoS 0 and 1 outwards and the lesser of a
 message's and a subscription's; QoS 2 inwards, delivered once; retained messages; wills; persistent
 sessions, which live as long as this process; a second connection of the same client takes over.
 Beyond the standard: a session belongs to its user as well as to its client id, so that nobody can
@@ -24,7 +24,7 @@ from robots.api.topics import is_kept
 from robots.broker import packets
 from robots.broker.bounded_log import BoundedLog
 from robots.broker.filters import is_filter, matches
-from robots.broker.packets import Connect, ProtocolError, Publish, Subscribe
+from robots.broker.packets import Connect, ProtocolError, PublishPacket, Subscribe
 from robots.broker.permissions import BrokerUser
 
 logger = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ KNOWN_ROUTES = 8_192
 KNOWN_TOPICS = 1_000  # of one session
 
 
-class Link(Protocol):
+class HubLink(Protocol):
     """A connection as the hub sees it. `is_ready` is false while the other end reads too slowly."""
 
     is_ready: bool
@@ -52,18 +52,18 @@ class Link(Protocol):
 
 
 @dataclass(eq=False)
-class Session:
+class MqttSession:
     """What the broker keeps of one client."""
 
     user: BrokerUser
     client_id: str
     clean: bool
-    link: Link | None = None
-    will: Publish | None = None
+    link: HubLink | None = None
+    will: PublishPacket | None = None
     left_at: float = 0.0
     filters: dict[str, int] = field(default_factory=dict)
-    inflight: dict[int, Publish] = field(default_factory=dict)
-    queue: deque[Publish] = field(default_factory=deque)
+    inflight: dict[int, PublishPacket] = field(default_factory=dict)
+    queue: deque[PublishPacket] = field(default_factory=deque)
     held_bytes: int = 0  # of queue and inflight
     dropped: int = 0
     received: set[int] = field(default_factory=set)  # QoS 2 messages between PUBLISH and PUBREL
@@ -82,7 +82,7 @@ class Session:
         self.permitted.add(topic)
         return True
 
-    def can_hold(self, message: Publish) -> bool:
+    def can_hold(self, message: PublishPacket) -> bool:
         """Tell whether one more message may wait."""
         allowance = self.user.permissions.allowance
         return (
@@ -98,7 +98,7 @@ class Session:
                 return self.last_id
 
 
-def _bytes(message: Publish) -> int:
+def _bytes(message: PublishPacket) -> int:
     return MESSAGE_BYTES + len(message.topic) + len(message.payload)
 
 
@@ -107,17 +107,17 @@ class Hub:
 
     def __init__(self, log: BoundedLog | None = None) -> None:
         self.log = log or BoundedLog(logger)
-        self.sessions: dict[tuple[str, str], Session] = {}
-        self.retained: dict[str, Publish] = {}
-        self._subscribers: dict[str, dict[Session, int]] = {}
+        self.sessions: dict[tuple[str, str], MqttSession] = {}
+        self.retained: dict[str, PublishPacket] = {}
+        self._subscribers: dict[str, dict[MqttSession, int]] = {}
         self._filters: Any = MQTTMatcher()  # the same, by level
-        self._routes: dict[str, tuple[tuple[Session, int], ...]] = {}
+        self._routes: dict[str, tuple[tuple[MqttSession, int], ...]] = {}
 
     # --- coming and going -------------------------------------------------------------------------
 
     def connect(
-        self, connect: Connect, user: BrokerUser, link: Link, now: float
-    ) -> tuple[Session | None, int, bool]:
+        self, connect: Connect, user: BrokerUser, link: HubLink, now: float
+    ) -> tuple[MqttSession | None, int, bool]:
         """Return (session, CONNACK code, session present) of a user whose password was right; the
         session is None when refused.
         """
@@ -138,13 +138,13 @@ class Hub:
         present = old is not None and not connect.clean
         if old is not None and not present:
             self._forget(old)
-        session = old if old is not None and present else Session(user, key[1], connect.clean)
+        session = old if old is not None and present else MqttSession(user, key[1], connect.clean)
         self.sessions[key] = session
         session.user, session.link, session.will = user, link, connect.will
         session.permitted.clear()
         return session, packets.ACCEPTED, present
 
-    def resume(self, session: Session) -> None:
+    def resume(self, session: MqttSession) -> None:
         """Send again what a returning session did not acknowledge, and then what waited for it, as
         far as it keeps up.
         """
@@ -154,7 +154,7 @@ class Hub:
         session.inflight.clear()
         self.push(session)
 
-    def leave(self, session: Session, link: Link, *, graceful: bool, now: float) -> None:
+    def leave(self, session: MqttSession, link: HubLink, *, graceful: bool, now: float) -> None:
         """A connection ended; without a good-bye its will is published. Does nothing when another
         one has taken over.
         """
@@ -199,20 +199,20 @@ class Hub:
         for session in left[:-MAX_LEFT_SESSIONS]:
             self._forget(session)
 
-    def _forget(self, session: Session) -> None:
+    def _forget(self, session: MqttSession) -> None:
         self.unsubscribe(session, tuple(session.filters))
         if self.sessions.get((session.user.name, session.client_id)) is session:
             del self.sessions[session.user.name, session.client_id]
 
     # --- subscriptions ----------------------------------------------------------------------------
 
-    def subscribe(self, session: Session, subscribe: Subscribe) -> list[int]:
+    def subscribe(self, session: MqttSession, subscribe: Subscribe) -> list[int]:
         """Return a SUBACK's codes. Send the SUBACK, and then `send_retained`."""
         return [
             self._subscribe_one(session, filter_, min(qos, 1)) for filter_, qos in subscribe.filters
         ]
 
-    def _subscribe_one(self, session: Session, filter_: str, qos: int) -> int:
+    def _subscribe_one(self, session: MqttSession, filter_: str, qos: int) -> int:
         permitted = is_filter(filter_) and session.user.permissions.may_subscribe(filter_)
         if not permitted or (
             len(session.filters) >= MAX_FILTERS and filter_ not in session.filters
@@ -232,7 +232,7 @@ class Hub:
             self._routes.clear()
         return qos
 
-    def send_retained(self, session: Session, subscribe: Subscribe, codes: list[int]) -> None:
+    def send_retained(self, session: MqttSession, subscribe: Subscribe, codes: list[int]) -> None:
         """Send the retained messages under the filters that were granted."""
         for (filter_, _), qos in zip(subscribe.filters, codes, strict=True):
             if qos != packets.SUBSCRIPTION_REFUSED:
@@ -240,7 +240,7 @@ class Hub:
                     self._enqueue(session, replace(message, qos=min(qos, message.qos)))
         self.push(session)
 
-    def _retained_under(self, filter_: str) -> list[Publish]:
+    def _retained_under(self, filter_: str) -> list[PublishPacket]:
         literal = filter_.partition("+")[0].partition("#")[0]
         if literal == filter_:
             return [self.retained[filter_]] if filter_ in self.retained else []
@@ -251,7 +251,7 @@ class Hub:
             if topic.startswith(start) and matches(filter_, topic)
         ]
 
-    def unsubscribe(self, session: Session, filters: tuple[str, ...]) -> None:
+    def unsubscribe(self, session: MqttSession, filters: tuple[str, ...]) -> None:
         """Forget subscriptions; unknown ones are no error."""
         for filter_ in filters:
             if session.filters.pop(filter_, None) is not None:
@@ -263,7 +263,7 @@ class Hub:
 
     # --- messages ---------------------------------------------------------------------------------
 
-    def publish(self, session: Session, message: Publish) -> None:
+    def publish(self, session: MqttSession, message: PublishPacket) -> None:
         """Deliver a client's message, unless it may not publish there: then it is dropped and
         logged, as Mosquitto does.
         """
@@ -282,21 +282,21 @@ class Hub:
         for target, granted in self._route(message.topic):
             if min(granted, message.qos) == 0:
                 at_most_once = at_most_once or packets.publish(
-                    Publish(message.topic, message.payload)
+                    PublishPacket(message.topic, message.payload)
                 )
                 self._send_at_most_once(target, at_most_once)
             else:
-                self._enqueue(target, Publish(message.topic, message.payload, qos=1))
+                self._enqueue(target, PublishPacket(message.topic, message.payload, qos=1))
                 self.push(target)
 
-    def acknowledge(self, session: Session, packet_id: int) -> None:
+    def acknowledge(self, session: MqttSession, packet_id: int) -> None:
         """A client has a QoS 1 message; send the next ones."""
         message = session.inflight.pop(packet_id, None)
         if message is not None:
             session.held_bytes -= _bytes(message)
             self.push(session)
 
-    def receive_once(self, session: Session, message: Publish) -> None:
+    def receive_once(self, session: MqttSession, message: PublishPacket) -> None:
         """Take a QoS 2 message: deliver it the first time, and remember its id until it is
         released.
 
@@ -310,7 +310,7 @@ class Hub:
         session.received.add(message.packet_id)
         self.publish(session, message)
 
-    def push(self, session: Session) -> None:
+    def push(self, session: MqttSession) -> None:
         """Send what waits for a session, as far as it keeps up."""
         link = session.link
         while (
@@ -326,10 +326,10 @@ class Hub:
                 session.held_bytes -= _bytes(message)
             link.write(packets.publish(message))
 
-    def _route(self, topic: str) -> tuple[tuple[Session, int], ...]:
+    def _route(self, topic: str) -> tuple[tuple[MqttSession, int], ...]:
         known = self._routes.get(topic)
         if known is None:
-            best: dict[Session, int] = {}
+            best: dict[MqttSession, int] = {}
             for subscribers in self._filters.iter_match(topic):
                 for session, qos in subscribers.items():
                     best[session] = max(qos, best.get(session, 0))
@@ -338,24 +338,24 @@ class Hub:
             known = self._routes[topic] = tuple(best.items())
         return known
 
-    def _retain(self, message: Publish) -> None:
+    def _retain(self, message: PublishPacket) -> None:
         if not message.payload:
             self.retained.pop(message.topic, None)
         elif message.topic in self.retained or len(self.retained) < MAX_RETAINED:
-            self.retained[message.topic] = Publish(
+            self.retained[message.topic] = PublishPacket(
                 message.topic, message.payload, min(message.qos, 1), retain=True
             )
         else:
             self.log.write(logging.ERROR, "", "broker_retained_full topic=%.200r", message.topic)
 
     @staticmethod
-    def _send_at_most_once(session: Session, data: bytes) -> None:
+    def _send_at_most_once(session: MqttSession, data: bytes) -> None:
         if session.link is not None and session.link.is_ready:
             session.link.write(data)
         elif session.link is not None:
             session.dropped += 1
 
-    def _enqueue(self, session: Session, message: Publish) -> None:
+    def _enqueue(self, session: MqttSession, message: PublishPacket) -> None:
         if not session.can_hold(message):
             session.dropped += 1
             user, client, dropped = session.user.name, session.client_id, session.dropped

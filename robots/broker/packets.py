@@ -35,7 +35,7 @@ class UnsupportedVersionError(ProtocolError):
     """Another version of MQTT, which may be told so in a CONNACK."""
 
 
-class Publish(Struct, frozen=True):
+class PublishPacket(Struct, frozen=True):
     """PUBLISH; `packet_id` is 0 at QoS 0. A Struct, because one is made for every message, several
     times faster than a dataclass.
     """
@@ -57,7 +57,7 @@ class Connect:
     keep_alive: int
     user: str | None
     password: str | None
-    will: Publish | None
+    will: PublishPacket | None
 
 
 class Acknowledgement(Struct, frozen=True):
@@ -93,7 +93,9 @@ class Disconnect:
     """DISCONNECT: a proper good-bye, the will is forgotten."""
 
 
-Packet = Connect | Publish | Acknowledgement | Subscribe | Unsubscribe | PingRequest | Disconnect
+Packet = (
+    Connect | PublishPacket | Acknowledgement | Subscribe | Unsubscribe | PingRequest | Disconnect
+)
 
 
 class PacketReader:
@@ -240,7 +242,7 @@ def _other(kind: int, body: _Body) -> Packet:
     raise ProtocolError(f"packet type {kind}")
 
 
-def _publish(flags: int, body: _Body) -> Publish:
+def _publish(flags: int, body: _Body) -> PublishPacket:
     qos = (flags >> 1) & 3
     if qos == 3:
         raise ProtocolError("QoS 3")
@@ -248,7 +250,7 @@ def _publish(flags: int, body: _Body) -> Publish:
     if not is_topic(topic):
         raise ProtocolError("not a topic")
     packet_id = body.packet_id() if qos else 0
-    return Publish(
+    return PublishPacket(
         topic,
         body.take(len(body.data) - body.at),
         qos,
@@ -273,7 +275,7 @@ def _connect(body: _Body) -> Connect:
     return Connect(client_id, bool(flags & _CLEAN), keep_alive, user, password, will)
 
 
-def _will(flags: int, body: _Body) -> Publish | None:
+def _will(flags: int, body: _Body) -> PublishPacket | None:
     qos = (flags >> 3) & 3
     if not flags & _WILL:
         if qos or flags & _WILL_RETAIN:
@@ -281,7 +283,7 @@ def _will(flags: int, body: _Body) -> Publish | None:
         return None
     if qos == 3:
         raise ProtocolError("QoS 3")
-    return Publish(body.text(), body.blob(), qos, bool(flags & _WILL_RETAIN))
+    return PublishPacket(body.text(), body.blob(), qos, bool(flags & _WILL_RETAIN))
 
 
 def _subscriptions(body: _Body) -> Iterator[tuple[str, int]]:
@@ -312,7 +314,7 @@ def framed(first: int, body: bytes) -> bytes:
             return bytes(header) + body
 
 
-def publish(message: Publish) -> bytes:
+def publish(message: PublishPacket) -> bytes:
     """Return a PUBLISH."""
     topic = message.topic.encode()
     packet_id = message.packet_id.to_bytes(2, "big") if message.qos else b""

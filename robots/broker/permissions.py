@@ -13,7 +13,7 @@ MIB = 1024 * 1024
 
 
 @dataclass(frozen=True)
-class Allowance:
+class BrokerAllowance:
     """How much the broker does for one user. A packet costs one for each 4 KiB that it has begun,
     SUBSCRIBE one for each filter as well.
     """
@@ -27,12 +27,12 @@ class Allowance:
 
 # An agent at its busiest (4 states, 30 poses, 10 scans, 5 heartbeats, 10 pictures of 48 kB a
 # second) takes less than a third, by one connection.
-ROBOT_ALLOWANCE = Allowance(
+ROBOT_ALLOWANCE = BrokerAllowance(
     packets_per_s=1000.0, connections=8, queue_messages=1000, queue_bytes=4 * MIB
 )
 # The server's own processes have the site's secret key: they are bounded only where a slow one
 # would take the broker's memory.
-SERVER_ALLOWANCE = Allowance(
+SERVER_ALLOWANCE = BrokerAllowance(
     packets_per_s=math.inf, connections=500, queue_messages=100_000, queue_bytes=64 * MIB
 )
 
@@ -43,7 +43,7 @@ class Permissions:
 
     write: tuple[str, ...]
     read: tuple[str, ...]
-    allowance: Allowance
+    allowance: BrokerAllowance
 
     def may_publish(self, topic: str) -> bool:
         """Tell whether a message to this topic is accepted."""

@@ -19,7 +19,7 @@ from typing import Literal
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from robots.agent.broker_link.credentials_file import keep, toml
+from robots.api.credentials_file import keep, toml
 from robots.models import Robot
 
 TOKEN_BYTES = 32
@@ -226,6 +226,13 @@ def server_client_id(part: ServerPart) -> str:
     """
     digest = salted_hmac("robots.credentials.client_id", part, algorithm="sha256")
     return f"{part}-{digest.hexdigest()[:24]}"
+
+
+def bearer(header: str) -> tuple[str, str]:
+    """Return (robot, token) of an Authorization header, empty when there is none."""
+    scheme, _, rest = header.partition(" ")
+    name, _, token = rest.strip().partition(":")
+    return (name, token) if scheme.lower() == "bearer" and len(rest) < 512 else ("", "")
 
 
 class Verifier:

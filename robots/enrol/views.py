@@ -16,15 +16,14 @@ from accounts import audit
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from robots.enrol import credentials, tokens
-from robots.enrol.credentials import Credentials
-from robots.views import bearer
+from robots.enrol.credentials import Credentials, bearer
 
 log = logging.getLogger(__name__)
 LARGEST = 4096
 ENROLLING, RENEWING = Attempts("enrol", limit=10), Attempts("renew", limit=20)
 
 
-class Asked(msgspec.Struct):
+class EnrolmentRequest(msgspec.Struct):
     """What an agent shows to be enrolled."""
 
     robot: str
@@ -38,7 +37,7 @@ class Asked(msgspec.Struct):
 def enrol(request: HttpRequest) -> JsonResponse:
     """Exchange a one-time token for credentials: {"robot", "token"} in, {"robot", "token"} out."""
     try:
-        asked = msgspec.json.decode(request.body[:LARGEST], type=Asked)
+        asked = msgspec.json.decode(request.body[:LARGEST], type=EnrolmentRequest)
     except (msgspec.DecodeError, RecursionError):
         return JsonResponse(
             {"error": "malformed", "detail": "Send a JSON object with robot and token."}, status=400

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from robots.api.floorplan import Dock, FloorPlan
+from robots.api.floorplan import ChargingDock, FloorPlan
 from robots.api.geometry import Pose2D
 from robots.world.grid import OccupancyGrid
 from robots.world.render_plan import RESOLUTION, rasterise
@@ -246,7 +246,7 @@ def _bad_spot(what: str, about: tuple[float, set[int]], where: str, main: int) -
         yield f"{what} cannot be reached {where}"
 
 
-def _bad_dock(dock: Dock, floor: Floor, where: str, main: int) -> Iterator[str]:
+def _bad_dock(dock: ChargingDock, floor: Floor, where: str, main: int) -> Iterator[str]:
     """The docked robot stands close to its station; what counts is the way out, straight back."""
     cell = floor.grid.transform.resolution
     docked = Pose2D(dock.x, dock.y, dock.theta)

@@ -1,5 +1,6 @@
 """What a robot's own sensors say, in numbers that localization and navigation share."""
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -7,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robots.api.geometry import Pose2D
+from robots.api.messages import Laser, Scan
 
 Floats = npt.NDArray[np.float64]
 
@@ -57,6 +59,19 @@ class LaserScan:
         return points
 
 
+def beams_of(scan: Scan, laser: Laser) -> LaserScan:
+    """Return a scan as the sweep of a laser that sits where `laser` says; `null` is where nothing
+    came back.
+    """
+    ranges = np.array(
+        [np.inf if value is None else value for value in scan.ranges], dtype=np.float64
+    )
+    mount = Pose2D(laser.x, laser.y, laser.theta)
+    return LaserScan(
+        scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount
+    )
+
+
 @dataclass(frozen=True)
 class Estimate:
     """Where a robot believes it is, in the map's frame, at `stamp`.
@@ -71,3 +86,24 @@ class Estimate:
     covariance: Covariance
     score: float
     localized: bool
+
+
+def points_in_frame(frame: Pose2D, points: Floats) -> Floats:
+    """Return (n, 2) points of the outer frame in the inner one, whose pose in the
+    outer is `frame`.
+    """
+    cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
+    result: Floats = (points[:, :2] - (frame.x, frame.y)) @ np.array(
+        [[cosine, -sine], [sine, cosine]]
+    )
+    return result
+
+
+def points_from_frame(frame: Pose2D, points: Floats) -> Floats:
+    """Return (n, 2) points of the inner frame, whose pose in the outer is `frame`, in the outer
+    one.
+    """
+    cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
+    result: Floats = points[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
+    result += (frame.x, frame.y)
+    return result

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from robots.api.floorplan import Dock, Door, DoorState, FloorPlan, Furniture, Wall
+from robots.api.floorplan import ChargingDock, Door, DoorState, FloorPlan, Furniture, Wall
 from robots.api.geometry import Pose2D
 
 Floats = npt.NDArray[np.float64]
@@ -82,14 +82,14 @@ def furniture_solid(piece: Furniture) -> Solid:
     )
 
 
-def station_pose(dock: Dock) -> Pose2D:
+def station_pose(dock: ChargingDock) -> Pose2D:
     """Return the centre of a station's body; its front looks back at the docked robot."""
     return Pose2D(dock.x, dock.y, dock.theta).compose(
         Pose2D(dock.station.distance + dock.station.depth / 2.0, 0.0, 0.0)
     )
 
 
-def station_solid(dock: Dock) -> Solid:
+def station_solid(dock: ChargingDock) -> Solid:
     """Return the body of a charging station."""
     return Solid(
         "station",

@@ -21,11 +21,11 @@ from accounts.models import User
 from experiments.definition.schema import Form, Questionnaire
 from experiments.definition.schema import Study as Definition
 from experiments.models import Study
-from robots.agent.config import ENVIRONMENT
-from robots.agent.simulator.profiles import MODELS
+from robots.api.credentials_file import ENVIRONMENT
 from robots.enrol import credentials
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
+from robots.world.robot_models import MODELS
 from robots.world.sites import shipped_sites
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow

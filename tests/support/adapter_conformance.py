@@ -18,11 +18,14 @@ from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import Adapter, AdapterError, RcaState
 from robots.api.messages import Config, Goto, Tilt, Velocity
 from tests.support.host_jitter import HostJitter, pauses, watched
+from tests.support.loop_guard import ADVICE, guarded
 from tests.support.patience import patient
 
 STILL = Velocity(linear=0.0, angular=0.0)
 LONGEST_DELAY = 1.5  # s that a busy machine keeps one of several processes waiting
 SELDOM = 0.1  # s between two states, at most
+TICK = 0.02  # s between two turns of the control loop
+LATE = 0.15  # s that an adapter may keep it waiting
 
 
 async def some(states: AsyncIterator[RcaState], count: int) -> list[RcaState]:
@@ -75,6 +78,12 @@ class AdapterConformance:
         knows.
         """
         return 0.0
+
+    @pytest.fixture(autouse=True)
+    def _blocking_is_named(self) -> Iterator[None]:
+        """An adapter that blocks the control loop is named within seconds, instead of stalling."""
+        with guarded():
+            yield
 
     @pytest.fixture
     def computer(self) -> Iterator[HostJitter]:
@@ -132,6 +141,25 @@ class AdapterConformance:
             )
 
         await drive(adapter, Velocity(linear=0.2, angular=0.0), goes_steadily)
+
+    async def test_it_never_keeps_the_control_loop_waiting(
+        self, adapter: Adapter, computer: HostJitter
+    ) -> None:
+        begun = time.time()
+        latest, longest = time.monotonic(), 0.0
+        states = asyncio.ensure_future(some(adapter.states(), 10))
+        try:
+            for _ in range(round(1.0 / TICK)):
+                adapter.apply(Velocity(linear=0.1, angular=0.0))
+                await asyncio.sleep(TICK)
+                latest, before = time.monotonic(), latest
+                longest = max(longest, latest - before - TICK)
+            adapter.apply(STILL)
+            await states
+        finally:
+            states.cancel()
+        excuse = computer.excuse(begun, time.time())
+        assert longest < LATE + excuse, f"the adapter blocks the control loop. {ADVICE}"
 
     async def test_it_never_sends_more_than_its_limits(self, adapter: Adapter) -> None:
         limits = adapter.profile.limits

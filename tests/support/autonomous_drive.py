@@ -8,8 +8,8 @@ from contextlib import asynccontextmanager
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.navigation_layer.adapter import AutonomyAdapter
+from robots.agent.ramp import ZERO
 from robots.agent.safety.collision_monitor import monitor_of
-from robots.agent.safety.ramp import ZERO
 from tests.support.patience import patient
 
 

@@ -14,9 +14,9 @@ from experiments.definition.cues import LEAVING, NEAR_HOME
 from experiments.definition.shipped import shipped
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions import protocol
 from tests.support.first_time_user import Keys, Mind

@@ -31,12 +31,12 @@ from websockets.http11 import Request, Response
 from robots.agent.media import MediaSide
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.safety.kernel import Kernel
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.permissions import CommandSender
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import model_of
 from robots.api import codec, floorplan, picture
 from robots.api import messages as m
 from robots.api.errors import Rejection
+from robots.world.robot_models import model_of
 from sessions import protocol
 from tests.support.collected import collected_files
 from tests.support.paths import ROOT
@@ -300,7 +300,7 @@ class FakeRobotPage:
             return
         self.heard.append((page.number, "mqtt", suffix, message))
         if suffix.startswith("command/"):
-            self._command(suffix, message, Sender("mqtt", page.peer), page.peer)
+            self._command(suffix, message, CommandSender("mqtt", page.peer), page.peer)
         else:
             self._visit(page, message)
 
@@ -421,9 +421,9 @@ class FakeRobotPage:
         suffix = SUFFIXES.get(type(message), "command/action")
         self.heard.append((0, "datachannel", suffix, message))
         if role == "driver" or suffix in {"command/action", "command/point"}:
-            self._command(suffix, message, Sender("datachannel", peer, role=role), peer)
+            self._command(suffix, message, CommandSender("datachannel", peer, role=role), peer)
 
-    def _command(self, suffix: str, message: Any, sender: Sender, peer: str) -> None:
+    def _command(self, suffix: str, message: Any, sender: CommandSender, peer: str) -> None:
         now, unix = time.monotonic(), time.time()
         if suffix == "command/heartbeat":
             self.kernel.clocks.heard(peer, sender.way, message, now=now, unix=unix)

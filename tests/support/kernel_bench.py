@@ -5,8 +5,8 @@ amount, and a record of every output.
 from dataclasses import dataclass, field
 from typing import Any
 
-from robots.agent.safety.kernel import Decision, Kernel, Verdict
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.kernel import CommandVerdict, Decision, Kernel
+from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 
 LIMITS = m.Limits(
@@ -88,10 +88,10 @@ class Bench:
             **values,
         )
 
-    def drive(self, linear=0.5, angular=0.0, *, sender=None, **fields) -> Verdict:
+    def drive(self, linear=0.5, angular=0.0, *, sender=None, **fields) -> CommandVerdict:
         verdict = self.kernel.velocity(
             self.command(linear, angular, **fields),
-            sender or Sender("datachannel", "p1"),
+            sender or CommandSender("datachannel", "p1"),
             now=self.now,
             unix=self.unix,
         )
@@ -131,18 +131,20 @@ class Bench:
         return self.kernel.commanded.linear
 
     def ask(self, action, *, way="mqtt", peer=None, retained=False):
-        return self.kernel.permit(action, Sender(way, peer, retained), now=self.now, unix=self.unix)
+        return self.kernel.permit(
+            action, CommandSender(way, peer, retained), now=self.now, unix=self.unix
+        )
 
     def stop(self, *, action_id="stop-1", seq=0, way="datachannel", peer="p1", **fields):
         action = m.Stop(action_id=action_id, stamp=0.0, seq=seq, **fields)
         acted = self.kernel.stop(
-            action, Sender(way, peer if way == "datachannel" else None), self.now
+            action, CommandSender(way, peer if way == "datachannel" else None), self.now
         )
         self.tick()
         return acted
 
     def estop(self, *, action_id="estop-1", way="mqtt", peer=None, **fields):
         action = m.EStop(action_id=action_id, stamp=0.0, **fields)
-        acted = self.kernel.estop(action, Sender(way, peer), now=self.now, unix=self.unix)
+        acted = self.kernel.estop(action, CommandSender(way, peer), now=self.now, unix=self.unix)
         self.tick()
         return acted

@@ -14,7 +14,7 @@ import numpy as np
 from robots.agent.localization.localizer import Localizer
 from robots.agent.navigation.navigator import Navigator
 from robots.agent.navigation.obstacles.memory import RollingObstacleMap
-from robots.agent.navigation.planning.steps import Step
+from robots.agent.navigation.planning.steps import NavigationStep
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
@@ -80,7 +80,7 @@ class Rig:
         self.beams: LaserScan | None = None
         self.trail: list[Pose2D] = []
 
-    def step(self) -> Step:
+    def step(self) -> NavigationStep:
         """Let a tenth of a second pass."""
         self._sense()
         done = self.navigator.step(
@@ -103,7 +103,7 @@ class Rig:
         self.trail.append(self.sim.pose)
         return done
 
-    def run(self, seconds: float) -> Step:
+    def run(self, seconds: float) -> NavigationStep:
         """Step until the task has ended, `seconds` at most; return the last step."""
         for _ in range(round(seconds / (DT * TICKS))):
             done = self.step()

@@ -15,11 +15,11 @@ from django.utils import translation
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from robots.agent.control.calls import Calls
+from robots.agent.control.calls import CallControl
 from robots.agent.control.remote_pointer import Pointing
 from robots.agent.media import MediaSide
 from robots.agent.robot_interface import FROM_PAGE
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.permissions import CommandSender
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.api import messages as m
 from sessions import protocol
@@ -51,7 +51,11 @@ class PresentRobotPage(FakeRobotPage):
         super().__init__(**options)
         self.capabilities = capabilities
         self.kernel.capabilities = frozenset(capabilities)
-        self.speaker, self.display, self.calls = MeasuringSpeaker(), MeasuringDisplay(), Calls()
+        self.speaker, self.display, self.calls = (
+            MeasuringSpeaker(),
+            MeasuringDisplay(),
+            CallControl(),
+        )
         self.media = MediaSide(
             video=FROM_PAGE if from_page else self.camera,
             audio=FROM_PAGE if from_page else SyntheticMicrophone(),
@@ -132,7 +136,7 @@ class PresentRobotPage(FakeRobotPage):
     def _hear_screen(self, room: ScreenAuthorization, frame: str | bytes) -> None:
         for effect in room.receive(frame, None, time.monotonic()):
             if isinstance(effect, Halt):
-                self._command("command/action", effect.message, Sender("mqtt"), room.peer)
+                self._command("command/action", effect.message, CommandSender("mqtt"), room.peer)
             elif isinstance(effect, Publish) and effect.suffix.startswith("signal/"):
                 self.media.signal(room.peer, effect.message)
             elif isinstance(effect, Publish):
@@ -142,7 +146,7 @@ class PresentRobotPage(FakeRobotPage):
                     if isinstance(message, m.Action)
                     else message
                 )
-                self._command(effect.suffix, stamped, Sender("mqtt"), room.peer)
+                self._command(effect.suffix, stamped, CommandSender("mqtt"), room.peer)
 
     def _tell_room(self) -> None:
         super()._tell_room()
@@ -172,7 +176,7 @@ class PresentRobotPage(FakeRobotPage):
         else:
             super()._reply(peer, message)
 
-    def _command(self, suffix: str, message: Any, sender: Sender, peer: str) -> None:
+    def _command(self, suffix: str, message: Any, sender: CommandSender, peer: str) -> None:
         now, unix = time.monotonic(), time.time()
         if isinstance(message, m.PointCommand):
             self._point(message, sender, peer, now)
@@ -197,7 +201,7 @@ class PresentRobotPage(FakeRobotPage):
         else:
             super()._command(suffix, message, sender, peer)
 
-    def _point(self, command: m.PointCommand, sender: Sender, peer: str, now: float) -> None:
+    def _point(self, command: m.PointCommand, sender: CommandSender, peer: str, now: float) -> None:
         lease = self.kernel.leases.live(now)
         by = self.pointing.take(
             peer, command, sender, lease, shown=self.calls.shows_screen(lease, now), now=now

@@ -16,8 +16,8 @@ import numpy as np
 from robots.agent.adapters import registry
 from robots.agent.simulator.physics.realtime import Playback
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import model_of
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import model_of
 from robots.world.sites import load_plan
 from tests.support.patience import patient
 

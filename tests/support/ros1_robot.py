@@ -86,7 +86,7 @@ class Ros1Rig(RcaRig):
 
     async def start_robot(self):
         self._bus = RobotBus(
-            ros1.Options(master=self.master.uri, ip=self.master.host, watchdog=0.6)
+            ros1.Ros1Options(master=self.master.uri, ip=self.master.host, watchdog=0.6)
         )
         await self._bus.open(self.lost.append, None)
         robot = self.robot

@@ -7,8 +7,8 @@ import threading
 import time
 from dataclasses import dataclass, field, replace
 
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress, AdapterError, Profile, RcaState
-from robots.agent.safety.ramp import ZERO
 from robots.agent.timing import TimeSource
 from robots.api import messages as m
 

@@ -30,9 +30,9 @@ class Onlooker:
     def __init__(self, port: int, role: wire.Role = "observer") -> None:
         self.port = port
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=patient(10))
-        self._ask(wire.Hello(role))
+        self._ask(wire.SimulatorHello(role))
 
-    def _ask(self, question: wire.Said) -> object:
+    def _ask(self, question: wire.SimulatorMessage) -> object:
         self._socket.sendall(framing.pack(question))
         return wire.unpack_answer(self._read(framing.length(self._read(framing.HEADER))))
 
@@ -71,5 +71,5 @@ class SimulatorOperator(Onlooker):
     def wish(self, wish: wire.CarryTo | wire.Break | wire.SetDoors) -> str:
         """Let something happen; return why not, or nothing when it did."""
         answer = self._ask(wish)
-        assert isinstance(answer, wire.Done | wire.Refused)
-        return answer.reason if isinstance(answer, wire.Refused) else ""
+        assert isinstance(answer, wire.Done | wire.RoleRefused)
+        return answer.reason if isinstance(answer, wire.RoleRefused) else ""

@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon, Rectangle
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.figures.drawing import FAINT, FLOOR, INK, WALL
 from experiments.definition.schema import Checkpoint
-from robots.api.floorplan import Dock, Door, FloorPlan, Mirror
+from robots.api.floorplan import ChargingDock, Door, FloorPlan, Mirror
 from robots.world.solids import bar
 
 LONGEST_STEP = 1.0  # m: a line is not drawn between places that are farther apart
@@ -106,7 +106,7 @@ def _mirror(axes: Axes, mirror: Mirror) -> None:
     axes.plot([x, u], [y, v], color="#5dade2", linewidth=2.5, solid_capstyle="butt", zorder=4)
 
 
-def draw_dock(axes: Axes, dock: Dock, label: str, colour: str) -> None:
+def draw_dock(axes: Axes, dock: ChargingDock, label: str, colour: str) -> None:
     """Draw a charging station and its robot's name beside it."""
     station = dock.station
     x, y = (

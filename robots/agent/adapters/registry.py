@@ -1,5 +1,5 @@
-"""Which adapters there are: those named here, and any file or module that has `create(profile_name,
-options)`.
+"""Finds an adapter by its name: ours, one of an installed package, or any file or module that has
+`create(profile_name, options)`.
 """
 
 import importlib
@@ -11,24 +11,28 @@ from typing import Any, cast
 
 from robots.agent.adapters.navigation_layer.adapter import wrapped
 from robots.agent.autonomy.area import update_of
+from robots.agent.ramp import check_times
 from robots.agent.robot_interface import Adapter, AdapterError
-from robots.agent.safety.ramp import check_times
+from robots.api.adapter_names import (
+    GROUP,
+    OURS,
+    AmbiguousAdapterError,
+    installed,
+    known_names,
+)
 from robots.world.sites import SiteError, load_site
-
-HERE = "robots.agent.adapters"
-MODULES = {
-    "simulator": f"{HERE}.simulator.adapter",
-    "moos": f"{HERE}.moos.adapter",
-    "openmora_mqtt": f"{HERE}.moos.openmora_mqtt",
-    "ros1": f"{HERE}.ros.ros1",
-    "ros2": f"{HERE}.ros.ros2",
-    "rosbridge": f"{HERE}.ros.rosbridge",
-}
 
 
 def adapter_names() -> tuple[str, ...]:
-    """Return the names that `create` knows."""
-    return tuple(sorted(MODULES))
+    """Return the names that `create` knows.
+
+    Raises:
+        AdapterError: two installed packages use one name.
+    """
+    try:
+        return known_names()
+    except AmbiguousAdapterError as error:
+        raise AdapterError(str(error)) from error
 
 
 def create(
@@ -37,8 +41,8 @@ def create(
     """Return an adapter, not connected yet.
 
     Args:
-        adapter_name: one of `adapter_names()`, the path of a `.py` file, or the dotted name of a
-            module.
+        adapter_name: one of `adapter_names()` (ours, and entry points of installed packages), the
+            path of a `.py` file, or the dotted name of a module.
         profile_name: which robot, such as `giraff`.
         options: the adapter's own; its module says which.
 
@@ -48,7 +52,7 @@ def create(
     """
     try:
         module = _module(adapter_name)
-    except (ImportError, OSError, SyntaxError) as error:
+    except (ImportError, AttributeError, OSError, SyntaxError) as error:
         raise AdapterError(f"the adapter {adapter_name!r} cannot be loaded: {error}") from error
     if not hasattr(module, "create"):
         raise AdapterError(f"the adapter {adapter_name!r} has no create(profile_name, options)")
@@ -68,21 +72,32 @@ def create(
 
 
 def _module(name: str) -> ModuleType:
-    if name in MODULES:
-        return importlib.import_module(MODULES[name])
+    """Return the module of an adapter: a file, ours, an installed package's, or any other by its
+    dotted name.
+    """
     if name.endswith(".py"):
-        spec = importlib.util.spec_from_file_location(Path(name).stem, name)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        return module
+        return _module_of_file(name)
+    if name in OURS:
+        return importlib.import_module(OURS[name])
+    names = adapter_names()
+    if name in names:
+        return cast("ModuleType", installed()[name].load())
     if "." in name:
         return importlib.import_module(name)
     raise AdapterError(
-        f"no adapter {name!r}; there are {', '.join(adapter_names())}, or give the path of a .py"
-        " file"
+        f"no adapter {name!r}; there are {', '.join(names)}. A package can bring another one as an"
+        f" entry point of the group {GROUP!r} (none of that name is installed here), or give the"
+        " path of a .py file"
     )
+
+
+def _module_of_file(path: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(Path(path).stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def autonomous(adapter: Adapter, plan: str = "", memory: Path | None = None) -> Adapter:

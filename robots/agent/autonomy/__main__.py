@@ -53,10 +53,10 @@ class Conversation:
         match message:
             case wire.Settle():
                 self._send(wire.Settled(self._settle(message)))
-            case wire.Place(pose, spread, turn) if self._node is not None:
+            case wire.KnownPlace(pose, spread, turn) if self._node is not None:
                 self._node.place(pose, spread, turn)
             case wire.BeginAction(number, _):
-                self._send(wire.Answer(number, self._begin(message)))
+                self._send(wire.OrderReply(number, self._begin(message)))
             case wire.CancelAction(action_id) if self._node is not None:
                 self._node.cancel(action_id)
             case _:

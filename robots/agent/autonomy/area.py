@@ -11,7 +11,7 @@ import logging
 from dataclasses import dataclass
 
 from robots.api import floorplan
-from robots.api.floorplan import Dock, FloorPlan, FloorPlanError
+from robots.api.floorplan import ChargingDock, FloorPlan, FloorPlanError
 from robots.api.geometry import MapTransform, Pose2D
 from robots.api.messages import FloorPlanUpdate
 from robots.world.grid import MapError, OccupancyGrid, decode_grey, encode_png
@@ -81,7 +81,7 @@ def update_of(site: Site) -> FloorPlanUpdate:
     )
 
 
-def own_dock(plan: FloorPlan | None, series: str) -> Dock | None:
+def own_dock(plan: FloorPlan | None, series: str) -> ChargingDock | None:
     """Return the dock of a series of robots when there is exactly one: then a docked robot knows
     where it is.
     """
@@ -89,7 +89,7 @@ def own_dock(plan: FloorPlan | None, series: str) -> Dock | None:
     return docks[0] if len(docks) == 1 else None
 
 
-def dock_of(update: FloorPlanUpdate, series: str) -> Dock | None:
+def dock_of(update: FloorPlanUpdate, series: str) -> ChargingDock | None:
     """Return the same for a `floorplan` message; None also when its plan cannot be used."""
     try:
         return own_dock(plan_of(update), series)

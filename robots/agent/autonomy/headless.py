@@ -10,11 +10,11 @@ from robots.agent.autonomy.area import Area
 from robots.agent.autonomy.navigation_node import NavigationNode
 from robots.agent.autonomy.pose_extrapolator import PoseExtrapolator
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
-from robots.agent.cadence import Cadence
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress
 from robots.agent.safety.collision_monitor import CollisionMonitor
 from robots.agent.safety.obstacle_sources import LaserSource
-from robots.agent.safety.ramp import ZERO
+from robots.agent.timing import Cadence
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, AssistLevel, Laser, Point, Pose, Velocity
 

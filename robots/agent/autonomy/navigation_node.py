@@ -16,13 +16,13 @@ import numpy as np
 
 from robots.agent.autonomy.area import Area, AreaError, own_dock
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
-from robots.agent.cadence import Cadence
 from robots.agent.localization.localizer import Localizer
 from robots.agent.localization.reported import ReportedLocalizer
 from robots.agent.navigation.navigator import Navigator
 from robots.agent.navigation.planning.costmap import NoWayError
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress
-from robots.agent.safety.ramp import ZERO
+from robots.agent.timing import Cadence
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import (
     Action,

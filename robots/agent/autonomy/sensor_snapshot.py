@@ -6,7 +6,7 @@ import numpy as np
 
 from robots.agent.robot_interface import ActionProgress
 from robots.api.geometry import Pose2D
-from robots.api.messages import Laser, Limits, Point, Pose, Scan, Velocity
+from robots.api.messages import Limits, Point, Pose, Velocity
 from robots.world.sensing import Covariance, Floats, LaserScan
 
 NO_POINTS: Floats = np.zeros((0, 2))
@@ -60,16 +60,3 @@ class NavigationOutput:
     wanted: Velocity | None = None
     news: tuple[ActionProgress, ...] = ()
     path: tuple[Point, ...] | None = None
-
-
-def beams_of(scan: Scan, laser: Laser) -> LaserScan:
-    """Return a scan as the sweep of a laser that sits where `laser` says; `null` is where nothing
-    came back.
-    """
-    ranges = np.array(
-        [np.inf if value is None else value for value in scan.ranges], dtype=np.float64
-    )
-    mount = Pose2D(laser.x, laser.y, laser.theta)
-    return LaserScan(
-        scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount
-    )

@@ -36,7 +36,7 @@ class Settle(NodeMessage, frozen=True):
     seed: int
 
 
-class Place(NodeMessage, frozen=True):
+class KnownPlace(NodeMessage, frozen=True):
     """The robot is here, give or take metres and radians."""
 
     pose: Pose2D
@@ -57,7 +57,7 @@ class CancelAction(NodeMessage, frozen=True):
     action_id: str
 
 
-class Sweep(Struct, frozen=True, array_like=True):
+class ScanMessage(Struct, frozen=True, array_like=True):
     """A sweep of the laser; `ranges` float32 in the byte order of the machine, `inf` where nothing
     came back.
     """
@@ -77,7 +77,7 @@ class Perceive(NodeMessage, frozen=True):
     odometry: Pose2D
     velocity: Velocity
     charger_contact: bool
-    sweep: Sweep | None
+    sweep: ScanMessage | None
     points: bytes
     pose: Pose | None = None
 
@@ -94,7 +94,7 @@ class Settled(NodeMessage, frozen=True):
     problem: str = ""
 
 
-class Answer(NodeMessage, frozen=True):
+class OrderReply(NodeMessage, frozen=True):
     """An order is begun; or it cannot be, and why."""
 
     number: int
@@ -107,8 +107,8 @@ class Thinks(NodeMessage, frozen=True):
     output: NavigationOutput
 
 
-ToNode = Settle | Place | BeginAction | CancelAction | Perceive
-FromNode = Token | Settled | Answer | Thinks
+ToNode = Settle | KnownPlace | BeginAction | CancelAction | Perceive
+FromNode = Token | Settled | OrderReply | Thinks
 
 _to_node: msgpack.Decoder[ToNode] = msgpack.Decoder(ToNode)
 _from_node: msgpack.Decoder[FromNode] = msgpack.Decoder(FromNode)
@@ -138,7 +138,7 @@ def perceive(moment: SensorSnapshot, *, new: bool) -> Perceive:
     if new and moment.beams is not None:
         beams = moment.beams
         ranges = beams.ranges.astype(np.float32).tobytes()
-        sweep = Sweep(
+        sweep = ScanMessage(
             beams.stamp,
             beams.angle_min,
             beams.angle_increment,
@@ -178,7 +178,7 @@ def perceived(message: Perceive, beams: LaserScan | None) -> SensorSnapshot:
     )
 
 
-def beams_in(sweep: Sweep) -> LaserScan:
+def beams_in(sweep: ScanMessage) -> LaserScan:
     """Return the sweep of a message.
 
     Raises:

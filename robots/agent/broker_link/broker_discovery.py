@@ -8,8 +8,8 @@ import urllib.request
 from collections.abc import Callable
 from http import HTTPStatus
 
-from robots.agent.backoff import Backoff
 from robots.agent.config import AgentConfig, ConfigError
+from robots.agent.timing import Backoff
 
 log = logging.getLogger(__name__)
 

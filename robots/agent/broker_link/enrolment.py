@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from robots.agent.broker_link import credentials_file
 from robots.agent.broker_link.broker_discovery import (
     LARGEST_ANSWER,
     TIMEOUT,
     ServerAwayError,
     trust,
 )
-from robots.agent.config import ENVIRONMENT, AgentConfig, ConfigError, credentials_path, load
+from robots.agent.config import AgentConfig, ConfigError, credentials_path, load
+from robots.api import credentials_file
 
 log = logging.getLogger(__name__)
 
@@ -58,10 +58,10 @@ def enrol_if_asked(
         ConfigError: as `enrol`, `config.load` and `check`, or no server is named.
     """
     environment = os.environ if environment is None else environment
-    token = arguments.get("enrol") or environment.get(f"{ENVIRONMENT}ENROL")
+    token = arguments.get("enrol") or environment.get(f"{credentials_file.ENVIRONMENT}ENROL")
     if not token:
         return
-    server = arguments.get("server") or environment.get(f"{ENVIRONMENT}SERVER")
+    server = arguments.get("server") or environment.get(f"{credentials_file.ENVIRONMENT}SERVER")
     if not server:
         raise ConfigError("--enrol wants --server URL: the site where the token was made")
     config = load(arguments, environment, enrolling=True)

@@ -22,9 +22,9 @@ from aiomqtt import Client, MqttError, Will
 from aiomqtt import Message as Delivery
 from paho.mqtt.reasoncodes import ReasonCode
 
-from robots.agent.backoff import Backoff
 from robots.agent.broker_link.broker_discovery import believed
 from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
+from robots.agent.timing import Backoff
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
@@ -40,7 +40,7 @@ SUBSCRIPTION_REFUSED = 0x80
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
 
 
-class Inbox(Protocol):
+class LinkInbox(Protocol):
     """Where what arrives goes. Called on the link's loop; must return at once."""
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
@@ -144,7 +144,7 @@ class MqttLink:
         self.outbox.put(outbound(suffix, payload), connected=self.connected)
         self._wake.set()
 
-    async def run(self, inbox: Inbox) -> None:
+    async def run(self, inbox: LinkInbox) -> None:
         """Stay connected until `close()`."""
         while not self._closing.is_set():
             began = time.monotonic()
@@ -177,7 +177,7 @@ class MqttLink:
 
     # --- one connection ---------------------------------------------------------------------------
 
-    async def _connection(self, inbox: Inbox) -> None:
+    async def _connection(self, inbox: LinkInbox) -> None:
         async with self._client() as client:
             client.pending_calls_threshold = 10 * IN_FLIGHT
             async with asyncio.TaskGroup() as tasks:
@@ -254,11 +254,11 @@ class MqttLink:
             timeout=FAREWELL,
         )
 
-    async def _receive(self, client: Client, inbox: Inbox) -> None:
+    async def _receive(self, client: Client, inbox: LinkInbox) -> None:
         async for delivery in client.messages:
             self._take(delivery, inbox)
 
-    def _take(self, delivery: Delivery, inbox: Inbox) -> None:
+    def _take(self, delivery: Delivery, inbox: LinkInbox) -> None:
         parsed = topics.parse(str(delivery.topic))
         payload = delivery.payload if isinstance(delivery.payload, bytes) else b""
         if parsed is None:
@@ -282,7 +282,7 @@ class MqttLink:
             )
             inbox.rejected(rejection.reason)
 
-    def _watch_presence(self, presence: Connection, inbox: Inbox, *, retained: bool) -> None:
+    def _watch_presence(self, presence: Connection, inbox: LinkInbox, *, retained: bool) -> None:
         """Answer a will that came late, and notice another agent that says it is this robot.
 
         Boots sort by the time of their start, so of two agents exactly one, the older, finds that
@@ -302,7 +302,7 @@ class MqttLink:
 
     # --- between connections ----------------------------------------------------------------------
 
-    def _lost(self, inbox: Inbox) -> None:
+    def _lost(self, inbox: LinkInbox) -> None:
         was_connected, self.connected = self.connected, False
         self.outbox.disconnected()
         if was_connected:

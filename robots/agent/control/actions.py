@@ -4,24 +4,24 @@ reported until it ends.
 
 import asyncio
 import logging
+from collections import OrderedDict
 from collections.abc import Callable, Coroutine
 from typing import Any
 
 import av
 import msgspec
 
-from robots.agent.cadence import Cadence
-from robots.agent.control.action_history import ENDED, ActionHistory
-from robots.agent.control.calls import Calls
+from robots.agent.control.calls import CallControl
 from robots.agent.control.publisher import Publisher
 from robots.agent.control.reports import Reports
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.media.photos import develop
 from robots.agent.robot_interface import ActionProgress, AdapterError, Frame
 from robots.agent.safety.kernel import Kernel
-from robots.agent.safety.permissions import MOTION, Sender, role_of
-from robots.agent.timing import TimeSource
+from robots.agent.safety.permissions import MOTION, CommandSender, role_of
+from robots.agent.timing import Cadence, TimeSource
 from robots.api.messages import (
+    ENDED,
     Action,
     ActionState,
     ActionStatus,
@@ -39,6 +39,35 @@ from robots.api.messages import (
     Undock,
     Words,
 )
+
+ACTIONS_KEPT = 1000  # whose last status is known
+
+
+class ActionHistory:
+    """The last status of the newest actions, by id."""
+
+    def __init__(self) -> None:
+        self._statuses: OrderedDict[str, ActionStatus] = OrderedDict()
+
+    def of(self, action_id: str) -> ActionStatus | None:
+        """Return the last status of an action that was begun, or None."""
+        return self._statuses.get(action_id)
+
+    def record(self, status: ActionStatus) -> bool:
+        """Take a status; return False when the action had ended before, and this is nothing new."""
+        last = self._statuses.get(status.action_id)
+        if last is not None and last.status in ENDED:
+            return False
+        self._statuses[status.action_id] = status
+        while len(self._statuses) > ACTIONS_KEPT:
+            self._statuses.popitem(last=False)
+        return True
+
+    def runs(self, action_id: str) -> bool:
+        """Tell whether an action was begun and has not ended."""
+        last = self._statuses.get(action_id)
+        return last is not None and last.status not in ENDED
+
 
 log = logging.getLogger(__name__)
 
@@ -81,7 +110,7 @@ class Actions:
         turn_wheels: Callable[[], None],
         spawn: Spawn,
         times: TimeSource,
-        calls: Calls,
+        calls: CallControl,
     ) -> None:
         self._kernel, self._adapter, self._reports, self._out = kernel, adapter, reports, out
         self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = (
@@ -119,7 +148,7 @@ class Actions:
             for status in final.values():
                 self._end(status)
 
-    def take(self, action: Action, sender: Sender) -> None:
+    def take(self, action: Action, sender: CommandSender) -> None:
         """Do what is asked, or say why not."""
         action = self._stamped(action, sender)
         if isinstance(action, Stop):
@@ -203,7 +232,7 @@ class Actions:
         """The robot's own e-stop was pressed."""
         self._latched("button", None)
 
-    def _stamped(self, action: Action, sender: Sender) -> Action:
+    def _stamped(self, action: Action, sender: CommandSender) -> Action:
         """Return the action with the role and user that count; on a data channel the page's own are
         discarded.
         """
@@ -219,12 +248,12 @@ class Actions:
 
     # --- stop -------------------------------------------------------------------------------------
 
-    def _stop(self, action: Stop, sender: Sender) -> None:
+    def _stop(self, action: Stop, sender: CommandSender) -> None:
         obeyed = self._kernel.stop(action, sender, self._times.now())
         self._turn_wheels()
         self._stopped(action, obeyed=obeyed)
 
-    def _estop(self, action: EStop, sender: Sender) -> None:
+    def _estop(self, action: EStop, sender: CommandSender) -> None:
         watches = role_of(action, sender, self._kernel.leases.live(self._times.now())) == "observer"
         obeyed = self._kernel.estop(action, sender, now=self._times.now(), unix=self._times.unix())
         self._turn_wheels()

@@ -29,7 +29,7 @@ class Passing:
 NOTHING = Passing()
 
 
-class Calls:
+class CallControl:
     """The call of whoever drives. `now` is monotonic seconds, `lease` the live one."""
 
     def __init__(self) -> None:

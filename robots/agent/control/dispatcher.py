@@ -14,28 +14,27 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from robots.agent.autonomy.area import dock_of
-from robots.agent.cadence import Cadence
 from robots.agent.control.actions import Actions
-from robots.agent.control.calls import NOTHING, Calls
-from robots.agent.control.publisher import Link, Media, Publisher
+from robots.agent.control.calls import NOTHING, CallControl
+from robots.agent.control.publisher import AgentLink, Media, Publisher
 from robots.agent.control.remote_pointer import Pointing
 from robots.agent.control.reports import Reports
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.webrtc.packet_gate import Command
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionProgress, RcaState
 from robots.agent.safety.collision_monitor import CollisionMonitor, seen_from
 from robots.agent.safety.contacts import SIDES, sides_of
 from robots.agent.safety.freshness import frame_age
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.obstacle_sources import NO_POINTS
-from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
+from robots.agent.safety.permissions import CommandSender
 from robots.agent.store import Store
-from robots.agent.timing import TimeSource
+from robots.agent.timing import Cadence, TimeSource
 from robots.api import codec
-from robots.api.floorplan import Dock as Station
+from robots.api.floorplan import ChargingDock as Station
 from robots.api.messages import (
     Action,
     AppliedCommand,
@@ -74,7 +73,7 @@ class DispatcherParts:
 
     kernel: Kernel
     adapter: AdapterLink
-    link: Link
+    link: AgentLink
     media: Media
     store: Store
     times: TimeSource
@@ -97,7 +96,7 @@ class CommandDispatcher:
         )
         self._store, self._times, self._spawn = parts.store, parts.times, spawn
         self.out = Publisher(parts.link, parts.media)
-        self._calls, self._passing, self._pointing = Calls(), NOTHING, Pointing()
+        self._calls, self._passing, self._pointing = CallControl(), NOTHING, Pointing()
         self._own_networks, self._networks = parts.networks, CLEAN
         self._line: TimedLine | None = None
         self.reports = Reports(
@@ -143,7 +142,7 @@ class CommandDispatcher:
             self._arrived(suffix, message, retained=retained)
 
     def _arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
-        sender = Sender("mqtt", retained=retained)
+        sender = CommandSender("mqtt", retained=retained)
         match message:
             case VelocityCommand() | Action():
                 self._travel(message, sender)
@@ -210,7 +209,7 @@ class CommandDispatcher:
                 self._heard(peer, role, command)
 
     def _heard(self, peer: str, role: Role, command: Command) -> None:
-        sender = Sender("datachannel", peer, role=role)
+        sender = CommandSender("datachannel", peer, role=role)
         match command:
             case CommandHeartbeat():
                 self._heartbeat(peer, command, sender)
@@ -321,7 +320,7 @@ class CommandDispatcher:
 
     # --- handlers ---------------------------------------------------------------------------------
 
-    def _travel(self, message: VelocityCommand | Action, sender: Sender) -> None:
+    def _travel(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
         """Take a command at once, or when the network that a study has put on its driver's commands
         lets it through.
         """
@@ -332,13 +331,13 @@ class CommandDispatcher:
         else:
             self._command(message, sender)
 
-    def _command(self, message: VelocityCommand | Action, sender: Sender) -> None:
+    def _command(self, message: VelocityCommand | Action, sender: CommandSender) -> None:
         if isinstance(message, VelocityCommand):
             self._velocity(message, sender)
         else:
             self.actions.take(message, sender)
 
-    def _velocity(self, command: VelocityCommand, sender: Sender) -> None:
+    def _velocity(self, command: VelocityCommand, sender: CommandSender) -> None:
         verdict = self._kernel.velocity(
             command, sender, now=self._times.now(), unix=self._times.unix()
         )
@@ -359,12 +358,12 @@ class CommandDispatcher:
             )
         )
 
-    def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: Sender) -> None:
+    def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()
         self._kernel.clocks.heard(peer, sender.way, beat, now=now, unix=self._times.unix())
         self._kernel.heard(peer, sender.way, now)
 
-    def _point(self, peer: str, command: PointCommand, sender: Sender) -> None:
+    def _point(self, peer: str, command: PointCommand, sender: CommandSender) -> None:
         """Pass on where one side points; neither the kernel nor the record has to do with it."""
         lease, now = self._driver(), self._times.now()
         by = self._pointing.take(

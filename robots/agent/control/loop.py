@@ -15,7 +15,7 @@ from typing import Any
 
 from robots.agent.control.dispatcher import CommandDispatcher, DispatcherParts
 from robots.agent.control.ingress import Ingress
-from robots.agent.control.publisher import Link, Media
+from robots.agent.control.publisher import AgentLink, Media
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
@@ -56,7 +56,7 @@ class ControlLoop:
         *,
         adapter: Adapter,
         capabilities: frozenset[Capability],
-        link: Link,
+        link: AgentLink,
         store: Store,
         boot: str,
         rng: random.Random,

@@ -4,7 +4,7 @@ channels as well.
 
 from typing import Any, Protocol
 
-from robots.agent.broker_link.mqtt import Inbox
+from robots.agent.broker_link.mqtt import LinkInbox
 from robots.agent.robot_interface import Frame
 from robots.api import codec, picture, topics
 from robots.api.messages import (
@@ -18,7 +18,7 @@ from robots.api.messages import (
 )
 
 
-class Link(Protocol):
+class AgentLink(Protocol):
     """The way to the broker (mqtt.MqttLink); all of it on the control loop."""
 
     connected: bool
@@ -26,7 +26,7 @@ class Link(Protocol):
     def publish(self, suffix: str, payload: bytes) -> None:
         """Send, or keep what must not be lost."""
 
-    async def run(self, inbox: Inbox) -> None:
+    async def run(self, inbox: LinkInbox) -> None:
         """Stay connected until `close()`."""
 
     def close(self) -> None:
@@ -92,7 +92,7 @@ class Media(Protocol):
 class Publisher:
     """Sends a message on all the ways that its topic travels on."""
 
-    def __init__(self, link: Link, media: Media) -> None:
+    def __init__(self, link: AgentLink, media: Media) -> None:
         self._link, self._media = link, media
 
     def send(self, suffix: str, message: Any) -> None:

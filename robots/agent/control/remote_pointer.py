@@ -10,7 +10,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
-from robots.agent.safety.permissions import Sender, forbidden, mismatch, role_of
+from robots.agent.safety.permissions import CommandSender, forbidden, mismatch, role_of
 from robots.api.bucket import Bucket
 from robots.api.messages import Lease, PointCommand
 
@@ -45,7 +45,7 @@ class Pointing:
         self,
         peer: str,
         command: PointCommand,
-        sender: Sender,
+        sender: CommandSender,
         lease: Lease | None,
         *,
         shown: bool,
@@ -73,7 +73,13 @@ class Pointing:
         return None
 
     def _refusal(
-        self, role: str, command: PointCommand, sender: Sender, lease: Lease | None, *, shown: bool
+        self,
+        role: str,
+        command: PointCommand,
+        sender: CommandSender,
+        lease: Lease | None,
+        *,
+        shown: bool,
     ) -> str | None:
         if lease is None:
             return "no_lease"

@@ -12,11 +12,10 @@ from typing import Any
 
 import msgspec
 
-from robots.agent.cadence import Cadence
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
-from robots.agent.safety.kernel import STANDSTILL, Kernel
-from robots.agent.safety.ramp import ZERO
-from robots.agent.timing import TimeSource
+from robots.agent.safety.kernel import KERNEL, Kernel
+from robots.agent.timing import Cadence, TimeSource
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import (
@@ -240,8 +239,8 @@ class Reports:
     def _moving(self) -> bool:
         velocity = self.reading.velocity
         return (
-            abs(velocity.linear) > STANDSTILL
-            or abs(velocity.angular) > STANDSTILL
+            abs(velocity.linear) > KERNEL.standstill
+            or abs(velocity.angular) > KERNEL.standstill
             or self._kernel.commanded != ZERO
         )
 

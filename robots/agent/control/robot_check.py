@@ -20,6 +20,7 @@ from typing import Any
 from robots.agent.adapters import registry
 from robots.agent.config import AgentConfig, ConfigError, load
 from robots.agent.devices.equipment import equipment_of
+from robots.agent.ramp import LONGEST_WATCHDOG, ZERO
 from robots.agent.robot_interface import (
     FROM_PAGE,
     Adapter,
@@ -28,7 +29,6 @@ from robots.agent.robot_interface import (
     RcaState,
     VideoSource,
 )
-from robots.agent.safety.ramp import LONGEST_WATCHDOG, ZERO
 from robots.api.messages import Velocity
 
 Say = Callable[[str], None]
@@ -58,14 +58,16 @@ class CheckParams:
 
 
 @dataclass(frozen=True)
-class Sample:
+class SpeedSample:
     """The base's linear velocity in m/s, and when we heard of it, monotonic seconds."""
 
     at: float
     speed: float
 
 
-def stopped_after(samples: Sequence[Sample], silent_at: float, standing: float) -> float | None:
+def stopped_after(
+    samples: Sequence[SpeedSample], silent_at: float, standing: float
+) -> float | None:
     """Return how many seconds after `silent_at` the base stood for good, by the first reading that
     says so; None when it does not stand.
     """
@@ -141,7 +143,7 @@ class RobotCheck:
         self._adapter, self._say, self._video = adapter, say, video
         self._params = params or CheckParams()
         self._states: list[RcaState] = []
-        self._samples: list[Sample] = []
+        self._samples: list[SpeedSample] = []
         self._reading: asyncio.Task[None] | None = None
 
     async def run(self) -> bool:
@@ -169,7 +171,7 @@ class RobotCheck:
     async def _read(self) -> None:
         async for state in self._adapter.states():
             self._states.append(state)
-            self._samples.append(Sample(_now(), state.velocity.linear))
+            self._samples.append(SpeedSample(_now(), state.velocity.linear))
 
     async def _listen(self) -> bool:
         await self._wait(self._params.listening)

@@ -14,10 +14,10 @@ import random
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Protocol, TypeVar
 
-from robots.agent.backoff import Backoff
 from robots.agent.control.state_validation import UnsoundReadingError, sound
 from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, Navigating, RcaState
-from robots.api.floorplan import Dock as Station
+from robots.agent.timing import Backoff
+from robots.api.floorplan import ChargingDock as Station
 from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
 from robots.cancellation import cancel
 from robots.world.sensing import Floats
@@ -34,7 +34,7 @@ START_TIME = 10.0
 CLOSE_TIME = 5.0
 
 
-class Listener(Protocol):
+class AdapterListener(Protocol):
     """Who hears of the RCA. Called on the control loop."""
 
     def reading(self, reading: RcaState) -> None:
@@ -58,7 +58,7 @@ class AdapterLink:
         self._failure: asyncio.Future[None] | None = None
         self._cancelling: set[asyncio.Task[Any]] = set()
 
-    async def run(self, listener: Listener) -> None:
+    async def run(self, listener: AdapterListener) -> None:
         """Connect, listen, and begin again when the RCA is lost."""
         while True:
             try:
@@ -164,7 +164,7 @@ class AdapterLink:
 
     # --- inside -----------------------------------------------------------------------------------
 
-    async def _listen(self, listener: Listener) -> None:
+    async def _listen(self, listener: AdapterListener) -> None:
         """Hand on readings and progress until one of them ends or the base refuses a velocity.
 
         Raises:
@@ -195,7 +195,7 @@ class AdapterLink:
         except AdapterError as error:
             raise AdapterError(f"an action could not be cancelled: {error}") from error
 
-    async def _states(self, listener: Listener) -> None:
+    async def _states(self, listener: AdapterListener) -> None:
         states = told_by(self.adapter.states)
         silent = asyncio.timeout(FIRST_READING)
         complaint = "it is silent"
@@ -218,13 +218,13 @@ class AdapterLink:
         except TimeoutError as error:
             raise AdapterError(complaint) from error
 
-    def _came_up(self, listener: Listener) -> None:
+    def _came_up(self, listener: AdapterListener) -> None:
         if not self.up:
             self.up = True
             log.info("adapter_connected series=%r", self.adapter.profile.series)
             listener.adapter_changed(up=True)
 
-    async def _progress(self, listener: Listener) -> None:
+    async def _progress(self, listener: AdapterListener) -> None:
         async for progress in told_by(self.adapter.progress):
             listener.progressed(progress)
         # an adapter without actions has no more to say, and is not lost for that

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from av.video.reformatter import ColorRange, VideoReformatter
 
 from robots.agent.devices.newest import Newest
-from robots.agent.devices.reader import Reader
+from robots.agent.devices.reader import DeviceReader
 from robots.agent.devices.words import DeviceSetting
 from robots.agent.robot_interface import Frame
 
@@ -21,7 +21,7 @@ class DeviceCamera:
     """See contract.VideoSource. Of pictures that nobody fetched the newest counts."""
 
     def __init__(self, words: DeviceSetting) -> None:
-        self._reader = Reader("camera", words, "video", self._take)
+        self._reader = DeviceReader("camera", words, "video", self._take)
         self._newest: Newest[tuple[Any, float]] = Newest()
         self._reformatter = VideoReformatter()
 

@@ -10,7 +10,7 @@ import av
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.devices.reader import Reader
+from robots.agent.devices.reader import DeviceReader
 from robots.agent.devices.words import DeviceSetting
 
 RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
@@ -21,7 +21,7 @@ class DeviceMicrophone:
     """See contract.AudioSource."""
 
     def __init__(self, words: DeviceSetting) -> None:
-        self._reader = Reader("microphone", words, "audio", self._take)
+        self._reader = DeviceReader("microphone", words, "audio", self._take)
         self._news = threading.Condition()
         self._blocks: deque[npt.NDArray[np.int16]] = deque(maxlen=WAITING)
         self._resampler = _resampler()

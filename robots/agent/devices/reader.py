@@ -42,7 +42,7 @@ class ReaderLimits:
 LIMITS = ReaderLimits()
 
 
-class Stage(Enum):
+class ReaderStage(Enum):
     """How far the opening of a device has come; the value says what is missing."""
 
     CALLED = "does not answer"
@@ -66,7 +66,7 @@ BROKEN = "input/output error: it was cut off, or TLS could not be agreed"  # FFm
 Take = Callable[[Any, float], None]
 
 
-class Reader:
+class DeviceReader:
     """Reads one stream while it runs.
 
     Args:
@@ -114,7 +114,7 @@ class Reader:
         failure = self._run.failure
         if (
             not failure
-            and self._run.stage is not Stage.SHOWN
+            and self._run.stage is not ReaderStage.SHOWN
             and time.monotonic() - self._run.began > self.limits.opening
         ):
             failure = f"{self._run.stage.value} within {self.limits.opening:g} s"
@@ -129,16 +129,16 @@ class Reader:
     def deliver(self, run: "_Run", frame: Any, stamp: float) -> None:
         """Hand on what a run has read, unless it is one of before."""
         if run is self._run and not run.ending.is_set():
-            run.stage = Stage.SHOWN
+            run.stage = ReaderStage.SHOWN
             self._take(frame, stamp)
 
 
 class _Run:
-    def __init__(self, reader: Reader) -> None:
+    def __init__(self, reader: DeviceReader) -> None:
         self.reader = reader
         self.ending = threading.Event()
         self.failure = ""
-        self.stage = Stage.CALLED
+        self.stage = ReaderStage.CALLED
         self.began = time.monotonic()
         self.thread = threading.Thread(target=self._read, name=f"device-{reader.name}", daemon=True)
 
@@ -181,10 +181,10 @@ class _Run:
             raise ValueError(f"there is no {self.reader.kind} in it")
         if streams[0].codec_context is None:
             raise ValueError("its codec is not known")
-        self.stage = Stage.OPENED
+        self.stage = ReaderStage.OPENED
         for packet in container.demux(streams[0]):
-            if self.stage is Stage.OPENED:
-                self.stage = Stage.SENDING
+            if self.stage is ReaderStage.OPENED:
+                self.stage = ReaderStage.SENDING
             for frame in _decoded(packet):
                 if self.ending.is_set():
                     return

@@ -7,7 +7,7 @@ says nothing. Without a driver there is no lab.
 
 from dataclasses import dataclass
 
-from robots.agent.safety.permissions import Sender, mismatch, role_of
+from robots.agent.safety.permissions import CommandSender, mismatch, role_of
 from robots.api.messages import (
     UNCONDITIONAL,
     Action,
@@ -53,7 +53,7 @@ def in_force(lease: Lease | None, config: Config | None, own: Networks) -> Netwo
     return CLEAN if found.control is None and found.video is None else found
 
 
-def is_held(message: VelocityCommand | Action, sender: Sender, lease: Lease | None) -> bool:
+def is_held(message: VelocityCommand | Action, sender: CommandSender, lease: Lease | None) -> bool:
     """Tell whether a message travels on the driver's network: their velocities and actions, but
     never what stops the robot.
 

@@ -57,7 +57,7 @@ class _Packet:
     deliver: Deliver
 
 
-class Line:
+class NetworkLine:
     """One direction of a network. What goes in by `offer` comes out by `due`, or never."""
 
     def __init__(self, lab: NetworkLab) -> None:

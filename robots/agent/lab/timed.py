@@ -4,7 +4,7 @@ import asyncio
 import time
 from collections.abc import Callable
 
-from robots.agent.lab.line import Deliver, Line
+from robots.agent.lab.line import Deliver, NetworkLine
 from robots.api.messages import LabReport, NetworkLab
 
 
@@ -17,7 +17,7 @@ class TimedLine:
     """
 
     def __init__(self, lab: NetworkLab, now: Callable[[], float] = time.monotonic) -> None:
-        self._line, self._now = Line(lab), now
+        self._line, self._now = NetworkLine(lab), now
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.TimerHandle | None = None
         self._rings_at = float("inf")

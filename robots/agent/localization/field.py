@@ -25,7 +25,7 @@ MARGIN = 1.0  # metres; no beam that ends so far from everything says anything
 
 
 @dataclass(frozen=True, eq=False)
-class Field:
+class DistanceField:
     """`signed` (h, w) metres and `free` (h, w), row 0 at the bottom, cells of `resolution` metres.
 
     `world_from_field` leads to the world, turned maps included.
@@ -127,7 +127,7 @@ class Field:
         )
 
 
-def field_of(grid: OccupancyGrid) -> Field:
+def field_of(grid: OccupancyGrid) -> DistanceField:
     """Return the field of a map.
 
     Raises:
@@ -141,7 +141,7 @@ def field_of(grid: OccupancyGrid) -> Field:
     resolution = grid.transform.resolution
     margin = math.ceil(MARGIN / resolution)
     corner = grid.transform.origin.compose(Pose2D(-margin * resolution, -margin * resolution, 0.0))
-    return Field(
+    return DistanceField(
         signed_distance(np.pad(occupied, margin), resolution),
         np.pad(free, margin),
         resolution,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.localization.field import Field
+from robots.agent.localization.field import DistanceField
 from robots.agent.localization.particle_filter import wrapped
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.sensor_model import (
@@ -67,7 +67,7 @@ _WEAK = np.diag([1.0, 1.0, 10.0])  # a prior that only keeps an undetermined mat
 class GlobalSearch:
     """Searches of one map."""
 
-    def __init__(self, field: Field, model: SensorModel, settings: Searching) -> None:
+    def __init__(self, field: DistanceField, model: SensorModel, settings: Searching) -> None:
         self.field, self.model, self.settings = field, model, settings
         self.wide: LikelihoodField = likelihood_field(field, model, settings.sigma)
         self.places = _free_places(field, settings.place)
@@ -120,7 +120,7 @@ class GlobalSearch:
         return merit
 
 
-def _free_places(field: Field, spacing: float) -> Floats:
+def _free_places(field: DistanceField, spacing: float) -> Floats:
     rows, columns = field.signed.shape
     x, y = np.meshgrid(
         np.arange(spacing / 2, columns * field.resolution, spacing),

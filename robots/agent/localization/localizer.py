@@ -20,7 +20,7 @@ import numpy as np
 from robots.agent.localization.field import field_of
 from robots.agent.localization.global_search import Found, GlobalSearch, Search, Searching
 from robots.agent.localization.motion_model import MotionNoise, move
-from robots.agent.localization.odometry import Track
+from robots.agent.localization.odometry import OdometryTrack
 from robots.agent.localization.particle_filter import (
     Cluster,
     ParticleSet,
@@ -31,7 +31,6 @@ from robots.agent.localization.particle_filter import (
     places,
 )
 from robots.agent.localization.scan_matching import Matching, refine
-from robots.agent.localization.score import Scoring, decay, quality, way_of
 from robots.agent.localization.sensor_model import (
     Agreement,
     SensorModel,
@@ -48,12 +47,34 @@ NOWHERE: Covariance = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)  # variances of somebody w
 # what cells of five centimetres leave open however much the guesses agree
 FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])
 
-# how slowly the score may follow sweeps that say little, as a share: who is carried away must
-# notice within seconds
-NOTICING = 0.3
-# log odds that a robot which seems lost is where it thought and only surrounded, against having
-# been carried away
-STAYING = 3.0
+
+@dataclass(frozen=True)
+class Scoring:
+    """How the merit of a pose becomes a score."""
+
+    lost: float = 0.5  # score below which the robot is lost
+    even: float = 0.52  # merit of a pose that scores one half
+    slope: float = 14.0  # how fast the score rises there
+    memory: float = 1.5  # s over which the score follows: somebody who walks past loses nobody
+    granted: float = 0.3  # m without a sweep for which the score holds
+    blind: float = 4.0  # m after that, over which it falls to 1/e
+    plausible: float = 0.4  # merit from which a search takes a pose
+    proof: float = 1.0  # m for which one of several places has to hold until it is believed
+
+
+def quality(judged: Agreement, scoring: Scoring) -> float:
+    """Return what one sweep says about one pose, from 0 to 1."""
+    return 1.0 / (1.0 + math.exp(-scoring.slope * (float(judged.merit[0]) - scoring.even)))
+
+
+def decay(step: Pose2D, scoring: Scoring) -> float:
+    """Return what is left of a score after a step on odometry alone."""
+    return math.exp(-max(0.0, way_of(step) - scoring.granted) / scoring.blind)
+
+
+def way_of(step: Pose2D) -> float:
+    """Return the metres of a step, a turn counted too: a radian as much as half a metre."""
+    return math.hypot(step.x, step.y) + 0.5 * abs(step.theta)
 
 
 @dataclass(frozen=True)
@@ -61,13 +82,8 @@ class Settings:
     """Everything that can be tuned; the defaults suit an indoor robot with a laser of some metres
     and 180 degrees or more.
 
-    A sweep is weighed when the robot went `way` metres or turned `turn` radians; while it stands,
-    every `pause` seconds, the first `standing` and all of which the share `much` says something.
-    `beams` weigh a guess, `matched` are matched. Fewer than `fewest_beams` say nothing, nor do
-    those shorter than `shortest` metres. Guesses within `cluster` metres and `cluster_turn` radians
-    are one; where the heaviest has less than `clear` of the weight, all places are looked at
-    closely. A search follows the last one after `again` seconds, or `again_here` when the robot has
-    not gone `elsewhere` metres.
+    A sweep is weighed when the robot has moved; while it stands, the first few are, and all of
+    which much says something.
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
@@ -76,21 +92,27 @@ class Settings:
     matching: Matching = field(default_factory=Matching)
     searching: Searching = field(default_factory=Searching)
     scoring: Scoring = field(default_factory=Scoring)
-    way: float = 0.05
-    turn: float = math.radians(3.0)
-    pause: float = 0.5
-    beams: int = 60
-    matched: int = 120
-    fewest_beams: int = 12
-    shortest: float = 0.1
-    cluster: float = 0.6
-    cluster_turn: float = math.radians(30.0)
-    again: float = 1.0
-    again_here: float = 4.0
-    elsewhere: float = 0.2
-    standing: int = 4
-    much: float = 0.5
-    clear: float = 0.9999
+    way: float = 0.05  # m between two sweeps that are weighed
+    turn: float = math.radians(3.0)  # rad, the same
+    pause: float = 0.5  # s, the same while the robot stands
+    standing: int = 4  # sweeps that are weighed while it stands
+    much: float = 0.5  # share of a sweep that says something, from which later ones are too
+    beams: int = 60  # that weigh a particle
+    matched: int = 120  # beams that are matched to the map
+    fewest_beams: int = 12  # a sweep with fewer says nothing
+    shortest: float = 0.1  # m: nor does a beam that is shorter
+    cluster: float = 0.6  # m within which particles are one place
+    cluster_turn: float = math.radians(30.0)  # rad, the same
+    clear: float = 0.9999  # share of the weight: with less, all places are looked at closely
+    again: float = 1.0  # s from one search to the next
+    again_here: float = 4.0  # s, the same while the robot is where the last one was
+    elsewhere: float = 0.2  # m from there that are another place
+    # share by which the score follows sweeps that say little: a robot that was carried away has to
+    # notice within seconds
+    least_gain: float = 0.3
+    # log odds that a robot which seems lost is where it thought, and only surrounded, against
+    # having been carried away
+    stay_log_odds: float = 3.0
 
 
 class Localizer:
@@ -109,7 +131,7 @@ class Localizer:
         self.field = field_of(grid)
         self.likelihood = likelihood_field(self.field, self.settings.sensor)
         self.search = GlobalSearch(self.field, self.settings.sensor, self.settings.searching)
-        self.track = Track()
+        self.track = OdometryTrack()
         self.forget()
 
     def forget(self) -> None:
@@ -279,7 +301,7 @@ class Localizer:
         certain = self.believed.share**4 * min(1.0, self._proven / self.settings.scoring.proof)
         match_score = quality(self.judged, self.settings.scoring)
         gain = 1.0 - math.exp(
-            -seconds * max(self._telling(), NOTICING) / self.settings.scoring.memory
+            -seconds * max(self._telling(), self.settings.least_gain) / self.settings.scoring.memory
         )
         self.match_score += (match_score - self.match_score) * gain
         self.confidence += (match_score * certain - self.confidence) * gain
@@ -312,7 +334,7 @@ class Localizer:
             else math.exp(
                 self.settings.sensor.log_likelihood_scale
                 * (float(self.judged.against_others[0]) - float(found.merit[0]))
-                + STAYING
+                + self.settings.stay_log_odds
             )
         )
         share = np.exp(

@@ -17,7 +17,7 @@ KEPT = 200  # readings: 10 s at 20 Hz
 
 
 @dataclass
-class Track:
+class OdometryTrack:
     """Readings so far; a step is a jump when it is faster than `speed` m/s or `turning` rad/s,
     beyond a little that is always granted.
     """

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.localization.field import Field
+from robots.agent.localization.field import DistanceField
 from robots.agent.localization.sensor_model import placed
 from robots.world.sensing import Floats
 
@@ -31,7 +31,7 @@ class Matching:
 
 
 def refine(
-    field: Field, poses: Floats, points: Floats, prior: Floats, settings: Matching
+    field: DistanceField, poses: Floats, points: Floats, prior: Floats, settings: Matching
 ) -> Floats:
     """Return poses (n, 3) moved onto the map.
 
@@ -55,7 +55,7 @@ def refine(
 
 
 def _step(
-    field: Field,
+    field: DistanceField,
     start: Floats,
     poses: Floats,
     points: Floats,

@@ -13,27 +13,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.localization.field import Field
+from robots.agent.localization.field import DistanceField
 from robots.world.sensing import Floats, LaserScan
 
-HIDDEN = 0.8  # how much of a beam that falls short is left out of the account
-THROUGH = 3.0  # how many that fit weigh as much as one that went through a wall
+
+@dataclass(frozen=True)
+class MeritParams:
+    """How shares of beams become the merit of a pose."""
+
+    hidden: float = 0.8  # of a beam that falls short, which is left out of the account
+    through: float = 3.0  # beams that fit weigh as much as one that went through a wall
+
+
+MERIT = MeritParams()
 
 
 @dataclass(frozen=True)
 class SensorModel:
-    """`sigma` metres a beam may miss a surface by; `floor` the price of a beam that fits nothing,
-    as a share of one that fits.
-
-    Neighbouring beams err together, so that a sweep counts as `log_likelihood_scale` beams however
-    many it has.
+    """How likely a beam is at a pose. Neighbouring beams err together, so that a sweep counts as
+    `log_likelihood_scale` beams however many it has.
     """
 
-    sigma: float = 0.1
-    floor: float = 0.05
-    log_likelihood_scale: float = 12.0
-    near: float = 0.12
-    through: float = 0.3
+    sigma: float = 0.1  # m by which a beam may miss a surface
+    floor: float = 0.05  # price of a beam that fits nothing, as a share of one that fits
+    log_likelihood_scale: float = 12.0  # beams
+    near: float = 0.12  # m from a surface, within which a beam fits
+    through: float = 0.3  # m before its end, from which a beam has gone through a surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +108,7 @@ def placed(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
 class LikelihoodField:
     """The log-likelihood (h, w) of a beam that ends in a cell of the field."""
 
-    field: Field
+    field: DistanceField
     model: SensorModel
     table: Floats
 
@@ -121,7 +126,7 @@ class LikelihoodField:
 
 
 def likelihood_field(
-    field: Field, model: SensorModel, sigma: float | None = None
+    field: DistanceField, model: SensorModel, sigma: float | None = None
 ) -> LikelihoodField:
     """Return the table of a map, with another `sigma` than the model's when given."""
     table = np.log(
@@ -160,14 +165,14 @@ class Agreement:
         where an open door hides the rest, is told apart by nothing else. Whether to trust a pose at
         all is no such choice: before a mirror many beams go through the wall that it hangs on.
         """
-        return self._explains(THROUGH)
+        return self._explains(MERIT.through)
 
     def _explains(self, through: float) -> Floats:
-        merit: Floats = (self.fits - through * self.through) / (1.0 - HIDDEN * self.short)
+        merit: Floats = (self.fits - through * self.through) / (1.0 - MERIT.hidden * self.short)
         return merit
 
 
-def agreement(field: Field, model: SensorModel, poses: Floats, sweep: Sweep) -> Agreement:
+def agreement(field: DistanceField, model: SensorModel, poses: Floats, sweep: Sweep) -> Agreement:
     """Return how the beams of a sweep divide, each (n,), at poses (n, 3); of no beams none fits."""
     if not len(sweep):
         nothing = np.zeros(len(poses))

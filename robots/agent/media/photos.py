@@ -16,7 +16,7 @@ QUANTIZERS = (2, 4, 7, 12, 20, 31)
 
 
 @dataclass(frozen=True)
-class Photo:
+class DevelopedPhoto:
     """An encoded picture, its hash, and when the camera sampled it."""
 
     jpeg: bytes
@@ -24,7 +24,7 @@ class Photo:
     stamp: float
 
 
-def develop(frame: Frame, largest: int = LARGEST) -> Photo | None:
+def develop(frame: Frame, largest: int = LARGEST) -> DevelopedPhoto | None:
     """Return the frame as a JPEG of at most `largest` bytes, as good as fits; None when nothing
     does. Takes some milliseconds.
     """
@@ -32,7 +32,7 @@ def develop(frame: Frame, largest: int = LARGEST) -> Photo | None:
     for quantizer in QUANTIZERS:
         jpeg = _encode(picture, quantizer)
         if len(jpeg) <= largest:
-            return Photo(jpeg, hashlib.sha256(jpeg).hexdigest(), frame.stamp)
+            return DevelopedPhoto(jpeg, hashlib.sha256(jpeg).hexdigest(), frame.stamp)
     return None
 
 

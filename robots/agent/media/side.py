@@ -20,19 +20,18 @@ from typing import Any
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.capture.capture import CaptureState
-from robots.agent.media.capture.microphone import MicrophoneFeed
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.page_sources import PageCamera, PageMicrophone
+from robots.agent.media.capture.sound import MicrophoneFeed
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.jpeg_fallback.stills import JpegFallback
 from robots.agent.media.peers.connections import Connections
 from robots.agent.media.peers.viewer import Viewer
 from robots.agent.media.peers.visitor import VisitorMedia
+from robots.agent.media.rtp import Kind, RtpClock
 from robots.agent.media.webrtc import aiortc_hooks
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
-from robots.agent.media.webrtc.rtp import RtpClock
-from robots.agent.media.webrtc.sdp import Kind
 from robots.agent.media.webrtc.telemetry import for_page
 from robots.agent.robot_interface import (
     FROM_PAGE,

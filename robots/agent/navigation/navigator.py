@@ -8,32 +8,41 @@ the robot standing.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.docking.approach import Docking, Undocking
+from robots.agent.navigation.journey import Journey
 from robots.agent.navigation.obstacles.dynamic import LostObstacles
 from robots.agent.navigation.obstacles.local_map import LocalObstacleMap, moved
 from robots.agent.navigation.obstacles.memory import sees
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
-from robots.agent.navigation.planning.journey import Journey
 from robots.agent.navigation.planning.path import resampled
 from robots.agent.navigation.planning.planner import Planner
-from robots.agent.navigation.planning.steps import Sense, Step, failed
+from robots.agent.navigation.planning.steps import NavigationStep, Sense, failed
 from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.navigation.wheels import WheelWatch
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Limits, Velocity
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import Estimate, Floats, LaserScan
 
-# age of the newest sweep with which the robot stops, and gives up: seconds
-BLIND, BLIND_FOR_GOOD = 0.5, 2.5
-LOST_FOR_GOOD = 4.0  # seconds
-DRAWN_SPACING = 0.4  # points of a drawn line are taken so far apart: metres
+
+@dataclass(frozen=True)
+class NavigatorParams:
+    """How long a robot goes on that does not see, or does not know where it is."""
+
+    blind_stop: float = 0.5  # s since the newest sweep, after which the robot stops
+    blind_end: float = 2.5  # s, after which it gives up
+    lost_end: float = 4.0  # s without a pose, after which it gives up
+    drawn_spacing: float = 0.4  # m between points that are taken of a drawn line
+
+
+NAVIGATOR = NavigatorParams()
 
 
 class Navigator:
@@ -71,7 +80,7 @@ class Navigator:
         self._beams: LaserScan | None = None
         self._walkers: Floats = np.zeros((0, 2))
         self._lost_obstacles = LostObstacles()
-        self._last = Step(None, "FINISHED")
+        self._last = NavigationStep(None, "FINISHED")
         self._asked = ZERO
         self._now = 0.0
         self._lost_since: float | None = None
@@ -122,7 +131,7 @@ class Navigator:
         if len(line) < 2 or not np.isfinite(line).all():
             raise NoWayError("a line needs two points or more")
         end = self._planner.goal(float(line[-1, 0]), float(line[-1, 1]))
-        drawn = resampled(line, DRAWN_SPACING)[:-1]
+        drawn = resampled(line, NAVIGATOR.drawn_spacing)[:-1]
         fits = self._costmap.sample(self._costmap.clearance, drawn) >= self._costmap.least
         self._begin(self._journey([*((float(x), float(y)) for x, y in drawn[fits]), end], None))
 
@@ -145,7 +154,7 @@ class Navigator:
         """End the task; the next step brakes."""
         if self._task is not None:
             self._task, self._then = None, None
-            self._last = Step(None, "FAILED", "cancelled")
+            self._last = NavigationStep(None, "FAILED", "cancelled")
 
     def forget(self) -> None:
         """Forget what was seen that is not on the map: the robot has been carried away, or was
@@ -165,7 +174,7 @@ class Navigator:
         beams: LaserScan | None,
         charger_contact: bool,
         now: float,
-    ) -> Step:
+    ) -> NavigationStep:
         """Return what to do now; call it while idle too, so that the robot knows what stands about.
 
         Args:
@@ -213,34 +222,34 @@ class Navigator:
         dock = self.plan.dock_of(self.series) if self.plan else None
         return Undocking(dock, self._check, self.limits, self._costmap.circumscribed, about=about)
 
-    def _idle(self, velocity: Velocity) -> Step:
+    def _idle(self, velocity: Velocity) -> NavigationStep:
         standing = velocity == ZERO and self._asked == ZERO
         self._asked = ZERO
-        return Step(None if standing else ZERO, self._last.status, self._last.reason)
+        return NavigationStep(None if standing else ZERO, self._last.status, self._last.reason)
 
-    def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> Step | None:
+    def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> NavigationStep | None:
         """Return why the robot must stand now, whatever it is doing; None when nothing is amiss."""
         assert self._began is not None
         seen = (
             self._beams.stamp
             if self._beams is not None and sees(self._beams)
-            else self._began - BLIND
+            else self._began - NAVIGATOR.blind_stop
         )
-        if now - seen > BLIND_FOR_GOOD:
+        if now - seen > NAVIGATOR.blind_end:
             return failed(
                 "the laser is silent"
                 if self._beams is None or sees(self._beams)
                 else "the laser sees nothing"
             )
-        if now - seen > BLIND:
-            return Step(ZERO, "RUNNING", "waits for the laser")
+        if now - seen > NAVIGATOR.blind_stop:
+            return NavigationStep(ZERO, "RUNNING", "waits for the laser")
         if estimate.localized or not self._task_needs_map():
             self._lost_since = None
         else:
             self._lost_since = now if self._lost_since is None else self._lost_since
-            if now - self._lost_since > LOST_FOR_GOOD:
+            if now - self._lost_since > NAVIGATOR.lost_end:
                 return failed("the robot has lost where it is on the map")
-            return Step(ZERO, "RUNNING", "the robot does not know where it is")
+            return NavigationStep(ZERO, "RUNNING", "the robot does not know where it is")
         if self._wheels.stuck(self._asked, odometry, now):
             return failed("the wheels do not turn")
         return None
@@ -256,7 +265,7 @@ class Navigator:
         *,
         charger_contact: bool,
         now: float,
-    ) -> Step:
+    ) -> NavigationStep:
         assert self._task is not None
         assert self._beams is not None
         if charger_contact and isinstance(self._task, Journey) and self._then is None:
@@ -291,12 +300,12 @@ class Navigator:
         self._walkers = strangers[~self._obstacle_map.settled(robot, strangers, now)]
         self._lost_obstacles.take(beams.stamp, odometry, self._walkers)
 
-    def _take(self, step: Step) -> Step:
+    def _take(self, step: NavigationStep) -> NavigationStep:
         """Note how a step ended; what comes after an undocking is begun."""
         self._asked = step.velocity or ZERO
         if step.status == "FINISHED" and self._then is not None:
             self._task, self._then = self._then, None
-            return Step(ZERO, "RUNNING")
+            return NavigationStep(ZERO, "RUNNING")
         if step.status != "RUNNING":
             self._task, self._then, self._last = None, None, step
         return step

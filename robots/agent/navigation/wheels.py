@@ -1,6 +1,6 @@
 """Do the wheels turn when they are asked to?"""
 
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
 

@@ -14,14 +14,22 @@ from dataclasses import dataclass, field
 
 from robots.api.messages import CommandHeartbeat, Echo, Heartbeat, Way
 
-SAMPLES = 10
-KNOWN_AFTER = 3
-LONGEST_ROUND_TRIP = 10.0
-STAMP_NOISE = 0.001
-PEERS_KEPT = 32
-BEATS_KEPT = 64
-PEERS_ECHOED = 8
-ECHO_WITHIN = 5.0
+
+@dataclass(frozen=True)
+class ClockParams:
+    """When a peer's clock is known, and how much of it is kept."""
+
+    samples: int = 10  # of which the one with the least round trip counts
+    known_after: int = 3  # samples
+    longest_round_trip: float = 10.0  # s: an echo that took longer tells nothing
+    stamp_noise: float = 0.001  # s by which rounded stamps may contradict each other
+    peers_kept: int = 32  # that were heard last
+    beats_kept: int = 64  # of ours, whose echoes may still come
+    peers_echoed: int = 8  # in one heartbeat
+    echo_within: float = 5.0  # s since a peer was heard
+
+
+CLOCK = ClockParams()
 SERVER_PEER = "server"
 
 
@@ -29,7 +37,7 @@ SERVER_PEER = "server"
 class PeerClock:
     """The clock of one peer; `offset` is its Unix time minus our monotonic time, in seconds."""
 
-    samples: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+    samples: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=CLOCK.samples))
 
     def add(self, *, sent: float, peer_received: float, peer_sent: float, received: float) -> bool:
         """Take the four stamps of one echo, in seconds; return False when they contradict each
@@ -37,7 +45,7 @@ class PeerClock:
         """
         pause = peer_sent - peer_received
         round_trip = (received - sent) - pause
-        if pause < 0.0 or not -STAMP_NOISE <= round_trip <= LONGEST_ROUND_TRIP:
+        if pause < 0.0 or not -CLOCK.stamp_noise <= round_trip <= CLOCK.longest_round_trip:
             return False
         self.samples.append(
             (max(0.0, round_trip), ((peer_received - sent) + (peer_sent - received)) / 2)
@@ -47,14 +55,14 @@ class PeerClock:
     @property
     def known(self) -> bool:
         """Tell whether enough echoes have come to judge ages by."""
-        return len(self.samples) >= KNOWN_AFTER
+        return len(self.samples) >= CLOCK.known_after
 
     @property
     def round_trip(self) -> float:
         """Return the least round trip of the last samples, in seconds; twice the largest error of
         the offset.
         """
-        return min(self.samples)[0] if self.samples else LONGEST_ROUND_TRIP
+        return min(self.samples)[0] if self.samples else CLOCK.longest_round_trip
 
     def age(self, stamp: float, now: float) -> float:
         """Return how many seconds before `now` (monotonic) the peer wrote `stamp` (its Unix time);
@@ -72,12 +80,12 @@ class _Peer:
     """
 
     heard: float
-    delays: deque[float] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+    delays: deque[float] = field(default_factory=lambda: deque(maxlen=CLOCK.samples))
     clock: PeerClock = field(default_factory=PeerClock)
     beats: dict[Way, tuple[int, float, float]] = field(default_factory=dict)
 
 
-class Clocks:
+class PeerClocks:
     """All peers that beat, and the beats that we sent ourselves."""
 
     def __init__(self) -> None:
@@ -91,7 +99,7 @@ class Clocks:
         """
         self._n += 1
         self._sent[self._n] = now
-        while len(self._sent) > BEATS_KEPT:
+        while len(self._sent) > CLOCK.beats_kept:
             self._sent.popitem(last=False)
         return Heartbeat(n=self._n, stamp=unix, echoes=self._echoes(now))
 
@@ -103,7 +111,7 @@ class Clocks:
         """
         entry = self._peers.pop(peer, None) or _Peer(now)
         self._peers[peer] = entry
-        while len(self._peers) > PEERS_KEPT:
+        while len(self._peers) > CLOCK.peers_kept:
             self._peers.popitem(last=False)
         entry.heard, entry.beats[way] = now, (beat.n, beat.stamp, unix)
         entry.delays.append(now - beat.stamp)
@@ -134,10 +142,10 @@ class Clocks:
         lately = [
             (name, peer)
             for name, peer in reversed(self._peers.items())
-            if now - peer.heard <= ECHO_WITHIN
+            if now - peer.heard <= CLOCK.echo_within
         ]
         return tuple(
             Echo(peer=name, n=n, stamp=stamp, received=received)
-            for name, peer in lately[:PEERS_ECHOED]
+            for name, peer in lately[: CLOCK.peers_echoed]
             for n, stamp, received in peer.beats.values()
         )

@@ -8,30 +8,37 @@ robot knows where it is.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robots.agent.localization.odometry import Track
-from robots.agent.navigation.assistance.assist import Assist, Assisted
+from robots.agent.localization.odometry import OdometryTrack
+from robots.agent.navigation.assistance.assist import Assisted, DriverAssistance
 from robots.agent.navigation.assistance.swept import outside
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Profile, RcaState
 from robots.agent.safety.obstacle_sources import NO_POINTS, ObstacleSource, sources_of
-from robots.agent.safety.ramp import ZERO
-from robots.api.floorplan import Dock as Station
+from robots.api.floorplan import ChargingDock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import AssistLevel, Limits, Point, Pose, Velocity
 from robots.world.sensing import CENTRE, Floats
 
-ABOUT = 4.0  # metres about the robot that navigation is told of
-TOUCHING = 0.005  # metres: a sensor's own error never counts as a contact, the bumper says so
-# m/s: how fast a robot may be where nothing looks, so that what it touches takes no harm
-CREEP = 0.1
-TELLING = 0.5  # seconds for which what the assistance did last is told
+
+@dataclass(frozen=True)
+class MonitorParams:
+    """What the collision monitor tells, and how fast a robot may be where nothing looks."""
+
+    about: float = 4.0  # m about the robot that navigation is told of
+    touching: float = 0.005  # m: a sensor's own error never counts as a contact, the bumper says so
+    creep: float = 0.1  # m/s where nothing looks, so that what the robot touches takes no harm
+    telling: float = 0.5  # s for which what the assistance did last is told
+    # m beyond the footprint, where a cone of 30° is narrower than most robots
+    near_arc: float = 0.3
+    longest_step: float = 0.5  # s for which a velocity says where the robot went
+
+
+MONITOR = MonitorParams()
 QUIET = ("off", "free")
-# metres beyond the footprint, where the arc of a cone of 30 degrees is narrower than most robots
-NEAR_ARC = 0.3
-STEP = 0.5  # seconds: the longest time for which a velocity says where the robot went
 UNASSISTED = Assisted(ZERO, "off")
 
 
@@ -50,8 +57,8 @@ class CollisionMonitor:
             ValueError: not such a footprint.
         """
         self.dock: Pose2D | None = None
-        self.track = Track()
-        self._assist = Assist(footprint, limits)
+        self.track = OdometryTrack()
+        self._assist = DriverAssistance(footprint, limits)
         self._sources = tuple(sources)
         self._looked_at = tuple(
             any(source.looks(bearing) for source in self._sources) for bearing in (0.0, math.pi)
@@ -103,11 +110,12 @@ class CollisionMonitor:
         """Return no more than a creep of what leads to where nothing looks."""
         # at most, of any corner
         speed = abs(wanted.linear) + self._assist.hull.radius * abs(wanted.angular)
-        if everywhere and speed > CREEP:
+        if everywhere and speed > MONITOR.creep:
             return Velocity(
-                linear=wanted.linear * CREEP / speed, angular=wanted.angular * CREEP / speed
+                linear=wanted.linear * MONITOR.creep / speed,
+                angular=wanted.angular * MONITOR.creep / speed,
             )
-        high, low = (math.inf if looked_at else CREEP for looked_at in self._looked_at)
+        high, low = (math.inf if looked_at else MONITOR.creep for looked_at in self._looked_at)
         return Velocity(linear=min(max(wanted.linear, -low), high), angular=wanted.angular)
 
     def _is_vague(self) -> bool:
@@ -128,7 +136,7 @@ class CollisionMonitor:
     def _reckoned(self, reading: RcaState) -> Pose2D:
         """Return dead reckoning for a robot that gives none: by the velocity that was measured."""
         before, self._reckoned_at = self._reckoned_at, reading.stamp
-        seconds = min(max(reading.stamp - before, 0.0), STEP)
+        seconds = min(max(reading.stamp - before, 0.0), MONITOR.longest_step)
         turn = reading.velocity.angular * seconds
         way = reading.velocity.linear * seconds
         self._reckoning = self._reckoning.compose(
@@ -137,18 +145,21 @@ class CollisionMonitor:
         return self._reckoning
 
     def points(self) -> Floats:
-        """Return (n, 2) what was seen within `ABOUT` metres lately, in the robot's frame.
+        """Return (n, 2) what was seen about the robot lately, in the robot's frame.
 
         Navigation looks for a path between them. An arc of a sonar is as wide as it is far away,
         and a robot that sees places would take doorways for closed: beside another sensor only near
         arcs count, such as that of a glass door which a laser looks through.
         """
         if not any(source.tells == "place" for source in self._sources):
-            return self._seen(ABOUT, self._sources)
+            return self._seen(MONITOR.about, self._sources)
         exact = [source for source in self._sources if source.tells != "arc"]
         arcs = [source for source in self._sources if source.tells == "arc"]
         return np.concatenate(
-            [self._seen(ABOUT, exact), self._seen(self._assist.hull.radius + NEAR_ARC, arcs)]
+            [
+                self._seen(MONITOR.about, exact),
+                self._seen(self._assist.hull.radius + MONITOR.near_arc, arcs),
+            ]
         )
 
     def clearance(self) -> float | None:
@@ -156,13 +167,17 @@ class CollisionMonitor:
         lately, None when nothing is near.
         """
         near = self._seen(self._assist.reach, self._sources)
-        return max(float(outside(self._assist.hull, near).min()), TOUCHING) if len(near) else None
+        return (
+            max(float(outside(self._assist.hull, near).min()), MONITOR.touching)
+            if len(near)
+            else None
+        )
 
     def why(self, now: float) -> tuple[str, Point | None]:
         """Return in one word what the assistance does, "" when nothing, and the point that it
         minds, in the robot's frame.
         """
-        silent = self._last.why in QUIET or now - self._shaped_at > TELLING
+        silent = self._last.why in QUIET or now - self._shaped_at > MONITOR.telling
         return ("", None) if silent else (self._last.why, self._last.point)
 
     def _about(self, radius: float) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ HEARTBEAT_GAP = 0.5
 
 
 @dataclass
-class Hold:
+class DriveHold:
     """One stop that waits. `grant` is the session and epoch of the lease under which it came, `way`
     the transport of the driver's velocities.
 

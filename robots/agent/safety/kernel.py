@@ -41,23 +41,23 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from robots.agent.safety.clock_sync import Clocks
+from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
+from robots.agent.safety.clock_sync import PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
 from robots.agent.safety.estop_latch import refusal as latch_refusal
 from robots.agent.safety.freshness import judge
-from robots.agent.safety.hold import Hold
+from robots.agent.safety.hold import DriveHold
 from robots.agent.safety.lease import LeaseKeeper, Remembered
 from robots.agent.safety.permissions import (
     MOVING,
-    Sender,
+    CommandSender,
     forbidden,
     mismatch,
     refusal,
     role_of,
     staleness,
 )
-from robots.agent.safety.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
 from robots.api.messages import (
     Action,
     AssistLevel,
@@ -73,15 +73,25 @@ from robots.api.messages import (
     Way,
 )
 
-NAVIGATION_SILENCE = 2.0
-MAX_STEP = 0.04  # two ticks: the longest time that one output may accelerate for
-STANDSTILL, STANDSTILL_TURNING = 0.02, 0.05  # m/s and rad/s: a robot that is slower stands
-STANDS_FOR = 0.3  # s for which it has to have been measured so
-# s beyond its braking time after which a robot that was told to stand and moves is an error
-RUNS_ON = 2.0
-GRANTS_KEPT = 16
-STOPS_KEPT = 256
-SAME_STOP = 3.0
+
+@dataclass(frozen=True)
+class KernelParams:
+    """Times and thresholds of the safety kernel that no limit of the robot or the lease sets."""
+
+    # s without the driver, after which what the robot does by itself ends
+    navigation_silence: float = 2.0
+    max_step: float = 0.04  # s, two ticks: the longest time that one output may accelerate for
+    standstill: float = 0.02  # m/s: a robot that is slower stands
+    standstill_turning: float = 0.05  # rad/s, the same
+    stands_for: float = 0.3  # s for which it has to have been measured so
+    # s beyond its braking time: a robot that moves, though told to stand, is an error
+    runs_on_after: float = 2.0
+    grants_kept: int = 16  # newest
+    stops_kept: int = 256  # newest
+    same_stop: float = 3.0  # s within which an emergency stop that comes again is the same one
+
+
+KERNEL = KernelParams()
 
 
 @dataclass(frozen=True)
@@ -93,7 +103,7 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CommandVerdict:
     """What became of a velocity command: refused for a `reason`, or accepted with its age in
     seconds.
     """
@@ -137,7 +147,7 @@ class Shaper(Protocol):
 
 
 @dataclass
-class Assist:
+class AssistInForce:
     """The assistance in force and the clearance in metres that it goes by."""
 
     level: AssistLevel = "off"
@@ -167,8 +177,8 @@ class Kernel:
     latch: EStopLatch | None = None
     newest_lease: Remembered | None = None
     monitor: Shaper | None = None
-    clocks: Clocks = field(default_factory=Clocks)
-    assist: Assist = field(default_factory=Assist)
+    clocks: PeerClocks = field(default_factory=PeerClocks)
+    assist: AssistInForce = field(default_factory=AssistInForce)
     fault: str | None = None
     button_pressed: bool = False
     navigation: Navigation | None = None
@@ -188,7 +198,7 @@ class Kernel:
         self._own = ZERO  # as far as the ramp has it, without what the collision monitor added
         self._current = ZERO  # what the base was last told
         self._output_at = self._accepted_at = self._now = float("-inf")
-        self._hold: Hold | None = None
+        self._hold: DriveHold | None = None
         self._knew_driver = False
         self._driven_by: Way | None = None  # the transport of the driver's last velocity
         self._motion = ZERO  # as measured last
@@ -251,8 +261,8 @@ class Kernel:
     # --- velocities -------------------------------------------------------------------------------
 
     def velocity(
-        self, command: VelocityCommand, sender: Sender, *, now: float, unix: float
-    ) -> Verdict:
+        self, command: VelocityCommand, sender: CommandSender, *, now: float, unix: float
+    ) -> CommandVerdict:
         """Judge a velocity command; an accepted one is the new target, which `tick` then
         approaches.
         """
@@ -284,7 +294,7 @@ class Kernel:
         self._cancel_navigation("manual")
         asked = Velocity(linear=command.linear, angular=command.angular)
         self._target, self._accepted_at = self.caps(now).clamp(asked, fresh.scale), now
-        return Verdict(None, fresh.age)
+        return CommandVerdict(None, fresh.age)
 
     def tick(self, now: float, wanted: Velocity | None = None) -> Decision:
         """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or
@@ -344,7 +354,7 @@ class Kernel:
     def runs_on(self, now: float) -> bool:
         """Tell whether the robot moves although it should have come to a stand for long."""
         since = self._told_to_stand_at
-        return since is not None and _moves(self._motion) and now - since > RUNS_ON
+        return since is not None and _moves(self._motion) and now - since > KERNEL.runs_on_after
 
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
@@ -400,7 +410,7 @@ class Kernel:
 
     # --- stop -------------------------------------------------------------------------------------
 
-    def stop(self, action: Stop, sender: Sender, now: float) -> bool:
+    def stop(self, action: Stop, sender: CommandSender, now: float) -> bool:
         """Brake. Return False when it only repeats a stop that was obeyed, and the driver has gone
         on since.
         """
@@ -427,7 +437,7 @@ class Kernel:
         self._hold_on(now)
         self._halt("stopped", now)
 
-    def estop(self, action: EStop, sender: Sender, *, now: float, unix: float) -> bool:
+    def estop(self, action: EStop, sender: CommandSender, *, now: float, unix: float) -> bool:
         """Brake, and latch for whoever is answerable: one that only watches stops. Return False
         when it only repeats one that was obeyed.
         """
@@ -470,7 +480,9 @@ class Kernel:
 
     # --- actions ----------------------------------------------------------------------------------
 
-    def permit(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
+    def permit(
+        self, action: Action, sender: CommandSender, *, now: float, unix: float
+    ) -> str | None:
         """Return in one word why an action (other than stop and estop) is refused, and count it;
         None when it may be done.
         """
@@ -517,9 +529,9 @@ class Kernel:
 
     # --- inside -----------------------------------------------------------------------------------
 
-    def _refuse(self, reason: str, age: float = 0.0) -> Verdict:
+    def _refuse(self, reason: str, age: float = 0.0) -> CommandVerdict:
         self.refused[reason] += 1
-        return Verdict(reason, age)
+        return CommandVerdict(reason, age)
 
     def _unmoved(self, *, moving: bool) -> str | None:
         """Return why a valid command of the driver moves nothing; a zero lets go of a hold and
@@ -543,7 +555,9 @@ class Kernel:
             return "stopped"
         return None if self.leases.live(now) else "no_lease"
 
-    def _why_not(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
+    def _why_not(
+        self, action: Action, sender: CommandSender, *, now: float, unix: float
+    ) -> str | None:
         lease = self.leases.live(now)
         reason = refusal(action, sender, lease, self.capabilities) or staleness(
             action, sender, lease, self.clocks, now=now, unix=unix
@@ -586,7 +600,7 @@ class Kernel:
         """Note when a robot that may have been moving stands."""
         if self._current != ZERO or self._hands_off:
             self._unsettle()
-        elif self._still_since is not None and now - self._still_since >= STANDS_FOR:
+        elif self._still_since is not None and now - self._still_since >= KERNEL.stands_for:
             self._restless = self._yields = False
             if self.navigation and not self.navigation.may_begin:
                 self.navigation = replace(self.navigation, may_begin=True)
@@ -600,7 +614,7 @@ class Kernel:
         self._restless, self._still_since = True, None
 
     def _hold_on(self, now: float) -> None:
-        self._hold = Hold(_grant(self.leases.live(now)), self._driven_by, now)
+        self._hold = DriveHold(_grant(self.leases.live(now)), self._driven_by, now)
 
     def _watch_navigation(self, now: float) -> None:
         running = self.navigation
@@ -608,22 +622,25 @@ class Kernel:
             return
         if self.leases.live(now) is None:
             self._cancel_navigation("no_lease")
-        elif now - max(running.since, self.driver_heard or running.since) >= NAVIGATION_SILENCE:
+        elif (
+            now - max(running.since, self.driver_heard or running.since)
+            >= KERNEL.navigation_silence
+        ):
             self._cancel_navigation("heartbeat_lost")
 
     def _raise_floor(self, grant: tuple[str | None, int], seq: int) -> None:
         self._floors.pop(grant, None)
         self._floors[grant] = seq
-        if len(self._floors) > GRANTS_KEPT:
+        if len(self._floors) > KERNEL.grants_kept:
             del self._floors[next(iter(self._floors))]
 
     def _repeats(self, kind: str, action_id: str, now: float) -> bool:
-        return now - self._stops.get((kind, action_id), float("-inf")) < SAME_STOP
+        return now - self._stops.get((kind, action_id), float("-inf")) < KERNEL.same_stop
 
     def _remember_stop(self, kind: str, action_id: str, now: float) -> None:
         self._stops.pop((kind, action_id), None)
         self._stops[kind, action_id] = now
-        if len(self._stops) > STOPS_KEPT:
+        if len(self._stops) > KERNEL.stops_kept:
             del self._stops[next(iter(self._stops))]
 
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
@@ -658,8 +675,8 @@ class Kernel:
             # So long without a word from us the base has stopped by itself; going on from the old
             # speed would start it again.
             self._own = self._current = ZERO
-        self.contacts.moved(self._current.linear * min(since, MAX_STEP))
-        step = min(since, MAX_STEP)
+        self.contacts.moved(self._current.linear * min(since, KERNEL.max_step))
+        step = min(since, KERNEL.max_step)
         allowed = self._limited(target, now)
         if shaped and self.monitor is not None and self.assist.level != "off":
             allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=since, dt_up=step), now)
@@ -686,7 +703,10 @@ class Kernel:
 
 
 def _moves(measured: Velocity) -> bool:
-    return abs(measured.linear) > STANDSTILL or abs(measured.angular) > STANDSTILL_TURNING
+    return (
+        abs(measured.linear) > KERNEL.standstill
+        or abs(measured.angular) > KERNEL.standstill_turning
+    )
 
 
 def _grant(lease: Lease | None) -> tuple[str, int] | None:

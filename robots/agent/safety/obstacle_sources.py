@@ -20,20 +20,17 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from robots.agent.autonomy.sensor_snapshot import beams_of
-from robots.agent.localization.odometry import Track
+from robots.agent.localization.odometry import OdometryTrack
 from robots.agent.navigation.assistance.swept import Hull, hull
 from robots.agent.navigation.obstacles.memory import (
     SAME_BEARING,
     MemorySettings,
     RollingObstacleMap,
-    into,
-    out_of,
 )
 from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Laser
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, beams_of, points_from_frame, points_in_frame
 
 Loss = Literal["stand", "creep"]
 ObstacleReader = Literal["place", "arc", "touch"]
@@ -59,7 +56,7 @@ class ObstacleSource(Protocol):
     vague: float
     tells: ObstacleReader
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
 
     def last_received_at(self) -> float:
@@ -94,12 +91,12 @@ class LaserSource:
         self._laser = laser
         self._memory = RollingObstacleMap(settings)
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take the scan of a reading, when it has one."""
         if reading.scan is not None:
             self.look(beams_of(reading.scan, self._laser), track, now)
 
-    def look(self, beams: LaserScan, track: Track, now: float) -> None:
+    def look(self, beams: LaserScan, track: OdometryTrack, now: float) -> None:
         """Take a sweep; one that sees nothing at all is that of a broken laser, and no sign of
         life.
         """
@@ -137,13 +134,13 @@ class DepthSource(LaserSource):
         self._camera, self._beams = camera, beams
         self._mount = Pose2D(camera.x, camera.y, camera.theta)
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take the points of a reading. That none came is no fault: the floor is free."""
         seen, camera = reading.points, self._camera
         if seen is None:
             return
         step = camera.width / (self._beams - 1)
-        local = into(self._mount, seen.points)
+        local = points_in_frame(self._mount, seen.points)
         beam = np.rint((np.arctan2(local[:, 1], local[:, 0]) + camera.width / 2.0) / step).astype(
             np.intp
         )
@@ -190,7 +187,7 @@ class SonarSource:
         self._way = 0.0
         self._was: Pose2D | None = None
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take echoes, and that there were none."""
         for echo in reading.sonar:
             if 0 <= echo.sonar < len(self._sonars):
@@ -221,7 +218,7 @@ class SonarSource:
         self._travel(robot)
         reach = sonar.farthest if distance is None else min(distance, sonar.farthest)
         eye = robot.compose(Pose2D(sonar.x, sonar.y, sonar.theta))
-        local = into(eye, self._points)
+        local = points_in_frame(eye, self._points)
         apart = np.hypot(local[:, 0], local[:, 1])
         inside = np.abs(np.arctan2(local[:, 1], local[:, 0])) <= sonar.width / 2.0 + SAME_BEARING
         self._points[inside & (apart < reach - self.MARGIN), 3] += 1.0
@@ -230,7 +227,7 @@ class SonarSource:
         kept = self._points[~(again | old | (self._points[:, 3] >= self.DOUBTS))]
         arc = self._arc(sonar, reach)
         new = np.zeros((len(arc), 4))
-        new[:, :2], new[:, 2] = out_of(eye, arc), self._way
+        new[:, :2], new[:, 2] = points_from_frame(eye, arc), self._way
         self._points = np.concatenate([kept, new])
 
     def _travel(self, robot: Pose2D) -> None:
@@ -272,7 +269,7 @@ class BumperSource:
         self._felt: deque[tuple[float, Floats]] = deque(maxlen=64)
         self._pressed: tuple[float, ...] = ()
 
-    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+    def sense(self, reading: RcaState, track: OdometryTrack, now: float) -> None:
         """Take which directions are pressed: each contact where it begins, and where it ends."""
         self._now = now
         if reading.bumper is None:
@@ -282,7 +279,12 @@ class BumperSource:
         if reading.bumper != before:
             points = [self._edge(bearing) for bearing in (*before, *reading.bumper)]
             self._felt.append(
-                (now, out_of(track.at(reading.stamp), np.concatenate([NO_POINTS, *points])))
+                (
+                    now,
+                    points_from_frame(
+                        track.at(reading.stamp), np.concatenate([NO_POINTS, *points])
+                    ),
+                )
             )
 
     def last_received_at(self) -> float:
@@ -320,7 +322,7 @@ def within(points: Floats, here: Pose2D, radius: float) -> Floats:
     """Return (n, 2) those of points (m, 2 or more) that are within `radius` metres of a robot at
     `here`, in its frame.
     """
-    local = into(here, points)
+    local = points_in_frame(here, points)
     near: Floats = local[np.hypot(local[:, 0], local[:, 1]) <= radius]
     return near
 

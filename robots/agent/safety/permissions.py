@@ -6,7 +6,7 @@ here: they are for anybody.
 
 from dataclasses import dataclass
 
-from robots.agent.safety.clock_sync import SERVER_PEER, Clocks
+from robots.agent.safety.clock_sync import SERVER_PEER, PeerClocks
 from robots.api.messages import (
     Action,
     AnswerCall,
@@ -63,7 +63,7 @@ NEEDS: dict[type[Action], Capability] = {
 
 
 @dataclass(frozen=True)
-class Sender:
+class CommandSender:
     """How a message came: `peer` is the data channel's, given by signalling, and `role` that of its
     offer, which the server has stamped.
 
@@ -76,7 +76,7 @@ class Sender:
     role: Role = "observer"
 
 
-def role_of(action: Action | PointCommand, sender: Sender, lease: Lease | None) -> str:
+def role_of(action: Action | PointCommand, sender: CommandSender, lease: Lease | None) -> str:
     """Return the role that counts: on a data channel the page's own word is worth nothing, its peer
     is, and that it is the robot's screen.
     """
@@ -87,7 +87,9 @@ def role_of(action: Action | PointCommand, sender: Sender, lease: Lease | None) 
     return "screen" if sender.role == "screen" else "observer"
 
 
-def mismatch(session: str | None, epoch: int, sender: Sender, lease: Lease | None) -> str | None:
+def mismatch(
+    session: str | None, epoch: int, sender: CommandSender, lease: Lease | None
+) -> str | None:
     """Return why a driver's message does not belong to the live lease, or None when it does."""
     if lease is None:
         return "no_lease"
@@ -99,7 +101,7 @@ def mismatch(session: str | None, epoch: int, sender: Sender, lease: Lease | Non
 
 
 def forbidden(
-    lease: Lease, sender: Sender, *, method: str | None = None, action: Action | None = None
+    lease: Lease, sender: CommandSender, *, method: str | None = None, action: Action | None = None
 ) -> bool:
     """Tell whether the terms of a lease keep its driver from a way of control, an input method, or
     a type of action.
@@ -116,7 +118,7 @@ def forbidden(
 
 
 def refusal(
-    action: Action, sender: Sender, lease: Lease | None, capabilities: frozenset[Capability]
+    action: Action, sender: CommandSender, lease: Lease | None, capabilities: frozenset[Capability]
 ) -> str | None:
     """Return in one word why this sender may not have this action, or None when it may."""
     role = role_of(action, sender, lease)
@@ -144,7 +146,13 @@ def refusal(
 
 
 def staleness(
-    action: Action, sender: Sender, lease: Lease | None, clocks: Clocks, *, now: float, unix: float
+    action: Action,
+    sender: CommandSender,
+    lease: Lease | None,
+    clocks: PeerClocks,
+    *,
+    now: float,
+    unix: float,
 ) -> str | None:
     """Return why an action is not of this moment, or None.
 

@@ -20,9 +20,9 @@ from typing import Any
 from msgspec import structs
 
 from robots.agent.simulator.physics.simulation import Simulation, StartError
-from robots.agent.simulator.profiles import MODELS, RobotModel, UnknownProfileError, model_of
 from robots.agent.simulator.render.thread import Renderer
 from robots.agent.simulator.server import Server
+from robots.world.robot_models import MODELS, RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
 
 MOST_PEOPLE = 12

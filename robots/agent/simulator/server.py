@@ -19,7 +19,7 @@ import numpy as np
 from robots.agent import framing
 from robots.agent.simulator import wire
 from robots.agent.simulator.microphone import Microphone
-from robots.agent.simulator.physics.drive import STILL, Motion
+from robots.agent.simulator.physics.drive import STILL, WheelMotion
 from robots.agent.simulator.physics.realtime import Playback
 from robots.agent.simulator.physics.simulation import Simulation, StartError
 from robots.agent.simulator.render.frame_ring import FrameWriter
@@ -36,14 +36,14 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
-class Client:
+class SimulatorClient:
     """One connection and what it is for."""
 
     writer: asyncio.StreamWriter
     role: wire.Role | None = None
     missed: int = field(default=0)
 
-    def say(self, message: wire.Said) -> None:
+    def say(self, message: wire.SimulatorMessage) -> None:
         """Send without waiting; a client that does not read misses it."""
         self.say_bytes(framing.pack(message))
 
@@ -82,7 +82,7 @@ class Server:
         self.simulation = simulation
         self._make_renderer = make_renderer
         self._linger = linger
-        self._clients: set[Client] = set()
+        self._clients: set[SimulatorClient] = set()
         self._ended = asyncio.Event()
         self._alone_since = time.monotonic() + max(0.0, FIRST_DRIVER - (linger or 0.0))
         self._due = dict.fromkeys(("state", "scan", "sonar", "sound"), time.monotonic())
@@ -171,7 +171,9 @@ class Server:
         self._due[what] = max(self._due[what] + period, now - period)
         return True
 
-    def _tell(self, role: wire.Role, news: wire.Said | Callable[[], wire.Said]) -> None:
+    def _tell(
+        self, role: wire.Role, news: wire.SimulatorMessage | Callable[[], wire.SimulatorMessage]
+    ) -> None:
         listeners = [client for client in self._clients if client.role == role]
         if not listeners:
             return
@@ -212,28 +214,28 @@ class Server:
         return any(client.role == role for client in self._clients)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        client = Client(writer)
+        client = SimulatorClient(writer)
         self._clients.add(client)
         try:
             async for body in framing.bodies(reader, wire.COMMAND_LIMIT):
                 self._take(client, wire.unpack_command(body))
         except framing.WireError as error:
             log.warning("client_refused", extra={"reason": str(error)})
-            client.say(wire.Refused(str(error)))
+            client.say(wire.RoleRefused(str(error)))
         except (asyncio.IncompleteReadError, ConnectionError):
             log.debug("client_gone", extra={"role": client.role})
         finally:
             self._leave(client)
             writer.close()
 
-    def _leave(self, client: Client) -> None:
+    def _leave(self, client: SimulatorClient) -> None:
         self._clients.discard(client)
         if client.role == "driver" and not self._has("driver"):
             self._alone_since = time.monotonic()
         if client.role == "camera" and self._camera is not None:
             self._camera.watch(watched=self._has("camera"))
 
-    def _take(self, client: Client, message: wire.ToSimulator) -> None:
+    def _take(self, client: SimulatorClient, message: wire.ToSimulator) -> None:
         """Do what a client asks.
 
         Raises:
@@ -241,7 +243,7 @@ class Server:
         """
         self.playback.advance(time.monotonic(), time.time())
         match message:
-            case wire.Hello(role) if client.role is None:
+            case wire.SimulatorHello(role) if client.role is None:
                 self._welcome(client, role)
             case wire.AskTruth() if client.role == "observer":
                 client.say(self.playback.truth())
@@ -258,8 +260,10 @@ class Server:
 
     def _drive(self, message: wire.ToSimulator) -> None:
         match message:
-            case wire.Drive(linear, angular) if math.isfinite(linear) and math.isfinite(angular):
-                self.simulation.command(*Motion(linear, angular))
+            case wire.DriveOrder(linear, angular) if math.isfinite(linear) and math.isfinite(
+                angular
+            ):
+                self.simulation.command(*WheelMotion(linear, angular))
             case wire.TiltTo(angle) if math.isfinite(angle):
                 self.simulation.tilt_target = angle
             case wire.SetDoors(doors):
@@ -269,7 +273,7 @@ class Server:
             case _:
                 raise framing.WireError(f"{message!r} from a driver")
 
-    def _inject_fault(self, message: wire.ToSimulator) -> wire.Said:
+    def _inject_fault(self, message: wire.ToSimulator) -> wire.SimulatorMessage:
         match message:
             case wire.SetDoors(doors):
                 self.simulation.set_doors(doors)
@@ -279,26 +283,30 @@ class Server:
                 try:
                     self.simulation.carry_to(Pose2D(x, y, wrap_angle(theta)))
                 except StartError as error:
-                    return wire.Refused(str(error))
+                    return wire.RoleRefused(str(error))
             case _:
                 raise framing.WireError(f"{message!r} from an operator")
         return wire.Done()
 
-    def _welcome(self, client: Client, role: wire.Role) -> None:
+    def _welcome(self, client: SimulatorClient, role: wire.Role) -> None:
         if role == "driver":
             for other in [c for c in self._clients if c.role == "driver"]:
                 other.role = None  # the newest driver is the agent that lives
                 other.writer.transport.abort()
         client.role = role
         client.say(
-            wire.Welcome(self.simulation.model.series, self.simulation.plan.map_id, os.getpid())
+            wire.SimulatorWelcome(
+                self.simulation.model.series, self.simulation.plan.map_id, os.getpid()
+            )
         )
         if role == "camera":
             self._show(client)
 
-    def _show(self, client: Client) -> None:
+    def _show(self, client: SimulatorClient) -> None:
         if self._ring is None or self._camera is None:
             raise framing.WireError("this robot was started without a camera")
         model = self.simulation.model.camera
-        client.say(wire.Pictures(self._ring.name, self._ring.slots, model.width, model.height))
+        client.say(
+            wire.FrameRingOffer(self._ring.name, self._ring.slots, model.width, model.height)
+        )
         self._camera.watch(watched=True)

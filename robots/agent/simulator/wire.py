@@ -1,9 +1,9 @@
 """What a simulated robot and its clients say to each other over TCP, framed as framing.py says.
 
-A connection has one role, said in `Hello`: the driver moves the robot and hears its state, an
-observer only looks (tests and benchmarks read the truth there), an operator plays fate (carries the
-robot away, breaks it, moves doors), a camera is told of pictures in shared memory, a microphone
-gets sound. Each is a connection of its own, so that media never stand before a velocity.
+A connection has one role, said in `SimulatorHello`: the driver moves the robot and hears its state,
+an observer only looks (tests and benchmarks read the truth there), an operator injects faults
+(carries the robot away, breaks it, moves doors), a camera is told of pictures in shared memory, a
+microphone gets sound. Each is a connection of its own, so that media never wait before a velocity.
 """
 
 import asyncio
@@ -13,49 +13,49 @@ import msgspec
 from msgspec import Struct
 
 from robots.agent import framing
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.faults import Faults
 from robots.api.floorplan import DoorState
 
 COMMAND_LIMIT = 64 << 10
 Role = Literal["driver", "observer", "operator", "camera", "microphone"]
 
 
-class Said(Struct, frozen=True, tag=True, array_like=True):
+class SimulatorMessage(Struct, frozen=True, tag=True, array_like=True):
     """Base of every message on this wire."""
 
 
-class Hello(Said, frozen=True):
+class SimulatorHello(SimulatorMessage, frozen=True):
     """First word of a client."""
 
     role: Role
 
 
-class Drive(Said, frozen=True):
+class DriveOrder(SimulatorMessage, frozen=True):
     """A velocity; silence afterwards brakes."""
 
     linear: float
     angular: float
 
 
-class TiltTo(Said, frozen=True):
+class TiltTo(SimulatorMessage, frozen=True):
     """Tilt the head to an angle."""
 
     angle: float
 
 
-class SetDoors(Said, frozen=True):
+class SetDoors(SimulatorMessage, frozen=True):
     """Open and close doors by name."""
 
     doors: dict[str, DoorState]
 
 
-class Shutdown(Said, frozen=True):
+class Shutdown(SimulatorMessage, frozen=True):
     """The driver is done: brake, then end the process."""
 
 
-class CarryTo(Said, frozen=True):
-    """An operator puts the robot somewhere else; answered with `Done`, or `Refused` when something
-    stands there.
+class CarryTo(SimulatorMessage, frozen=True):
+    """An operator puts the robot somewhere else; answered with `Done`, or `RoleRefused` when
+    something stands there.
     """
 
     x: float
@@ -63,31 +63,31 @@ class CarryTo(Said, frozen=True):
     theta: float
 
 
-class Break(Said, frozen=True):
+class Break(SimulatorMessage, frozen=True):
     """An operator breaks the robot, or mends it with no faults; answered with `Done`."""
 
     faults: Faults
 
 
-class AskTruth(Said, frozen=True):
+class AskTruth(SimulatorMessage, frozen=True):
     """An observer wants one `Truth`."""
 
 
-class AskHistory(Said, frozen=True):
+class AskHistory(SimulatorMessage, frozen=True):
     """An observer wants the last seconds of `History`."""
 
     seconds: float
 
 
-class Welcome(Said, frozen=True):
-    """Answer to `Hello`."""
+class SimulatorWelcome(SimulatorMessage, frozen=True):
+    """Answer to `SimulatorHello`."""
 
     series: str
     map_id: str
     pid: int
 
 
-class Truth(Said, frozen=True):
+class Truth(SimulatorMessage, frozen=True):
     """The robot as it is; `stamp` in Unix seconds, `commanded_at` that of the last velocity, 0
     before the first.
 
@@ -119,7 +119,7 @@ class Truth(Said, frozen=True):
     bumper: tuple[float, ...] = ()
 
 
-class Ranges(Said, frozen=True):
+class Ranges(SimulatorMessage, frozen=True):
     """A laser scan: float32 metres in the byte order of the machine, `inf` where
     nothing came back.
     """
@@ -128,14 +128,14 @@ class Ranges(Said, frozen=True):
     ranges: bytes
 
 
-class Echoes(Said, frozen=True):
+class Echoes(SimulatorMessage, frozen=True):
     """What sonars have heard: which, and metres from it, None for nothing."""
 
     stamp: float
     echoes: tuple[tuple[int, float | None], ...]
 
 
-class History(Said, frozen=True):
+class History(SimulatorMessage, frozen=True):
     """Rows of (stamp, commanded linear, commanded angular, linear, angular, x, y, theta), oldest
     first, one every step.
     """
@@ -143,7 +143,7 @@ class History(Said, frozen=True):
     rows: tuple[tuple[float, float, float, float, float, float, float, float], ...]
 
 
-class Pictures(Said, frozen=True):
+class FrameRingOffer(SimulatorMessage, frozen=True):
     """Where the pictures will be: a ring of slots in shared memory (see frames.py)."""
 
     name: str
@@ -152,24 +152,24 @@ class Pictures(Said, frozen=True):
     height: int
 
 
-class FrameReady(Said, frozen=True):
+class FrameReady(SimulatorMessage, frozen=True):
     """Picture `number` is in its slot, sampled at `stamp` (Unix seconds)."""
 
     number: int
     stamp: float
 
 
-class Sound(Said, frozen=True):
+class Sound(SimulatorMessage, frozen=True):
     """20 ms of sound: 960 samples int16, mono, 48 kHz."""
 
     samples: bytes
 
 
-class Done(Said, frozen=True):
+class Done(SimulatorMessage, frozen=True):
     """An operator's wish is done."""
 
 
-class Refused(Said, frozen=True):
+class RoleRefused(SimulatorMessage, frozen=True):
     """Why something was not done; unless it was an operator's wish, the simulator closes the
     connection.
     """
@@ -177,9 +177,28 @@ class Refused(Said, frozen=True):
     reason: str
 
 
-ToSimulator = Hello | Drive | TiltTo | SetDoors | Shutdown | AskTruth | AskHistory | CarryTo | Break
+ToSimulator = (
+    SimulatorHello
+    | DriveOrder
+    | TiltTo
+    | SetDoors
+    | Shutdown
+    | AskTruth
+    | AskHistory
+    | CarryTo
+    | Break
+)
 FromSimulator = (
-    Welcome | Truth | Ranges | Echoes | History | Pictures | FrameReady | Sound | Done | Refused
+    SimulatorWelcome
+    | Truth
+    | Ranges
+    | Echoes
+    | History
+    | FrameRingOffer
+    | FrameReady
+    | Sound
+    | Done
+    | RoleRefused
 )
 
 _to_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(ToSimulator)

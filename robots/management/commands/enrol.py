@@ -45,5 +45,6 @@ class Command(BaseCommand):
             "On the robot's computer, with the ADAPTER of its control architecture and its PROFILE"
             " (docs/howto/connect-a-robot.md):"
         )
-        where = f"--server {options['server'].rstrip('/')} --adapter ADAPTER --profile PROFILE"
+        server, adapter = options["server"].rstrip("/"), robot.adapter or "ADAPTER"
+        where = f"--server {server} --adapter {adapter} --profile PROFILE"
         self.stdout.write(f"python manage.py run_robot {robot.name} {where} --enrol {token}")

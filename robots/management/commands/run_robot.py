@@ -11,8 +11,9 @@ from django.core.management.base import BaseCommand, CommandError
 
 from robots import log_ids
 from robots.agent.agent import agent_of, run_until_signalled
-from robots.agent.config import ENVIRONMENT, ConfigError, add_arguments
+from robots.agent.config import ConfigError, add_arguments
 from robots.agent.control.robot_check import check_robot, say_line
+from robots.api.credentials_file import ENVIRONMENT
 
 
 class Command(BaseCommand):

@@ -16,10 +16,10 @@ from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import FirstFrame, Seen, seen
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import AppliedCommand, Battery, Pose, State, Velocity
+from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions.protocol import Task
 from tests.support.task_drives import BACK, HOME, THERE, Drive, cues, run, told, track

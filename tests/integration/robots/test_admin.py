@@ -10,6 +10,7 @@ import pytest
 from django.contrib.admin.models import LogEntry
 from django.contrib.auth import get_user_model
 from django.contrib.auth.models import Permission
+from django.core.exceptions import ValidationError
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 
@@ -18,6 +19,7 @@ from robots.floorplans import MAX_PLAN, store_floor_plan
 from robots.models import FloorPlan, Robot, RobotPermit
 from robots.world.sites import SHIPPED
 from sessions.models import Lease, Session
+from tests.support.installed_adapters import install
 
 pytestmark = pytest.mark.django_db
 LIST, ADD = "/admin/robots/robot/", "/admin/robots/robot/add/"
@@ -173,6 +175,42 @@ def test_credentials_are_asked_for_made_and_shown_once(client, researcher, giraf
         LogEntry.objects.values_list("change_message", flat=True)
     )
     assert LogEntry.objects.count() == 1
+
+
+def test_the_adapters_that_are_installed_are_offered_and_any_other_is_taken(
+    client, researcher, giraff, tmp_path, monkeypatch
+):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    install(tmp_path, "stranger-robots", "stranger")
+    address = f"{LIST}{giraff.pk}/change/"
+    text = page(client, address)
+    for name in ("simulator", "ros2", "stranger"):
+        assert f'<option value="{name}"></option>' in text
+    is_clean(text)
+
+    giraff.adapter = "stranger"
+    giraff.save()
+    assert "Not installed on this server" not in page(client, address)
+    giraff.adapter = "acme"
+    giraff.full_clean()
+    giraff.save()
+    assert "Not installed on this server. That is fine" in page(client, address)
+
+    made = client.post(f"{LIST}{giraff.pk}/credentials/", HTTP_HOST="localhost:8000")
+    kept = unescape(
+        re.search(r'<pre id="credentials-file">(.*?)</pre>', made.content.decode(), re.DOTALL)[1]
+    )
+    assert tomllib.loads(kept)["adapter"] == "acme"
+    assert "--adapter" not in made.content.decode()
+    enrolled = client.post(f"{LIST}{giraff.pk}/enrol/", HTTP_HOST="localhost:8000")
+    assert "--adapter acme" in enrolled.content.decode()
+
+
+@pytest.mark.parametrize("name", ["two words", "x; rm", "acme'", "--yes", "acme\n"])
+def test_an_adapter_s_name_that_a_shell_would_read_otherwise_is_refused(giraff, name):
+    giraff.adapter = name
+    with pytest.raises(ValidationError, match="A name, or the path"):
+        giraff.full_clean()
 
 
 def test_only_somebody_who_may_change_robots_makes_credentials(client, giraff):

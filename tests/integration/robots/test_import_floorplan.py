@@ -9,9 +9,9 @@ import pytest
 from django.core.management import CommandError, call_command
 
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF
 from robots.models import FloorPlan
 from robots.world.grid import encode_png, read_grey
+from robots.world.robot_models import GIRAFF
 from robots.world.sites import SHIPPED, load_site
 
 pytestmark = pytest.mark.django_db

@@ -14,7 +14,7 @@ from benchmarks.traffic.every import Timers
 from robots.api import codec, topics
 from robots.api import messages as m
 from robots.broker import packets
-from robots.broker.packets import Publish
+from robots.broker.packets import PublishPacket
 
 
 class Owner:
@@ -65,7 +65,7 @@ async def opened_line():
 
 
 def test_the_broker_understands_who_a_line_says_it_is_and_what_it_wants():
-    will = Publish("telepresence/v1/r/connection", b"x" * 200, 1, retain=True)
+    will = PublishPacket("telepresence/v1/r/connection", b"x" * 200, 1, retain=True)
     (connect,) = read(mqtt_line.hello("client", "robot", "token", will))
     assert (connect.client_id, connect.user, connect.password, connect.clean, connect.will) == (
         "client",
@@ -81,7 +81,7 @@ def test_the_broker_understands_who_a_line_says_it_is_and_what_it_wants():
 async def test_a_line_hands_on_what_comes_however_it_is_cut_and_confirms_it():
     line, owner, wire = await opened_line()
     stream = b"".join(
-        packets.publish(Publish("a/b", bytes([n]) * 300, n % 2, n == 3, n if n % 2 else 0))
+        packets.publish(PublishPacket("a/b", bytes([n]) * 300, n % 2, n == 3, n if n % 2 else 0))
         for n in range(4)
     )
     for at in range(0, len(stream), 7):

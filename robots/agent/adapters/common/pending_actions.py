@@ -27,7 +27,7 @@ Kind = Literal["goto", "dock", "undock", "tilt", "relocalize"]
 
 
 @dataclass(frozen=True)
-class Area:
+class ExpectedArea:
     """Where a robot that was told so should find itself: a square in map metres, and a heading in
     radians unless that was not told.
 
@@ -66,7 +66,7 @@ class PendingAction:
     deadline: float = math.inf
     seen_running: bool = False
     place: str = ""
-    area: Area | None = None
+    area: ExpectedArea | None = None
     over_at: float = math.inf
 
 

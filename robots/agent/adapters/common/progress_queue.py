@@ -4,8 +4,8 @@ action every status waits once.
 
 import asyncio
 
-from robots.agent.control.action_history import ENDED
 from robots.agent.robot_interface import ActionProgress, AdapterError
+from robots.api.messages import ENDED
 
 News = ActionProgress | AdapterError
 MOST = 256

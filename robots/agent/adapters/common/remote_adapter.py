@@ -29,6 +29,7 @@ from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     ActionProgress,
     AdapterError,
@@ -37,7 +38,6 @@ from robots.agent.robot_interface import (
     RcaState,
     VideoSource,
 )
-from robots.agent.safety.ramp import ZERO
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity

@@ -23,13 +23,13 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
+from robots.agent.ramp import check_times
 from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
-from robots.agent.safety.ramp import check_times
+from robots.api.adapter_names import known_names
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
 SHIPPED = Path(__file__).parents[1] / "profiles"
-# the shipped ones of real robots, whose tables any profile may have
-ADAPTERS = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")
+WITHOUT_PROFILE = frozenset({"simulator"})  # its robots are data of robots/world
 SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
 Settings = TypeVar("Settings", bound=Struct)
 
@@ -77,18 +77,22 @@ def nearest(word: str, known: Collection[str]) -> str:
     return f"did you mean {close[0]}?" if close else f"there are {', '.join(sorted(known))}"
 
 
-def load_profile(name: str) -> RobotProfile:
+def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
     """Return a robot by its shipped name or by the path of its file.
+
+    Args:
+        name: such as `giraff`, or a path that ends in `.toml`.
+        folder: where an adapter of another package keeps the profiles that it brings.
 
     Raises:
         AdapterError: no such file, or something in it cannot be; one sentence.
     """
-    path = Path(name) if name.endswith(".toml") else SHIPPED / f"{name}.toml"
+    path = Path(name) if name.endswith(".toml") else folder / f"{name}.toml"
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         return _checked(content)
     except FileNotFoundError as error:
-        known = ", ".join(sorted(each.stem for each in SHIPPED.glob("*.toml")))
+        known = ", ".join(sorted(each.stem for each in folder.glob("*.toml")))
         raise AdapterError(
             f"no robot profile {name!r}; there are {known}, or give the path of a .toml file"
         ) from error
@@ -132,7 +136,8 @@ def settings_of(
 def _check_names(
     kind: type[Struct], adapter: str, profile: RobotProfile, given: Collection[str]
 ) -> None:
-    sections = {*ADAPTERS, adapter}
+    # the table of the adapter that is used, and of any that the same robot could be used with
+    sections = {*(name for name in known_names() if name not in WITHOUT_PROFILE), adapter}
     for name in profile.adapters:
         if name not in sections:
             raise ValueError(

@@ -19,7 +19,7 @@ MAX_MESSAGES = 200
 SlotMessage = TypeVar("SlotMessage")
 
 
-class Outgoing(Generic[SlotMessage]):
+class SendSlots(Generic[SlotMessage]):
     """Letters in order, and one place for a velocity that a newer one takes over. For one loop."""
 
     def __init__(self) -> None:

@@ -13,6 +13,7 @@ from collections import deque
 import msgspec
 
 from robots.agent.adapters.common.robot_profile import BatteryRange
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     NOWHERE,
     UNKNOWN_BATTERY,
@@ -20,7 +21,6 @@ from robots.agent.robot_interface import (
     RcaState,
     SonarEcho,
 )
-from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Battery, Pose, Scan, Velocity
 

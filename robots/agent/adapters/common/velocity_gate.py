@@ -19,7 +19,7 @@ one computer, gets that one velocity late, and the zero behind it at once.
 import math
 from dataclasses import dataclass
 
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.messages import Velocity
 
 

@@ -37,8 +37,8 @@ from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.moos.client import MoosClient
 from robots.agent.adapters.moos.wire import Mail
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import AdapterError
-from robots.agent.safety.ramp import ZERO
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Undock, Velocity
 
 OWN: tuple[Capability, ...] = ("localization", "goto", "dock", "undock", "relocalize", "tilt")
@@ -69,7 +69,7 @@ ERROR_SHOWN = 10.0
 log = logging.getLogger(__name__)
 
 
-class Options(Struct, frozen=True, kw_only=True):
+class MoosOptions(Struct, frozen=True, kw_only=True):
     """Where the MOOSDB is, and who we are to it; `tilt_sign` -1 where the head counts upwards,
     `nodes` places by name, by comma.
 
@@ -95,7 +95,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "MoosAdapter":
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    return MoosAdapter(robot, settings_of(Options, "moos", robot, options))
+    return MoosAdapter(robot, settings_of(MoosOptions, "moos", robot, options))
 
 
 class MoosAdapter(RemoteAdapter):
@@ -103,7 +103,7 @@ class MoosAdapter(RemoteAdapter):
 
     vital = "LOCALIZATION"
 
-    def __init__(self, robot: RobotProfile, options: Options) -> None:
+    def __init__(self, robot: RobotProfile, options: MoosOptions) -> None:
         super().__init__(
             profile_of(robot, "MOOS (OpenMORA)", options.watchdog, own=OWN), robot.battery
         )

@@ -8,7 +8,11 @@ our words is the profile's `tilt.home`.
 import math
 from dataclasses import dataclass
 
-from robots.agent.adapters.common.pending_actions import LONGEST_RELOCALIZATION, Area, PendingAction
+from robots.agent.adapters.common.pending_actions import (
+    LONGEST_RELOCALIZATION,
+    ExpectedArea,
+    PendingAction,
+)
 from robots.agent.adapters.common.robot_profile import RobotProfile
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Pose, Scan, Velocity
@@ -32,9 +36,9 @@ def listed_nodes(text: str) -> frozenset[str]:
 
 
 @dataclass(frozen=True)
-class Status:
-    """`Status`, ten times a second. `pose`, `voltage` and `charging` are None, and names empty,
-    when the robot does not know.
+class OpenMoraStatus:
+    """The variable `Status`, ten times a second. `pose`, `voltage` and `charging` are None, and
+    names empty, when the robot does not know.
     """
 
     pose: Pose | None
@@ -95,7 +99,7 @@ def search(action_id: str, x: float, y: float, half_width: float, now: float) ->
     """Return what to wait for after a robot was told its `area`: that it says to be in it. A
     heading cannot be told.
     """
-    place = Area(x, y, half_width, settles=FILTERING)
+    place = ExpectedArea(x, y, half_width, settles=FILTERING)
     return PendingAction(
         action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place
     )
@@ -119,7 +123,7 @@ def pose_of(text: str) -> Pose | None:
     return Pose(x=x, y=y, theta=wrap_angle(math.radians(degrees)))
 
 
-def status_of(text: str) -> Status:
+def status_of(text: str) -> OpenMoraStatus:
     """Read `x y phi|place|destination|mode|volts|charging|…`; what newer robots add behind is
     ignored.
 
@@ -135,7 +139,7 @@ def status_of(text: str) -> Status:
         voltage = None if volts in {"", UNKNOWN} else float(volts) or None
     except ValueError as error:
         raise DialectError(f"no voltage: {volts[:20]!r}") from error
-    return Status(
+    return OpenMoraStatus(
         pose_of(pose),
         _name(place),
         _name(destination),

@@ -29,7 +29,7 @@ from msgspec import Struct
 from robots.agent.adapters.common.pending_actions import PendingAction
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
-from robots.agent.adapters.common.send_slots import Outgoing
+from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import options as socket_options
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
@@ -54,7 +54,7 @@ GIVEN_UP = 20.0  # seconds after which one that is not has given up
 ERROR_SHOWN = 10.0
 
 
-class Options(Struct, frozen=True, kw_only=True):
+class OpenMoraMqttOptions(Struct, frozen=True, kw_only=True):
     """`broker` is the robot's own broker, `robot` the first part of its topics.
 
     `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign`
@@ -82,7 +82,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapte
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    settings = settings_of(Options, "openmora_mqtt", robot, options)
+    settings = settings_of(OpenMoraMqttOptions, "openmora_mqtt", robot, options)
     try:
         endpoint = Endpoint.of(
             settings.broker, settings.username or None, settings.password or None
@@ -97,13 +97,15 @@ class OpenMoraMqttAdapter(RemoteAdapter):
 
     vital = "its Status"
 
-    def __init__(self, robot: RobotProfile, options: Options, endpoint: Endpoint) -> None:
+    def __init__(
+        self, robot: RobotProfile, options: OpenMoraMqttOptions, endpoint: Endpoint
+    ) -> None:
         super().__init__(
             profile_of(robot, "OpenMORA over MQTT", options.watchdog, own=OWN), robot.battery
         )
         self.place = f"{options.robot} at {options.broker}"
         self._robot, self._options, self._endpoint = robot, options, endpoint
-        self._outgoing: Outgoing[tuple[str, str]] = Outgoing()
+        self._outgoing: SendSlots[tuple[str, str]] = SendSlots()
         self._moved_at = self._error_at = 0.0
         self._nodes = openmora.listed_nodes(options.nodes)
         self._stood_at, self._stood_since = (math.inf, math.inf), 0.0
@@ -230,7 +232,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 parts = text.split("|")
                 self._counts["RobotACK"] = parts[1] if len(parts) > 1 else "0 0"
 
-    def _take_status(self, status: openmora.Status, stamp: float) -> None:
+    def _take_status(self, status: openmora.OpenMoraStatus, stamp: float) -> None:
         now = time.monotonic()
         if status.pose is None:
             self.readings.lost(now)
@@ -241,7 +243,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._watch_journey(status, now)
         self._heard()
 
-    def _watch_journey(self, status: openmora.Status, now: float) -> None:
+    def _watch_journey(self, status: openmora.OpenMoraStatus, now: float) -> None:
         """Tell from mode and place when a journey ends, and whether it ended where it should."""
         pending = self.pending_actions.drive
         if pending is None or pending.kind != "goto":
@@ -261,13 +263,13 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             self._command("StopGiraff")
             self.pending_actions.end(pending.action_id, "FAILED", "the robot does not get there")
 
-    def _finish(self, pending: PendingAction, status: openmora.Status) -> None:
+    def _finish(self, pending: PendingAction, status: openmora.OpenMoraStatus) -> None:
         if status.autonomous:
             # or it would set out again when somebody stands in its place
             self._command("StopGiraff")
         self.pending_actions.end(pending.action_id, "FINISHED")
 
-    def _stays_since(self, status: openmora.Status, now: float) -> float:
+    def _stays_since(self, status: openmora.OpenMoraStatus, now: float) -> float:
         """Return since when the robot has not left its place, monotonic seconds."""
         pose = status.pose
         if (
@@ -277,7 +279,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             self._stood_at, self._stood_since = (pose.x, pose.y), now
         return self._stood_since
 
-    def _is_there(self, pending: PendingAction, status: openmora.Status) -> bool:
+    def _is_there(self, pending: PendingAction, status: openmora.OpenMoraStatus) -> bool:
         if pending.goal is None:
             return status.place == pending.place
         x, y = pending.goal

@@ -29,9 +29,8 @@ from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import dock_of
 from robots.agent.autonomy.pose_extrapolator import PoseExtrapolator
-from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot, beams_of
-from robots.agent.cadence import Cadence
-from robots.agent.control.action_history import ENDED
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     ActionProgress,
     Adapter,
@@ -44,10 +43,11 @@ from robots.agent.robot_interface import (
     VideoSource,
     outputs_of,
 )
-from robots.agent.safety.ramp import ZERO
-from robots.api.floorplan import Dock as Station
+from robots.agent.timing import Cadence
+from robots.api.floorplan import ChargingDock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import (
+    ENDED,
     Action,
     Capability,
     FloorPlanUpdate,
@@ -56,7 +56,7 @@ from robots.api.messages import (
     Relocalize,
     Velocity,
 )
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, beams_of
 
 THINKING = 0.1  # seconds between two perceptions
 LATE = 0.3  # seconds without a thought after which the robot stands
@@ -325,15 +325,15 @@ class AutonomyAdapter:
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
         if known is not None:
-            self.node.say(wire.Place(known, AGAIN_SPREAD, AGAIN_TURN))
+            self.node.say(wire.KnownPlace(known, AGAIN_SPREAD, AGAIN_TURN))
         elif self.profile.start is not None and self._pose_buffer.unheard:
-            self.node.say(wire.Place(self.profile.start, START_SPREAD, START_TURN))
+            self.node.say(wire.KnownPlace(self.profile.start, START_SPREAD, START_TURN))
         elif (
             self._pose_buffer.unheard
             and self._area is not None
             and (kept := self._memory.recall(self._area.map_id))
         ):
-            self.node.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
+            self.node.say(wire.KnownPlace(kept, AGAIN_SPREAD, AGAIN_TURN))
 
     def _think(self, output: NavigationOutput) -> None:
         now = self._now()

@@ -17,8 +17,8 @@ from pathlib import Path
 from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput
-from robots.agent.backoff import Backoff
 from robots.agent.robot_interface import AdapterError
+from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
 
 START_TIME = 30.0  # a slow computer reads scipy for that long
@@ -228,7 +228,7 @@ class NavigationProcess:
         match word:
             case wire.Thinks(output):
                 self._output(output)
-            case wire.Answer(number, problem):
+            case wire.OrderReply(number, problem):
                 answer = self._answers.get(number)
                 if answer is not None and not answer.done():
                     answer.set_result(problem)

@@ -11,7 +11,7 @@ import logging
 import math
 from pathlib import Path
 
-from robots.agent.cadence import Cadence
+from robots.agent.timing import Cadence
 from robots.api.geometry import Pose2D
 
 PERIOD = 5.0  # seconds between two writes

@@ -16,7 +16,11 @@ from typing import Any, Literal, Protocol
 import msgspec
 from msgspec import Struct
 
-from robots.agent.adapters.common.pending_actions import LONGEST_RELOCALIZATION, Area, PendingAction
+from robots.agent.adapters.common.pending_actions import (
+    LONGEST_RELOCALIZATION,
+    ExpectedArea,
+    PendingAction,
+)
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile
 from robots.agent.adapters.common.state_builder import stamp_of
@@ -25,7 +29,7 @@ from robots.agent.adapters.ros.graph import (
     TWIST,
     TWIST_STAMPED,
     Graph,
-    Need,
+    TopicNeed,
     TopicPeers,
     chosen_stamped,
     nobody_listens,
@@ -69,6 +73,8 @@ RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
 log = logging.getLogger(__name__)
 
 Handler = Callable[[dict[str, Any]], None]
+# topic, type, what takes its messages, and options of the subscription
+Subscription = tuple[str, str, Handler, dict[str, Any]]
 
 
 class RosOptions(Struct, frozen=True, kw_only=True):
@@ -268,14 +274,14 @@ class RosAdapter(RemoteAdapter):
 
     # --- who else is there ------------------------------------------------------------------------
 
-    def _needs(self) -> list[Need]:
+    def _needs(self) -> list[TopicNeed]:
         names = {
             topic: option
             for option, topic in msgspec.structs.asdict(self._options).items()
             if isinstance(topic, str)
         }
         return [
-            Need(topic, kind, names[topic])
+            TopicNeed(topic, kind, names[topic])
             for topic, kind, _, _ in self._listened()
             if topic and topic in names
         ]
@@ -359,7 +365,7 @@ class RosAdapter(RemoteAdapter):
             )
             await asyncio.sleep(LOOKING)
 
-    def _silent_needs(self) -> list[Need]:
+    def _silent_needs(self) -> list[TopicNeed]:
         return [need for need in self._needs() if need.topic in self._silent]
 
     def _why_silent(self) -> str:
@@ -381,9 +387,9 @@ class RosAdapter(RemoteAdapter):
             topics.append((options.goal_pose, "geometry_msgs/PoseStamped"))
         return [(topic, kind) for topic, kind in topics if topic]
 
-    def _listened(self) -> list[tuple[str, str, Handler, dict[str, Any]]]:
+    def _listened(self) -> list[Subscription]:
         options = self._options
-        topics: list[tuple[str, str, Handler, dict[str, Any]]] = [
+        topics: list[Subscription] = [
             (options.odom, "nav_msgs/Odometry", self._odometry, {}),
             (
                 options.scan,
@@ -417,44 +423,30 @@ class RosAdapter(RemoteAdapter):
                 {"latched": True},
             ),
         ]
+        return [*topics, *self._localization_listened(), *self._navigation_listened()]
+
+    def _localization_listened(self) -> list[Subscription]:
+        options = self._options
         if options.localization == "pose":
-            topics.append(
-                (
-                    options.pose,
-                    "geometry_msgs/PoseWithCovarianceStamped",
-                    self._fix,
-                    {"latched": True},
-                )
-            )
+            kind = "geometry_msgs/PoseWithCovarianceStamped"
+            return [(options.pose, kind, self._fix, {"latched": True})]
         if options.localization == "tf":
-            topics.append(("/tf", "tf2_msgs/TFMessage", self._transforms, {}))
+            return [("/tf", "tf2_msgs/TFMessage", self._transforms, {})]
+        return []
+
+    def _navigation_listened(self) -> list[Subscription]:
+        options = self._options
         if self._navigation == "move_base":
-            topics.append(
-                (
-                    f"{options.move_base}/status",
-                    "actionlib_msgs/GoalStatusArray",
-                    self._goal_states,
-                    {},
-                )
-            )
-            topics.append(
-                (
-                    f"{options.move_base}/result",
-                    "move_base_msgs/MoveBaseActionResult",
-                    self._goal_result,
-                    {},
-                )
-            )
+            base = options.move_base
+            return [
+                (f"{base}/status", "actionlib_msgs/GoalStatusArray", self._goal_states, {}),
+                (f"{base}/result", "move_base_msgs/MoveBaseActionResult", self._goal_result, {}),
+            ]
         if self._navigation == "goal_pose":
-            topics.append(
-                (
-                    f"{options.navigate}/_action/status",
-                    "action_msgs/GoalStatusArray",
-                    self._nav2_states,
-                    {"latched": True},
-                )
-            )
-        return topics
+            topic = f"{options.navigate}/_action/status"
+            kind = "action_msgs/GoalStatusArray"
+            return [(topic, kind, self._nav2_states, {"latched": True})]
+        return []
 
     def _safely(self, topic: str, handler: Handler) -> Handler:
         """What is no such message is logged and as if it had not come: silence is noticed."""
@@ -588,7 +580,7 @@ class RosAdapter(RemoteAdapter):
             self._options.initial_pose,
             {"header": header, "pose": {"pose": messages.pose(place), "covariance": covariance}},
         )
-        area = Area(place.x, place.y, 2.0 * TOLD_WITHIN, action.theta, 3.0 * TURNED_WITHIN)
+        area = ExpectedArea(place.x, place.y, 2.0 * TOLD_WITHIN, action.theta, 3.0 * TURNED_WITHIN)
         now = time.monotonic()
         return PendingAction(
             action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area

@@ -26,7 +26,7 @@ Graph = Mapping[str, TopicPeers]
 
 
 @dataclass(frozen=True)
-class Need:
+class TopicNeed:
     """A topic that we listen for: its type, and the option that names it."""
 
     topic: str
@@ -63,7 +63,7 @@ def nobody_listens(graph: Graph | None, topic: str, *, stamped: bool) -> str:
     )
 
 
-def not_said(graph: Graph | None, needs: Iterable[Need]) -> tuple[str, ...]:
+def not_said(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, ...]:
     """Return a sentence about each topic that we listen for and nobody publishes, or as another
     type.
     """

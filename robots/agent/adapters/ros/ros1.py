@@ -36,7 +36,7 @@ NODE = Path(__file__).with_name("ros1_node.py")
 log = logging.getLogger(__name__)
 
 
-class Options(RosOptions, frozen=True, kw_only=True):
+class Ros1Options(RosOptions, frozen=True, kw_only=True):
     """Where the master is, and which Python has rospy."""
 
     master: str = ""
@@ -51,7 +51,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    settings = settings_of(Options, "ros1", robot, options)
+    settings = settings_of(Ros1Options, "ros1", robot, options)
     if settings.navigation in {"nav2", "goal_pose"}:
         raise AdapterError("ROS 1 has move_base: navigation is move_base or none")
     return RosAdapter(robot, settings, NodeBus(settings), "ROS 1")
@@ -66,7 +66,7 @@ class NodeBus:
     answers = True
     script = NODE
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: Ros1Options) -> None:
         uri = options.master or os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         self.place = f"ROS 1 at {uri}"
         self._python = options.python

@@ -53,7 +53,7 @@ class Impatient(xmlrpc.client.Transport):
         return connection
 
 
-class Listener:
+class VelocityListener:
     """Another node that listens for velocities, and whether it lives."""
 
     def __init__(self, uri: str) -> None:
@@ -141,7 +141,7 @@ class Node:
             return
         if drives:
             self.driving = topic
-        greeting = Standing(message) if drives else None
+        greeting = StandingPublisher(message) if drives else None
         self.publishers[topic] = self.rospy.Publisher(
             topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True
         )
@@ -185,7 +185,7 @@ class Node:
             name = connection.endpoint_id
             try:
                 if name not in self.listeners:
-                    self.listeners[name] = Listener(master.lookupNode(name))
+                    self.listeners[name] = VelocityListener(master.lookupNode(name))
                 lives = self.listeners[name].lives()
             except self.unreachable:
                 lives = True  # it is no node of this master's any more; its connection will say so
@@ -356,7 +356,7 @@ def standing(kind: Any) -> Any:
     return message
 
 
-class Standing:
+class StandingPublisher:
     """A listener of rospy's: who comes to hear velocities hears first that the robot stands."""
 
     def __init__(self, kind: Any) -> None:

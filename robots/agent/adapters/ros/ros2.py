@@ -49,7 +49,7 @@ BLOCKING = 10_000_000  # nanoseconds that a full history may hold us up
 log = logging.getLogger(__name__)
 
 
-class Options(RosOptions, frozen=True, kw_only=True):
+class Ros2Options(RosOptions, frozen=True, kw_only=True):
     """Which domain."""
 
     domain: int = -1
@@ -62,7 +62,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    settings = settings_of(Options, "ros2", robot, {"navigation": "goal_pose", **options})
+    settings = settings_of(Ros2Options, "ros2", robot, {"navigation": "goal_pose", **options})
     if settings.navigation not in {"goal_pose", "none"}:
         raise AdapterError(
             "over DDS, navigation is goal_pose or none; actions go through the adapter rosbridge"

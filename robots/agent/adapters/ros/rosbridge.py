@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
-from robots.agent.adapters.common.send_slots import Outgoing
+from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.ros.base import DONE, Goals, Handler, RosAdapter, RosOptions
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
@@ -41,7 +41,7 @@ PING = 2.0  # seconds between pings, and until one counts as lost
 log = logging.getLogger(__name__)
 
 
-class Options(RosOptions, frozen=True, kw_only=True):
+class RosbridgeOptions(RosOptions, frozen=True, kw_only=True):
     """Where rosbridge is, and which ROS is behind it."""
 
     url: str = "ws://127.0.0.1:9090"
@@ -55,7 +55,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
         AdapterError: no such profile or option; one sentence.
     """
     robot = load_profile(profile_name)
-    settings = settings_of(Options, "rosbridge", robot, options)
+    settings = settings_of(RosbridgeOptions, "rosbridge", robot, options)
     if settings.version not in {1, 2} or not settings.url.startswith(("ws://", "wss://")):
         raise AdapterError(
             "rosbridge is reached at ws:// or wss://host:port, with version 1 or 2, not at"
@@ -77,7 +77,7 @@ class RosbridgeBus:
     def __init__(self, url: str, version: int) -> None:
         self.version, self.place = version, f"rosbridge at {url}"
         self._url = url
-        self._outgoing: Outgoing[dict[str, Any]] = Outgoing()
+        self._outgoing: SendSlots[dict[str, Any]] = SendSlots()
         self._handlers: dict[str, Handler] = {}
         self._calls: dict[str, asyncio.Future[dict[str, Any]]] = {}
         self._ids = itertools.count(1)

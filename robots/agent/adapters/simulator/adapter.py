@@ -41,10 +41,10 @@ from robots.agent.robot_interface import (
 from robots.agent.simulator import wire
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.agent.simulator.physics.simulation import StartError, start_pose
-from robots.agent.simulator.profiles import RobotModel, UnknownProfileError, model_of
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
+from robots.world.robot_models import RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
 
 OPTIONS = (
@@ -236,13 +236,13 @@ class SimulatorAdapter:
         try:
             async with asyncio.timeout(GREETING_TIME):
                 reader, writer = await asyncio.open_connection(*address)
-                writer.write(framing.pack(wire.Hello("driver")))
+                writer.write(framing.pack(wire.SimulatorHello("driver")))
                 welcome = await wire.read_answer(reader)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
             raise AdapterError(
                 f"the simulator at {self.address} does not answer: {error or type(error).__name__}"
             ) from error
-        if not isinstance(welcome, wire.Welcome) or welcome.series != self.profile.series:
+        if not isinstance(welcome, wire.SimulatorWelcome) or welcome.series != self.profile.series:
             writer.close()
             raise AdapterError(
                 f"at {self.address} is {getattr(welcome, 'series', welcome)!r}, not"
@@ -259,7 +259,7 @@ class SimulatorAdapter:
         limits = self.profile.limits
         linear = min(max(velocity.linear, -limits.reverse), limits.linear)
         angular = min(max(velocity.angular, -limits.angular), limits.angular)
-        self._say(wire.Drive(linear, angular))
+        self._say(wire.DriveOrder(linear, angular))
         return Velocity(linear=linear, angular=angular)
 
     async def start(self, action: Action) -> None:
@@ -359,7 +359,7 @@ class SimulatorAdapter:
     async def _stand(self) -> None:
         async with asyncio.timeout(BRAKING_TIME):
             while not self._failure:
-                self._say(wire.Drive(0.0, 0.0))
+                self._say(wire.DriveOrder(0.0, 0.0))
                 if (
                     self._truth is not None
                     and self._truth.linear == 0.0
@@ -393,7 +393,7 @@ class SimulatorAdapter:
         self._child, line = await asyncio.to_thread(launch, self.profile.series, self._options)
         return _host_and_port(line)
 
-    def _say(self, message: wire.Said) -> None:
+    def _say(self, message: wire.SimulatorMessage) -> None:
         writer = self._writer
         if self._failure or writer is None or writer.transport.is_closing():
             raise AdapterError(self._failure or "the simulator is gone")

@@ -27,7 +27,7 @@ CHUNK = 64 << 10
 Address = tuple[str, int]
 
 
-class MediaLine:
+class MediaSocket:
     """A connection in one role; reads whole messages with a time-out."""
 
     def __init__(self, address: Address, role: wire.Role) -> None:
@@ -37,7 +37,7 @@ class MediaLine:
             OSError: nobody is there.
         """
         self._socket = socket.create_connection(address, timeout=CONNECT_TIME)
-        self._socket.sendall(framing.pack(wire.Hello(role)))
+        self._socket.sendall(framing.pack(wire.SimulatorHello(role)))
         self._buffer = bytearray()
 
     def read(self, timeout: float) -> Any:
@@ -80,7 +80,7 @@ class _Source:
         self._where = where
         self._lock = threading.Lock()
         self._running = threading.Event()
-        self._line: MediaLine | None = None
+        self._line: MediaSocket | None = None
 
     def start(self) -> None:
         """Capture from the next `read` on."""
@@ -108,12 +108,12 @@ class _Source:
             raise AdapterError(f"the {self.role} is not connected")
         try:
             if self._line is None:
-                self._line = MediaLine(address, self.role)
+                self._line = MediaSocket(address, self.role)
             message = self._line.read(timeout)
         except (OSError, ValueError, framing.WireError) as error:
             self._hang_up()
             raise AdapterError(f"the {self.role} is gone: {error}") from error
-        if isinstance(message, wire.Refused):
+        if isinstance(message, wire.RoleRefused):
             self._hang_up()
             raise AdapterError(f"the {self.role} was refused: {message.reason}")
         return message
@@ -155,7 +155,7 @@ class SimulatorCamera(_Source):
         return None
 
     def _take(self, message: Any) -> wire.FrameReady | None:
-        if isinstance(message, wire.Pictures):
+        if isinstance(message, wire.FrameRingOffer):
             self._forget_ring()
             try:
                 self._ring = FrameReader(message.name, message.width, message.height, message.slots)
@@ -192,7 +192,7 @@ class SimulatorMicrophone(_Source):
                 return None
             deadline = time.monotonic() + timeout
             message = self._next(timeout)
-            while isinstance(message, wire.Welcome):
+            while isinstance(message, wire.SimulatorWelcome):
                 message = self._next(deadline - time.monotonic())
             return (
                 np.frombuffer(message.samples, dtype=np.int16)

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 
 from robots.agent.media.capture.capture import Capture, CaptureState
 from robots.agent.media.codecs.encoder import LAYERS, Picture, PictureEncoder, Tier, is_due
-from robots.agent.media.peers.key_frames import KeyFrames, Reason
-from robots.agent.media.webrtc.rtp import RtpClock
+from robots.agent.media.codecs.key_frames import KeyFrames, Reason
+from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import Frame, VideoSource
 
 SNAPSHOT_TIMEOUT = 3.0  # s

@@ -42,7 +42,7 @@ LIMITS = CaptureLimits()
 FAILURES = (AdapterError, OSError, ValueError, av.FFmpegError)
 
 
-class Source(Protocol):
+class CaptureSource(Protocol):
     """What a camera and a microphone have in common."""
 
     def start(self) -> None:
@@ -80,7 +80,7 @@ class Capture:
     def __init__(
         self,
         name: str,
-        source: Source,
+        source: CaptureSource,
         begin: Callable[[], None],
         step: Callable[[float], bool],
         limits: CaptureLimits = LIMITS,

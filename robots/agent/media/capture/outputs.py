@@ -16,7 +16,7 @@ from typing import Any
 import av
 import numpy as np
 
-from robots.agent.media.webrtc.rtp import AUDIO_RATE
+from robots.agent.media.rtp import AUDIO_RATE
 from robots.agent.robot_interface import AdapterError, Display, Speaker
 
 log = logging.getLogger(__name__)

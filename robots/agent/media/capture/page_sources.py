@@ -16,9 +16,8 @@ from av.video.reformatter import VideoReformatter
 from robots.agent.devices.camera import picture_of
 from robots.agent.media.capture.capture import LIMITS, CaptureState
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.key_frames import KeyFrames, Reason
-from robots.agent.media.peers.visitor import ROUND, STEP, Continuous
-from robots.agent.media.webrtc.rtp import VIDEO_RATE, vp8_payloads
+from robots.agent.media.codecs.key_frames import KeyFrames, Reason
+from robots.agent.media.rtp import ROUND, STEP, VIDEO_RATE, Continuous, vp8_payloads
 from robots.agent.robot_interface import Frame
 
 # s, and how often a whole picture is asked for in that time

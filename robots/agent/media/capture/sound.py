@@ -6,6 +6,7 @@ and 4 ms less of the listener's patience. Silence is not encoded at all: libopus
 than on noise, and a listener's jitter buffer fades out by itself.
 """
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -13,7 +14,9 @@ import av
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.media.webrtc.rtp import AUDIO_RATE
+from robots.agent.media.capture.capture import Capture, CaptureState
+from robots.agent.media.rtp import AUDIO_RATE
+from robots.agent.robot_interface import AudioSource
 
 BLOCK = 960  # samples: 20 ms at 48 kHz
 BITRATE = 40_000
@@ -58,3 +61,45 @@ def _open_opus() -> Any:
     codec.options = {"application": "lowdelay", "frame_duration": "20", "compression_level": "2"}
     codec.open()
     return codec
+
+
+class MicrophoneFeed:
+    """Reads, encodes and delivers sound while there are listeners.
+
+    Args:
+        source: the microphone.
+        deliver: called in the microphone's thread with (payload, RTP ticks) of every 20 ms that are
+            not silent.
+    """
+
+    def __init__(self, source: AudioSource, deliver: Callable[[bytes, int], None]) -> None:
+        self._source = source
+        self._deliver = deliver
+        self._encoder = SoundEncoder()
+        self._capture = Capture("microphone", source, lambda: None, self._step)
+
+    @property
+    def state(self) -> CaptureState:
+        """Return how the microphone is."""
+        return self._capture.state
+
+    def start(self) -> None:
+        """Start the microphone's thread; the microphone itself starts with the first listener."""
+        self._capture.start()
+
+    def close(self) -> None:
+        """Stop the microphone and its thread."""
+        self._capture.close()
+
+    def listen(self, number: int) -> None:
+        """Say that `number` more listen, fewer when negative."""
+        self._capture.want(number)
+
+    def _step(self, timeout: float) -> bool:
+        samples = self._source.read(timeout)
+        if samples is None:
+            return False
+        sound = self._encoder.encode(samples)
+        if sound is not None:
+            self._deliver(*sound)
+        return True

@@ -15,7 +15,7 @@ from av.video.frame import PictureType
 from av.video.reformatter import Interpolation, VideoReformatter
 
 from robots.agent.media.pixels import YUV, video_frame
-from robots.agent.media.webrtc.rtp import VIDEO_RATE, vp8_payloads
+from robots.agent.media.rtp import VIDEO_RATE, vp8_payloads
 from robots.agent.robot_interface import Frame
 
 

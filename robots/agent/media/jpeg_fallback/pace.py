@@ -49,7 +49,7 @@ LAYERS = (
 FIRST = 2
 
 
-class Quality:
+class StillQuality:
     """The rung of the ladder, by how long pictures take."""
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class Quality:
         self.layer, self._fast, self._tried = min(len(LAYERS) - 1, self.layer + 1), 0, False
 
 
-class Pace:
+class StillPace:
     """Who asks, what is on its way, and what goes next.
 
     Args:
@@ -83,7 +83,7 @@ class Pace:
     """
 
     def __init__(self, is_driver: Callable[[str], bool]) -> None:
-        self.quality = Quality()
+        self.quality = StillQuality()
         self.delay = 0.0  # s that the driver's pictures are held on purpose
         self._is_driver = is_driver
         self._asked: dict[str, float] = {}

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from robots.agent.media.capture.capture import FAILURES
 from robots.agent.media.codecs.encoder import fitted
-from robots.agent.media.jpeg_fallback.pace import Layer, Pace
+from robots.agent.media.jpeg_fallback.pace import Layer, StillPace
 from robots.agent.media.photos import reduced
 from robots.agent.robot_interface import Frame
 from robots.agent.thread_priority import ORDINARY, set_nice
@@ -43,7 +43,7 @@ class JpegFallback:
         is_driver: Callable[[str], bool],
     ) -> None:
         self._snapshot, self._send = snapshot, send
-        self._pace = Pace(is_driver)
+        self._pace = StillPace(is_driver)
         self._changed = threading.Condition()
         self._closing = False
         self._thread: threading.Thread | None = None

@@ -13,30 +13,42 @@ with a large key frame.
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-# (s older than at its best, in so many words of the page in a row): a busy computer makes single
-# pictures late, too, and at 15 a second the one on the screen is up to 0.07 s old by itself.
-LATE, VERY_LATE, LATE_IN_TRIAL = (0.15, 3), (0.3, 2), (0.1, 2)
-REMEMBERED = 60.0  # s for which the best age counts
-ROOM = 0.8  # of what the network was seen to take is for the picture; sound and words need the rest
-LOSSY, VERY_LOSSY = 0.1, 0.3  # of the packets, in two reports in a row, or in one
-# s between pictures, and s of the same one, after which nobody looks: a hidden page shows nothing
-# new
-SAME, UNSEEN = 0.02, 1.0
-# shares of what is sent that arrive: above the first a queue does not grow, and what is then
-# believed of a full one
-STEADY, FULL_QUEUE = 0.8, 0.5
-# s after a step down in which nothing new is learned, and while the age falls
-SETTLING, DRAINED = 1.0, 3.0
-# s without a picture, so that what waits before the narrow place can leave; after 1 s the robot
-# would stand
-LONGEST_PAUSE = 0.5
-# s without a bad sign before the next trial; doubled by each that fails
-FIRST_HOLD, LONGEST_HOLD = 1.5, 6.0
-NEXT_HOLD = 0.3  # s, after one that went well
-# s of sending more, and s after it in which pictures may still become older
-PROBE, WATCH = 0.35, 0.65
-REGRET = 4.0  # s in which a step up still counts as a trial
+
+@dataclass(frozen=True)
+class BitrateParams:
+    """When a viewer's picture gets worse or better.
+
+    Lateness is (s older than at its best, so many words of the page in a row).
+    """
+
+    # A busy computer makes single pictures late, too, and at 15 a second the one on the screen is
+    # up to 0.07 s old by itself.
+    late: tuple[float, int] = (0.15, 3)
+    very_late: tuple[float, int] = (0.3, 2)
+    late_in_trial: tuple[float, int] = (0.1, 2)
+    best_age_for: float = 60.0  # s for which the best age counts
+    picture_share: float = 0.8  # of what the network took; sound and words need the rest
+    lossy: float = 0.1  # share of the packets lost, in two reports in a row
+    very_lossy: float = 0.3  # the same, in one report
+    same: float = 0.02  # s between the times of two pictures that are the same
+    unseen: float = 1.0  # s of the same picture, after which nobody looks: a page that is hidden
+    steady: float = 0.8  # share of what is sent that arrives: above it a queue does not grow
+    full_queue: float = 0.5  # share that is believed of a queue that is full
+    settling: float = 1.0  # s after a step down in which nothing new is learned
+    drained: float = 3.0  # s, the same while the age falls
+    # s without a picture, so that what waits can leave; after 1 s the robot would stand
+    longest_pause: float = 0.5
+    first_hold: float = 1.5  # s without a bad sign before a trial; doubled by each that fails
+    longest_hold: float = 6.0  # s, the same at most
+    next_hold: float = 0.3  # s, after a trial that went well
+    probe: float = 0.35  # s of sending more
+    watch: float = 0.65  # s after it in which pictures may still become older
+    regret: float = 4.0  # s in which a step up still counts as a trial
+
+
+BITRATE = BitrateParams()
 
 
 class BitrateAdapter:
@@ -47,7 +59,8 @@ class BitrateAdapter:
         now: when it begins, on the best one.
     """
 
-    def __init__(self, rates: Sequence[int], now: float) -> None:
+    def __init__(self, rates: Sequence[int], now: float, params: BitrateParams = BITRATE) -> None:
+        self._params = params
         self.layer = 0
         self.probes = 0
         self._rates = tuple(rates)
@@ -61,7 +74,7 @@ class BitrateAdapter:
         self._lossy = 0
         self._calm_since = self._down_at = now
         self._up_at = float("-inf")
-        self._hold = self._patience = FIRST_HOLD
+        self._hold = self._patience = self._params.first_hold
         self._probe_at: float | None = None
         self._silent_until = float("-inf")
 
@@ -73,10 +86,11 @@ class BitrateAdapter:
         """Take how old the picture on the screen is, in s; `sent` is what the viewer is sent, in
         bit/s.
         """
+        params = self._params
         taken = now - age
-        if self._taken is None or taken - self._taken[1] > SAME:
+        if self._taken is None or taken - self._taken[1] > params.same:
             self._taken = now, taken
-        elif now - self._taken[0] > UNSEEN:
+        elif now - self._taken[0] > params.unseen:
             self._late.clear()
             # nothing is tried on a page that shows nothing new
             self._calm_since, self._probe_at = now, None
@@ -85,8 +99,12 @@ class BitrateAdapter:
         self._late.append((now, age - min(age for _, age in self._ages)))
         self._shown.append((now, taken))
         falls = len(self._late) > 1 and self._late[-1][1] < self._late[-2][1]
-        settles = now - self._down_at < SETTLING or (falls and now - self._down_at < DRAINED)
-        signs = (LATE, VERY_LATE) if self._probe_at is None else (LATE_IN_TRIAL,)
+        settles = now - self._down_at < params.settling or (
+            falls and now - self._down_at < params.drained
+        )
+        signs = (
+            (params.late, params.very_late) if self._probe_at is None else (params.late_in_trial,)
+        )
         if not settles and any(self._is_late(limit, often) for limit, often in signs):
             self._step_down(now, self._share() * sent, waits=self._late[-1][1])
 
@@ -97,11 +115,12 @@ class BitrateAdapter:
         That does not tell how much too much filled a queue that is full, nor why a picture is
         stuck: then it is believed to be half.
         """
+        params = self._params
         (then, first), *_, (now, last) = self._shown
         share = (last - first) / max(0.1, now - then)
-        if last - first > SAME and share < STEADY:
+        if last - first > params.same and share < params.steady:
             return share
-        return FULL_QUEUE if self._late[-1][1] > VERY_LATE[0] else 1.0
+        return params.full_queue if self._late[-1][1] > params.very_late[0] else 1.0
 
     def _is_late(self, limit: float, often: int) -> bool:
         return len(self._late) >= often and all(
@@ -110,17 +129,21 @@ class BitrateAdapter:
 
     def lost(self, now: float, share: float) -> None:
         """Take a report of lost packets."""
-        self._lossy = 0 if share < LOSSY else self._lossy + 1
-        if (share >= VERY_LOSSY or self._lossy > 1) and now - self._down_at >= SETTLING:
+        params = self._params
+        self._lossy = 0 if share < params.lossy else self._lossy + 1
+        if (
+            share >= params.very_lossy or self._lossy > 1
+        ) and now - self._down_at >= params.settling:
             self._step_down(now, None)
 
     def look(self, now: float) -> float:
         """Let time pass, and return the bit/s that should be reached by sending packets again, 0
         when nothing is tried.
         """
-        if self._probe_at is not None and now - self._probe_at > PROBE + WATCH:
+        params = self._params
+        if self._probe_at is not None and now - self._probe_at > params.probe + params.watch:
             self._probe_at, self._calm_since, self._up_at = None, now, now
-            self._patience, self._hold = self._hold, NEXT_HOLD
+            self._patience, self._hold = self._hold, params.next_hold
             self.layer = max(0, self.layer - 1)
         if (
             self.layer > 0
@@ -130,40 +153,54 @@ class BitrateAdapter:
         ):
             self._probe_at = now
             self.probes += 1
-        probing = self._probe_at is not None and now - self._probe_at <= PROBE
-        return self._rates[self.layer - 1] / ROOM if probing else 0.0
+        probing = self._probe_at is not None and now - self._probe_at <= params.probe
+        return self._rates[self.layer - 1] / params.picture_share if probing else 0.0
 
     def _remember(self, now: float, age: float) -> None:
         if self._ages and now - self._ages[-1][0] < 1.0:
             when, least = self._ages.pop()
             age, now = min(age, least), when
         self._ages.append((now, age))
-        while now - self._ages[0][0] > REMEMBERED:
+        while now - self._ages[0][0] > self._params.best_age_for:
             self._ages.popleft()
 
     def _is_quick(self, now: float) -> bool:
         """Tell whether pictures come as fast as they can; a page that has never said how old they
         are is believed to be well.
         """
+        params = self._params
         if not self._late:
             return self._taken is None
-        return now - self._late[-1][0] < UNSEEN and self._late[-1][1] < LATE[0]
+        return now - self._late[-1][0] < params.unseen and self._late[-1][1] < params.late[0]
 
     def _step_down(self, now: float, capacity: float | None, *, waits: float = 0.0) -> None:
+        params = self._params
         self._calm_since, self._lossy = now, 0
         if self._probe_at is not None:  # only the trial was too much
-            self._probe_at, self._hold = None, min(2.0 * max(self._hold, FIRST_HOLD), LONGEST_HOLD)
+            self._probe_at, self._hold = (
+                None,
+                min(2.0 * max(self._hold, params.first_hold), params.longest_hold),
+            )
             self._down_at = now  # and pictures are late until what it sent has left
             return
-        regretted = now - self._up_at < REGRET
+        regretted = now - self._up_at < params.regret
         self._hold = (
-            min(2.0 * max(self._patience, FIRST_HOLD), LONGEST_HOLD) if regretted else FIRST_HOLD
+            min(2.0 * max(self._patience, params.first_hold), params.longest_hold)
+            if regretted
+            else params.first_hold
         )
         lowest = len(self._rates) - 1
         fits = (
             0
             if capacity is None
-            else next((n for n, rate in enumerate(self._rates) if rate <= ROOM * capacity), lowest)
+            else next(
+                (
+                    n
+                    for n, rate in enumerate(self._rates)
+                    if rate <= params.picture_share * capacity
+                ),
+                lowest,
+            )
         )
-        self._silent_until = now + min(waits, LONGEST_PAUSE)
+        self._silent_until = now + min(waits, params.longest_pause)
         self._down_at, self.layer = self._silent_until, min(lowest, max(self.layer + 1, fits))

@@ -19,7 +19,7 @@ MAX_HELD_PEERS, MAX_HELD_CANDIDATES = 32, 32
 
 
 @dataclass(frozen=True)
-class Admission:
+class PeerAdmission:
     """The answer to an offer: whether it is let in, and the peer that must leave for it."""
 
     admitted: bool
@@ -40,7 +40,7 @@ class PeerRegistry:
         self._vouched: dict[str, float] = {}
         self._drove: dict[str, float] = {}  # until when each peer drove that drives no more
 
-    def admit(self, peer: str, role: Role, now: float) -> Admission:
+    def admit(self, peer: str, role: Role, now: float) -> PeerAdmission:
         """Decide about an offer of `peer` and note it when it is let in; an offer of a connected
         peer replaces its old one.
 
@@ -60,13 +60,13 @@ class PeerRegistry:
                 or (role == "screen" and self.role(leaves) != "driver")
             )
             if not makes_room:
-                return Admission(admitted=False)
+                return PeerAdmission(admitted=False)
             self.leave(leaves)
         self._offered.pop(peer, None)
         self._offered[peer] = role
         self._drove.pop(peer, None)
         self._vouched[peer] = now
-        return Admission(admitted=True, leaves=leaves)
+        return PeerAdmission(admitted=True, leaves=leaves)
 
     def role(self, peer: str) -> Role:
         """Return what `peer` is now: `driver` for the lease's peer alone."""

@@ -6,17 +6,16 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from robots.agent.cadence import Cadence
 from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.codecs.key_frames import Reason
 from robots.agent.media.peers.bitrate import BitrateAdapter
-from robots.agent.media.peers.frame_queue import FrameQueue, SoundQueue
-from robots.agent.media.peers.key_frames import Reason
+from robots.agent.media.rtp import ClockTeller, Kind
 from robots.agent.media.webrtc.aiortc_hooks import Detour
+from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
-from robots.agent.media.webrtc.rtp import ClockTeller
-from robots.agent.media.webrtc.sdp import Kind
 from robots.agent.media.webrtc.signalling import PageConnection
+from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
 from robots.api.messages import Candidate, CommandHeartbeat, Offer
 
@@ -27,7 +26,7 @@ SPARSE = {"scan": 0.95, "pose": 0.19}
 log = logging.getLogger(__name__)
 
 
-class Pictures(Protocol):
+class WatchedVideo(Protocol):
     """What a viewer watches: the camera, or for the robot's screen the visitor."""
 
     @property
@@ -67,7 +66,7 @@ class Viewer:
         self,
         peer: str,
         *,
-        camera: Pictures | None,
+        camera: WatchedVideo | None,
         microphone: Sounds | None,
         on_command: Callable[[ReceivedPacket], None],
         on_end: Callable[[str], None],

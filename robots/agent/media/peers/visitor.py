@@ -14,31 +14,10 @@ from collections.abc import Callable
 
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.key_frames import KeyFrames, Reason
-from robots.agent.media.webrtc.rtp import vp8_payloads
-from robots.agent.media.webrtc.sdp import Kind
+from robots.agent.media.codecs.key_frames import KeyFrames, Reason
+from robots.agent.media.rtp import ROUND, STEP, Continuous, Kind, vp8_payloads
 
 log = logging.getLogger(__name__)
-
-# ticks from the last of one source to the first of the next
-STEP: dict[Kind, int] = {"audio": 960, "video": 3000}
-ROUND = 1 << 32
-
-
-class Continuous:
-    """One growing count of RTP ticks out of those of several sources, each of which begins
-    anywhere.
-    """
-
-    def __init__(self, step: int) -> None:
-        self._step, self._source, self._offset, self._last = step, "", 0, 0
-
-    def tick(self, source: str, ticks: int) -> int:
-        """Return the ticks of what `source` counts as `ticks`."""
-        if source != self._source:
-            self._source, self._offset = source, self._last + self._step - ticks
-        self._last = ticks + self._offset
-        return self._last
 
 
 class VisitorMedia:

@@ -39,7 +39,7 @@ from aiortc.rtcrtpparameters import (
 )
 from aiortc.rtp import AnyRtcpPacket, RtcpRrPacket, RtcpSrPacket
 
-from robots.agent.media.webrtc.rtp import (
+from robots.agent.media.rtp import (
     LARGEST_ID,
     ExtensionIds,
     RtpStream,
@@ -96,7 +96,7 @@ class UnsupportedAiortcError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Outgoing:
+class OutgoingFrame:
     """Payloads that leave together, and their 32-bit RTP timestamp."""
 
     payloads: tuple[bytes, ...]
@@ -122,7 +122,7 @@ class FrameSource(Protocol):
     backlog: Callable[[], int]
     detour: Detour | None
 
-    async def take(self) -> Outgoing:
+    async def take(self) -> OutgoingFrame:
         """Wait for the next thing to send."""
 
     def key_frame_wanted(self) -> None:

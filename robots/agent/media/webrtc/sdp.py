@@ -8,12 +8,12 @@ fail, and no answer should wait for it.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 from aiortc import RTCIceCandidate
 from aiortc.sdp import SessionDescription, candidate_from_sdp
 
-Kind = Literal["audio", "video"]
+from robots.agent.media.rtp import Kind
+
 MAX_LINES = 12
 
 

@@ -23,8 +23,9 @@ from aiortc import (
 )
 from aiortc.exceptions import InternalError, InvalidAccessError, InvalidStateError, OperationError
 
-from robots.agent.media.peers.frame_queue import FrameQueue, SoundQueue
+from robots.agent.media.rtp import Kind
 from robots.agent.media.webrtc import aiortc_hooks, sctp, sdp
+from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.api.messages import Candidate, Offer
@@ -79,7 +80,7 @@ class PageConnection:
     on_command: Callable[[ReceivedPacket], None]
     on_open: Callable[[], None]
     on_end: Callable[[str], None]
-    on_media: Callable[[sdp.Kind, bytes, int], None] | None = None
+    on_media: Callable[[Kind, bytes, int], None] | None = None
     relays: Relays = field(default_factory=Relays)
     gate: PacketGate = field(default_factory=PacketGate)
     channels: list[RTCDataChannel] = field(default_factory=list)
@@ -197,7 +198,7 @@ class PageConnection:
         """Make a transceiver for every line of the offer, so that aiortc takes them in our order;
         return those that the visitor speaks on.
         """
-        has: set[sdp.Kind] = set()
+        has: set[Kind] = set()
         if self.pictures is not None:
             has.add("video")
         if self.sounds is not None:
@@ -229,7 +230,7 @@ class PageConnection:
             self._listen_to(connection.getTransceivers()[index], kind)
         return frozenset(visitor)
 
-    def _listen_to(self, transceiver: RTCRtpTransceiver, kind: sdp.Kind) -> None:
+    def _listen_to(self, transceiver: RTCRtpTransceiver, kind: Kind) -> None:
         assert self.on_media is not None
         aiortc_hooks.on_encoded_frame(transceiver.receiver, functools.partial(self.on_media, kind))
         if kind == "video":

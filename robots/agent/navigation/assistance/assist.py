@@ -44,11 +44,10 @@ import numpy.typing as npt
 from robots.agent.navigation.assistance.slowing import Slowing, SlowingSettings
 from robots.agent.navigation.assistance.steering import Steering, SteeringSettings
 from robots.agent.navigation.assistance.swept import hull, outside
-from robots.agent.navigation.obstacles.memory import into
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import AssistLevel, Limits, Velocity
-from robots.world.sensing import Floats
+from robots.world.sensing import Floats, points_in_frame
 
 Why = Literal["off", "free", "slow", "stop", "steer", "blind"]
 Side = Literal["ahead", "left", "behind", "right"]
@@ -99,7 +98,7 @@ class Assisted:
     own: Velocity = ZERO
 
 
-class Assist:
+class DriverAssistance:
     """The assistance of one robot. It remembers nothing: the same question has the same answer."""
 
     def __init__(
@@ -201,7 +200,7 @@ class Assist:
             and abs(dock.theta) <= region.turned
         ):
             return None
-        return into(dock, points)[:, 0] >= self._nose - BEYOND
+        return points_in_frame(dock, points)[:, 0] >= self._nose - BEYOND
 
 
 def answer(assisted: Assisted, points: Floats, gaps: Floats, decided: int | None) -> Assisted:

@@ -14,19 +14,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.agent.navigation.assistance.swept import along
-from robots.agent.safety.ramp import ZERO, approach
+from robots.agent.ramp import ZERO, approach
 from robots.api.messages import Limits, Velocity
 from robots.world.sensing import Floats
 
-REACTION = 0.25  # from the world to the wheels: age of a sweep, of a step, of a command; seconds
-WALKING = 1.25  # how fast people are, m/s
-MARGIN, MARGIN_A_SPEED = 0.025, 0.12  # room kept: metres, and metres more for each m/s
-SLICES = 14
-SLOWER = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
-CRAWL = 0.02  # m/s and rad/s below which the robot may as well stand
-SOUND = 0.005  # what is nearer than the margin may come so much nearer: metres,
-TOUCH = 0.015  # but not nearer than this
-BODY = 0.1  # a laser sees the legs of people, and the rest of them is so much nearer: metres
+
+@dataclass(frozen=True)
+class BrakeParams:
+    """How much room a braking robot keeps, and what it expects of others."""
+
+    # s from the world to the wheels: age of a sweep, of a step, of a command
+    reaction: float = 0.25
+    walking: float = 1.25  # m/s: how fast people are
+    margin: float = 0.025  # m of room kept
+    margin_per_speed: float = 0.12  # m more for each m/s
+    slices: int = 14  # of the course to the stand
+    # of the velocity, tried in this order
+    shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
+    crawl: float = 0.02  # m/s and rad/s below which the robot may as well stand
+    closer: float = 0.005  # m that what is nearer than the margin may come nearer still
+    touch: float = 0.015  # m, but not nearer than this
+    body: float = 0.1  # m by which people are nearer than their legs, which a laser sees
+
+
+BRAKING = BrakeParams()
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +67,9 @@ class Checked:
 class BrakeCheck:
     """A footprint (n, 2), counter-clockwise, on a base."""
 
-    def __init__(self, footprint: Floats, limits: Limits) -> None:
+    def __init__(self, footprint: Floats, limits: Limits, params: BrakeParams = BRAKING) -> None:
         self.limits = limits
+        self._params = params
         sides = np.roll(footprint, -1, axis=0) - footprint
         self._normals = (
             np.column_stack([sides[:, 1], -sides[:, 0]])
@@ -75,10 +87,11 @@ class BrakeCheck:
 
     def fastest(self, current: Velocity, wanted: Velocity, hazards: Hazards) -> Checked:
         """Return `wanted`, or as much of it as is safe, on the same curve."""
+        params = self._params
         why = ""
-        for share in SLOWER:
+        for share in params.shares:
             slower = Velocity(linear=wanted.linear * share, angular=wanted.angular * share)
-            if abs(slower.linear) < CRAWL and abs(slower.angular) < CRAWL:
+            if abs(slower.linear) < params.crawl and abs(slower.angular) < params.crawl:
                 break
             why = self.obstacle(current, slower, hazards)
             if not why:
@@ -87,15 +100,21 @@ class BrakeCheck:
 
     def obstacle(self, current: Velocity, wanted: Velocity, hazards: Hazards) -> str:
         """Return who is in the way of a velocity: "thing", "walker", or nobody."""
-        poses, times = stop_course(current, wanted, self.limits)
+        params = self._params
+        poses, times = stop_course(current, wanted, self.limits, self._params)
         speed = max(abs(current.linear), abs(wanted.linear))
-        margin = MARGIN + MARGIN_A_SPEED * speed
+        margin = params.margin + params.margin_per_speed * speed
         room = self._reach + margin + abs(float(poses[-1, 0])) + abs(float(poses[-1, 1])) + 0.1
         if self._touches_walker(
-            poses, times, margin, _within(hazards.walkers, room + BODY + WALKING * float(times[-1]))
+            poses,
+            times,
+            margin,
+            _within(hazards.walkers, room + params.body + params.walking * float(times[-1])),
         ):
             return "walker"
-        if self._touches_thing(poses, margin, BODY, _within(hazards.strangers, room + BODY)):
+        if self._touches_thing(
+            poses, margin, params.body, _within(hazards.strangers, room + params.body)
+        ):
             return "thing"
         return (
             "thing"
@@ -117,6 +136,7 @@ class BrakeCheck:
         """Tell whether a course comes too near to points behind which things go on for `unseen`
         metres.
         """
+        params = self._params
         if len(points) == 0:
             return False
         now = self.gaps(points) - unseen
@@ -124,29 +144,36 @@ class BrakeCheck:
         allowed = np.where(
             now >= margin,
             margin,
-            np.where(now > TOUCH, np.maximum(TOUCH, now - SOUND), now - 0.2 * SOUND),
+            np.where(
+                now > params.touch,
+                np.maximum(params.touch, now - params.closer),
+                now - 0.2 * params.closer,
+            ),
         )
         return bool((least < allowed).any())
 
     def _touches_walker(self, poses: Floats, times: Floats, margin: float, points: Floats) -> bool:
+        params = self._params
         if len(points) == 0:
             return False
         nearest = self.gaps(_seen_from(poses, points)).min(axis=1)
-        return bool((nearest < margin + BODY + WALKING * times).any())
+        return bool((nearest < margin + params.body + params.walking * times).any())
 
 
-def stop_course(current: Velocity, wanted: Velocity, limits: Limits) -> tuple[Floats, Floats]:
+def stop_course(
+    current: Velocity, wanted: Velocity, limits: Limits, params: BrakeParams = BRAKING
+) -> tuple[Floats, Floats]:
     """Return poses (k, 3) and times (k,) from now to the stand, in the frame of the robot now."""
     fastest = (
         max(abs(current.linear), abs(wanted.linear)),
         max(abs(current.angular), abs(wanted.angular)),
     )
     stop = max(fastest[0] / limits.linear_braking, fastest[1] / limits.angular_braking)
-    dt = (REACTION + stop) / SLICES
-    ways = np.zeros((1, SLICES + 1, 2))
+    dt = (params.reaction + stop) / params.slices
+    ways = np.zeros((1, params.slices + 1, 2))
     linear, angular = current.linear, current.angular
-    for number in range(1, SLICES + 1):
-        target = wanted if number * dt <= REACTION + dt / 2.0 else ZERO
+    for number in range(1, params.slices + 1):
+        target = wanted if number * dt <= params.reaction + dt / 2.0 else ZERO
         if linear != target.linear:
             linear = approach(
                 linear,
@@ -166,7 +193,7 @@ def stop_course(current: Velocity, wanted: Velocity, limits: Limits) -> tuple[Fl
                 dt_up=dt,
             )
         ways[0, number] = linear * dt, angular * dt
-    return along(ways.cumsum(axis=1))[0], dt * np.arange(1, SLICES + 1, dtype=np.float64)
+    return along(ways.cumsum(axis=1))[0], dt * np.arange(1, params.slices + 1, dtype=np.float64)
 
 
 def _seen_from(poses: Floats, points: Floats) -> Floats:

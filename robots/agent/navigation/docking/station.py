@@ -13,23 +13,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.navigation.obstacles.memory import into
 from robots.api.floorplan import Station
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Floats, LaserScan
-
-ON_FRONT = 0.035  # metres from the line that count as on it
-OUT = 0.5  # points are looked at so far beyond either edge: metres
-LEAST_POINTS = 8
-LEAST_SHARE = 0.75  # of the front's width that must have been seen
-AGAINST = 1.0  # weight of a point that speaks against a pose
-# metres beyond the ends of a front in which no more points than this may continue it
-GOES_ON, STRAY = 0.25, 2
-EDGE = 0.03  # metres by which the seen width may differ, beyond the distance of two beams
+from robots.world.sensing import Floats, LaserScan, points_in_frame
 
 
 @dataclass(frozen=True)
-class Window:
+class StationParams:
+    """How the shape of a station is told in a sweep."""
+
+    on_front: float = 0.035  # m from the line that count as on it
+    beyond_edges: float = 0.5  # m beyond either edge, up to which points are looked at
+    least_points: int = 8  # on the front
+    least_share: float = 0.75  # of the front's width that must have been seen
+    against: float = 1.0  # weight of a point that speaks against a pose
+    continues_within: float = 0.25  # m beyond the ends of a front, in which points may continue it
+    most_continuing: int = 2  # such points: with more it is a wall
+    # m by which the seen width may differ, beyond the distance of two beams
+    edge_tolerance: float = 0.03
+
+
+STATION = StationParams()
+
+
+@dataclass(frozen=True)
+class SearchWindow:
     """How far about the expected pose a station is looked for: metres along, metres aside, radians;
     and the steps between.
     """
@@ -41,8 +49,8 @@ class Window:
     turn_step: float = 0.05
 
 
-WIDE = Window(along=0.36, aside=0.4, turned=0.3)
-NARROW = Window(along=0.08, aside=0.08, turned=0.1)
+WIDE = SearchWindow(along=0.36, aside=0.4, turned=0.3)
+NARROW = SearchWindow(along=0.08, aside=0.08, turned=0.1)
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,9 @@ class Sighting:
     points: int
 
 
-def find(beams: LaserScan, expected: Pose2D, station: Station, window: Window) -> Sighting | None:
+def find(
+    beams: LaserScan, expected: Pose2D, station: Station, window: SearchWindow
+) -> Sighting | None:
     """Return where the front of a station is, or None when nothing of its shape is there.
 
     Args:
@@ -65,16 +75,16 @@ def find(beams: LaserScan, expected: Pose2D, station: Station, window: Window) -
         window: how far from there it may be.
     """
     points = beams.points()
-    reach = station.width / 2.0 + window.aside + window.along + OUT
+    reach = station.width / 2.0 + window.aside + window.along + STATION.beyond_edges
     points = points[np.hypot(points[:, 0] - expected.x, points[:, 1] - expected.y) <= reach]
-    if len(points) < LEAST_POINTS:
+    if len(points) < STATION.least_points:
         return None
     return _refined(points, _best(points, expected, station, window), station)
 
 
-def _best(points: Floats, expected: Pose2D, station: Station, window: Window) -> Pose2D:
+def _best(points: Floats, expected: Pose2D, station: Station, window: SearchWindow) -> Pose2D:
     """Return the pose with the best score of a grid about the expected one."""
-    local = into(expected, points)
+    local = points_in_frame(expected, points)
     along, aside = (
         np.arange(-size, size + 1e-9, window.step) for size in (window.along, window.aside)
     )
@@ -101,14 +111,14 @@ def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station
     """
     depth = u[None, :] - along[:, None]
     off = np.abs(v[None, :] - aside[:, None]) - station.width / 2.0
-    on_line = (np.abs(depth) <= ON_FRONT).astype(np.float64)
-    sticks_out = ((depth < -ON_FRONT) & (depth > -OUT)).astype(np.float64)
-    through = (depth > ON_FRONT).astype(np.float64)
+    on_line = (np.abs(depth) <= STATION.on_front).astype(np.float64)
+    sticks_out = ((depth < -STATION.on_front) & (depth > -STATION.beyond_edges)).astype(np.float64)
+    through = (depth > STATION.on_front).astype(np.float64)
     within = (off <= 0.0).astype(np.float64)
-    beyond = ((off > ON_FRONT) & (off <= OUT)).astype(np.float64)
+    beyond = ((off > STATION.on_front) & (off <= STATION.beyond_edges)).astype(np.float64)
     speaks: Floats = (
-        on_line - AGAINST * (sticks_out + through)
-    ) @ within.T - AGAINST * on_line @ beyond.T
+        on_line - STATION.against * (sticks_out + through)
+    ) @ within.T - STATION.against * on_line @ beyond.T
     return speaks
 
 
@@ -120,24 +130,24 @@ def _goes_on(
     """
     along, off = points @ direction, np.abs(points @ normal - offset)
     beyond = (
-        (off <= ON_FRONT)
-        & ((along < ends[0] - EDGE) | (along > ends[1] + EDGE))
-        & (along > ends[0] - GOES_ON)
-        & (along < ends[1] + GOES_ON)
+        (off <= STATION.on_front)
+        & ((along < ends[0] - STATION.edge_tolerance) | (along > ends[1] + STATION.edge_tolerance))
+        & (along > ends[0] - STATION.continues_within)
+        & (along < ends[1] + STATION.continues_within)
     )
-    return int(beyond.sum()) > STRAY
+    return int(beyond.sum()) > STATION.most_continuing
 
 
 def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None:
     """Return the rough pose, fitted to the points on its front; None when too little of the front
     is there.
     """
-    local = into(rough, points)
-    on_front = (np.abs(local[:, 0]) <= ON_FRONT) & (
-        np.abs(local[:, 1]) <= station.width / 2.0 + ON_FRONT
+    local = points_in_frame(rough, points)
+    on_front = (np.abs(local[:, 0]) <= STATION.on_front) & (
+        np.abs(local[:, 1]) <= station.width / 2.0 + STATION.on_front
     )
     front = local[on_front]
-    if len(front) < LEAST_POINTS:
+    if len(front) < STATION.least_points:
         return None
     centre = front.mean(axis=0)
     direction = np.linalg.svd(front - centre, full_matrices=False)[2][0]
@@ -146,8 +156,8 @@ def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None
     low, high = float(across.min()), float(across.max())
     spacing = (high - low) / max(len(front) - 1, 1)
     if (
-        high - low < LEAST_SHARE * station.width - spacing
-        or high - low > station.width + EDGE + 2.0 * spacing
+        high - low < STATION.least_share * station.width - spacing
+        or high - low > station.width + STATION.edge_tolerance + 2.0 * spacing
     ):
         return None
     normal = np.array([direction[1], -direction[0]])

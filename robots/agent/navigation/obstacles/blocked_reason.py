@@ -1,6 +1,7 @@
 """Why there is no way, in one sentence that names the door when it is one."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,9 +10,18 @@ from robots.agent.navigation.planning.planner import Planner
 from robots.api.floorplan import FloorPlan
 from robots.world.sensing import Floats
 
-AT_DOOR = 0.8  # metres
-WAYS = 4  # that are looked at
-ONE_THING = 0.8  # metres about a blocked point that count as blocked for the same reason
+
+@dataclass(frozen=True)
+class ReasonParams:
+    """Where it is looked for what blocks a route."""
+
+    at_door: float = 0.8  # m from the middle of a doorway: the door is meant
+    routes: int = 4  # that are looked at
+    one_thing: float = 0.8  # m about a blocked point that count as blocked for the same reason
+    start_reach: float = 0.6  # m about a robot that has no room, for a place where it has
+
+
+REASON = ReasonParams()
 
 
 def what_blocks(
@@ -26,7 +36,7 @@ def what_blocks(
     start, goal = way
     costmap = obstacle_map.costmap
     clearance = obstacle_map.clearance(now)
-    if planner.place_near(*start, clearance, 0.6) is None:
+    if planner.place_near(*start, clearance, REASON.start_reach) is None:
         return "the robot is boxed in: it has no room to move"
     usual = planner.plan(start, goal, costmap.clearance)
     if usual is None:
@@ -56,7 +66,7 @@ def _spots(
         list[Floats](),
         np.zeros(obstacle_map.costmap.shape, dtype=np.bool_),
     )
-    for _ in range(WAYS):
+    for _ in range(REASON.routes):
         path = planner.plan(*way, costmap.clearance_with(known))
         if path is None:
             break
@@ -66,7 +76,9 @@ def _spots(
         spots.append(tight[0])
         rows, columns = np.nonzero(clearance <= 0.0)
         centres = costmap.centres(rows, columns)
-        near = np.hypot(centres[:, 0] - tight[0, 0], centres[:, 1] - tight[0, 1]) <= ONE_THING
+        near = (
+            np.hypot(centres[:, 0] - tight[0, 0], centres[:, 1] - tight[0, 1]) <= REASON.one_thing
+        )
         known[rows[near], columns[near]] = True
     return spots
 
@@ -79,7 +91,7 @@ def _at(obstacle_map: LocalObstacleMap, plan: FloorPlan | None, spot: Floats, no
         (
             door
             for door in (plan.doors if plan else ())
-            if _distance(door.start, door.end, x, y) <= AT_DOOR
+            if _distance(door.start, door.end, x, y) <= REASON.at_door
         ),
         None,
     )

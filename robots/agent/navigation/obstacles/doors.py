@@ -2,10 +2,11 @@
 
 A beam that would cross a doorway on its way and ends in it has met the leaf; one that goes on well
 behind it went through. Beams that end before it, or that only graze it, tell nothing. A door that
-was seen closed stays so until it is seen open, or is worth another look after `MEMORY` seconds.
+was seen closed stays so until it is seen open, or is worth another look after a while.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,14 +17,23 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.raycaster import cast
 from robots.world.sensing import Floats, LaserScan
 
-MEMORY = 120.0  # seconds
-NEAR = 4.0  # how far off a doorway may be to be judged: metres
-IN_LINE = 0.15  # how far from the leaf's line a beam may end to have met it: metres
-BEHIND = 0.3  # how far behind it a beam must end to have gone through: metres
-MIDDLE = 0.15  # share of the doorway left out at either side: frames and open leaves stand there
-GRAZING = 0.3  # least sine of the angle between beam and leaf
-VOTES = 4
-SEEN_BESIDE = 1e-6  # radians that a beam may look past the end of a leaf to be asked at all
+
+@dataclass(frozen=True)
+class DoorParams:
+    """When a door of the plan counts as closed."""
+
+    memory: float = 120.0  # s for which a door that was seen closed counts so
+    near: float = 4.0  # m: doorways farther off are not judged
+    in_line: float = 0.15  # m from the leaf's line, within which a beam that ends has met it
+    behind: float = 0.3  # m behind it, from which a beam that ends has gone through
+    # share of the doorway left out at either side: frames and open leaves stand there
+    frame: float = 0.15
+    grazing: float = 0.3  # least sine of the angle between beam and leaf
+    votes: int = 4  # beams of one sweep that decide
+    seen_beside: float = 1e-6  # rad that a beam may look past the end of a leaf to be asked at all
+
+
+DOORS = DoorParams()
 
 
 class DoorWatch:
@@ -37,7 +47,7 @@ class DoorWatch:
         """Take a sweep; `laser` is the pose of the laser in the map."""
         for door in self.doors:
             middle = ((door.start[0] + door.end[0]) / 2.0, (door.start[1] + door.end[1]) / 2.0)
-            if math.dist(middle, (laser.x, laser.y)) <= NEAR:
+            if math.dist(middle, (laser.x, laser.y)) <= DOORS.near:
                 self._judge(door, laser, beams, now)
 
     def closed(self, now: float) -> tuple[Door, ...]:
@@ -45,7 +55,7 @@ class DoorWatch:
         return tuple(
             door
             for door in self.doors
-            if now - self._seen_closed.get(door.name, -math.inf) <= MEMORY
+            if now - self._seen_closed.get(door.name, -math.inf) <= DOORS.memory
         )
 
     def leaves(self, now: float) -> Floats:
@@ -59,9 +69,9 @@ class DoorWatch:
 
     def _judge(self, door: Door, laser: Pose2D, beams: LaserScan, now: float) -> None:
         closed, opened = votes(door, laser, beams)
-        if closed >= VOTES and closed > 2 * opened:
+        if closed >= DOORS.votes and closed > 2 * opened:
             self._seen_closed[door.name] = now
-        elif opened >= VOTES and opened > 2 * closed:
+        elif opened >= DOORS.votes and opened > 2 * closed:
             self._seen_closed.pop(door.name, None)
 
 
@@ -72,7 +82,14 @@ def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
     (x0, y0), (x1, y1) = door.start, door.end
     width, height = x1 - x0, y1 - y0
     leaf = np.array(
-        [[x0 + MIDDLE * width, y0 + MIDDLE * height, x1 - MIDDLE * width, y1 - MIDDLE * height]]
+        [
+            [
+                x0 + DOORS.frame * width,
+                y0 + DOORS.frame * height,
+                x1 - DOORS.frame * width,
+                y1 - DOORS.frame * height,
+            ]
+        ]
     )
     towards = _towards(leaf[0], laser, beams)
     if len(towards) == 0:
@@ -81,12 +98,12 @@ def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
     reach, met = cast(leaf, laser.x, laser.y, directions)
     crossing = (
         (met >= 0)
-        & (reach <= NEAR)
-        & (np.abs(np.sin(directions - math.atan2(height, width))) >= GRAZING)
+        & (reach <= DOORS.near)
+        & (np.abs(np.sin(directions - math.atan2(height, width))) >= DOORS.grazing)
     )
     ranges = np.minimum(beams.ranges[towards[crossing]], beams.range_max)
-    return int((np.abs(ranges - reach[crossing]) <= IN_LINE).sum()), int(
-        (ranges > reach[crossing] + BEHIND).sum()
+    return int((np.abs(ranges - reach[crossing]) <= DOORS.in_line).sum()), int(
+        (ranges > reach[crossing] + DOORS.behind).sum()
     )
 
 
@@ -97,4 +114,4 @@ def _towards(leaf: Floats, laser: Pose2D, beams: LaserScan) -> npt.NDArray[np.in
     first = math.atan2(leaf[1] - laser.y, leaf[0] - laser.x)
     opening = wrap_angle(math.atan2(leaf[3] - laser.y, leaf[2] - laser.x) - first)
     turned = (beams.angles + (laser.theta - first - opening / 2.0) + math.pi) % math.tau - math.pi
-    return np.flatnonzero(np.abs(turned) <= abs(opening) / 2.0 + SEEN_BESIDE)
+    return np.flatnonzero(np.abs(turned) <= abs(opening) / 2.0 + DOORS.seen_beside)

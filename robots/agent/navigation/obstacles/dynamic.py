@@ -1,45 +1,60 @@
 """Who walked out of the laser's sight near the robot a moment ago, and may be beside or behind it
 now.
 
-A laser of 180 or 240 degrees sees people come and loses them when they pass. For `HOLD` seconds
+A laser of 180 or 240 degrees sees people come and loses them when they pass. For `hold` seconds
 they count as walking still, where they were seen last; so the robot lets them by before it goes on.
 """
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.navigation.obstacles.memory import into, out_of
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
 
-HOLD = 2.5  # seconds
-NEAR = 1.6  # metres from the robot at which somebody is remembered
-POINTS = 12  # of a sweep at most
+
+@dataclass(frozen=True)
+class LostObstacleParams:
+    """Whom the robot remembers when they walk out of its sight."""
+
+    hold: float = 2.5  # s
+    near: float = 1.6  # m from the robot, within which somebody is remembered
+    points: int = 12  # of a sweep, at most
+
+
+LOST = LostObstacleParams()
 
 
 class LostObstacles:
     """Points of people, in the frame of the odometry, with the times at which they were seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, params: LostObstacleParams = LOST) -> None:
+        self._params = params
         self._seen: deque[tuple[float, Floats]] = deque()
 
     def take(self, stamp: float, odometry: Pose2D, walkers: Floats) -> None:
         """Take the points (n, 2) of walkers in a sweep, in the robot's frame at `odometry`."""
-        near = walkers[np.hypot(walkers[:, 0], walkers[:, 1]) <= NEAR]
+        params = self._params
+        near = walkers[np.hypot(walkers[:, 0], walkers[:, 1]) <= params.near]
         if len(near):
-            self._seen.append((stamp, out_of(odometry, near[:: max(1, len(near) // POINTS)])))
+            self._seen.append(
+                (
+                    stamp,
+                    points_from_frame(odometry, near[:: max(1, len(near) // params.points)]),
+                )
+            )
 
     def out_of_sight(self, now: float, odometry: Pose2D, beams: LaserScan) -> Floats:
         """Return the points (m, 2), in the robot's frame at `odometry`, that no beam of the laser
         looks at any more.
         """
-        while self._seen and now - self._seen[0][0] > HOLD:
+        while self._seen and now - self._seen[0][0] > self._params.hold:
             self._seen.popleft()
         if not self._seen:
             return np.zeros((0, 2))
-        points = into(odometry, np.vstack([points for _, points in self._seen]))
-        from_laser = into(beams.mount, points)
+        points = points_in_frame(odometry, np.vstack([points for _, points in self._seen]))
+        from_laser = points_in_frame(beams.mount, points)
         turned = (np.arctan2(from_laser[:, 1], from_laser[:, 0]) - float(beams.angles[0])) % (
             2.0 * np.pi
         )

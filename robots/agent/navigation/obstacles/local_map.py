@@ -3,39 +3,52 @@ the laser met them.
 
 A cell of the map is marked while something is seen in it, and free again when the laser looks
 through it. Out of sight, what stood there for long is remembered for long, and what was passing by
-is soon forgotten. What has not stood still for `SETTLED` seconds may be somebody who walks.
+is soon forgotten. What has not stood still for `settled` seconds may be somebody who walks.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from robots.agent.navigation.obstacles.doors import DoorWatch
-from robots.agent.navigation.obstacles.memory import into, out_of, sees
+from robots.agent.navigation.obstacles.memory import sees
 from robots.agent.navigation.planning.costmap import Bools, Cells, CostMap
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
 from robots.world.solids import leaf_end
 
-ON_MAP = 0.2  # what is seen so close to something of the map is that thing: metres
-MARKED = 4.0  # how far off the laser is trusted to mark a cell: metres
-SEEN_THROUGH = 0.15  # how far before the end of a beam its way counts as free: metres
-SPACING = 0.05
+
+@dataclass(frozen=True)
+class LocalMapParams:
+    """How what the laser sees becomes marks on the map, and for how long."""
+
+    on_map: float = 0.2  # m: what is seen so close to something of the map is that thing
+    marked: float = 4.0  # m up to which the laser is trusted to mark a cell
+    seen_through: float = 0.15  # m before the end of a beam, from which its way counts as free
+    nearest_cell: float = 0.05  # m: a cell that is nearer is taken to be seen from there
+    sure: float = 2.0  # m: what was marked from farther off is worth a closer look
+    noted: float = 0.8  # m: what is so near may be what holds the robot
+    settled: float = 10.0  # s after which what stands still is a thing
+    flicker: float = 1.0  # s: a mark that comes back within this time was never away
+    kept_at_least: float = 5.0  # s out of sight
+    kept_at_most: float = 60.0  # s out of sight
+    kept_by_age: float = 10.0  # s out of sight for each second of standing there
+
+
+LOCAL_MAP = LocalMapParams()
 AROUND = np.indices((3, 3)).reshape(2, 9, 1) - 1  # rows and columns of a cell and its neighbours
-NEVER = -1e12  # seconds
-# what was marked from farther off is worth a closer look before a way is given up: metres
-SURE = 2.0
-NOTED = 0.8  # what is so near may be what holds the robot: metres
-SETTLED = 10.0  # seconds after which what stands still is a thing
-FLICKER = 1.0  # a mark that comes back within this time was never away: seconds
-# how long marks are kept out of sight: seconds, and seconds a second of standing there
-BRIEFLY, AT_LONGEST, BY_AGE = 5.0, 60.0, 10.0
+NEVER = -1e12  # s
 
 
 class LocalObstacleMap:
     """The map of `costmap` with what was seen lately."""
 
-    def __init__(self, costmap: CostMap, plan: FloorPlan | None) -> None:
+    def __init__(
+        self, costmap: CostMap, plan: FloorPlan | None, params: LocalMapParams = LOCAL_MAP
+    ) -> None:
         self.costmap = costmap
+        self._params = params
         self.doors = DoorWatch(plan)
         self._there = np.zeros(costmap.shape, dtype=np.bool_)
         self._first = np.full(costmap.shape, NEVER)
@@ -54,23 +67,25 @@ class LocalObstacleMap:
 
     def look(self, robot: Pose2D, beams: LaserScan, now: float) -> None:
         """Take a sweep that was measured at `robot`, the pose in the map."""
+        params = self._params
         if not sees(beams):
             return
         laser = robot.compose(beams.mount)
         self.doors.look(laser, beams, now)
         self._clear(laser, beams)
         hits, (rows, columns, inside) = self._cells(robot, beams.points())
-        which = np.flatnonzero(inside & (self.costmap.clearance[rows, columns] > ON_MAP))
-        which = which[np.hypot(hits[which, 0] - laser.x, hits[which, 1] - laser.y) <= MARKED]
+        which = np.flatnonzero(inside & (self.costmap.clearance[rows, columns] > params.on_map))
+        which = which[np.hypot(hits[which, 0] - laser.x, hits[which, 1] - laser.y) <= params.marked]
         self._mark(rows[which], columns[which], now)
 
     def note(self, robot: Pose2D, points: Floats, now: float) -> None:
         """Mark points (n, 2) in the robot's frame that keep it from moving and may be remembered
         from longer ago.
         """
-        close = points[np.hypot(points[:, 0], points[:, 1]) <= NOTED]
-        rows, columns, inside = self.costmap.cells(out_of(robot, close))
-        which = inside & (self.costmap.clearance[rows, columns] > ON_MAP / 2.0)
+        params = self._params
+        close = points[np.hypot(points[:, 0], points[:, 1]) <= params.noted]
+        rows, columns, inside = self.costmap.cells(points_from_frame(robot, close))
+        which = inside & (self.costmap.clearance[rows, columns] > params.on_map / 2.0)
         self._mark(rows[which], columns[which], now)
 
     def live(self, now: float) -> Bools:
@@ -82,9 +97,16 @@ class LocalObstacleMap:
 
     def _live_cells(self, now: float) -> tuple[Cells, Cells]:
         """Return rows and columns of the same, some perhaps more than once."""
+        params = self._params
         there = np.flatnonzero(self._there)
         first, last = self._first.ravel()[there], self._last.ravel()[there]
-        kept = np.minimum(np.maximum(BRIEFLY + BY_AGE * (last - first), BRIEFLY), AT_LONGEST)
+        kept = np.minimum(
+            np.maximum(
+                params.kept_at_least + params.kept_by_age * (last - first),
+                params.kept_at_least,
+            ),
+            params.kept_at_most,
+        )
         rows, columns = np.divmod(there[now - last <= kept], self.costmap.shape[1])
         leaf_rows, leaf_columns, inside = self.costmap.cells(self.doors.leaves(now))
         return np.concatenate([rows, leaf_rows[inside]]), np.concatenate(
@@ -118,13 +140,13 @@ class LocalObstacleMap:
         return self._known[1]
 
     def clearance_nearby(self, robot: Pose2D, now: float) -> Floats:
-        """Return the same, but leave out what was marked farther off than `SURE`, and is no closed
+        """Return the same, but leave out what was marked farther off than `sure`, and is no closed
         door.
         """
         live = self.live(now)
         rows, columns = np.nonzero(live)
         spots = self.costmap.centres(rows, columns)
-        far = np.hypot(spots[:, 0] - robot.x, spots[:, 1] - robot.y) > SURE
+        far = np.hypot(spots[:, 0] - robot.x, spots[:, 1] - robot.y) > self._params.sure
         live[rows[far], columns[far]] = False
         leaves, across, inside = self.costmap.cells(self.doors.leaves(now))
         live[leaves[inside], across[inside]] = True
@@ -135,7 +157,7 @@ class LocalObstacleMap:
         door.
         """
         seen, (rows, columns, inside) = self._cells(robot, points)
-        result: Bools = inside & (self.costmap.clearance[rows, columns] > ON_MAP)
+        result: Bools = inside & (self.costmap.clearance[rows, columns] > self._params.on_map)
         which = np.flatnonzero(result)
         if len(which):
             result[which[self._leaf(seen[which], now)]] = False
@@ -147,7 +169,7 @@ class LocalObstacleMap:
         """
         asked = self._asked
         if asked is None or asked[0] != robot or asked[1] is not points:
-            seen = out_of(robot, points)
+            seen = points_from_frame(robot, points)
             self._asked = asked = robot, points, seen, self.costmap.cells(seen)
         return asked[2], asked[3]
 
@@ -155,14 +177,14 @@ class LocalObstacleMap:
         """Tell for points (n, 2) in the robot's frame where something has stood still for long,
         there or in the next cell.
         """
-        rows, columns, _ = self.costmap.cells(out_of(robot, points))
+        rows, columns, _ = self.costmap.cells(points_from_frame(robot, points))
         high, wide = self.costmap.shape
         down, right = (
             np.minimum(np.maximum(rows + AROUND[0], 0), high - 1),
             np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1),
         )
         result: Bools = (
-            self._there[down, right] & (now - self._first[down, right] >= SETTLED)
+            self._there[down, right] & (now - self._first[down, right] >= self._params.settled)
         ).any(axis=0)
         return result
 
@@ -177,26 +199,30 @@ class LocalObstacleMap:
         lines = np.array(
             [[door.start, door.end] if door.name in closed else leaf for door, leaf in doors]
         )
-        result: Bools = np.logical_or.reduce(_beside(points, lines) <= ON_MAP, axis=0)
+        result: Bools = np.logical_or.reduce(_beside(points, lines) <= self._params.on_map, axis=0)
         return result
 
     def _clear(self, laser: Pose2D, beams: LaserScan) -> None:
         """Free the cells that a beam passes; the few that are marked are asked, not the many that
         the beams cross.
         """
+        params = self._params
         rows, columns = np.nonzero(self._there)
         if len(rows) == 0:
             return
-        seen = into(laser, self.costmap.centres(rows, columns))
+        seen = points_in_frame(laser, self.costmap.centres(rows, columns))
         distances = np.hypot(seen[:, 0], seen[:, 1])
         bearings = (
             np.sign(beams.angle_increment) * (np.arctan2(seen[:, 1], seen[:, 0]) - beams.angle_min)
         ) % (2.0 * np.pi)
         # of the angle under which a cell is seen
-        half = self.costmap.transform.resolution / 2.0 / np.maximum(distances, SPACING)
+        half = self.costmap.transform.resolution / 2.0 / np.maximum(distances, params.nearest_cell)
         step, last = abs(beams.angle_increment), len(beams.ranges) - 1
         index = np.rint(bearings / step).astype(np.intp)
-        free = np.minimum(np.minimum(beams.ranges, beams.range_max) - SEEN_THROUGH, MARKED)
+        free = np.minimum(
+            np.minimum(beams.ranges, beams.range_max) - params.seen_through,
+            params.marked,
+        )
         passed = np.zeros(len(rows), dtype=np.bool_)
         for beside in (0, -1, 1):
             beam = index + beside
@@ -209,7 +235,7 @@ class LocalObstacleMap:
         self._there[rows[passed], columns[passed]] = False
 
     def _mark(self, rows: Cells, columns: Cells, now: float) -> None:
-        new = now - self._last[rows, columns] > FLICKER
+        new = now - self._last[rows, columns] > self._params.flicker
         self._first[rows[new], columns[new]] = now
         self._last[rows, columns] = now
         self._there[rows, columns] = True
@@ -219,7 +245,7 @@ def moved(points: Floats, before: Pose2D, after: Pose2D) -> Floats:
     """Return points (n, 2), seen from `before`, as they are seen from `after`; both poses in one
     frame.
     """
-    return into(after, out_of(before, points))
+    return points_in_frame(after, points_from_frame(before, points))
 
 
 def _beside(points: Floats, lines: Floats) -> Floats:

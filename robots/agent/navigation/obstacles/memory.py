@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.world.sensing import Floats, LaserScan
+from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
 
 Bools = npt.NDArray[np.bool_]
 SEEN_AFTER, DOUBTS = 2, 3  # columns of what is kept of a point
@@ -132,7 +132,7 @@ class RollingObstacleMap:
         return np.concatenate([seen, hidden]), np.concatenate([off, more])
 
     def _about(self, kept: Floats, odometry: Pose2D, radius: float) -> tuple[Floats, Floats]:
-        local = into(odometry, kept)
+        local = points_in_frame(odometry, kept)
         close = np.flatnonzero(_square(local) <= radius * radius)
         way = self._way - kept[close, SEEN_AFTER]
         return local[close], self.settings.inexact * np.minimum(
@@ -152,7 +152,7 @@ class RollingObstacleMap:
         """Drop what this sweep measures again or sees through, what lies far off, and what was seen
         too long ago.
         """
-        local, doubts = into(odometry, self._points), self._points[:, DOUBTS]
+        local, doubts = points_in_frame(odometry, self._points), self._points[:, DOUBTS]
         again, through = compare(local, beams, self.settings)
         doubts += 1.0
         doubts *= through
@@ -171,21 +171,24 @@ class RollingObstacleMap:
             return
         kept, self._looked = np.concatenate([self._edges, self._behind]), self._way
         if len(kept):
-            local = into(odometry, kept)
+            local = points_in_frame(odometry, kept)
             near = (_square(local) < self.settings.close**2) & (
                 kept[:, SEEN_AFTER] > self._way - self.settings.close_way
             )
-            self._behind = kept[near & ~in_view(into(beams.mount, local), beams)]
+            self._behind = kept[near & ~in_view(points_in_frame(beams.mount, local), beams)]
         hidden = behind_edges(beams, self.settings)
         self._edges = np.empty((len(hidden), 3))
-        self._edges[:, :2], self._edges[:, SEEN_AFTER] = out_of(odometry, hidden), self._way
+        self._edges[:, :2], self._edges[:, SEEN_AFTER] = (
+            points_from_frame(odometry, hidden),
+            self._way,
+        )
 
     def _add(self, odometry: Pose2D, local: Floats) -> None:
         """Add points (n, 2) in the robot's frame, the newest first, and keep one a cell."""
         local = local[_square(local) <= self.settings.radius**2]
         points = np.zeros((len(local) + len(self._points), 4))
         points[: len(local), :2], points[: len(local), SEEN_AFTER] = (
-            out_of(odometry, local),
+            points_from_frame(odometry, local),
             self._way,
         )
         points[len(local) :] = self._points
@@ -209,7 +212,7 @@ def compare(points: Floats, beams: LaserScan, settings: MemorySettings) -> tuple
     """Return for (n, 2) points in the robot's frame whether a sweep measures them again, and
     whether it sees through them.
     """
-    seen_from_laser = into(beams.mount, points)
+    seen_from_laser = points_in_frame(beams.mount, points)
     distances = np.hypot(seen_from_laser[:, 0], seen_from_laser[:, 1])
     bearings = np.arctan2(seen_from_laser[:, 1], seen_from_laser[:, 0])
     turned = from_first_beam(bearings, beams)
@@ -267,7 +270,7 @@ def behind_edges(beams: LaserScan, settings: MemorySettings) -> Floats:
     padded = np.concatenate([ranges[:1], ranges, ranges[-1:]])
     which = np.flatnonzero(near & (np.maximum(padded[:-2], padded[2:]) - ranges >= settings.edge))
     ends, angles = ranges[which, None] + settings.behind, beams.angles[which, None]
-    return out_of(
+    return points_from_frame(
         beams.mount,
         np.stack([ends * np.cos(angles), ends * np.sin(angles)], axis=-1).reshape(-1, 2),
     )
@@ -287,24 +290,3 @@ def shortest_of_neighbours(ranges: Floats) -> Floats:
     padded = np.concatenate([ranges[:1], ranges, ranges[-1:]])
     shortest: Floats = np.minimum(np.minimum(padded[:-2], padded[1:-1]), padded[2:])
     return shortest
-
-
-def into(frame: Pose2D, points: Floats) -> Floats:
-    """Return (n, 2) points of the outer frame in the inner one, whose pose in the
-    outer is `frame`.
-    """
-    cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
-    result: Floats = (points[:, :2] - (frame.x, frame.y)) @ np.array(
-        [[cosine, -sine], [sine, cosine]]
-    )
-    return result
-
-
-def out_of(frame: Pose2D, points: Floats) -> Floats:
-    """Return (n, 2) points of the inner frame, whose pose in the outer is `frame`, in the outer
-    one.
-    """
-    cosine, sine = math.cos(frame.theta), math.sin(frame.theta)
-    result: Floats = points[:, :2] @ np.array([[cosine, sine], [-sine, cosine]])
-    result += (frame.x, frame.y)
-    return result

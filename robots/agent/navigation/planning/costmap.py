@@ -6,6 +6,7 @@ becomes cheaper with more room, until there is plenty.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +19,18 @@ from robots.world.sensing import Floats
 Bools = npt.NDArray[np.bool_]
 Cells = npt.NDArray[np.intp]
 
-RESOLUTION = 0.05  # finer maps are coarsened to this: metres
-SPARE = 0.02  # kept beyond the inscribed radius, half the error of a cell: metres
-PLENTY = 0.3  # room beyond the circumscribed radius from which more is of no use: metres
-NARROW = 3.0  # how many times dearer the narrowest place is than the open floor
+
+@dataclass(frozen=True)
+class CostMapParams:
+    """What it costs to be near things."""
+
+    resolution: float = 0.05  # m: finer maps are coarsened to this
+    spare: float = 0.02  # m kept beyond the inscribed radius, half the error of a cell
+    plenty: float = 0.3  # m beyond the circumscribed radius, from which more room is of no use
+    narrow: float = 3.0  # times dearer is the narrowest place than the open floor
+
+
+COSTMAP = CostMapParams()
 
 
 class NoWayError(ValueError):
@@ -45,7 +54,7 @@ class CostMap:
         self.footprint = np.asarray(footprint, dtype=np.float64)
         self.inscribed, self.circumscribed = _radii(self.footprint)
         self.clearance = room(self.free, self.transform.resolution)
-        self.least = self.inscribed + SPARE
+        self.least = self.inscribed + COSTMAP.spare
         if not (self.clearance >= self.least).any():
             raise NoWayError("the map has no free space in which the robot could stand")
 
@@ -100,9 +109,9 @@ class CostMap:
         """Return (h, w) what a metre costs in each cell, 1 with plenty of room, `inf` where the
         robot cannot be.
         """
-        plenty = self.circumscribed + PLENTY
+        plenty = self.circumscribed + COSTMAP.plenty
         tightness = np.clip((plenty - clearance) / (plenty - self.least), 0.0, 1.0)
-        return np.where(clearance >= self.least, 1.0 + NARROW * tightness**2, math.inf)
+        return np.where(clearance >= self.least, 1.0 + COSTMAP.narrow * tightness**2, math.inf)
 
 
 def room(free: Bools, resolution: float) -> Floats:
@@ -114,11 +123,11 @@ def room(free: Bools, resolution: float) -> Floats:
 
 
 def _coarsened(grid: OccupancyGrid) -> tuple[Bools, MapTransform]:
-    """Return what is free, and where it lies, in cells of about `RESOLUTION`; a cell is free when
-    all of it is.
+    """Return what is free, and where it lies, in cells of about the size wanted; a cell is free
+    when all of it is.
     """
     free = grid.free()
-    factor = max(1, round(RESOLUTION / grid.transform.resolution))
+    factor = max(1, round(COSTMAP.resolution / grid.transform.resolution))
     if factor == 1:
         return free, grid.transform
     high, wide = (math.ceil(side / factor) for side in free.shape)

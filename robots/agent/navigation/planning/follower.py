@@ -13,25 +13,38 @@ from typing import Literal
 import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck, Checked, Hazards
-from robots.agent.navigation.planning.path import Path
-from robots.agent.safety.ramp import ZERO
+from robots.agent.navigation.planning.path import PlannedPath
+from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
 
-AHEAD, AHEAD_A_SPEED = 0.32, 0.5  # the point pursued: metres, and metres more for each m/s
-PREVIEW = 0.7  # bends are slowed down for so far ahead: metres
-# bearing at which to turn on the spot, and at which that is done: radians
-TURN_FROM, TURN_TO = 0.9, 0.12
-LATERAL_USE = 0.6  # share of the turning speed that bends may use up
-EASING = 0.25  # deceleration towards the end: m/s²
-TURN_EASING = 0.6  # the same for turns on the spot: rad/s²
-SLOWEST_TURN = 0.1  # rad/s
-LAST_BIT = 0.04  # m/s with which the end is reached
-NARROW_SPEED, NARROW_GAIN = 0.12, 0.9  # m/s with no room at all, and m/s more for each metre of it
-ARRIVED, NEARLY, DRIFTED = 0.06, 0.15, 0.25  # metres from the end
-HEADING = 0.04  # radians from the heading wanted
-BACK_AND_FORTH = 2.5  # radians beyond which a turn keeps its side
-SETTLED = 0.06  # m/s or rad/s that count as standing
+
+@dataclass(frozen=True)
+class FollowerParams:
+    """How a path is followed."""
+
+    ahead: float = 0.32  # m: the point pursued
+    ahead_per_speed: float = 0.5  # m more for each m/s
+    preview: float = 0.7  # m ahead, for whose bends the robot slows down
+    turn_from: float = 0.9  # rad of bearing at which it turns on the spot
+    turn_to: float = 0.12  # rad at which that is done
+    lateral_use: float = 0.6  # share of the turning speed that bends may use up
+    easing: float = 0.25  # m/s² of deceleration towards the end
+    turn_easing: float = 0.6  # rad/s², the same for turns on the spot
+    slowest_turn: float = 0.1  # rad/s
+    last_speed: float = 0.04  # m/s with which the end is reached
+    narrow_speed: float = 0.12  # m/s with no room at all
+    narrow_gain: float = 0.9  # m/s more for each metre of room
+    arrived: float = 0.06  # m from the end
+    nearly: float = 0.15  # m from the end of a path that is used up
+    drifted: float = 0.25  # m from the end, beyond which the robot has left it again
+    heading: float = 0.04  # rad from the heading wanted
+    keeps_side: float = 2.5  # rad beyond which a turn keeps its side
+    settled: float = 0.06  # m/s or rad/s that count as standing
+
+
+FOLLOWER = FollowerParams()
+
 
 State = Literal["driving", "held", "arrived"]
 
@@ -50,16 +63,20 @@ class Followed:
 class Follower:
     """A base with limits, and the path it is on."""
 
-    def __init__(self, check: BrakeCheck, limits: Limits) -> None:
-        self.check, self.limits = check, limits
-        self.path = Path(np.zeros((1, 2)))
+    def __init__(
+        self, check: BrakeCheck, limits: Limits, params: FollowerParams = FOLLOWER
+    ) -> None:
+        self.check = check
+        self.limits = limits
+        self._params = params
+        self.path = PlannedPath(np.zeros((1, 2)))
         self.way = 0.0
         self._heading: float | None = None
         self._side = 0.0  # of the turn on the spot that is going on, 0 without one
         self._long_way = False  # the near side is blocked
         self._at_end = False
 
-    def take(self, path: Path, heading: float | None) -> None:
+    def take(self, path: PlannedPath, heading: float | None) -> None:
         """Follow a path from its start and end with a heading, or with any."""
         self.path, self.way, self._heading = path, 0.0, heading
         self._at_end, self._side, self._long_way = False, 0.0, False
@@ -75,11 +92,12 @@ class Follower:
 
     def step(self, pose: Pose2D, velocity: Velocity, hazards: Hazards) -> Followed:
         """Return what to ask of the base at `pose` on the map, moving with `velocity`."""
+        params = self._params
         self.way = self.path.nearest(pose.x, pose.y, self.way - 0.2, self.way + 0.6)
         left = math.dist(self.path.end, (pose.x, pose.y))
-        if left <= ARRIVED or (self.remaining < ARRIVED and left <= NEARLY):
+        if left <= params.arrived or (self.remaining < params.arrived and left <= params.nearly):
             self._at_end = True
-        if self._at_end and left <= DRIFTED:
+        if self._at_end and left <= params.drifted:
             return self._finish(pose, velocity, hazards)
         self._at_end = False
         return self._pursue(pose, velocity, hazards, left)
@@ -90,10 +108,13 @@ class Follower:
         """Turn on the spot by `error` radians; arrived within `tolerance`. Where the near side is
         blocked, the long way round is tried.
         """
+        params = self._params
         if abs(error) <= tolerance:
             self._side, self._long_way = 0.0, False
-            return Followed(ZERO, "arrived" if abs(velocity.angular) <= SETTLED else "driving")
-        keeps = self._side != 0.0 and (self._long_way or abs(error) > BACK_AND_FORTH)
+            return Followed(
+                ZERO, "arrived" if abs(velocity.angular) <= params.settled else "driving"
+            )
+        keeps = self._side != 0.0 and (self._long_way or abs(error) > params.keeps_side)
         self._side = self._side if keeps else math.copysign(1.0, error)
         done = self._turned(self._side, error, velocity, hazards)
         if (
@@ -107,46 +128,58 @@ class Follower:
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
 
     def _turned(self, side: float, error: float, velocity: Velocity, hazards: Hazards) -> Checked:
+        params = self._params
         left = error * side if error * side > 0.0 else math.tau - abs(error)
         speed = min(
-            self.limits.angular, max(SLOWEST_TURN, math.sqrt(2.0 * TURN_EASING * left) - 0.1)
+            self.limits.angular,
+            max(params.slowest_turn, math.sqrt(2.0 * params.turn_easing * left) - 0.1),
         )
         return self.check.fastest(velocity, Velocity(linear=0.0, angular=side * speed), hazards)
 
     def _finish(self, pose: Pose2D, velocity: Velocity, hazards: Hazards) -> Followed:
+        params = self._params
         if self._heading is None:
-            standing = abs(velocity.linear) <= SETTLED and abs(velocity.angular) <= SETTLED
+            standing = (
+                abs(velocity.linear) <= params.settled and abs(velocity.angular) <= params.settled
+            )
             return Followed(ZERO, "arrived" if standing else "driving")
-        return self.turn(wrap_angle(self._heading - pose.theta), velocity, hazards, HEADING)
+        return self.turn(wrap_angle(self._heading - pose.theta), velocity, hazards, params.heading)
 
     def _pursue(self, pose: Pose2D, velocity: Velocity, hazards: Hazards, left: float) -> Followed:
-        ahead = AHEAD + AHEAD_A_SPEED * max(0.0, velocity.linear)
+        params = self._params
+        ahead = params.ahead + params.ahead_per_speed * max(0.0, velocity.linear)
         x, y = self.path.at(self.way + ahead)
         distance = max(math.dist((x, y), (pose.x, pose.y)), 0.05)
         bearing = wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.theta)
-        if self._side or abs(bearing) > (TURN_FROM if left > AHEAD else TURN_FROM / 2.0):
-            turned = self.turn(bearing, velocity, hazards, TURN_TO)
+        if self._side or abs(bearing) > (
+            params.turn_from if left > params.ahead else params.turn_from / 2.0
+        ):
+            turned = self.turn(bearing, velocity, hazards, params.turn_to)
             if turned.state != "arrived":
                 return turned
         wanted = self._wanted(
             bearing, 2.0 * math.sin(bearing) / max(distance, 0.15), velocity, hazards
         )
         done = self.check.fastest(velocity, wanted, hazards)
-        if done.velocity == ZERO and done.why == "thing" and abs(bearing) > TURN_TO:
-            return self.turn(bearing, velocity, hazards, TURN_TO)
+        if done.velocity == ZERO and done.why == "thing" and abs(bearing) > params.turn_to:
+            return self.turn(bearing, velocity, hazards, params.turn_to)
         return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
 
     def _wanted(
         self, bearing: float, curvature: float, velocity: Velocity, hazards: Hazards
     ) -> Velocity:
-        bend = max(abs(curvature), 0.7 * self.path.sharpest_bend(self.way, self.way + PREVIEW))
+        params = self._params
+        bend = max(
+            abs(curvature), 0.7 * self.path.sharpest_bend(self.way, self.way + params.preview)
+        )
         gaps = np.concatenate([self.check.gaps(hazards.things), self.check.gaps(hazards.strangers)])
         room = max(0.0, float(gaps.min())) if len(gaps) else 1.0
         speed = min(
             self.limits.linear,
-            math.sqrt(2.0 * EASING * max(0.0, self.remaining - ARRIVED / 2.0)) + LAST_BIT,
-            LATERAL_USE * self.limits.angular / max(bend, 1e-6),
-            NARROW_SPEED + NARROW_GAIN * room,
+            math.sqrt(2.0 * params.easing * max(0.0, self.remaining - params.arrived / 2.0))
+            + params.last_speed,
+            params.lateral_use * self.limits.angular / max(bend, 1e-6),
+            params.narrow_speed + params.narrow_gain * room,
             self.limits.linear * max(0.15, 1.0 - abs(bearing)),
         )
         rolling = min(max(velocity.linear, 0.08), speed)

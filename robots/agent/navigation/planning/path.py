@@ -10,7 +10,7 @@ SPACING = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class PlannedPath:
     """Points (n, 2) in metres, n >= 1, and the way (n,) from the first to each."""
 
     points: Floats
@@ -81,7 +81,7 @@ def resampled(points: Floats, spacing: float = SPACING) -> Floats:
     kept: Floats = points[np.concatenate([[True], steps > 1e-9])]
     if len(kept) == 1:
         return kept
-    path = Path(kept)
+    path = PlannedPath(kept)
     ways = np.linspace(0.0, path.length, max(2, round(path.length / spacing) + 1))
     return np.column_stack(
         [np.interp(ways, path.way, kept[:, 0]), np.interp(ways, path.way, kept[:, 1])]

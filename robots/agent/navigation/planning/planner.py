@@ -7,6 +7,7 @@ cells of an office of 12 m x 8 m, a tenth of what a search guided by a heuristic
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,16 +15,26 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from robots.agent.navigation.planning.costmap import Bools, CostMap, NoWayError
-from robots.agent.navigation.planning.path import Path, resampled
+from robots.agent.navigation.planning.path import PlannedPath, resampled
 from robots.world.sensing import Floats
 
-GOAL_REACH = 0.5  # a goal in a wall is taken to stand for the nearest place within this: metres
-START_REACH = 0.6  # a robot that touches something looks so far for its way out: metres
+
+@dataclass(frozen=True)
+class PlannerParams:
+    """How a way is searched and made straight."""
+
+    goal_reach: float = 0.5  # m within which the nearest place stands for a goal in a wall
+    start_reach: float = 0.6  # m within which a robot that touches something looks for its way out
+    dearer: float = 1.02  # times the cells that it replaces, which a straight line may cost
+    smoothing_rounds: int = 40  # at most
+    at_an_end: float = 0.12  # m from an end of a way: a point of it and a little more
+    attempts: int = 4  # until the footprint fits everywhere on a way
+
+
+PLANNER = PlannerParams()
 EDGES = ((0, 1), (1, 0), (1, 1), (1, -1))  # to half of the eight neighbours; the others look back
-DEARER = 1.02  # a straight line may cost this much more than the cells that it replaces
-ROUNDS = 40  # of smoothing
-AT_AN_END = 0.12  # metres from an end of a way, a point of it and a little more
-ATTEMPTS = 4  # until the footprint fits everywhere on a way
+
+
 Indices = npt.NDArray[np.intp]
 
 
@@ -67,7 +78,7 @@ class Planner:
             raise NoWayError("the goal is not a point")
         if not bool(self.costmap.cells(np.array([[x, y]]))[2][0]):
             raise NoWayError(f"the goal ({x:.1f}, {y:.1f}) lies outside of the map")
-        found = self.place_near(x, y, self.costmap.clearance, GOAL_REACH)
+        found = self.place_near(x, y, self.costmap.clearance, PLANNER.goal_reach)
         if found is None:
             raise NoWayError(
                 f"the goal ({x:.1f}, {y:.1f}) lies in a wall or where the robot does not fit"
@@ -76,18 +87,18 @@ class Planner:
 
     def plan(
         self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
-    ) -> Path | None:
+    ) -> PlannedPath | None:
         """Return the way from start to goal through `clearance` (h, w), or None
         when there is none.
         """
-        begin = self.place_near(*start, clearance, START_REACH)
+        begin = self.place_near(*start, clearance, PLANNER.start_reach)
         if (
             begin is None
             or float(self.costmap.sample(clearance, np.array([goal]))[0]) < self.costmap.least
         ):
             return None
         cost = self.costmap.cost(clearance)
-        for _ in range(ATTEMPTS):
+        for _ in range(PLANNER.attempts):
             cells = self._cheapest(begin, goal, cost)
             if cells is None:
                 return None
@@ -96,7 +107,7 @@ class Planner:
             )
             stuck = self._misfits(line, clearance)
             if not stuck.any():
-                return Path(resampled(np.vstack([[start], line])))
+                return PlannedPath(resampled(np.vstack([[start], line])))
             rows, columns, _ = self.costmap.cells(line[stuck])
             cost[rows, columns] = math.inf
         return None
@@ -108,9 +119,9 @@ class Planner:
         line = _line(np.array(start), np.array(goal), self.costmap.transform.resolution / 2.0)
         return bool((self.costmap.sample(clearance, line) >= self.costmap.least).all())
 
-    def line(self, start: tuple[float, float], goal: tuple[float, float]) -> Path:
+    def line(self, start: tuple[float, float], goal: tuple[float, float]) -> PlannedPath:
         """Return the straight line between two points, as it is."""
-        return Path(resampled(np.array([start, goal])))
+        return PlannedPath(resampled(np.array([start, goal])))
 
     def _cheapest(
         self, start: tuple[float, float], goal: tuple[float, float], cost: Floats
@@ -142,7 +153,7 @@ class Planner:
             good, stride = here + 1, 2
             while stride >= 1:
                 ahead = min(good + stride, len(line) - 1)
-                if ahead > good and self._price(line[here], line[ahead], cost) <= DEARER * (
+                if ahead > good and self._price(line[here], line[ahead], cost) <= PLANNER.dearer * (
                     prices[ahead] - prices[here]
                 ):
                     good, stride = ahead, stride * 2
@@ -162,7 +173,7 @@ class Planner:
         is no dearer.
         """
         line = resampled(corners, 0.1)
-        for _ in range(ROUNDS if len(line) > 2 else 0):
+        for _ in range(PLANNER.smoothing_rounds if len(line) > 2 else 0):
             moved = line.copy()
             moved[1:-1] += 0.25 * (line[:-2] + line[2:] - 2.0 * line[1:-1])
             dearer = self.costmap.sample(cost, moved) > np.maximum(
@@ -178,9 +189,9 @@ class Planner:
         """
         tight = self.costmap.sample(clearance, line) < self.costmap.circumscribed
         # A robot may begin and end beside something, where it turns as it must; what it would touch
-        # there stops it (navigation/braking.py).
-        tight &= (np.hypot(*(line - line[0]).T) > AT_AN_END) & (
-            np.hypot(*(line - line[-1]).T) > AT_AN_END
+        # there stops it (navigation/assistance/braking.py).
+        tight &= (np.hypot(*(line - line[0]).T) > PLANNER.at_an_end) & (
+            np.hypot(*(line - line[-1]).T) > PLANNER.at_an_end
         )
         if len(line) < 2 or not tight.any():
             return np.zeros(len(line), dtype=np.bool_)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from robots.agent.navigation.assistance.braking import Hazards
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from robots.world.sensing import Floats, LaserScan
@@ -32,7 +32,7 @@ class Sense:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class NavigationStep:
     """What to do now and how the task stands.
 
     `velocity` is for the base, None for silence once the robot stands; `reason` one sentence, also
@@ -47,11 +47,11 @@ class Step:
     progress: float = 0.0
 
 
-def failed(reason: str) -> Step:
+def failed(reason: str) -> NavigationStep:
     """Return the end of a task that could not be done, standing."""
-    return Step(ZERO, "FAILED", reason)
+    return NavigationStep(ZERO, "FAILED", reason)
 
 
-def finished(reason: str = "") -> Step:
+def finished(reason: str = "") -> NavigationStep:
     """Return the end of a task that was done, standing."""
-    return Step(ZERO, "FINISHED", reason, progress=1.0)
+    return NavigationStep(ZERO, "FINISHED", reason, progress=1.0)

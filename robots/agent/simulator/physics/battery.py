@@ -1,6 +1,6 @@
 """A battery that is drained by standing and driving, and charged in the dock."""
 
-from robots.agent.simulator.profiles import BatteryModel
+from robots.world.robot_models import BatteryModel
 
 SECONDS_AN_HOUR = 3600.0
 CHARGER_VOLTAGE = 0.6  # what a charger lifts the terminals by

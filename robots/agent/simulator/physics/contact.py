@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.simulator.physics.drive import Motion, advance
+from robots.agent.simulator.physics.drive import WheelMotion, advance
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.solids import Floats, Solid, edges
 
@@ -59,11 +59,11 @@ def place(footprint: Floats, pose: Pose2D) -> Floats:
 
 
 @dataclass(frozen=True)
-class Move:
+class ContactMove:
     """Where a move ended, what was really done, and what was touched on the way."""
 
     pose: Pose2D
-    motion: Motion
+    motion: WheelMotion
     touched: frozenset[str]
 
 
@@ -178,31 +178,36 @@ class Obstacles:
         self,
         footprint: Floats,
         pose: Pose2D,
-        motion: Motion,
+        motion: WheelMotion,
         dt: float,
         others: tuple[Shape, ...] = (),
-    ) -> Move:
+    ) -> ContactMove:
         """Drive for `dt` seconds; what stands in the way stops the robot or lets it slide along."""
         reach = self._reach_of(footprint)
         travel = (abs(motion.linear) + abs(motion.angular) * reach) * dt
         if not others and self.free_about(pose.x, pose.y) > reach + travel + SKIN:
-            return Move(advance(pose, motion, dt), motion, frozenset())
+            return ContactMove(advance(pose, motion, dt), motion, frozenset())
         count = max(1, math.ceil(travel / MAXIMUM_STEP))
         here, touched = pose, set[str]()
         for _ in range(count):
             here, met = self._step(footprint, here, motion, dt / count, others)
             touched |= met
         if not touched or dt <= 0.0:
-            return Move(here, motion, frozenset(touched))
+            return ContactMove(here, motion, frozenset(touched))
         ahead = (here.x - pose.x) * math.cos(pose.theta) + (here.y - pose.y) * math.sin(pose.theta)
-        done = Motion(
+        done = WheelMotion(
             _less(ahead / dt, motion.linear),
             _less(wrap_angle(here.theta - pose.theta) / dt, motion.angular),
         )
-        return Move(here, done, frozenset(touched))
+        return ContactMove(here, done, frozenset(touched))
 
     def _step(
-        self, footprint: Floats, pose: Pose2D, motion: Motion, dt: float, others: tuple[Shape, ...]
+        self,
+        footprint: Floats,
+        pose: Pose2D,
+        motion: WheelMotion,
+        dt: float,
+        others: tuple[Shape, ...],
     ) -> tuple[Pose2D, set[str]]:
         wanted = advance(pose, motion, dt)
         longest = (

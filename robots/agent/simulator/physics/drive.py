@@ -1,5 +1,5 @@
 """A differential drive: speeds follow their targets within the base's accelerations, the pose
-follows the speeds on arcs.
+follows the speeds on arcs; and the head, which tilts.
 """
 
 import math
@@ -8,25 +8,25 @@ from typing import NamedTuple
 import numpy as np
 
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.api.messages import Limits
+from robots.api.messages import Limits, TiltRange
 
 STRAIGHT = 1e-9
 
 
-class Motion(NamedTuple):
+class WheelMotion(NamedTuple):
     """What the wheels do: m/s ahead, rad/s counter-clockwise."""
 
     linear: float
     angular: float
 
 
-STILL = Motion(0.0, 0.0)
+STILL = WheelMotion(0.0, 0.0)
 
 
-def clamp(motion: Motion, limits: Limits) -> Motion:
+def clamp(motion: WheelMotion, limits: Limits) -> WheelMotion:
     """Return the nearest motion that the base can do."""
     linear = min(max(motion.linear, -limits.reverse), limits.linear)
-    return Motion(linear, min(max(motion.angular, -limits.angular), limits.angular))
+    return WheelMotion(linear, min(max(motion.angular, -limits.angular), limits.angular))
 
 
 def approach(
@@ -49,12 +49,12 @@ def _towards(current: float, target: float, step: float) -> float:
     return current + min(max(target - current, -step), step)
 
 
-def follow(current: Motion, target: Motion, limits: Limits, dt: float) -> Motion:
+def follow(current: WheelMotion, target: WheelMotion, limits: Limits, dt: float) -> WheelMotion:
     """Return the speeds after `dt` seconds on the way to `target`, which may lie outside the
     limits.
     """
     wanted = clamp(target, limits)
-    return Motion(
+    return WheelMotion(
         approach(
             current.linear, wanted.linear, limits.linear_acceleration, limits.linear_braking, dt
         ),
@@ -64,7 +64,7 @@ def follow(current: Motion, target: Motion, limits: Limits, dt: float) -> Motion
     )
 
 
-def advance(pose: Pose2D, motion: Motion, dt: float) -> Pose2D:
+def advance(pose: Pose2D, motion: WheelMotion, dt: float) -> Pose2D:
     """Return the pose after `dt` seconds at constant speeds (Thrun et al., Probabilistic Robotics,
     equation 5.9).
     """
@@ -84,8 +84,8 @@ def advance(pose: Pose2D, motion: Motion, dt: float) -> Pose2D:
 
 
 def slip(
-    motion: Motion, separation: float, noise: float, dt: float, rng: np.random.Generator
-) -> Motion:
+    motion: WheelMotion, separation: float, noise: float, dt: float, rng: np.random.Generator
+) -> WheelMotion:
     """Return what the wheels really do when each slips a little; always draws two numbers, so that
     runs stay comparable.
 
@@ -101,7 +101,7 @@ def slip(
         return motion
     left += noise * math.sqrt(abs(left) / dt) * first
     right += noise * math.sqrt(abs(right) / dt) * second
-    return Motion((left + right) / 2.0, (right - left) / separation)
+    return WheelMotion((left + right) / 2.0, (right - left) / separation)
 
 
 class Encoders(NamedTuple):
@@ -124,10 +124,18 @@ def draw_encoders(
     )
 
 
-def reckoned(motion: Motion, separation: float, encoders: Encoders) -> Motion:
+def reckoned(motion: WheelMotion, separation: float, encoders: Encoders) -> WheelMotion:
     """Return the speeds that the encoders report for wheels that turn as `motion` says
     (`separation` is the true one, metres).
     """
     left = (motion.linear - motion.angular * separation / 2.0) * encoders.left
     right = (motion.linear + motion.angular * separation / 2.0) * encoders.right
-    return Motion((left + right) / 2.0, (right - left) / (separation * encoders.separation))
+    return WheelMotion((left + right) / 2.0, (right - left) / (separation * encoders.separation))
+
+
+def tilted(angle: float, target: float, tilt: TiltRange, dt: float) -> float:
+    """Return a head's angle in radians, positive looks down, after `dt` seconds on the way to
+    `target` at the speed of its motor.
+    """
+    wanted = min(max(target, tilt.minimum), tilt.maximum)
+    return _towards(angle, wanted, tilt.speed * dt)

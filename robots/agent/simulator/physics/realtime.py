@@ -24,7 +24,7 @@ Row = tuple[float, float, float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """What a camera needs of one moment; `stamp` in Unix seconds."""
 
     stamp: float
@@ -122,9 +122,9 @@ class Playback:
             s.theta,
         )
 
-    def _view(self) -> View:
+    def _view(self) -> CameraView:
         sim = self.simulation
-        return View(
+        return CameraView(
             self.stamp(),
             sim.pose,
             (sim.motion.linear, sim.motion.angular),

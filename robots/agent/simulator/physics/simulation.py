@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.agent.simulator import sonar
-from robots.agent.simulator.physics import battery, head, laser
+from robots.agent.simulator.faults import SOUND, Faults
+from robots.agent.simulator.physics import battery, range_sensors
 from robots.agent.simulator.physics.contact import (
     RELEASE,
     Obstacles,
@@ -28,20 +28,20 @@ from robots.agent.simulator.physics.contact import (
 from robots.agent.simulator.physics.doors import Doors
 from robots.agent.simulator.physics.drive import (
     STILL,
-    Motion,
+    WheelMotion,
     clamp,
     draw_encoders,
     follow,
     reckoned,
     slip,
+    tilted,
 )
-from robots.agent.simulator.physics.faults import SOUND, Faults
 from robots.agent.simulator.physics.pedestrians import Pedestrians
 from robots.agent.simulator.physics.people import BODY, Person, legs, name_of, solid
 from robots.agent.simulator.physics.random_doors import RandomDoors
-from robots.agent.simulator.profiles import RobotModel
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import RobotModel
 from robots.world.sensing import LaserScan
 from robots.world.sites import with_doors
 from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
@@ -57,7 +57,7 @@ class StartError(ValueError):
     """The robot cannot begin where it was told to, in one sentence."""
 
 
-class Sample(NamedTuple):
+class TrueState(NamedTuple):
     """One moment of the truth; `time` in seconds since the start of the simulation."""
 
     time: float
@@ -151,12 +151,12 @@ class Simulation:
         """Return the footprint (n, 2) in the world."""
         return place(self.footprint, self.pose)
 
-    def command(self, linear: float, angular: float) -> Motion:
+    def command(self, linear: float, angular: float) -> WheelMotion:
         """Take a velocity and return what the base will aim at; silence for `model.watchdog`
         seconds brakes to a stand.
         """
         self.commanded, self.commanded_at = (
-            clamp(Motion(linear, angular), self.model.limits),
+            clamp(WheelMotion(linear, angular), self.model.limits),
             self.time,
         )
         return self.commanded
@@ -194,7 +194,7 @@ class Simulation:
         if not self._doors.is_still() and self._doors.step(dt, self._in_the_way()):
             self.obstacles = self._standing()
         if self.model.tilt:
-            self.tilt = head.step(self.tilt, self.tilt_target, self.model.tilt, dt)
+            self.tilt = tilted(self.tilt, self.tilt_target, self.model.tilt, dt)
         if self._target() != STILL or self.motion != STILL:
             self._drive(dt)
         if self._pedestrians:
@@ -213,7 +213,7 @@ class Simulation:
         """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN
         when it is broken so.
         """
-        ranges = laser.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
+        ranges = range_sensors.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
         return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
 
     def echoes(self, sounding: tuple[int, ...]) -> tuple[float, ...]:
@@ -222,7 +222,9 @@ class Simulation:
         """
         mounts, segments = self.model.sonar.mounts(self.model.footprint), self._segments()
         return tuple(
-            sonar.echo(segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng)
+            range_sensors.echo(
+                segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng
+            )
             for index in sounding
         )
 
@@ -274,15 +276,15 @@ class Simulation:
         """Return the volts at the battery."""
         return battery.voltage(self.charge, self.model.battery, charging=self.docked)
 
-    def sample(self) -> Sample:
+    def sample(self) -> TrueState:
         """Return the truth of this moment."""
-        return Sample(self.time, *self.commanded, *self.motion, *self.pose)
+        return TrueState(self.time, *self.commanded, *self.motion, *self.pose)
 
     def errors(self) -> tuple[str, ...]:
         """Return what is wrong with the robot, in words for its owner."""
         return ("battery empty",) if self.charge <= 0.0 else ()
 
-    def _target(self) -> Motion:
+    def _target(self) -> WheelMotion:
         silent = self.time - self.commanded_at > self.model.watchdog
         return (
             STILL if silent or self.charge <= 0.0 or self.faults.wheels_stopped else self.commanded
@@ -377,7 +379,7 @@ class Simulation:
         return [self.outline(), *(solid(person).outline for person in self.people)]
 
 
-def _wheels(motion: Motion, dt: float) -> Pose2D:
+def _wheels(motion: WheelMotion, dt: float) -> Pose2D:
     """Return the relative motion that the wheels' encoders report."""
     half = motion.angular * dt / 2.0
     return Pose2D(

@@ -10,22 +10,22 @@ from collections.abc import Mapping
 import numpy as np
 
 from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.profiles import RobotModel
 from robots.agent.simulator.render.canvas import Canvas, Image, Walls
 from robots.agent.simulator.render.items import Things, before, gather, joined
 from robots.agent.simulator.render.lens import Lens, grind
 from robots.agent.simulator.render.people import Figures
 from robots.agent.simulator.render.rays import EDGE, FAR, Eye
-from robots.agent.simulator.render.scene import Builder, Glass, Scene
-from robots.agent.simulator.render.visibility import NEAR, Sight, Window, look
+from robots.agent.simulator.render.scene import Builder, Glass, RenderScene
+from robots.agent.simulator.render.visibility import NEAR, ItemSight, PictureWindow, look
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import RobotModel
 from robots.world.solids import Floats, Opening
 
 KEPT_LENSES = 2
 KEPT_DOORS = 8
 NOTHING = gather(())
-NOWHERE = Window(0, 0, 0, 0)
+NOWHERE = PictureWindow(0, 0, 0, 0)
 
 
 class SceneCamera:
@@ -34,7 +34,7 @@ class SceneCamera:
     def __init__(self, model: RobotModel, plan: FloorPlan, *, seed: int) -> None:
         """Build the scene; takes a second."""
         self.model, self.camera = model, model.camera
-        self.scene: Scene = Builder(plan, seed).build(model)
+        self.scene: RenderScene = Builder(plan, seed).build(model)
         self._canvas = Canvas(self.scene, model.camera.width, model.camera.height)
         self._body = gather(self.scene.body)
         self._picture: Image = np.zeros(
@@ -98,7 +98,7 @@ class SceneCamera:
         """Paint everything, and return what walls there are."""
         lens, eye, things = self.lens(tilt), self.eye(pose), self._things_with(doors)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # rays along a wall
-            whole = Window(0, lens.height, 0, lens.width)
+            whole = PictureWindow(0, lens.height, 0, lens.width)
             walls = self._canvas.cast_walls(lens, eye)
             self._canvas.paint_walls(lens, eye, walls, whole, None)
             swinging = self._swinging(doors)
@@ -142,7 +142,7 @@ class SceneCamera:
         things: Things,
         swinging: Things,
         walls: Walls,
-        sights: list[Sight],
+        sights: list[ItemSight],
         pose: Pose2D,
         people: tuple[Person, ...],
     ) -> None:
@@ -171,7 +171,7 @@ class SceneCamera:
         )
         first, last = behind.rays()
         left, right = lens.columns(np.array([first]), np.array([last]))
-        window = window.within(Window(0, lens.height, int(left[0]), int(right[0])))
+        window = window.within(PictureWindow(0, lens.height, int(left[0]), int(right[0])))
         stencil = self._canvas.stencil(
             lens, eye, np.where(met, reach, FAR), (glass.bottom, glass.top), window
         )
@@ -198,7 +198,7 @@ class SceneCamera:
         return self._before[key]
 
 
-def _pane(lens: Lens, eye: Eye, glass: Glass) -> Window:
+def _pane(lens: Lens, eye: Eye, glass: Glass) -> PictureWindow:
     """Return the window that holds a mirror."""
     corners = np.repeat(eye.level(glass.line.reshape(2, 2)), 2, axis=0)
     u, v, depth = lens.project(
@@ -209,8 +209,8 @@ def _pane(lens: Lens, eye: Eye, glass: Glass) -> Window:
     if depth.max() < NEAR:
         return NOWHERE
     if depth.min() < NEAR:
-        return Window(0, lens.height, 0, lens.width)
-    return Window(
+        return PictureWindow(0, lens.height, 0, lens.width)
+    return PictureWindow(
         max(0, math.floor(float(v.min()))),
         min(lens.height, math.ceil(float(v.max())) + 1),
         max(0, math.floor(float(u.min())) - 1),

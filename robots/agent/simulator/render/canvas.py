@@ -35,10 +35,10 @@ from robots.agent.simulator.render.scene import (
     FLOOR_DENSITY,
     WALL_DENSITY,
     Lid,
-    Scene,
+    RenderScene,
 )
 from robots.agent.simulator.render.texture_atlas import FLOOR_LEVELS, HOLE, LEVELS, Flat
-from robots.agent.simulator.render.visibility import NEAR, Sight, Window
+from robots.agent.simulator.render.visibility import NEAR, ItemSight, PictureWindow
 from robots.world.solids import Floats
 
 BAND = 32768  # pixels at a time
@@ -67,7 +67,7 @@ class Canvas:
     for two threads.
     """
 
-    def __init__(self, scene: Scene, width: int, height: int) -> None:
+    def __init__(self, scene: RenderScene, width: int, height: int) -> None:
         self._scene = scene
         self._texels: Indices = np.zeros((ROWS, height // ROWS, width), dtype=np.int32)
         self._heights = np.empty(BAND, dtype=np.float32)
@@ -124,7 +124,7 @@ class Canvas:
         return begins
 
     def paint_walls(
-        self, lens: Lens, eye: Eye, walls: Walls, window: Window, stencil: Mask | None
+        self, lens: Lens, eye: Eye, walls: Walls, window: PictureWindow, stencil: Mask | None
     ) -> None:
         """Paint walls, floor and ceiling of one eye."""
         first, last = eye.rays()
@@ -176,7 +176,7 @@ class Canvas:
                 np.copyto(self._texels[part.pairs], index, where=stencil[part.pairs])
 
     def _paint_band(
-        self, lens: Lens, eye: Eye, walls: Walls, part: Window, stencil: Mask | None
+        self, lens: Lens, eye: Eye, walls: Walls, part: PictureWindow, stencil: Mask | None
     ) -> tuple[Heights, Indices]:
         """Return where a band of walls is met, in texels above the floor, and its texels: painted
         already where there is no stencil.
@@ -217,7 +217,7 @@ class Canvas:
             _plane(eye, ceiling - eye.height, SAME * CEILING_DENSITY, -corner * CEILING_DENSITY),
         )
 
-    def _floor(self, lens: Lens, eye: Eye, plane: Floats, part: Window) -> Indices:
+    def _floor(self, lens: Lens, eye: Eye, plane: Floats, part: PictureWindow) -> Indices:
         """Return the texels of the floor, in the copy that fits the size of a pixel there:
         geometric mean of along and across.
         """
@@ -227,7 +227,9 @@ class Canvas:
         level = min(FLOOR_LEVELS - 1, max(0, round(math.log2(pixel * FLOOR_DENSITY))))
         return self._flat(lens, part, self._scene.floor, plane, level)
 
-    def _flat(self, lens: Lens, part: Window, flat: Flat, plane: Floats, level: int) -> Indices:
+    def _flat(
+        self, lens: Lens, part: PictureWindow, flat: Flat, plane: Floats, level: int
+    ) -> Indices:
         """Return where in the atlas each pixel's point of the floor or the ceiling is."""
         across, up = self._on_plane(lens, part, plane / (1 << level))
         np.multiply(up, np.int32(flat.widths[level]), out=up)
@@ -236,7 +238,7 @@ class Canvas:
         return up
 
     def _on_plane(
-        self, lens: Lens, part: Window, plane: Floats, limits: tuple[int, int] | None = None
+        self, lens: Lens, part: PictureWindow, plane: Floats, limits: tuple[int, int] | None = None
     ) -> tuple[Indices, Indices]:
         """Return both coordinates of the points of a horizontal plane that a window's pixels see,
         as whole numbers; `plane` is `_plane`.
@@ -266,7 +268,7 @@ class Canvas:
 
     # --- things -----------------------------------------------------------------------------------
 
-    def paint(self, lens: Lens, eye: Eye, sights: list[Sight], stencil: Mask | None) -> None:
+    def paint(self, lens: Lens, eye: Eye, sights: list[ItemSight], stencil: Mask | None) -> None:
         """Paint things, the far ones first."""
         for sight in sights:
             reach = sight.entry * np.float32(sight.item.density)
@@ -280,7 +282,7 @@ class Canvas:
             else:
                 continue
             for part in _bands(
-                Window(
+                PictureWindow(
                     max(rows[0], window.top), min(rows[1], window.bottom), window.left, window.right
                 ).paired
             ):
@@ -290,9 +292,9 @@ class Canvas:
         self,
         lens: Lens,
         eye: Eye,
-        sight: Sight,
+        sight: ItemSight,
         reach: Distances,
-        part: Window,
+        part: PictureWindow,
         stencil: Mask | None,
     ) -> None:
         """Paint what of a thing is upright: where the ray comes in, `reach` in texels, between its
@@ -324,7 +326,13 @@ class Canvas:
         np.copyto(self._texels[where], index, where=mask)
 
     def _paint_face(
-        self, lens: Lens, eye: Eye, sight: Sight, plane: float, part: Window, stencil: Mask | None
+        self,
+        lens: Lens,
+        eye: Eye,
+        sight: ItemSight,
+        plane: float,
+        part: PictureWindow,
+        stencil: Mask | None,
     ) -> None:
         """Paint an upper or a lower face: where the ray reaches its plane after coming in and
         before going out.
@@ -359,7 +367,9 @@ class Canvas:
                 where=mask[:, rows],
             )
 
-    def _picture_on(self, lid: Lid, lens: Lens, eye: Eye, rise: float, part: Window) -> Indices:
+    def _picture_on(
+        self, lid: Lid, lens: Lens, eye: Eye, rise: float, part: PictureWindow
+    ) -> Indices:
         across, up = self._on_plane(
             lens, part, _plane(eye, rise, lid.matrix, lid.shift), (lid.width, lid.height)
         )
@@ -369,7 +379,12 @@ class Canvas:
         return up
 
     def stencil(
-        self, lens: Lens, eye: Eye, reach: Floats, heights: tuple[float, float], window: Window
+        self,
+        lens: Lens,
+        eye: Eye,
+        reach: Floats,
+        heights: tuple[float, float],
+        window: PictureWindow,
     ) -> Mask:
         """Return (ROWS, height / ROWS, width) where rays meet an upright pane between two heights;
         `reach` (RAYS,) is FAR beside it.
@@ -399,7 +414,7 @@ class Canvas:
             in_pairs(out[: ROWS * pairs]),
             out[ROWS * pairs :].reshape(2, pairs, width // 2),
         )
-        for part in _bands(Window(0, ROWS * pairs, 0, width)):
+        for part in _bands(PictureWindow(0, ROWS * pairs, 0, width)):
             rows, places = slice(part.top // ROWS, part.bottom // ROWS), _cut(self._places, part)
             np.copyto(places, self._texels[:, rows])
             np.copyto(
@@ -432,7 +447,9 @@ class Canvas:
         top, bottom, left, right = (
             round(float(limit)) for limit in (v.min(), v.max() + 1, u.min(), u.max() + 1)
         )
-        window = Window(max(top, 0), min(bottom, lens.height), max(left, 0), min(right, lens.width))
+        window = PictureWindow(
+            max(top, 0), min(bottom, lens.height), max(left, 0), min(right, lens.width)
+        )
         scale, floor, picture = STEPS / SHADOW, self._scene.floor, in_pairs(out[: lens.height])
         plane = _plane(eye, eye.height, SAME * scale, -np.array(place) * scale)
         end = floor.offsets[-1] + floor.widths[-1] * floor.heights[-1]
@@ -444,7 +461,7 @@ class Canvas:
             luma -= ((luma - np.float32(BLACK)) * near * np.float32(DARKEST)).astype(np.uint8)
 
 
-def _bands(window: Window) -> Iterator[Window]:
+def _bands(window: PictureWindow) -> Iterator[PictureWindow]:
     """Yield a window in bands of at most BAND pixels and an even number of rows."""
     if window.is_empty:
         return
@@ -453,7 +470,7 @@ def _bands(window: Window) -> Iterator[Window]:
         return
     rows = max(2, BAND // (window.right - window.left) // 2 * 2)
     for top in range(window.top, window.bottom, rows):
-        yield Window(top, min(top + rows, window.bottom), window.left, window.right)
+        yield PictureWindow(top, min(top + rows, window.bottom), window.left, window.right)
 
 
 def _rows(mask: Mask) -> slice:
@@ -468,7 +485,7 @@ def _rows(mask: Mask) -> slice:
     )
 
 
-def _part(window: Window, rows: slice) -> Window:
+def _part(window: PictureWindow, rows: slice) -> PictureWindow:
     """Return some of a window's pairs of rows."""
     first, last, _ = rows.indices((window.bottom - window.top) // ROWS)
     return window._replace(top=window.top + ROWS * first, bottom=window.top + ROWS * last)
@@ -495,7 +512,7 @@ def in_pairs(rows: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
     return rows.reshape(-1, ROWS, rows.shape[1]).swapaxes(0, 1)
 
 
-def _cut(buffer: npt.NDArray[Scalar], window: Window) -> npt.NDArray[Scalar]:
+def _cut(buffer: npt.NDArray[Scalar], window: PictureWindow) -> npt.NDArray[Scalar]:
     """Return the beginning of a buffer as an array of a window's pixels: (ROWS, height / ROWS,
     width).
     """

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.simulator.profiles import BodyPart
 from robots.agent.simulator.render import textures as pictures
 from robots.agent.simulator.render.materials import WALLS, Picture, Plane, rgb
-from robots.api.floorplan import Dock, Door, DoorState, Furniture
+from robots.api.floorplan import ChargingDock, Door, DoorState, Furniture
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import BodyPart
 from robots.world.solids import Floats, disc, leaf_end, rectangle, station_pose
 
 FINE, MIDDLE, COARSE = 100.0, 60.0, 30.0  # texels a metre
@@ -383,7 +383,7 @@ BUILDERS: dict[str, Callable[[Joiner, Furniture], None]] = {
 }
 
 
-def dock_blocks(dock: Dock, seed: int) -> list[Block]:
+def dock_blocks(dock: ChargingDock, seed: int) -> list[Block]:
     """Return a charging station: its body, and a plate with its marker above it at the height of a
     camera.
     """

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robots.agent.simulator.render.rays import EDGE, Mask, Places
-from robots.agent.simulator.render.scene import Item
+from robots.agent.simulator.render.scene import SceneItem
 from robots.api.geometry import Pose2D
 from robots.world.solids import Floats
 
@@ -15,10 +15,10 @@ from robots.world.solids import Floats
 @dataclass(frozen=True, eq=False)
 class Things:
     """k items with n sides: `starts` (k,) is the first side of each, `owner` (n,) the item of each
-    side, the rest as in `Item`.
+    side, the rest as in `SceneItem`.
     """
 
-    items: tuple[Item, ...]
+    items: tuple[SceneItem, ...]
     sides: Floats
     owner: Places
     starts: Places
@@ -51,7 +51,7 @@ class Things:
         return replace(self, sides=points.reshape(-1, 4))
 
 
-def gather(items: tuple[Item, ...]) -> Things:
+def gather(items: tuple[SceneItem, ...]) -> Things:
     """Return items in arrays."""
     counts = [len(item.sides) for item in items]
     starts = np.cumsum([0, *counts])[:-1].astype(np.intp)

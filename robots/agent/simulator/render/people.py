@@ -13,7 +13,7 @@ from robots.agent.simulator.physics.people import Person
 from robots.agent.simulator.render.body import limbs, look_of
 from robots.agent.simulator.render.items import Things, gather
 from robots.agent.simulator.render.rays import EDGE
-from robots.agent.simulator.render.scene import Item
+from robots.agent.simulator.render.scene import SceneItem
 from robots.agent.simulator.render.sprite import DENSITY, draw
 from robots.agent.simulator.render.texture_atlas import TextureAtlas, Upright
 from robots.world.solids import Floats
@@ -43,7 +43,7 @@ class Figures:
             tuple(self._item(number, person, origin) for number, person in enumerate(people))
         )
 
-    def _item(self, number: int, person: Person, origin: Floats) -> Item:
+    def _item(self, number: int, person: Person, origin: Floats) -> SceneItem:
         away = np.array([person.x, person.y]) - origin
         bearing = math.atan2(-away[1], -away[0]) - person.heading
         key, mirrored = chosen(person, bearing)
@@ -52,7 +52,7 @@ class Figures:
             left, right = -right, -left
         across = np.array([away[1], -away[0]]) / max(math.hypot(*away.tolist()), EDGE)
         middle = np.array([person.x, person.y])
-        return Item(
+        return SceneItem(
             group=f"person {number}",
             sides=np.hstack([middle + left * across, middle + right * across])[None],
             bottom=0.0,

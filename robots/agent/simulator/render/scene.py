@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.simulator.profiles import RobotModel
 from robots.agent.simulator.render import furniture, textures
 from robots.agent.simulator.render.furniture import Block
 from robots.agent.simulator.render.lighting import Lights, hang, light_floor, light_wall
@@ -30,6 +29,7 @@ from robots.agent.simulator.render.materials import (
 from robots.agent.simulator.render.texture_atlas import Flat, TextureAtlas, Upright
 from robots.api.floorplan import Decoration, Door, DoorState, FloorPlan, Mirror, Passage, Surface
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import RobotModel
 from robots.world.solids import Floats, bar, fixed_solids, inside, leaf_turn, rectangle
 
 WALL_DENSITY = 100.0  # texels a metre
@@ -59,7 +59,7 @@ class Lid:
 
 
 @dataclass(frozen=True, eq=False)
-class Item:
+class SceneItem:
     """What the camera draws at once: upright faces of one height, and perhaps a lid.
 
     `sides` (n, 4) in the world, or about the origin for what moves; `offsets` and `columns`
@@ -83,7 +83,7 @@ class Item:
     holes: bool = False
     mirrored: bool = False
 
-    def moved(self, pose: Pose2D) -> "Item":
+    def moved(self, pose: Pose2D) -> "SceneItem":
         """Return the item, made about the origin, at a pose; a picture on its lid is not turned
         with it.
         """
@@ -105,7 +105,7 @@ class Glass:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class RenderScene:
     """Everything that the camera needs.
 
     `walls` (n, 4) are faces from floor to ceiling, counter-clockwise about their wall;
@@ -123,12 +123,12 @@ class Scene:
     floor: Flat
     roof: Flat
     corner: Floats
-    items: tuple[Item, ...]
-    leaves: dict[tuple[str, DoorState], Item]
-    body: tuple[Item, ...]
+    items: tuple[SceneItem, ...]
+    leaves: dict[tuple[str, DoorState], SceneItem]
+    body: tuple[SceneItem, ...]
     mirrors: tuple[Glass, ...]
 
-    def swinging(self, door: Door, opening: float) -> Item:
+    def swinging(self, door: Door, opening: float) -> SceneItem:
         """Return a leaf on its way, as it is lit at the nearer end of it."""
         state: DoorState = "open" if opening > 0.5 else "closed"
         leaf, turn = (
@@ -148,7 +148,7 @@ class Builder:
         self.texture_atlas = TextureAtlas()
         self.lights: Lights = hang(plan)
 
-    def build(self, model: RobotModel) -> Scene:
+    def build(self, model: RobotModel) -> RenderScene:
         """Return the scene of a plan, and of a robot for its mirrors."""
         walls, uprights = self._walls()
         floor, roof, corner = self._floor_and_roof()
@@ -169,7 +169,7 @@ class Builder:
             self._item("robot", block, lit=False)
             for block in furniture.body_blocks(model.body, self.rng)
         )
-        return Scene(
+        return RenderScene(
             ceiling=self.plan.ceiling,
             texture_atlas=self.texture_atlas,
             walls=walls,
@@ -306,7 +306,7 @@ class Builder:
         solid = ~np.isnan(source[..., 0])
         target[solid] = source[solid]
 
-    def _lintel(self, opening: Door | Passage) -> list[Item]:
+    def _lintel(self, opening: Door | Passage) -> list[SceneItem]:
         """Return the piece of wall above an opening."""
         above = self.plan.ceiling - opening.height
         if above < 0.02:
@@ -470,7 +470,7 @@ class Builder:
 
     # --- things -----------------------------------------------------------------------------------
 
-    def _item(self, group: str, block: Block, *, lit: bool = True) -> Item:
+    def _item(self, group: str, block: Block, *, lit: bool = True) -> SceneItem:
         uprights = []
         for picture, side in zip(block.pictures, block.sides, strict=True):
             if lit and not block.glow:
@@ -484,7 +484,7 @@ class Builder:
                     corners=False,
                 )
             uprights.append(self.texture_atlas.upright(picture))
-        return Item(
+        return SceneItem(
             group=group,
             sides=block.sides,
             bottom=block.bottom,

@@ -11,9 +11,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.simulator.physics.drive import Motion, advance
+from robots.agent.simulator.physics.drive import WheelMotion, advance
 from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.physics.realtime import View
+from robots.agent.simulator.physics.realtime import CameraView
 from robots.agent.simulator.render.frame_ring import FrameWriter
 from robots.api.geometry import Pose2D
 from robots.world.solids import Opening
@@ -38,12 +38,12 @@ class Renderer(Protocol):
         """Draw what the camera sees into `out`, (height * 3 / 2, width): Y, U, V."""
 
 
-def pose_at(view: View, stamp: float) -> Pose2D:
+def pose_at(view: CameraView, stamp: float) -> Pose2D:
     """Return the pose a moment after a view: pictures come between the steps, and should not judder
     with them.
     """
     ahead = min(max(stamp - view.stamp, 0.0), LONGEST_GUESS)
-    return advance(view.pose, Motion(*view.motion), ahead)
+    return advance(view.pose, WheelMotion(*view.motion), ahead)
 
 
 class CameraThread:
@@ -62,7 +62,7 @@ class CameraThread:
         make: Callable[[], Renderer],
         ring: FrameWriter,
         fps: float,
-        view: Callable[[], View],
+        view: Callable[[], CameraView],
         ready: Callable[[int, float], None],
     ) -> None:
         self._make, self._ring, self._period, self._view, self._ready = (

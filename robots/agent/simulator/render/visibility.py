@@ -27,7 +27,7 @@ from robots.agent.simulator.render.rays import (
     looks_at,
     spans,
 )
-from robots.agent.simulator.render.scene import Item
+from robots.agent.simulator.render.scene import SceneItem
 from robots.agent.simulator.render.texture_atlas import LEVELS
 from robots.world.solids import Floats
 
@@ -36,7 +36,7 @@ SORTED = 8  # every so manyth ray decides what stands before what
 SMALLEST = 4  # rows, of which one is rounding: what is lower is not drawn
 
 
-class Window(NamedTuple):
+class PictureWindow(NamedTuple):
     """A part of the picture, rows and columns from … up to."""
 
     top: int
@@ -49,9 +49,9 @@ class Window(NamedTuple):
         """Tell whether there is no pixel in it."""
         return self.bottom <= self.top or self.right <= self.left
 
-    def within(self, other: "Window") -> "Window":
+    def within(self, other: "PictureWindow") -> "PictureWindow":
         """Return what is in both."""
-        return Window(
+        return PictureWindow(
             max(self.top, other.top),
             min(self.bottom, other.bottom),
             max(self.left, other.left),
@@ -59,7 +59,7 @@ class Window(NamedTuple):
         )
 
     @property
-    def paired(self) -> "Window":
+    def paired(self) -> "PictureWindow":
         """Return the same, grown to rows that come in pairs: these share their azimuths."""
         return self._replace(
             top=self.top - self.top % ROWS, bottom=self.bottom + -self.bottom % ROWS
@@ -73,7 +73,7 @@ class Window(NamedTuple):
         return ..., slice(self.top // ROWS, self.bottom // ROWS), slice(self.left, self.right)
 
 
-class Sight(NamedTuple):
+class ItemSight(NamedTuple):
     """An item as the rays of one eye meet it.
 
     `upper`, `lower` are the rows of the picture that its upper and its lower face lie in. `entry`,
@@ -81,20 +81,22 @@ class Sight(NamedTuple):
     does not or walls hide it; `texel` (RAYS,) where the column of its picture begins.
     """
 
-    item: Item
-    window: Window
+    item: SceneItem
+    window: PictureWindow
     upper: tuple[int, int]
     lower: tuple[int, int]
     entry: Distances
     leave: Distances
     texel: npt.NDArray[np.int32]
 
-    def within(self, window: Window) -> "Sight":
+    def within(self, window: PictureWindow) -> "ItemSight":
         """Return what of it is in a part of the picture."""
         return self._replace(window=self.window.within(window))
 
 
-def look(things: Things, lens: Lens, eye: Eye, walls: Distances, within: Window) -> list[Sight]:
+def look(
+    things: Things, lens: Lens, eye: Eye, walls: Distances, within: PictureWindow
+) -> list[ItemSight]:
     """Return what is in the picture of an eye, what hides coming after what is hidden.
 
     Rays along a side divide by zero and miss it; the caller ignores numpy's warnings about that.
@@ -229,7 +231,9 @@ class _Pool:
             self._row[self._things.owner[faces]][meetings.row[seen]], meetings.ray[seen]
         ] = meetings.reach[seen]
 
-    def sights(self, edges: Floats, lens: Lens, height: float, within: Window) -> list[Sight]:
+    def sights(
+        self, edges: Floats, lens: Lens, height: float, within: PictureWindow
+    ) -> list[ItemSight]:
         """Return what is met at all in a part of the picture, far to near."""
         met = self._entry < np.float32(FAR)
         seen = np.flatnonzero(met.any(axis=1))
@@ -253,9 +257,9 @@ class _Pool:
             [top, bottom, left, right, high_from, high_to, low_from, low_to], axis=1
         ).tolist()
         found = [
-            Sight(
+            ItemSight(
                 self._things.items[n],
-                Window(*place[:4]).within(within),
+                PictureWindow(*place[:4]).within(within),
                 (place[4], place[5]),
                 (place[6], place[7]),
                 *arrays,

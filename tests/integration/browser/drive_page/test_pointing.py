@@ -8,7 +8,7 @@ import time
 import pytest
 from playwright.async_api import Page
 
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.permissions import CommandSender
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Stop
 from robots.world.sites import load_plan
@@ -165,7 +165,9 @@ async def test_at_the_dock_the_large_button_drives_out_and_a_robot_that_does_not
             # A stop that comes a second before the key is felt at the robot finds nobody who holds
             # one.
             await hold(page, "ArrowRight", lambda: [c for _, c in site.applied if c.angular < 0.0])
-            site.do(lambda: site.kernel.stop(halt, Sender("mqtt", "staff"), time.monotonic()))
+            site.do(
+                lambda: site.kernel.stop(halt, CommandSender("mqtt", "staff"), time.monotonic())
+            )
             await page.wait_for_selector("#alert[data-word='stuck.held']", timeout=1000 * PATIENCE)
             await page.keyboard.up("ArrowRight")
 

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from robots.agent.media import MediaSide
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from tests.support.control_rig import ThreadedControlRig

@@ -5,10 +5,10 @@ import random
 
 import pytest
 
-from robots.agent.backoff import Backoff
 from robots.agent.broker_link.broker_discovery import broker_urls
 from robots.agent.config import ConfigError, add_arguments, load
 from robots.agent.lab.in_force import CLEAN
+from robots.agent.timing import Backoff
 from robots.api.messages import NetworkLab
 from tests.support.agent_server import AgentServer
 

@@ -93,7 +93,9 @@ def test_one_turn_of_the_loop_takes_a_piece_of_a_long_queue_and_the_packet_in_wh
         ours.setblocking(False)
         client._sock = ours
         sent = [bytes([number]) * size for number in range(count)]
-        theirs.sendall(b"".join(packets.publish(packets.Publish("t", payload)) for payload in sent))
+        theirs.sendall(
+            b"".join(packets.publish(packets.PublishPacket("t", payload)) for payload in sent)
+        )
         assert read_quickly(SimpleNamespace(_client=client), 4096)
         turns = []
         while len(got) < count:

@@ -17,7 +17,7 @@ from robots.broker import connection as connection_module
 from robots.broker import packets
 from robots.broker.admission import MAX_STRANGERS
 from robots.broker.bounded_log import LINES_OF_SUBJECT
-from robots.broker.connection import CONNECT_BYTES, PACKETS_A_TURN, Connection
+from robots.broker.connection import CONNECT_BYTES, PACKETS_A_TURN, ClientConnection
 from robots.broker.embedded import ACCEPTED_A_TURN, EmbeddedBroker
 from robots.broker.permissions import ROBOT_ALLOWANCE, BrokerUser, of_robot, of_server
 from robots.broker.token_bucket import TokenBucket
@@ -127,7 +127,7 @@ async def test_of_a_flood_a_few_packets_are_handled_in_a_turn_of_the_loop(
     door, monkeypatch, turns_of_the_loop
 ):
     client = await door.signed_in()
-    handled = noted(monkeypatch, Connection, "_obey", lambda *_: turns_of_the_loop())
+    handled = noted(monkeypatch, ClientConnection, "_obey", lambda *_: turns_of_the_loop())
     client.send(PING * 5000)
     for _ in range(5000):
         assert await client.packet() == PONG
@@ -142,11 +142,11 @@ async def test_others_have_their_turn_between_those_of_a_flood_and_nothing_more_
         await door.signed_in(client_id="honest"),
     )
     handled = noted(
-        monkeypatch, Connection, "_obey", lambda connection, *_: connection.session.client_id
+        monkeypatch, ClientConnection, "_obey", lambda connection, *_: connection.session.client_id
     )
     waiting = noted(
         monkeypatch,
-        Connection,
+        ClientConnection,
         "_take_turn",
         lambda connection, *_: len(connection._reader._buffer),
     )
@@ -166,7 +166,7 @@ async def test_a_robot_that_has_had_its_allowance_is_not_read_any_more_and_the_o
     robots = [await door.signed_in("giraff", f"robot-{number}") for number in range(2)]
     web = await door.signed_in("web")
     handled = noted(
-        monkeypatch, Connection, "_obey", lambda connection, *_: connection.session.client_id
+        monkeypatch, ClientConnection, "_obey", lambda connection, *_: connection.session.client_id
     )
     connections = [door.connection(f"robot-{number}") for number in range(2)]
     connections[0]._usage.bucket = bucket = TokenBucket(1e-6, 50.0, 0.0)
@@ -233,7 +233,7 @@ async def test_who_asks_and_never_takes_the_answers_is_sent_away(door, monkeypat
 async def test_of_a_stranger_not_one_byte_behind_the_connect_is_read_before_the_password_is_known(
     door, monkeypatch
 ):
-    read = noted(monkeypatch, Connection, "buffer_updated", lambda _, count: count)
+    read = noted(monkeypatch, ClientConnection, "buffer_updated", lambda _, count: count)
     asked, answer = asyncio.Event(), asyncio.Event()
     original = door.broker.authenticate
 
@@ -265,7 +265,7 @@ async def test_what_is_sent_behind_the_connect_is_read_when_the_password_was_rig
 async def test_the_broker_looks_at_one_connect_in_a_turn_of_its_loop(
     door, monkeypatch, turns_of_the_loop
 ):
-    looked = noted(monkeypatch, Connection, "sign_in", lambda _: turns_of_the_loop())
+    looked = noted(monkeypatch, ClientConnection, "sign_in", lambda _: turns_of_the_loop())
     clients = [await door.enter() for _ in range(30)]
     for number, client in enumerate(clients):
         client.send(connect_packet(f"c{number}", "web", "token"))
@@ -277,7 +277,7 @@ async def test_the_broker_looks_at_one_connect_in_a_turn_of_its_loop(
 async def test_a_few_connections_are_accepted_in_a_turn_and_many_may_wait(
     door, monkeypatch, turns_of_the_loop
 ):
-    made = noted(monkeypatch, Connection, "connection_made", lambda *_: turns_of_the_loop())
+    made = noted(monkeypatch, ClientConnection, "connection_made", lambda *_: turns_of_the_loop())
     # the loop stands meanwhile: the kernel takes them
     sockets = [socket.create_connection(("127.0.0.1", door.port)) for _ in range(100)]
     await door.until(lambda: len(made) == len(sockets))
@@ -357,7 +357,7 @@ async def test_connections_that_ended_hold_no_memory_until_the_collector_comes(d
                 not [
                     c
                     for c in gc.get_objects()
-                    if isinstance(c, Connection) and c._desk is door.broker
+                    if isinstance(c, ClientConnection) and c._desk is door.broker
                 ]
             )
         )

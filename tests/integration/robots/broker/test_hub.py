@@ -12,7 +12,7 @@ from robots.broker import packets
 from robots.broker.bounded_log import LINES_OF_SUBJECT
 from robots.broker.filters import matches
 from robots.broker.hub import MAX_UNRELEASED, MESSAGE_BYTES, WINDOW, Hub
-from robots.broker.packets import Connect, PacketReader, Publish, Subscribe
+from robots.broker.packets import Connect, PacketReader, PublishPacket, Subscribe
 from robots.broker.permissions import (
     ROBOT_ALLOWANCE,
     SERVER_ALLOWANCE,
@@ -35,7 +35,9 @@ class MemoryLink:
         self.reader, self.heard = PacketReader(10_000_000), []
 
     def write(self, data):
-        self.heard += [packet for packet in self.reader.feed(data) if isinstance(packet, Publish)]
+        self.heard += [
+            packet for packet in self.reader.feed(data) if isinstance(packet, PublishPacket)
+        ]
 
     def kick(self):
         self.is_kicked = True
@@ -62,8 +64,8 @@ def test_a_slow_reader_loses_the_unimportant_and_keeps_the_important():
     web, link = join(hub, WEB)
     subscribe(hub, web, "telepresence/v1/#")
     link.is_ready = False
-    hub.publish(web, Publish(of("giraff", "command/velocity"), b"go", qos=0))
-    hub.publish(web, Publish(LEASE, b"lease", qos=1, packet_id=1))
+    hub.publish(web, PublishPacket(of("giraff", "command/velocity"), b"go", qos=0))
+    hub.publish(web, PublishPacket(LEASE, b"lease", qos=1, packet_id=1))
     assert link.heard == []
     link.is_ready = True
     hub.push(web)
@@ -76,7 +78,7 @@ def test_no_more_than_a_window_is_in_flight():
     web, link = join(hub, WEB)
     subscribe(hub, web, LEASE)
     for number in range(WINDOW + 5):
-        hub.publish(web, Publish(LEASE, str(number).encode(), qos=1, packet_id=1))
+        hub.publish(web, PublishPacket(LEASE, str(number).encode(), qos=1, packet_id=1))
     assert len(link.heard) == WINDOW
     hub.acknowledge(web, link.heard[0].packet_id)
     assert len(link.heard) == WINDOW + 1
@@ -101,7 +103,7 @@ def test_a_queue_that_is_full_refuses_the_newest(bounds):
     hub.leave(web, link, graceful=True, now=0.0)
     other, _ = join(hub, user, "other")
     for payload in (b"12345", b"67890", b"abcde"):
-        hub.publish(other, Publish(LEASE, payload, qos=1, packet_id=1))
+        hub.publish(other, PublishPacket(LEASE, payload, qos=1, packet_id=1))
     back, again = join(hub, user, clean=False)
     hub.resume(back)
     assert [message.payload for message in again.heard] == [b"12345", b"67890"]
@@ -113,7 +115,7 @@ def test_what_a_subscriber_never_acknowledges_is_bounded_in_count_and_bytes(payl
     giraff, _ = join(hub, GIRAFF)
     subscribe(hub, giraff, of("giraff", "connection"))
     for _ in range(3 * ROBOT_ALLOWANCE.queue_messages):
-        hub.publish(giraff, Publish(of("giraff", "connection"), payload, qos=1, packet_id=1))
+        hub.publish(giraff, PublishPacket(of("giraff", "connection"), payload, qos=1, packet_id=1))
     held = [*giraff.queue, *giraff.inflight.values()]
     assert len(held) <= ROBOT_ALLOWANCE.queue_messages
     assert (
@@ -129,7 +131,7 @@ def test_who_acknowledges_is_sent_everything_and_nothing_is_held_any_more():
     web, link = join(hub, WEB)
     subscribe(hub, web, LEASE)
     for number in range(2 * WINDOW):
-        hub.publish(web, Publish(LEASE, str(number).encode(), qos=1, packet_id=1))
+        hub.publish(web, PublishPacket(LEASE, str(number).encode(), qos=1, packet_id=1))
     for number in range(2 * WINDOW):
         hub.acknowledge(web, link.heard[number].packet_id)
         hub.acknowledge(web, link.heard[number].packet_id)  # again: it counts once
@@ -142,7 +144,7 @@ def test_a_client_that_comes_back_is_sent_again_what_it_owes_only_as_far_as_it_k
     web, link = join(hub, WEB, clean=False)
     subscribe(hub, web, LEASE)
     for number in range(10):
-        hub.publish(web, Publish(LEASE, str(number).encode(), qos=1, packet_id=1))
+        hub.publish(web, PublishPacket(LEASE, str(number).encode(), qos=1, packet_id=1))
     hub.leave(web, link, graceful=False, now=0.0)
     first_ids = [message.packet_id for message in link.heard]
     for _ in range(2):
@@ -162,12 +164,14 @@ def test_who_never_releases_what_was_received_once_is_hung_up_on():
     hub = Hub()
     giraff, _ = join(hub, GIRAFF)
     for packet_id in range(1, MAX_UNRELEASED + 1):
-        hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=packet_id))
+        hub.receive_once(
+            giraff, PublishPacket(of("giraff", "state"), b"", qos=2, packet_id=packet_id)
+        )
     # sent again: nothing new
-    hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=1))
+    hub.receive_once(giraff, PublishPacket(of("giraff", "state"), b"", qos=2, packet_id=1))
     with pytest.raises(packets.ProtocolError):
         hub.receive_once(
-            giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=MAX_UNRELEASED + 1)
+            giraff, PublishPacket(of("giraff", "state"), b"", qos=2, packet_id=MAX_UNRELEASED + 1)
         )
 
 
@@ -208,7 +212,7 @@ def test_subscriptions_and_retained_messages_are_found_as_the_filters_match(filt
         filter_ for filter_, session in sessions.items() if subscribe(hub, session, filter_) == 1
     }
     for topic in topics:
-        hub.retained[topic] = Publish(topic, b"x", retain=True)
+        hub.retained[topic] = PublishPacket(topic, b"x", retain=True)
         assert {session.client_id for session, _ in hub._route(topic)} == {
             filter_ for filter_ in granted if matches(filter_, topic)
         }
@@ -224,7 +228,7 @@ def test_refused_messages_leave_a_few_lines(caplog):
     hub = Hub()
     giraff, _ = join(hub, GIRAFF)
     for _ in range(1000):
-        hub.publish(giraff, Publish(of("rhodon", "state"), b""))
+        hub.publish(giraff, PublishPacket(of("rhodon", "state"), b""))
     assert len(caplog.records) == LINES_OF_SUBJECT
 
 
@@ -233,7 +237,7 @@ def test_retained_messages_are_bounded(monkeypatch):
     hub = Hub()
     web, _ = join(hub, WEB)
     for robot in ("giraff", "rhodon", "third"):
-        hub.publish(web, Publish(of(robot, "lease"), b"x", retain=True))
+        hub.publish(web, PublishPacket(of(robot, "lease"), b"x", retain=True))
     assert len(hub.retained) == 2
 
 
@@ -242,10 +246,10 @@ def test_a_robot_retains_what_the_topic_table_says_and_nothing_else():
     (giraff, _), (web, heard) = join(hub, GIRAFF), join(hub, WEB)
     subscribe(hub, web, "telepresence/v1/#")
     for suffix in ("signal/p1/reply", "photo/a1", "picture/p1", "state", "connection", "factsheet"):
-        hub.publish(giraff, Publish(of("giraff", suffix), b"x", retain=True))
+        hub.publish(giraff, PublishPacket(of("giraff", suffix), b"x", retain=True))
     assert set(hub.retained) == {of("giraff", "connection"), of("giraff", "factsheet")}
     assert len(heard.heard) == 6  # all the same it is delivered
-    hub.publish(web, Publish(f"{SERVER}/news", b"x", retain=True))
+    hub.publish(web, PublishPacket(f"{SERVER}/news", b"x", retain=True))
     assert f"{SERVER}/news" in hub.retained
 
 
@@ -281,7 +285,9 @@ def test_a_take_over_publishes_the_will_of_the_connection_that_goes():
     hub = Hub()
     web, heard = join(hub, WEB)
     subscribe(hub, web, of("giraff", "connection"))
-    _, old = join(hub, GIRAFF, "agent", will=Publish(of("giraff", "connection"), b"broken", qos=1))
+    _, old = join(
+        hub, GIRAFF, "agent", will=PublishPacket(of("giraff", "connection"), b"broken", qos=1)
+    )
     session, _ = join(hub, GIRAFF, "agent")
     assert old.is_kicked
     assert [message.payload for message in heard.heard] == [b"broken"]
@@ -293,7 +299,7 @@ def test_a_revoked_user_is_kicked_and_its_will_published():
     hub = Hub()
     web, heard = join(hub, WEB)
     subscribe(hub, web, of("giraff", "connection"))
-    _, link = join(hub, GIRAFF, will=Publish(of("giraff", "connection"), b"broken", qos=1))
+    _, link = join(hub, GIRAFF, will=PublishPacket(of("giraff", "connection"), b"broken", qos=1))
     hub.set_users({"web": WEB}, now=0.0)
     assert link.is_kicked
     assert [message.payload for message in heard.heard] == [b"broken"]

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.agent.thread_priority import nice, set_nice
 from tests.support.control_rig import ThreadedControlRig
 from tests.support.host_jitter import watched

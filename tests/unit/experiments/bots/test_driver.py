@@ -13,10 +13,10 @@ from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoTaken, Seen
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import model_of
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Scan
+from robots.world.robot_models import model_of
 from robots.world.sites import load_site
 from sessions.protocol import Task
 

@@ -8,8 +8,8 @@ from experiments.definition.problems import MAX_BYTES, parse, problems
 from experiments.definition.reachability import unreachable
 from experiments.definition.schema import Study, digest, from_stored, to_json
 from experiments.definition.shipped import shipped
-from robots.agent.simulator.profiles import MODELS
 from robots.api.floorplan import FloorPlan
+from robots.world.robot_models import MODELS
 from robots.world.sites import load_plan
 from surveys.problems import BadDefinitionError
 from surveys.questionnaires import shipped as shipped_questionnaires

@@ -10,8 +10,8 @@ from typing import ClassVar
 
 import pytest
 
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ObstaclePoints, Sonar, SonarEcho
-from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
 from tests.support.control_rig import ControlRig, own, stamped
 from tests.support.scripted_robot import PROFILE, NavigatingRobot

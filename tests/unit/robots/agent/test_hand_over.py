@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from tests.support.control_rig import ControlRig, own, staff, stamped
 from tests.support.scripted_robot import NavigatingRobot, still

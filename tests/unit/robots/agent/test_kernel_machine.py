@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from robots.agent.navigation.assistance.assist import Assisted
+from robots.agent.ramp import ZERO
 from robots.agent.safety.contacts import CREEP, SIDES
 from robots.agent.safety.estop_latch import BUTTON
-from robots.agent.safety.kernel import MAX_STEP, SAME_STOP, STANDSTILL, STANDSTILL_TURNING, Kernel
+from robots.agent.safety.kernel import KERNEL, Kernel
 from robots.agent.safety.lease import Remembered
-from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
+from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
@@ -36,7 +36,10 @@ turns = st.sampled_from([0.35, -0.35, 0.0])
 
 
 def moves(velocity):
-    return abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL_TURNING
+    return (
+        abs(velocity.linear) > KERNEL.standstill
+        or abs(velocity.angular) > KERNEL.standstill_turning
+    )
 
 
 class Walls:
@@ -178,7 +181,7 @@ class KernelMachine(RuleBasedStateMachine):
             )
             moving = bool(linear or angular)
             verdict = self.kernel.velocity(
-                command, Sender(way, "p1"), now=self.now, unix=self.bench.unix
+                command, CommandSender(way, "p1"), now=self.now, unix=self.bench.unix
             )
             if moving:
                 self.quiet_since = self.now
@@ -204,7 +207,7 @@ class KernelMachine(RuleBasedStateMachine):
         )
         assert (
             self.kernel.velocity(
-                command, Sender("datachannel", peer), now=self.now, unix=self.bench.unix
+                command, CommandSender("datachannel", peer), now=self.now, unix=self.bench.unix
             ).reason
             is not None
         )
@@ -262,7 +265,7 @@ class KernelMachine(RuleBasedStateMachine):
                 self.pressed_at[number] = self.now
             self.navigation_is_over()
         elif not watches:
-            assert self.now - self.pressed_at.get(number, -math.inf) < SAME_STOP, (
+            assert self.now - self.pressed_at.get(number, -math.inf) < KERNEL.same_stop, (
                 "an e-stop that repeats none was not obeyed"
             )
         self.sees(self.bench.outputs[-1][1])
@@ -445,7 +448,7 @@ class KernelMachine(RuleBasedStateMachine):
         ):
             assert abs(new) <= limit + SLACK
             if drives:
-                assert abs(new) <= abs(old) + up * MAX_STEP + SLACK
+                assert abs(new) <= abs(old) + up * KERNEL.max_step + SLACK
             else:
                 assert (
                     abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK

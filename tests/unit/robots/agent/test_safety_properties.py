@@ -11,9 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
-from robots.agent.safety.kernel import MAX_STEP
-from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
+from robots.agent.safety.kernel import KERNEL
+from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from tests.support.kernel_bench import LIMITS, Bench
 
@@ -115,7 +115,9 @@ class Account:
             assert (
                 not grows
                 or abs(after)
-                <= (abs(before) if before * after > 0 else 0.0) + up * min(dt, MAX_STEP) + SLACK
+                <= (abs(before) if before * after > 0 else 0.0)
+                + up * min(dt, KERNEL.max_step)
+                + SLACK
             )
         permitted = (
             bench.now < self.accepted_at + LIMITS.deadman
@@ -178,7 +180,9 @@ def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, 
         epoch=epoch,
         seq=max(0, bench.seq + step),
     )
-    verdict = bench.kernel.velocity(command, Sender(way, peer), now=bench.now, unix=bench.unix)
+    verdict = bench.kernel.velocity(
+        command, CommandSender(way, peer), now=bench.now, unix=bench.unix
+    )
     assert bench.now < account.lease_until or verdict.reason
     if verdict.reason is None:
         account.accepted_at = bench.now
@@ -189,7 +193,7 @@ def _good(bench, account, linear, angular):
     command = bench.command(
         linear, angular, session=lease.session if lease else "s1", epoch=lease.epoch if lease else 1
     )
-    verdict = bench.kernel.velocity(command, Sender("mqtt"), now=bench.now, unix=bench.unix)
+    verdict = bench.kernel.velocity(command, CommandSender("mqtt"), now=bench.now, unix=bench.unix)
     assert (bench.now < account.lease_until and not account.latched) or verdict.reason
     if verdict.reason is None:
         account.accepted_at = bench.now

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Navigating
-from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
 from robots.api.examples import EXAMPLES
 from robots.api.geometry import Pose2D

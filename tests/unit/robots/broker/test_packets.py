@@ -12,7 +12,7 @@ from robots.broker.packets import (
     PacketReader,
     PingRequest,
     ProtocolError,
-    Publish,
+    PublishPacket,
     Subscribe,
     Unsubscribe,
 )
@@ -23,7 +23,7 @@ TOPIC = st.text(
     st.characters(blacklist_characters="+#\0", blacklist_categories=["Cs"]), min_size=1, max_size=40
 ).filter(lambda t: t.count("/") < 32)
 MESSAGE = st.builds(
-    lambda topic, payload, qos, retain, packet_id, dup: Publish(
+    lambda topic, payload, qos, retain, packet_id, dup: PublishPacket(
         topic, payload, qos, retain, packet_id if qos else 0, dup
     ),
     TOPIC,
@@ -80,7 +80,7 @@ def test_every_packet_of_a_client_is_read():
             keep_alive=5,
             user="giraff",
             password="token",
-            will=Publish("a/b", b"gone", 1, retain=True),
+            will=PublishPacket("a/b", b"gone", 1, retain=True),
         )
     ]
     assert read(connect_packet("")) == [

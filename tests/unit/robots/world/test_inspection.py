@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.api.floorplan import (
-    Dock,
+    ChargingDock,
     Door,
     FloorPlan,
     Furniture,
@@ -55,7 +55,7 @@ PLAN = FloorPlan(
         ),
     ),
     docks=(
-        Dock(
+        ChargingDock(
             name="dock",
             title="Dock",
             type="giraff",

@@ -8,11 +8,11 @@ import pytest
 from scipy import ndimage
 
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS, RobotModel
 from robots.api.floorplan import DoorState
 from robots.world import sites
 from robots.world.inspection import inspect_site
 from robots.world.render_plan import rasterise, write_map
+from robots.world.robot_models import MODELS, RobotModel
 from robots.world.solids import leaf_solid
 
 OFFICE = sites.load_site("office")

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.messages import Velocity
 from tests.integration.robots.agent.adapters.test_whole_agent import agent
 from tests.support.adapter_conformance import drive, wait_for

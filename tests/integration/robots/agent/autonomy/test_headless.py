@@ -9,10 +9,10 @@ from robots.agent.autonomy.area import AreaError, area_of, update_of
 from robots.agent.autonomy.headless import Headless
 from robots.agent.autonomy.navigation_node import ActionError
 from robots.agent.autonomy.sensor_snapshot import Body
-from robots.agent.simulator.physics.faults import Faults
-from robots.agent.simulator.profiles import model_of
+from robots.agent.simulator.faults import Faults
 from robots.api import messages as m
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import model_of
 from robots.world.sites import load_site
 from tests.support.headless_robot import HeadlessRobot, office
 

@@ -11,9 +11,9 @@ import time
 
 import pytest
 
-from robots.agent.backoff import Backoff
 from robots.agent.broker_link.mqtt import Endpoint, MqttLink
 from robots.agent.broker_link.outbox import Outbox, outbound
+from robots.agent.timing import Backoff
 from robots.api import codec
 from robots.api import messages as m
 from telepresence_site.demo import lan

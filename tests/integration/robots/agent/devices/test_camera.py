@@ -12,7 +12,7 @@ from robots.agent.devices import words
 from robots.agent.devices.camera import LARGEST, DeviceCamera
 from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.codecs.encoder import TIER_480P, PictureEncoder
-from robots.agent.media.webrtc.rtp import RtpClock
+from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import AdapterError
 from tests.support.picture_server import PictureServer
 from tests.support.simulators import eventually

@@ -11,10 +11,10 @@ import pytest
 
 from robots.agent.devices import words
 from robots.agent.devices.camera import DeviceCamera
-from robots.agent.devices.reader import Reader, ReaderLimits
+from robots.agent.devices.reader import DeviceReader, ReaderLimits
 from robots.agent.media.capture.camera import CameraFeed
 from robots.agent.media.capture.capture import CaptureState
-from robots.agent.media.webrtc.rtp import RtpClock
+from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import AdapterError
 from tests.support.rtsp_server import rtsp_server
 from tests.support.simulators import eventually
@@ -142,7 +142,7 @@ def test_a_camera_that_says_nothing_and_one_without_whole_pictures_are_told_apar
 
 def opening_fails(url: str, limits: ReaderLimits) -> str:
     seen = []
-    reader = Reader(
+    reader = DeviceReader(
         "camera",
         words.read(url, "camera"),
         "video",

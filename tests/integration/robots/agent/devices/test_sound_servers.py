@@ -14,9 +14,8 @@ import pytest
 from robots.agent.config import load
 from robots.agent.devices.alsa import BLOCK
 from robots.agent.devices.equipment import equipment_of
-from robots.agent.media.capture.microphone import MicrophoneFeed
 from robots.agent.media.capture.outputs import OutputFeed
-from robots.agent.media.capture.sound import SoundEncoder
+from robots.agent.media.capture.sound import MicrophoneFeed, SoundEncoder
 from robots.agent.robot_interface import AdapterError
 from tests.support.scripted_robot import ScriptedRobot
 from tests.support.simulators import eventually

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from robots.agent.localization.localizer import Localizer
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF, RHODON, RobotModel
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
 from robots.world.grid import MapError, OccupancyGrid
+from robots.world.robot_models import GIRAFF, RHODON, RobotModel
 from robots.world.sensing import Estimate, LaserScan
 from robots.world.sites import load_site
 from tests.support.drawn_map import beams_from, drawn_map, standing

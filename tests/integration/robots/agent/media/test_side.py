@@ -11,9 +11,9 @@ import pytest
 
 from robots.agent.media import MediaSide
 from robots.agent.media.peers.connections import FLOOD_PAUSE
+from robots.agent.media.rtp import capture_stamp
 from robots.agent.media.webrtc import signalling
 from robots.agent.media.webrtc.packet_gate import MAX_BYTES
-from robots.agent.media.webrtc.rtp import capture_stamp
 from robots.api.codec import encode_frame
 from robots.api.messages import (
     Bye,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.assist import BLIND, JUDGED, Careless, Rig, careless_drive, crossings, novice_drive
-from robots.agent.safety.collision_monitor import CREEP
-from robots.agent.safety.ramp import ZERO
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.ramp import ZERO
+from robots.agent.safety.collision_monitor import MONITOR
+from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF, MODELS
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, MODELS
 from robots.world.sites import load_site, shipped_sites
 
 OFFICE = load_site("office").plan
@@ -46,12 +46,12 @@ def test_with_sonars_a_bumper_and_no_laser_a_careless_driver_touches_nothing_fas
     series, level
 ):
     robot = careless_drive(OFFICE, MODELS[series], level, 3, 0.5, sensors=BLIND)
-    assert robot.hardest <= CREEP
+    assert robot.hardest <= MONITOR.creep
     assert robot.world.distance > 0.5
 
 
 def test_the_same_driver_hits_hard_without_help():
-    assert careless_drive(OFFICE, GIRAFF, "off", 3, 1.0, sensors=BLIND).hardest > CREEP
+    assert careless_drive(OFFICE, GIRAFF, "off", 3, 1.0, sensors=BLIND).hardest > MONITOR.creep
 
 
 @pytest.mark.soak
@@ -64,7 +64,7 @@ def test_sixty_minutes_of_the_careless_driver_with_sonars_and_a_bumper(level):
         for seed in range(JUDGED, JUDGED + 3)
     ]
     assert sum(drive.world.time for drive in drives) >= 3600.0 - 1.0
-    assert [drive.hardest for drive in drives if drive.hardest > CREEP] == []
+    assert [drive.hardest for drive in drives if drive.hardest > MONITOR.creep] == []
     assert sum(drive.world.distance for drive in drives) > 100.0
 
 

@@ -12,10 +12,10 @@ from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.navigation.wheels import IN_VAIN, WheelWatch
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON, RobotModel
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from robots.world.grid import OccupancyGrid
+from robots.world.robot_models import GIRAFF, MODELS, RHODON, RobotModel
 from robots.world.sensing import CENTRE, Estimate
 from robots.world.sites import load_site
 from tests.support.navigation_rig import Rig

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from robots.agent import framing
-from robots.agent.adapters.simulator.media import MediaLine
+from robots.agent.adapters.simulator.media import MediaSocket
 from robots.agent.simulator import wire
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.realtime import LONGEST_LAG
-from robots.agent.simulator.profiles import GIRAFF
+from robots.world.robot_models import GIRAFF
 from tests.support.host_jitter import pauses, watched
 from tests.support.patience import patient
 from tests.support.simulators import (
@@ -121,10 +121,10 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
     with driving_agent("child", media=True) as agent:
         address = agent.stdout.readline().strip()
         host, _, port = address.rpartition(":")
-        line = MediaLine((host, int(port)), "camera")
+        line = MediaSocket((host, int(port)), "camera")
         welcome, pictures = line.read(20.0), line.read(20.0)
-        assert isinstance(welcome, wire.Welcome)
-        assert isinstance(pictures, wire.Pictures)
+        assert isinstance(welcome, wire.SimulatorWelcome)
+        assert isinstance(pictures, wire.FrameRingOffer)
         assert memory_exists(pictures.name)
         agent.kill()
         assert eventually(lambda: not alive(welcome.pid), 15.0)
@@ -139,7 +139,7 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
 )
 def test_however_the_simulator_ends_its_memory_is_gone(fault: signal.Signals) -> None:
     with simulator("--linger", "30") as robot:
-        line = MediaLine(("127.0.0.1", robot.port), "camera")
+        line = MediaSocket(("127.0.0.1", robot.port), "camera")
         line.read(20.0)
         name = line.read(20.0).name
         assert memory_exists(name)
@@ -151,7 +151,7 @@ def test_however_the_simulator_ends_its_memory_is_gone(fault: signal.Signals) ->
 
 def test_pictures_come_while_somebody_looks_and_rest_when_nobody_does() -> None:
     with simulator("--linger", "30") as robot:
-        line = MediaLine(("127.0.0.1", robot.port), "camera")
+        line = MediaSocket(("127.0.0.1", robot.port), "camera")
         numbers = []
         while len(numbers) < 10:
             message = line.read(20.0)
@@ -166,7 +166,7 @@ def test_pictures_come_while_somebody_looks_and_rest_when_nobody_does() -> None:
         time.sleep(1.0)
         would_come = (len(numbers) - 1) / (last[1] - begun)  # in this second
         opened = time.time()
-        again = MediaLine(("127.0.0.1", robot.port), "camera")
+        again = MediaSocket(("127.0.0.1", robot.port), "camera")
         first = next(
             m for m in iter(lambda: again.read(20.0), None) if isinstance(m, wire.FrameReady)
         )
@@ -181,9 +181,9 @@ def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
         onlooker = robot.onlooker()
         for nonsense in (
             b"GET / HTTP/1.1\r\n\r\n",
-            framing.pack(wire.Drive(0.5, 0.0)),
+            framing.pack(wire.DriveOrder(0.5, 0.0)),
             b"\x00\x00\x00\x02xx",
-            framing.pack(wire.Hello("observer")) * 2,
+            framing.pack(wire.SimulatorHello("observer")) * 2,
         ):
             with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as stranger:
                 stranger.sendall(nonsense)
@@ -233,7 +233,8 @@ def test_an_observer_cannot_drive() -> None:
     with simulator(*QUIET) as robot:
         with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as observer:
             observer.sendall(
-                framing.pack(wire.Hello("observer")) + framing.pack(wire.Drive(0.5, 0.0))
+                framing.pack(wire.SimulatorHello("observer"))
+                + framing.pack(wire.DriveOrder(0.5, 0.0))
             )
             assert b"Refused" in b"".join(iter(lambda: observer.recv(4096), b""))
         onlooker = robot.onlooker()
@@ -247,7 +248,8 @@ def test_velocities_that_are_no_numbers_close_the_connection_and_the_base_stands
         for bad in (float("nan"), float("inf")):
             with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as driver:
                 driver.sendall(
-                    framing.pack(wire.Hello("driver")) + framing.pack(wire.Drive(bad, 0.0))
+                    framing.pack(wire.SimulatorHello("driver"))
+                    + framing.pack(wire.DriveOrder(bad, 0.0))
                 )
                 assert b"Refused" in b"".join(iter(lambda s=driver: s.recv(65536), b""))
         assert onlooker.truth().linear == 0.0
@@ -299,7 +301,7 @@ def test_a_client_that_does_not_read_costs_no_memory_and_holds_nobody_up() -> No
         simulator(*QUIET) as robot,
         socket.create_connection(("127.0.0.1", robot.port), timeout=5) as deaf,
     ):
-        deaf.sendall(framing.pack(wire.Hello("driver")))
+        deaf.sendall(framing.pack(wire.SimulatorHello("driver")))
         onlooker = robot.onlooker()
         begun = onlooker.truth().stamp
         assert eventually(lambda: onlooker.truth().stamp > begun + 1.5, 10.0)
@@ -311,7 +313,7 @@ def test_a_client_that_does_not_read_costs_no_memory_and_holds_nobody_up() -> No
 def test_everything_is_closed_when_a_loop_ends_early() -> None:
     async def visit(port: int) -> None:
         _, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(framing.pack(wire.Hello("observer")))
+        writer.write(framing.pack(wire.SimulatorHello("observer")))
         writer.close()
         await writer.wait_closed()
 

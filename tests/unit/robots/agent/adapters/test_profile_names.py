@@ -7,8 +7,8 @@ import math
 import pytest
 
 from robots.agent.adapters import registry
+from robots.agent.ramp import check_times
 from robots.agent.robot_interface import AdapterError
-from robots.agent.safety.ramp import check_times
 from robots.api.messages import Limits
 
 ROBOT = """

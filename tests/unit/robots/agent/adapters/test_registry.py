@@ -4,6 +4,7 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.robot_interface import AdapterError
+from robots.api import adapter_names
 
 
 def test_every_name_that_is_told_can_be_loaded() -> None:
@@ -29,7 +30,7 @@ def test_a_wrong_name_gives_one_sentence_with_the_right_ones(
 
 
 def test_an_adapter_whose_libraries_are_missing_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(registry.MODULES, "ghost", "robots.agent.adapters.no_such_module")
+    monkeypatch.setitem(adapter_names.OURS, "ghost", "robots.agent.adapters.no_such_module")
     with pytest.raises(AdapterError, match="cannot be loaded"):
         registry.create("ghost", "giraff")
 

@@ -16,12 +16,12 @@ from robots.agent.autonomy import wire
 from robots.agent.autonomy.__main__ import Conversation, frames, serve
 from robots.agent.autonomy.area import update_of
 from robots.agent.autonomy.pose_extrapolator import STALE, PoseExtrapolator
-from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot, beams_of
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
 from robots.agent.robot_interface import NOWHERE, ActionProgress
-from robots.agent.simulator.profiles import model_of
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Laser, Scan, Velocity
-from robots.world.sensing import LaserScan
+from robots.world.robot_models import model_of
+from robots.world.sensing import LaserScan, beams_of
 from robots.world.sites import load_site
 
 GIRAFF = model_of("giraff")
@@ -188,7 +188,7 @@ def test_a_mind_without_a_map_says_so_and_takes_no_harm():
             wire.BeginAction(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0)),
         ]
     )
-    assert said == [wire.Answer(7, "no map")]
+    assert said == [wire.OrderReply(7, "no map")]
 
 
 def test_a_mind_serves_its_socket_until_that_is_closed():

@@ -1,6 +1,6 @@
 """Who is let through to the people at the robot."""
 
-from robots.agent.control.calls import NOTHING, RINGS, Calls, Passing
+from robots.agent.control.calls import NOTHING, RINGS, CallControl, Passing
 from robots.api.messages import Call, Lease
 
 
@@ -18,21 +18,21 @@ def status(calls, of=None, now=0.0):
 
 
 def test_without_a_call_nothing_passes():
-    calls = Calls()
+    calls = CallControl()
     assert status(calls) is None
     assert calls.passing(lease(), 0.0) == NOTHING
     assert calls.answer(accept=True, lease=lease(), now=0.0) == "nobody_calls"
 
 
 def test_where_the_owner_says_so_a_visitor_is_through_at_once():
-    calls = Calls()
+    calls = CallControl()
     calls.ask(call(video=False, volume=0.5), lease(), 0.0)
     assert status(calls) == "accepted"
     assert calls.passing(lease(), 0.0) == Passing(audio=True, video=False, volume=0.5)
 
 
 def test_a_screen_is_shown_while_it_is_let_through_and_a_face_never():
-    calls = Calls()
+    calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(shares=True), lease(), 0.0)
     assert not calls.shows_screen(lease(), 0.0)
@@ -47,7 +47,7 @@ def test_a_screen_is_shown_while_it_is_let_through_and_a_face_never():
 
 
 def test_where_somebody_must_answer_nothing_passes_until_they_do():
-    calls = Calls()
+    calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
     assert (status(calls), calls.passing(lease(), 0.0)) == ("ringing", NOTHING)
@@ -56,7 +56,7 @@ def test_where_somebody_must_answer_nothing_passes_until_they_do():
 
 
 def test_a_call_that_nobody_answers_says_so_and_may_still_be_answered():
-    calls = Calls()
+    calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
     assert status(calls, now=RINGS + 1) == "unanswered"
@@ -65,7 +65,7 @@ def test_a_call_that_nobody_answers_says_so_and_may_still_be_answered():
 
 
 def test_who_is_declined_is_cut_off_and_rings_again_only_after_hanging_up():
-    calls = Calls()
+    calls = CallControl()
     calls.ask(call(), lease(), 0.0)
     calls.answer(accept=False, lease=lease(), now=1.0)
     assert (status(calls), calls.passing(lease(), 1.0)) == ("declined", NOTHING)
@@ -78,7 +78,7 @@ def test_who_is_declined_is_cut_off_and_rings_again_only_after_hanging_up():
 
 
 def test_an_answer_holds_for_the_session_and_each_page_begins_in_silence():
-    calls = Calls()
+    calls = CallControl()
     calls.rule = "ask"
     calls.ask(call(), lease(), 0.0)
     calls.answer(accept=True, lease=lease(), now=1.0)
@@ -92,6 +92,6 @@ def test_an_answer_holds_for_the_session_and_each_page_begins_in_silence():
 
 
 def test_nobody_passes_when_the_lease_is_gone():
-    calls = Calls()
+    calls = CallControl()
     calls.ask(call(), lease(), 0.0)
     assert calls.passing(None, 0.0) == NOTHING

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from robots.agent.media.webrtc.packet_gate import decoded
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from robots.api import picture
 from robots.api.geometry import Pose2D

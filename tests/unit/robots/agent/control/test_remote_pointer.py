@@ -3,12 +3,12 @@
 import pytest
 
 from robots.agent.control.remote_pointer import BURST, FORGOTTEN, PEERS, RATE, Pointing
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.permissions import CommandSender
 from robots.api.messages import Lease, PointCommand
 
 LEASE = Lease(session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0)
-SERVER = Sender("mqtt")
-CHANNEL = Sender("datachannel", "p1", role="driver")
+SERVER = CommandSender("mqtt")
+CHANNEL = CommandSender("datachannel", "p1", role="driver")
 
 
 def dot(stamp=1.0, **fields):
@@ -39,7 +39,10 @@ def test_the_driver_points_while_the_people_there_see_what_is_shared(sender):
 
 @pytest.mark.parametrize(
     ("command", "sender"),
-    [(at_screen(), SERVER), (dot(role="driver"), Sender("datachannel", "screen-1", role="screen"))],
+    [
+        (at_screen(), SERVER),
+        (dot(role="driver"), CommandSender("datachannel", "screen-1", role="screen")),
+    ],
     ids=["mqtt", "data channel"],
 )
 def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, sender):
@@ -56,9 +59,9 @@ def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, 
         (dot(session="s0"), SERVER, "wrong_session"),
         (dot(epoch=6), CHANNEL, "wrong_epoch"),
         (dot(session=None), SERVER, "wrong_session"),
-        (dot(), Sender("datachannel", "p2", role="observer"), "observer"),
-        (at_screen(), Sender("datachannel", "p2", role="observer"), "observer"),
-        (at_screen(), Sender("datachannel", "p2", role="driver"), "observer"),
+        (dot(), CommandSender("datachannel", "p2", role="observer"), "observer"),
+        (at_screen(), CommandSender("datachannel", "p2", role="observer"), "observer"),
+        (at_screen(), CommandSender("datachannel", "p2", role="driver"), "observer"),
     ],
 )
 def test_nobody_else_does_whatever_they_say_of_themselves(command, sender, reason):

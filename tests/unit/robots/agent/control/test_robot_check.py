@@ -10,13 +10,13 @@ import pytest
 from robots.agent.control.robot_check import (
     CheckParams,
     RobotCheck,
-    Sample,
+    SpeedSample,
     reported,
     stopped_after,
     verdict,
 )
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import UNKNOWN_BATTERY, AdapterError
-from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from tests.support.scripted_robot import PROFILE, ScriptedRobot, still
 from tests.support.virtual_time import VirtualTime
@@ -89,7 +89,7 @@ def speeds(base):
     ],
 )
 def test_a_base_has_stopped_where_it_stays(told, seconds):
-    found = stopped_after([Sample(at, speed) for at, speed in told], 10.0, 0.01)
+    found = stopped_after([SpeedSample(at, speed) for at, speed in told], 10.0, 0.01)
     assert found == (None if seconds is None else pytest.approx(seconds))
 
 

@@ -7,7 +7,7 @@ import statistics
 import pytest
 
 from robots.agent.lab.in_force import Networks
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api import messages as m
 from tests.support.control_rig import ControlRig
 

@@ -3,7 +3,7 @@
 import pytest
 
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
-from robots.agent.safety.permissions import Sender
+from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 
 SLOW, NARROW = m.NetworkLab(delay=0.2, seed=3), m.NetworkLab(bitrate=4e5, seed=4)
@@ -49,7 +49,7 @@ VELOCITY = m.VelocityCommand(
 DRIVERS = {"action_id": "a", "stamp": 1.0, "session": "s1", "epoch": 3}
 
 
-@pytest.mark.parametrize("sender", [Sender("datachannel", "p1"), Sender("mqtt")])
+@pytest.mark.parametrize("sender", [CommandSender("datachannel", "p1"), CommandSender("mqtt")])
 @pytest.mark.parametrize(
     "message",
     [VELOCITY, m.Goto(**DRIVERS, x=1.0, y=1.0), m.Photo(**DRIVERS), m.Tilt(**DRIVERS, angle=0.1)],
@@ -58,7 +58,7 @@ def test_the_drivers_commands_travel_on_the_drivers_network_on_both_ways(message
     assert is_held(message, sender, LEASE)
 
 
-@pytest.mark.parametrize("sender", [Sender("datachannel", "p1"), Sender("mqtt")])
+@pytest.mark.parametrize("sender", [CommandSender("datachannel", "p1"), CommandSender("mqtt")])
 @pytest.mark.parametrize(
     "message", [m.Stop(**DRIVERS, seq=2), m.EStop(**DRIVERS), m.Cancel(**DRIVERS)]
 )
@@ -69,17 +69,17 @@ def test_what_stops_a_robot_never_does(message, sender):
 @pytest.mark.parametrize(
     ("message", "sender"),
     [
-        (VELOCITY, Sender("datachannel", "p2")),
-        (VELOCITY, Sender("mqtt", retained=True)),
+        (VELOCITY, CommandSender("datachannel", "p2")),
+        (VELOCITY, CommandSender("mqtt", retained=True)),
         (
             m.VelocityCommand(
                 session="s2", epoch=1, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"
             ),
-            Sender("mqtt"),
+            CommandSender("mqtt"),
         ),
-        (m.Photo(action_id="a", stamp=1.0, role="staff", user="ops"), Sender("mqtt")),
-        (m.Dock(action_id="a", stamp=1.0, role="server"), Sender("mqtt")),
-        (m.Goto(**DRIVERS, x=0.0, y=0.0), Sender("datachannel", "p2")),
+        (m.Photo(action_id="a", stamp=1.0, role="staff", user="ops"), CommandSender("mqtt")),
+        (m.Dock(action_id="a", stamp=1.0, role="server"), CommandSender("mqtt")),
+        (m.Goto(**DRIVERS, x=0.0, y=0.0), CommandSender("datachannel", "p2")),
     ],
 )
 def test_what_others_send_is_left_alone(message, sender):
@@ -87,4 +87,4 @@ def test_what_others_send_is_left_alone(message, sender):
 
 
 def test_nothing_is_held_while_nobody_drives():
-    assert not is_held(VELOCITY, Sender("datachannel", "p1"), None)
+    assert not is_held(VELOCITY, CommandSender("datachannel", "p1"), None)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.lab.line import HOLD, MOST_WAITING, QUEUE, Line
+from robots.agent.lab.line import HOLD, MOST_WAITING, QUEUE, NetworkLine
 from robots.api.messages import NetworkLab
 
 LABS = st.builds(
@@ -30,7 +30,7 @@ def run(lab, arrivals, *, tick=0.005):
     """Put packets in, take what is due every `tick` and at every moment of `next`; return the line
     and (moment, number) of what came out.
     """
-    line, came, now = Line(lab), [], 0.0
+    line, came, now = NetworkLine(lab), [], 0.0
 
     def take_until(end):
         nonlocal now
@@ -112,7 +112,7 @@ def test_what_would_wait_longer_than_the_queue_is_dropped():
 @pytest.mark.parametrize("loss", [0.02, 0.2, 0.5])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_share_of_lost_packets_is_within_its_binomial_bounds(loss, seed):
-    line = Line(NetworkLab(loss=loss, seed=seed))
+    line = NetworkLine(NetworkLab(loss=loss, seed=seed))
     number = 5000
     for _ in range(number):
         line.offer(lambda: None, 100, 0.0)
@@ -155,7 +155,7 @@ def test_a_reordered_packet_that_nobody_follows_comes_out_all_the_same():
 @settings(deadline=None)
 @given(st.integers(1, 50))
 def test_a_flood_is_bounded(more):
-    line = Line(NetworkLab(delay=10.0))
+    line = NetworkLine(NetworkLab(delay=10.0))
     for _ in range(MOST_WAITING + more):
         line.offer(lambda: None, 1, 0.0)
     assert line.waiting == MOST_WAITING

@@ -4,19 +4,19 @@ import math
 
 import pytest
 
-from robots.agent.localization.odometry import Track
+from robots.agent.localization.odometry import OdometryTrack
 from robots.api.geometry import Pose2D
 
 
 def test_between_two_readings_the_way_is_interpolated_also_across_the_turn_of_the_circle() -> None:
-    track = Track()
+    track = OdometryTrack()
     track.add(0.0, Pose2D(0.0, 0.0, math.pi - 0.1))
     track.add(1.0, Pose2D(1.0, 2.0, -math.pi + 0.1))
     assert track.at(0.5) == pytest.approx((0.5, 1.0, -math.pi))
 
 
 def test_beyond_the_readings_the_nearest_counts() -> None:
-    track = Track()
+    track = OdometryTrack()
     track.add(1.0, Pose2D(1.0, 0.0, 0.0))
     track.add(2.0, Pose2D(2.0, 0.0, 0.0))
     assert track.at(0.0) == Pose2D(1.0, 0.0, 0.0)
@@ -24,11 +24,11 @@ def test_beyond_the_readings_the_nearest_counts() -> None:
 
 
 def test_before_any_reading_the_robot_is_at_the_start() -> None:
-    assert Track().at(3.0) == Track().newest() == Pose2D(0.0, 0.0, 0.0)
+    assert OdometryTrack().at(3.0) == OdometryTrack().newest() == Pose2D(0.0, 0.0, 0.0)
 
 
 def test_a_jump_of_the_counters_is_taken_out_and_the_way_goes_on() -> None:
-    track = Track()
+    track = OdometryTrack()
     track.add(0.0, Pose2D(5.0, 1.0, 1.0))
     assert track.add(0.1, Pose2D(0.0, 0.0, 0.0)) == Pose2D(5.0, 1.0, 1.0)
     moved = track.add(0.2, Pose2D(0.1, 0.0, 0.0))
@@ -37,7 +37,7 @@ def test_a_jump_of_the_counters_is_taken_out_and_the_way_goes_on() -> None:
 
 
 def test_a_gap_in_which_the_robot_drove_is_no_jump() -> None:
-    track = Track()
+    track = OdometryTrack()
     track.add(0.0, Pose2D(0.0, 0.0, 0.0))
     assert track.add(3.0, Pose2D(2.0, 0.0, 1.0)) == Pose2D(2.0, 0.0, 1.0)
     assert track.jumps == 0
@@ -45,14 +45,14 @@ def test_a_gap_in_which_the_robot_drove_is_no_jump() -> None:
 
 @pytest.mark.parametrize("reading", [Pose2D(math.nan, 0.0, 0.0), Pose2D(0.0, math.inf, 0.0)])
 def test_what_is_no_number_counts_as_standing_still(reading: Pose2D) -> None:
-    track = Track()
+    track = OdometryTrack()
     track.add(0.0, Pose2D(1.0, 0.0, 0.0))
     assert track.add(0.1, reading) == Pose2D(1.0, 0.0, 0.0)
     assert track.jumps == 0
 
 
 def test_a_clock_that_steps_back_begins_the_past_anew_at_the_same_place() -> None:
-    track = Track()
+    track = OdometryTrack()
     track.add(100.0, Pose2D(1.0, 0.0, 0.0))
     track.add(50.0, Pose2D(1.05, 0.0, 0.0))
     assert track.at(50.0) == track.at(100.0) == Pose2D(1.05, 0.0, 0.0)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.safety.clock_sync import Clocks, PeerClock
+from robots.agent.safety.clock_sync import PeerClock, PeerClocks
 from robots.api import messages as m
 
 
@@ -62,7 +62,7 @@ def test_an_old_bad_sample_is_forgotten_when_the_peers_clock_has_jumped():
 
 
 def test_only_an_echo_of_a_beat_that_we_sent_counts_and_by_our_own_record():
-    clocks = Clocks()
+    clocks = PeerClocks()
     beat = clocks.beat(10.0, 1000.0)
     forged = m.Echo(peer="robot", n=99, stamp=0.0, received=500.0)
     lying = m.Echo(peer="robot", n=beat.n, stamp=123.0, received=500.0)
@@ -79,7 +79,7 @@ def test_only_an_echo_of_a_beat_that_we_sent_counts_and_by_our_own_record():
 
 
 def test_the_last_beat_of_at_most_eight_peers_heard_lately_is_echoed():
-    clocks = Clocks()
+    clocks = PeerClocks()
     for number in range(40):
         clocks.heard(
             f"p{number}",
@@ -97,14 +97,14 @@ def test_the_last_beat_of_at_most_eight_peers_heard_lately_is_echoed():
 
 
 def test_each_way_has_an_echo_of_its_own_so_that_a_page_knows_which_of_them_lives():
-    clocks = Clocks()
+    clocks = PeerClocks()
     clocks.heard("p1", "datachannel", m.CommandHeartbeat(n=2, stamp=5.0), now=100.0, unix=7.0)
     clocks.heard("p1", "mqtt", m.CommandHeartbeat(n=3, stamp=5.1), now=100.1, unix=7.1)
     assert {echo.n for echo in clocks.beat(100.2, 7.2).echoes} == {2, 3}
 
 
 def test_a_peer_that_never_echoes_is_known_roughly_by_its_fastest_beat():
-    clocks = Clocks()
+    clocks = PeerClocks()
     assert clocks.rough_age("server", 5.0, 10.0) is None
     for at, delay in ((10.0, 0.4), (10.2, 0.02), (10.4, 0.9)):
         clocks.heard(

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
 from robots.agent.safety.collision_monitor import CollisionMonitor, monitor_of, seen_from
 from robots.agent.safety.obstacle_sources import LaserSource
-from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, LeaseLimits, Pose, Scan, Velocity
 from tests.support.kernel_bench import LIMITS, TICK, Bench

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robots.agent.ramp import ZERO
 from robots.agent.safety.contacts import (
     BACKED_AWAY,
     BESIDE,
@@ -16,7 +17,6 @@ from robots.agent.safety.contacts import (
     side_of,
     sides_of,
 )
-from robots.agent.safety.ramp import ZERO
 from robots.api.messages import Velocity
 from tests.support.control_rig import ControlRig
 from tests.support.kernel_bench import Bench

@@ -5,10 +5,10 @@ once.
 import msgspec
 import pytest
 
+from robots.agent.ramp import ZERO
 from robots.agent.safety.clock_sync import SERVER_PEER
 from robots.agent.safety.estop_latch import EStopLatch
-from robots.agent.safety.permissions import Sender
-from robots.agent.safety.ramp import ZERO
+from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
@@ -111,8 +111,8 @@ def test_a_lower_epoch_comes_back_only_when_the_servers_counter_began_anew(bench
         ({"frame_age": None}, "no_frame"),
         ({"frame_age": 1.01}, "frame_stale"),
         ({"frame_age": -0.5}, "frame_future"),
-        ({"sender": Sender("datachannel", "p2")}, "observer"),
-        ({"sender": Sender("mqtt", retained=True)}, "retained"),
+        ({"sender": CommandSender("datachannel", "p2")}, "observer"),
+        ({"sender": CommandSender("mqtt", retained=True)}, "retained"),
     ],
 )
 def test_a_bad_command_is_refused_with_its_reason_and_counted(bench, fields, reason):
@@ -360,7 +360,7 @@ def test_after_the_servers_counter_began_anew_copies_from_before_a_stop_stay_dea
     for copy in before:
         assert (
             bench.kernel.velocity(
-                copy, Sender("datachannel", "p1"), now=bench.now, unix=bench.unix
+                copy, CommandSender("datachannel", "p1"), now=bench.now, unix=bench.unix
             ).reason
             == "old_seq"
         )
@@ -440,7 +440,7 @@ def test_what_the_robots_screen_has_stopped_on_either_way_the_screen_lets_go(ben
     )
     bench.kernel.estop(
         stop,
-        Sender(way, "s1" if way == "datachannel" else None, role="screen"),
+        CommandSender(way, "s1" if way == "datachannel" else None, role="screen"),
         now=bench.now,
         unix=bench.unix,
     )
@@ -701,8 +701,8 @@ def test_an_input_method_that_the_lease_does_not_allow_moves_nothing(bench):
 def test_a_way_that_the_lease_does_not_allow_moves_nothing(bench):
     bench.lease(renewal=1, ways=("mqtt",))
     bench.know_clock()
-    assert bench.drive(sender=Sender("datachannel", "p1")).reason == "not_allowed"
-    assert bench.drive(sender=Sender("mqtt")).reason is None
+    assert bench.drive(sender=CommandSender("datachannel", "p1")).reason == "not_allowed"
+    assert bench.drive(sender=CommandSender("mqtt")).reason is None
 
 
 def test_no_input_method_at_all_means_that_nothing_is_driven_by_hand(bench):
@@ -718,7 +718,7 @@ def test_an_action_that_the_lease_does_not_allow_is_refused_but_nobody_is_kept_f
     bench.lease(renewal=1, actions=("photo",))
     bench.know_clock()
     driver = {"session": "s1", "epoch": 1, "stamp": bench.unix + DRIVER_CLOCK}
-    ask = {"sender": Sender("datachannel", "p1"), "now": bench.now, "unix": bench.unix}
+    ask = {"sender": CommandSender("datachannel", "p1"), "now": bench.now, "unix": bench.unix}
     assert (
         bench.kernel.permit(m.Goto(action_id="a1", x=1.0, y=1.0, **driver), **ask) == "not_allowed"
     )
@@ -726,11 +726,11 @@ def test_an_action_that_the_lease_does_not_allow_is_refused_but_nobody_is_kept_f
     assert bench.kernel.permit(m.Photo(action_id="a3", **driver), **ask) is None
     assert bench.kernel.permit(m.Cancel(action_id="a4", **driver), **ask) is None
     assert bench.kernel.stop(
-        m.Stop(action_id="a5", **driver), Sender("datachannel", "p1"), bench.now
+        m.Stop(action_id="a5", **driver), CommandSender("datachannel", "p1"), bench.now
     )
     assert bench.kernel.estop(
         m.EStop(action_id="a6", **driver),
-        Sender("datachannel", "p1"),
+        CommandSender("datachannel", "p1"),
         now=bench.now,
         unix=bench.unix,
     )
@@ -739,4 +739,4 @@ def test_an_action_that_the_lease_does_not_allow_is_refused_but_nobody_is_kept_f
 def test_the_server_sends_a_robot_home_whatever_a_lease_allows(bench):
     bench.lease(renewal=1, actions=(), ways=("datachannel",))
     home = m.Dock(action_id="home-1", stamp=bench.unix, role="server", user="session-manager")
-    assert bench.kernel.permit(home, Sender("mqtt"), now=bench.now, unix=bench.unix) is None
+    assert bench.kernel.permit(home, CommandSender("mqtt"), now=bench.now, unix=bench.unix) is None

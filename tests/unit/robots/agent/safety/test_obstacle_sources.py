@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from robots.agent.control.state_validation import UnsoundReadingError, sound
-from robots.agent.localization.odometry import Track
+from robots.agent.localization.odometry import OdometryTrack
 from robots.agent.navigation.assistance.swept import hull, outside
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import (
     NOWHERE,
     UNKNOWN_BATTERY,
@@ -20,7 +21,7 @@ from robots.agent.robot_interface import (
     Sonar,
     SonarEcho,
 )
-from robots.agent.safety.collision_monitor import CREEP, CollisionMonitor
+from robots.agent.safety.collision_monitor import MONITOR, CollisionMonitor
 from robots.agent.safety.obstacle_sources import (
     BumperSource,
     DepthSource,
@@ -28,7 +29,6 @@ from robots.agent.safety.obstacle_sources import (
     SonarSource,
     sources_of,
 )
-from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, Scan, Velocity
 from tests.support.kernel_bench import LIMITS
@@ -64,7 +64,7 @@ class Ear:
     """A sonar source and the robot's track."""
 
     def __init__(self, *sonars):
-        self.source, self.track, self.stamp = SonarSource(sonars), Track(), 0.0
+        self.source, self.track, self.stamp = SonarSource(sonars), OdometryTrack(), 0.0
 
     def hear(self, *distances, at=ORIGIN):
         self.stamp += 0.5
@@ -157,14 +157,14 @@ def test_where_nothing_looks_a_driver_who_is_helped_creeps():
     watch.sense(reading(sonar=echoes(None)), 1.0)
     assert watch.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
     back = watch.shape(BACK, ZERO, "slow", 1.1)
-    assert (back.velocity.linear, back.why) == (-CREEP, "slow")
+    assert (back.velocity.linear, back.why) == (-MONITOR.creep, "slow")
 
 
 def test_a_bumper_alone_lets_a_driver_creep():
     watch = monitor(BumperSource(hull(FOOTPRINT)))
     watch.sense(reading(bumper=()), 1.0)
     for wanted in (AHEAD, BACK):
-        assert abs(watch.shape(wanted, ZERO, "slow", 1.1).velocity.linear) == CREEP
+        assert abs(watch.shape(wanted, ZERO, "slow", 1.1).velocity.linear) == MONITOR.creep
 
 
 def test_a_robot_whose_bumper_says_nothing_any_more_creeps_though_it_hears_nothing():
@@ -173,7 +173,7 @@ def test_a_robot_whose_bumper_says_nothing_any_more_creeps_though_it_hears_nothi
     assert watch.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
     watch.sense(reading(1.6, sonar=echoes(None, None, stamp=1.6)), 1.6)
     told = watch.shape(AHEAD, AHEAD, "slow", 1.6)
-    assert told.velocity.linear == pytest.approx(CREEP)
+    assert told.velocity.linear == pytest.approx(MONITOR.creep)
 
 
 def test_nearer_than_a_sonar_can_measure_every_corner_creeps():
@@ -182,11 +182,11 @@ def test_nearer_than_a_sonar_can_measure_every_corner_creeps():
     )
     watch.sense(reading(sonar=echoes(None, None, 0.05)), 1.0)
     told = watch.shape(Velocity(linear=0.5, angular=0.0), ZERO, "slow", 1.1).velocity
-    assert 0.0 < told.linear <= CREEP + 1e-9
+    assert 0.0 < told.linear <= MONITOR.creep + 1e-9
 
 
 def test_a_bumper_remembers_what_was_touched_where_it_stood():
-    source, track = BumperSource(hull(FOOTPRINT)), Track()
+    source, track = BumperSource(hull(FOOTPRINT)), OdometryTrack()
     track.add(1.0, ORIGIN)
     source.sense(reading(bumper=(0.0,)), track, 1.0)
     points = source.seen(ORIGIN, 1.0)
@@ -202,7 +202,7 @@ def test_a_bumper_remembers_what_was_touched_where_it_stood():
 
 
 def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
-    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
+    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), OdometryTrack()
     track.add(1.0, ORIGIN)
     source.sense(
         reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1], [9.0, 0.0], [-1.0, 0.0]]))),
@@ -223,7 +223,7 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
 
 
 def test_what_was_close_before_a_depth_camera_and_has_gone_is_forgotten():
-    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
+    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), OdometryTrack()
     track.add(1.0, ORIGIN)
     source.sense(reading(points=ObstaclePoints(1.0, np.array([[0.45, 0.0]]))), track, 1.0)
     assert len(source.seen(ORIGIN, 1.0)) == 1

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from robots.agent.simulator.physics.drive import Motion, advance, follow, slip
-from robots.agent.simulator.profiles import RobotModel, model_of
+from robots.agent.simulator.physics.drive import WheelMotion, advance, follow, slip
 from robots.agent.simulator.render.lens import grind
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import RobotModel, model_of
 from tests.support.paths import GOLDEN
 
 PROJECTION = GOLDEN / "projection.json"
@@ -79,9 +79,9 @@ def drives(model: RobotModel, rng: np.random.Generator) -> list[dict]:
         begin, told = (
             [round(float(speed), 3) for speed in rng.uniform(low, high)] for _ in range(2)
         )
-        motion, pose = Motion(*begin), Pose2D(0.0, 0.0, 0.0)
+        motion, pose = WheelMotion(*begin), Pose2D(0.0, 0.0, 0.0)
         for _ in range(round(SECONDS / TICK)):
-            motion = follow(motion, Motion(*told), limits, TICK)
+            motion = follow(motion, WheelMotion(*told), limits, TICK)
             pose = advance(
                 pose, slip(motion, model.wheel_separation, model.wheel_noise, TICK, rng), TICK
             )

@@ -11,8 +11,8 @@ from robots.agent.simulator import wire
 @pytest.mark.parametrize(
     "message",
     [
-        wire.Hello("driver"),
-        wire.Drive(0.5, -0.1),
+        wire.SimulatorHello("driver"),
+        wire.DriveOrder(0.5, -0.1),
         wire.TiltTo(0.3),
         wire.SetDoors({"lab-door": "closed"}),
         wire.Shutdown(),
@@ -20,7 +20,7 @@ from robots.agent.simulator import wire
         wire.AskHistory(3.0),
     ],
 )
-def test_what_a_client_says_arrives(message: wire.Said) -> None:
+def test_what_a_client_says_arrives(message: wire.SimulatorMessage) -> None:
     packed = framing.pack(message)
     assert framing.length(packed[: framing.HEADER]) == len(packed) - framing.HEADER
     assert wire.unpack_command(packed[framing.HEADER :]) == message
@@ -29,7 +29,7 @@ def test_what_a_client_says_arrives(message: wire.Said) -> None:
 def test_what_the_simulator_says_arrives() -> None:
     row = (1.0, 0.5, 0.0, 0.4, 0.0, 2.0, 3.0, 0.1)
     for message in (
-        wire.Welcome("giraff", "office", 7),
+        wire.SimulatorWelcome("giraff", "office", 7),
         wire.History((row,)),
         wire.Sound(b"abc"),
         wire.FrameReady(3, 1.5),

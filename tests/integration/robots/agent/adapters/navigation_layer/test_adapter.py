@@ -17,10 +17,10 @@ from robots.agent.adapters import registry
 from robots.agent.adapters.navigation_layer.adapter import OURS, AutonomyAdapter
 from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
 from robots.agent.autonomy.area import update_of
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Adapter, AdapterError, Navigating
-from robots.agent.safety.ramp import ZERO
 from robots.agent.simulator import wire as simulated
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.faults import Faults
 from robots.api.geometry import Pose2D
 from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
 from robots.world.sites import load_site

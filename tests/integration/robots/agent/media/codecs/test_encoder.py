@@ -14,9 +14,9 @@ from robots.agent.media.codecs.encoder import (
     fitted,
     is_due,
 )
-from robots.agent.media.peers.key_frames import KeyFrames
+from robots.agent.media.codecs.key_frames import KeyFrames
 from robots.agent.media.pixels import video_frame
-from robots.agent.media.webrtc.rtp import RtpClock
+from robots.agent.media.rtp import RtpClock
 from robots.agent.robot_interface import Frame
 from tests.support.synthetic_camera import SyntheticCamera, code_of, read_code
 

@@ -15,14 +15,14 @@ from robots.agent.media.jpeg_fallback.pace import (
     PATIENCE,
     PRESENT,
     RETRY,
-    Pace,
-    Quality,
+    StillPace,
+    StillQuality,
 )
 
 
 @pytest.fixture
 def pace():
-    return Pace(lambda peer: peer == "driver")
+    return StillPace(lambda peer: peer == "driver")
 
 
 def test_nothing_is_due_before_anybody_asks(pace):
@@ -135,7 +135,7 @@ def test_a_request_that_has_not_seen_the_last_picture_makes_the_next_one_smaller
 
 
 def test_steps_up_that_come_to_nothing_become_rarer():
-    quality, ups = Quality(), []
+    quality, ups = StillQuality(), []
     for number in range(2000):
         before = quality.layer
         quality.took(0.01 if quality.layer >= FIRST else 1.0)
@@ -147,7 +147,7 @@ def test_steps_up_that_come_to_nothing_become_rarer():
 
 
 def test_whatever_is_asked_there_is_a_rung():
-    rng, pace = random.Random(4), Pace(lambda peer: peer == "p1")
+    rng, pace = random.Random(4), StillPace(lambda peer: peer == "p1")
     now = 0.0
     for _ in range(3000):
         now += rng.expovariate(20.0)

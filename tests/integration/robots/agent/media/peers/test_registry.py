@@ -9,8 +9,8 @@ from robots.agent.media.peers.registry import (
     MAX_HELD_PEERS,
     STAYS_AFTER_DRIVING,
     STAYS_UNVOUCHED,
-    Admission,
     HeldCandidates,
+    PeerAdmission,
     PeerRegistry,
 )
 from robots.api.messages import Candidate
@@ -28,14 +28,14 @@ def test_observers_are_refused_when_the_places_are_taken() -> None:
 def test_a_second_offer_of_a_connected_peer_needs_no_second_place() -> None:
     registry = PeerRegistry(1)
     registry.admit("a", "observer", 0.0)
-    assert registry.admit("a", "observer", 0.0) == Admission(admitted=True)
+    assert registry.admit("a", "observer", 0.0) == PeerAdmission(admitted=True)
 
 
 def test_the_driver_finds_room_and_the_newest_observer_leaves() -> None:
     registry = PeerRegistry(3)
     for peer, role in (("screen", "screen"), ("o1", "observer"), ("o2", "observer")):
         registry.admit(peer, role, 0.0)
-    assert registry.admit("driver", "driver", 0.0) == Admission(admitted=True, leaves="o2")
+    assert registry.admit("driver", "driver", 0.0) == PeerAdmission(admitted=True, leaves="o2")
     registry.lease_changed("driver", 0.0)
     assert registry.admit("driver2", "driver", 0.0).leaves == "o1"
     assert registry.admit("driver3", "driver", 0.0).leaves == "driver2", (
@@ -48,7 +48,7 @@ def test_a_robot_without_places_still_takes_its_driver() -> None:
     registry = PeerRegistry(0)
     assert registry.admit("a", "driver", 0.0).admitted
     registry.lease_changed("a", 0.0)
-    assert registry.admit("b", "driver", 0.0) == Admission(admitted=True, leaves="a")
+    assert registry.admit("b", "driver", 0.0) == PeerAdmission(admitted=True, leaves="a")
 
 
 def test_the_lease_alone_makes_a_driver() -> None:

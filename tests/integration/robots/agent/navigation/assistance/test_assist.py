@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.navigation.assistance.assist import Assist, AssistSettings
+from robots.agent.navigation.assistance.assist import AssistSettings, DriverAssistance
 from robots.agent.navigation.assistance.steering import SteeringSettings, bounds, helping_turn
 from robots.agent.navigation.assistance.swept import outside
-from robots.agent.navigation.obstacles.memory import into
-from robots.agent.safety.ramp import ZERO
-from robots.agent.simulator.physics.drive import Motion, advance, follow
-from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON
+from robots.agent.ramp import ZERO
+from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, MODELS, RHODON
+from robots.world.sensing import points_in_frame
 
 NOTHING = np.zeros((0, 2))
 LEVELS = ["slow", "steer"]
@@ -46,11 +46,11 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
     """Drive among world points with a steady stick as the kernel ramps it; return the poses and the
     last answer.
     """
-    assist, limits = Assist(model.footprint, model.limits), model.limits
-    told, own, motion, poses, answer = ZERO, ZERO, Motion(0.0, 0.0), [pose], None
+    assist, limits = DriverAssistance(model.footprint, model.limits), model.limits
+    told, own, motion, poses, answer = ZERO, ZERO, WheelMotion(0.0, 0.0), [pose], None
     for _ in range(int(seconds / TICK)):
-        asked = follow(Motion(own.linear, own.angular), Motion(*stick), limits, TICK)
-        near = into(pose, points)
+        asked = follow(WheelMotion(own.linear, own.angular), WheelMotion(*stick), limits, TICK)
+        near = points_in_frame(pose, points)
         goal = pose.inverse().compose(dock) if dock else None
         answer = assist.shape(
             Velocity(linear=asked.linear, angular=asked.angular),
@@ -61,7 +61,7 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
             dock=goal,
         )
         told, own = answer.velocity, answer.own
-        motion = follow(motion, Motion(told.linear, told.angular), limits, TICK)
+        motion = follow(motion, WheelMotion(told.linear, told.angular), limits, TICK)
         pose = advance(pose, motion, TICK)
         poses.append(pose)
         if until and until(pose):
@@ -70,7 +70,11 @@ def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, unti
 
 
 def gap(model, pose, points):
-    return float(outside(Assist(model.footprint, model.limits).hull, into(pose, points)).min())
+    return float(
+        outside(
+            DriverAssistance(model.footprint, model.limits).hull, points_in_frame(pose, points)
+        ).min()
+    )
 
 
 # --- what is never done ---------------------------------------------------------------------------
@@ -88,7 +92,11 @@ POINTS = st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12).ma
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS, st.sampled_from(LEVELS))
 def test_never_faster_and_never_the_other_way(wanted, current, points, level):
-    told = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, current, points, level).velocity
+    told = (
+        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
+        .shape(wanted, current, points, level)
+        .velocity
+    )
     assert min(0.0, wanted.linear) <= told.linear <= max(0.0, wanted.linear)
     assert abs(told.angular) <= max(abs(wanted.angular), STEERING.turn) + 1e-9
 
@@ -96,14 +104,22 @@ def test_never_faster_and_never_the_other_way(wanted, current, points, level):
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
 def test_slowing_turns_no_further_than_was_asked_and_never_the_other_way(wanted, current, points):
-    told = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, current, points, "slow").velocity
+    told = (
+        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
+        .shape(wanted, current, points, "slow")
+        .velocity
+    )
     assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
 
 
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, VELOCITIES, POINTS)
 def test_steering_stays_on_the_commanded_side(wanted, current, points):
-    told = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, current, points, "steer").velocity
+    told = (
+        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
+        .shape(wanted, current, points, "steer")
+        .velocity
+    )
     help_ = helping_turn(wanted, STEERING)
     assert (
         min(0.0, wanted.angular) - help_ - 1e-9
@@ -119,7 +135,7 @@ def test_steering_stays_on_the_commanded_side(wanted, current, points):
 @settings(deadline=None, max_examples=100)
 @given(VELOCITIES, POINTS)
 def test_a_firm_turn_is_halved_at_most_while_nothing_slows_the_robot(wanted, points):
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, ZERO, points, "steer")
+    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(wanted, ZERO, points, "steer")
     if answer.why in {"free", "steer"}:
         assert (
             abs(answer.velocity.angular)
@@ -144,7 +160,7 @@ def test_what_may_be_steered_holds_the_driver_s_own_turn_and_grows_steadily_out_
 @settings(deadline=None, max_examples=50)
 @given(VELOCITIES, VELOCITIES)
 def test_in_the_open_nothing_is_changed(level, wanted, current):
-    assist = Assist(GIRAFF.footprint, GIRAFF.limits)
+    assist = DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
     assert assist.shape(wanted, current, NOTHING, level).velocity == wanted
     assert (
         assist.shape(wanted, current, np.array([[30.0, 0.0], [math.nan, 0.1]]), level).velocity
@@ -157,14 +173,17 @@ def test_in_the_open_nothing_is_changed(level, wanted, current):
 @given(VELOCITIES, POINTS)
 def test_a_stop_is_a_stop(level, current, points):
     assert (
-        Assist(GIRAFF.footprint, GIRAFF.limits).shape(ZERO, current, points, level).velocity == ZERO
+        DriverAssistance(GIRAFF.footprint, GIRAFF.limits)
+        .shape(ZERO, current, points, level)
+        .velocity
+        == ZERO
     )
 
 
 @settings(deadline=None, max_examples=50)
 @given(VELOCITIES, POINTS)
 def test_off_changes_nothing_whatever_is_in_the_way(wanted, points):
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
         wanted, ZERO, points, "off", silence=math.inf
     )
     assert (answer.velocity, answer.why) == (wanted, "off")
@@ -224,7 +243,7 @@ def test_a_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, leve
 
 
 def test_the_stop_says_where_the_obstacle_is():
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
         Velocity(linear=0.1, angular=0.0), ZERO, np.array([[0.36, 0.1], [-1.0, 0.0]]), "slow"
     )
     assert (answer.why, answer.side, answer.point) == ("stop", "ahead", (0.36, 0.1))
@@ -236,7 +255,7 @@ def test_the_stop_says_where_the_obstacle_is():
     [(0.6, 0.1, "ahead"), (0.1, 0.6, "left"), (-0.6, -0.1, "behind"), (0.1, -0.6, "right")],
 )
 def test_the_nearest_thing_is_told_even_when_it_changes_nothing(x, y, side):
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
         ZERO, ZERO, np.array([[x, y], [1.9, 0.0]]), "slow"
     )
     assert (answer.why, answer.side, answer.point) == ("free", side, (x, y))
@@ -295,9 +314,9 @@ def test_steering_goes_round_a_thing_in_the_way(aside):
 
 def test_a_robot_that_was_stopped_goes_on_saying_why():
     poses, _ = go(GIRAFF, "slow", (0.7, 0.0), WALL)
-    near = into(poses[-1], WALL)
+    near = points_in_frame(poses[-1], WALL)
     for speed in (0.001, 0.004, 0.02):
-        answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+        answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
             Velocity(linear=speed, angular=0.0), ZERO, near, "slow"
         )
         assert answer.why in {"slow", "stop"}
@@ -421,14 +440,14 @@ def test_a_dock_elsewhere_allows_nothing(dock):
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("silence", [0.51, math.inf, math.nan])
 def test_a_laser_that_is_silent_stops_the_robot_and_says_so(level, silence):
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(
+    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits).shape(
         Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, level, silence=silence
     )
     assert (answer.velocity, answer.why) == (ZERO, "blind")
 
 
 def test_a_sweep_that_is_a_little_late_is_no_silence():
-    answer = Assist(GIRAFF.footprint, GIRAFF.limits, AssistSettings(silence=0.5)).shape(
+    answer = DriverAssistance(GIRAFF.footprint, GIRAFF.limits, AssistSettings(silence=0.5)).shape(
         Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, "slow", silence=0.4
     )
     assert answer.why == "free"

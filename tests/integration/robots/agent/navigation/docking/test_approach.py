@@ -8,11 +8,11 @@ from msgspec.structs import replace
 from robots.agent.navigation.navigator import Navigator
 from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.navigation.planning.follower import Followed, Follower
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF, MODELS, RobotModel
 from robots.api.floorplan import Furniture
+from robots.world.robot_models import GIRAFF, MODELS, RobotModel
 from robots.world.sites import load_site
 from tests.support.navigation_rig import Rig
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import Frame
 from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.profiles import GIRAFF, RHODON
 from robots.agent.simulator.render import camera as camera_module
 from robots.agent.simulator.render.camera import SceneCamera
 from robots.agent.simulator.render.items import before
@@ -21,6 +20,7 @@ from robots.agent.simulator.render.lens import grind
 from robots.agent.simulator.render.scene import Glass
 from robots.api.floorplan import DoorState
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF, RHODON
 from robots.world.sites import load_plan
 
 PLAN, _ = load_plan("office")

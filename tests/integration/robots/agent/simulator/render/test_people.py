@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import Frame
 from robots.agent.simulator.physics.people import Person
-from robots.agent.simulator.profiles import GIRAFF
 from robots.agent.simulator.render.body import limbs, look_of
 from robots.agent.simulator.render.camera import SceneCamera
 from robots.agent.simulator.render.people import PHASES, STANDING, VIEWS, chosen
 from robots.agent.simulator.render.sprite import draw
 from robots.api.floorplan import DoorState
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 
 PLAN, _ = load_plan("office")

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from robots.agent.adapters.common import send_slots
-from robots.agent.adapters.common.send_slots import Outgoing
+from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.robot_interface import AdapterError
 
 
@@ -32,7 +32,7 @@ def clock(monkeypatch):
 
 
 async def test_of_velocities_the_newest_is_sent_before_all_letters(clock):
-    waiting = Outgoing()
+    waiting = SendSlots()
     waiting.say("a")
     waiting.drive("slow")
     waiting.drive("fast")
@@ -41,7 +41,7 @@ async def test_of_velocities_the_newest_is_sent_before_all_letters(clock):
 
 
 async def test_a_velocity_that_waited_is_dropped_and_letters_are_not(clock):
-    waiting = Outgoing()
+    waiting = SendSlots()
     waiting.say("a")
     waiting.drive("fast")
     clock.now += 0.3
@@ -49,7 +49,7 @@ async def test_a_velocity_that_waited_is_dropped_and_letters_are_not(clock):
 
 
 async def test_velocities_that_nobody_takes_say_that_the_connection_is_gone(clock):
-    waiting = Outgoing()
+    waiting = SendSlots()
     for _ in range(5):
         waiting.drive("fast")
         clock.now += 0.12
@@ -58,7 +58,7 @@ async def test_velocities_that_nobody_takes_say_that_the_connection_is_gone(cloc
 
 
 async def test_letters_are_bounded(clock):
-    waiting = Outgoing()
+    waiting = SendSlots()
     for number in range(200):
         waiting.say(number)
     with pytest.raises(AdapterError, match="takes no messages"):
@@ -68,7 +68,7 @@ async def test_letters_are_bounded(clock):
 
 
 async def test_who_waits_is_woken():
-    waiting = Outgoing()
+    waiting = SendSlots()
     taking = asyncio.ensure_future(waiting.take())
     await asyncio.sleep(0)
     waiting.drive("fast")

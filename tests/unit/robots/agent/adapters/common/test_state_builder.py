@@ -8,8 +8,8 @@ import pytest
 from robots.agent.adapters.common.robot_profile import BatteryRange
 from robots.agent.adapters.common.state_builder import Readings, stamp_of
 from robots.agent.control.state_validation import sound
+from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import NOWHERE, ObstaclePoints
-from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Pose, Scan, Velocity
 

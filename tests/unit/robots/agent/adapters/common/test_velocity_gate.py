@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
-from robots.agent.safety.ramp import ZERO
+from robots.agent.ramp import ZERO
 from robots.api.messages import Velocity
 
 AHEAD, ASIDE = Velocity(linear=0.2, angular=0.0), Velocity(linear=0.2, angular=0.3)

@@ -5,14 +5,14 @@ import pytest
 from robots.agent.adapters.ros.graph import (
     TWIST,
     TWIST_STAMPED,
-    Need,
+    TopicNeed,
     TopicPeers,
     chosen_stamped,
     nobody_listens,
     not_said,
 )
 
-SCAN = Need("/scan", "sensor_msgs/LaserScan", "scan")
+SCAN = TopicNeed("/scan", "sensor_msgs/LaserScan", "scan")
 
 
 def heard_as(*kinds):

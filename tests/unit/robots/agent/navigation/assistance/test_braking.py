@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.navigation.assistance.braking import REACTION, BrakeCheck, Hazards, stop_course
-from robots.agent.safety.ramp import ZERO
-from robots.agent.simulator.profiles import GIRAFF, RHODON
+from robots.agent.navigation.assistance.braking import BRAKING, BrakeCheck, Hazards, stop_course
+from robots.agent.ramp import ZERO
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, RHODON
 
 NONE = np.zeros((0, 2))
 CHECK = BrakeCheck(np.array(GIRAFF.footprint), GIRAFF.limits)
@@ -139,7 +139,7 @@ def test_an_allowed_course_comes_near_to_nothing_that_it_was_not_near_to(
 
 def test_the_course_ends_standing_after_reaction_and_braking() -> None:
     poses, times = stop_course(moving(0.5), moving(0.5), GIRAFF.limits)
-    assert times[-1] == pytest.approx(REACTION + 0.5 / GIRAFF.limits.linear_braking)
+    assert times[-1] == pytest.approx(BRAKING.reaction + 0.5 / GIRAFF.limits.linear_braking)
     assert poses[-1, 0] == pytest.approx(
-        0.5 * REACTION + 0.25 / 2.0 / GIRAFF.limits.linear_braking, abs=0.04
+        0.5 * BRAKING.reaction + 0.25 / 2.0 / GIRAFF.limits.linear_braking, abs=0.04
     )

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.agent.navigation.assistance.swept import arcs, distances, hull, outside, stops
-from robots.agent.simulator.physics.drive import Motion, advance, follow
-from robots.agent.simulator.profiles import GIRAFF, MODELS
+from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from robots.world.robot_models import GIRAFF, MODELS
 
 SQUARE = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 SPEEDS = st.tuples(st.floats(-0.3, 0.7), st.floats(-0.7, 0.7))
@@ -43,11 +43,15 @@ def test_what_is_no_convex_polygon_about_the_centre_is_refused(corners):
 @given(SPEEDS)
 def test_the_way_to_a_stand_is_the_way_that_the_base_goes(series, speeds):
     limits = MODELS[series].limits
-    pose, motion, wanted = Pose2D(0.0, 0.0, 0.0), Motion(*speeds), Motion(*speeds)
+    pose, motion, wanted = Pose2D(0.0, 0.0, 0.0), WheelMotion(*speeds), WheelMotion(*speeds)
     for step in range(400):
         pose = advance(pose, motion, 0.01)
-        motion = Motion(*speeds) if step < 11 else follow(motion, Motion(0.0, 0.0), limits, 0.01)
-    assert wanted == Motion(*speeds)
+        motion = (
+            WheelMotion(*speeds)
+            if step < 11
+            else follow(motion, WheelMotion(0.0, 0.0), limits, 0.01)
+        )
+    assert wanted == WheelMotion(*speeds)
     x, y, theta = stops(np.array([speeds]), limits, 0.12, 8)[0, -1]
     assert math.hypot(x - pose.x, y - pose.y) < 0.01
     assert abs(theta - pose.theta) < 0.01

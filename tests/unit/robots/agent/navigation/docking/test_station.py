@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from robots.agent.navigation.docking.station import NARROW, WIDE, Window, find
+from robots.agent.navigation.docking.station import NARROW, WIDE, SearchWindow, find
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import MODELS, RobotModel
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import MODELS, RobotModel
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan
 
@@ -95,6 +95,6 @@ def test_somebody_who_stands_before_half_of_the_front_hides_it() -> None:
 def test_a_station_beyond_the_window_is_not_found() -> None:
     sim, front = before_dock(MODELS["rhodon"], Pose2D(-0.9, 0.0, 0.0))
     elsewhere = Pose2D(front.x - 0.6, front.y, front.theta)
-    tight = Window(along=0.08, aside=0.08, turned=0.1)
+    tight = SearchWindow(along=0.08, aside=0.08, turned=0.1)
     assert find(sweep(sim), elsewhere, PLAN.dock_of("rhodon").station, tight) is None
     assert find(sweep(sim), front, PLAN.dock_of("rhodon").station, NARROW) is not None

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from robots.agent.navigation.obstacles.dynamic import HOLD, NEAR, LostObstacles
+from robots.agent.navigation.obstacles.dynamic import LOST, LostObstacles
 from robots.api.geometry import Pose2D
 from robots.world.sensing import LaserScan
 
@@ -25,9 +25,9 @@ def test_who_is_in_sight_is_not_remembered_and_who_has_passed_is() -> None:
 
 def test_somebody_who_has_passed_is_forgotten_after_a_while_and_who_was_far_off_at_once() -> None:
     lost_obstacles = LostObstacles()
-    lost_obstacles.take(0.0, HERE, np.array([[0.1, 0.5], [-0.1, NEAR + 0.1]]))
-    assert len(lost_obstacles.out_of_sight(HOLD - 0.1, HERE, half_round())) == 1
-    assert len(lost_obstacles.out_of_sight(HOLD + 0.1, HERE, half_round())) == 0
+    lost_obstacles.take(0.0, HERE, np.array([[0.1, 0.5], [-0.1, LOST.near + 0.1]]))
+    assert len(lost_obstacles.out_of_sight(LOST.hold - 0.1, HERE, half_round())) == 1
+    assert len(lost_obstacles.out_of_sight(LOST.hold + 0.1, HERE, half_round())) == 0
 
 
 def test_a_laser_that_sees_all_round_has_no_place_to_hide() -> None:

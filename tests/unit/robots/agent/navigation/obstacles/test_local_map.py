@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from robots.agent.navigation.obstacles.doors import MEMORY, DoorWatch
-from robots.agent.navigation.obstacles.local_map import AT_LONGEST, SETTLED, LocalObstacleMap
+from robots.agent.navigation.obstacles.doors import DOORS, DoorWatch
+from robots.agent.navigation.obstacles.local_map import LOCAL_MAP, LocalObstacleMap
 from robots.agent.navigation.planning.costmap import CostMap
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
 from robots.world.sensing import LaserScan
 from robots.world.sites import load_site
 
@@ -74,18 +74,18 @@ def test_out_of_sight_who_passed_is_forgotten_soon_and_what_stood_there_later() 
     for step in range(120):
         standing.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), step / 10.0)
     assert not thing_at(passing, sim.pose, 1.0, 6.0)
-    assert thing_at(standing, sim.pose, 1.0, 12.0 + AT_LONGEST / 2.0)
-    assert not thing_at(standing, sim.pose, 1.0, 13.0 + AT_LONGEST)
+    assert thing_at(standing, sim.pose, 1.0, 12.0 + LOCAL_MAP.kept_at_most / 2.0)
+    assert not thing_at(standing, sim.pose, 1.0, 13.0 + LOCAL_MAP.kept_at_most)
 
 
 def test_what_has_stood_for_long_is_settled_and_what_moves_is_not() -> None:
     sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
     elsewhere = np.array([[GIRAFF.laser.x + 1.0, 0.5]])
-    for step in range(round(SETTLED * 10) + 5):
+    for step in range(round(LOCAL_MAP.settled * 10) + 5):
         now = step / 10.0
         obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), now)
-        if now < SETTLED - 0.5:
+        if now < LOCAL_MAP.settled - 0.5:
             assert not obstacle_map.settled(sim.pose, point, now).any()
     assert obstacle_map.settled(sim.pose, point, now).all()
     assert not obstacle_map.settled(sim.pose, elsewhere, now).any()
@@ -115,7 +115,7 @@ def test_a_door_that_was_seen_closed_counts_as_closed_until_it_is_seen_open_or_l
     away = Simulation(GIRAFF, SITE.plan, seed=1, start="lounge-centre")
     obstacle_map.look(away.pose, sweep(away, 5.0), 5.0)
     assert len(obstacle_map.doors.closed(5.0)) == 1
-    assert len(obstacle_map.doors.closed(MEMORY + 1.0)) == 0
+    assert len(obstacle_map.doors.closed(DOORS.memory + 1.0)) == 0
     opened, _ = giraff(BEFORE_DOOR)
     obstacle_map.look(opened.pose, sweep(opened, 6.0), 6.0)
     assert obstacle_map.doors.closed(6.0) == ()

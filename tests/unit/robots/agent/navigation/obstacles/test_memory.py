@@ -9,12 +9,10 @@ from robots.agent.navigation.obstacles.memory import (
     MemorySettings,
     RollingObstacleMap,
     compare,
-    into,
-    out_of,
 )
 from robots.api.geometry import Pose2D
 from robots.world.raycaster import cast
-from robots.world.sensing import LaserScan
+from robots.world.sensing import LaserScan, points_from_frame, points_in_frame
 
 HALF_CIRCLE = np.linspace(-math.pi / 2, math.pi / 2, 181)
 MOUNT = Pose2D(0.15, 0.0, 0.0)
@@ -62,7 +60,7 @@ def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
         memory.update(pose, look(pose))
         turned += step
     points = memory.near(pose, 4.0)
-    eye = into(MOUNT, points)
+    eye = points_in_frame(MOUNT, points)
     bearings = np.sort(np.degrees(np.arctan2(eye[:, 1], eye[:, 0])) % 360.0)
     behind = bearings[
         (bearings > 95.0) & (bearings < 165.0)
@@ -192,8 +190,11 @@ POSES = st.builds(Pose2D, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
 @given(POSES, st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), max_size=20))
 def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
     array = np.array(points).reshape(-1, 2)
-    assert np.allclose(out_of(frame, into(frame, array)), array)
-    assert all(np.allclose(into(frame, np.array([frame.apply(x, y)])), [[x, y]]) for x, y in points)
+    assert np.allclose(points_from_frame(frame, points_in_frame(frame, array)), array)
+    assert all(
+        np.allclose(points_in_frame(frame, np.array([frame.apply(x, y)])), [[x, y]])
+        for x, y in points
+    )
 
 
 @settings(deadline=None, max_examples=30)
@@ -207,7 +208,7 @@ def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed
         pose = Pose2D(pose.x, pose.y, pose.theta + float(rng.uniform(-0.2, 0.2)))
     beams = look(pose)
     memory.update(pose, beams)
-    world = out_of(pose, memory.near(pose, 4.0))
+    world = points_from_frame(pose, memory.near(pose, 4.0))
     off_wall = np.minimum(np.abs(np.abs(world[:, 0]) - 2.0), np.abs(np.abs(world[:, 1]) - 1.5))
     assert off_wall.max() < 1e-6
     seen = beams.points()
@@ -228,7 +229,7 @@ def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
     near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
     away = turned_away(memory, near)
     seen, (points, errors) = memory.near(away, 4.0), memory.about(away, 4.0)
-    hidden = out_of(away, points[len(seen) :])
+    hidden = points_from_frame(away, points[len(seen) :])
     assert len(points) == len(errors) > len(seen)
     assert np.array_equal(points[: len(seen)], seen)
     # Both front corners, at (0.6, 0.2) and (0.6, -0.2), were edges, and the box goes on behind them
@@ -277,7 +278,7 @@ def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_
     )
     memory = RollingObstacleMap()
     away = turned_away(memory, np.vstack([ROOM, np.hstack([circle[:-1], circle[1:]])]))
-    kept = out_of(away, memory.about(away, 2.0)[0])
+    kept = points_from_frame(away, memory.about(away, 2.0)[0])
     flank = circle[
         np.hypot(circle[:, 0], circle[:, 1]) < np.hypot(circle[:, 0], circle[:, 1]).min() + 0.06
     ]

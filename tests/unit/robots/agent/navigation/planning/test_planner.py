@@ -8,11 +8,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
-from robots.agent.navigation.planning.path import Path, resampled
+from robots.agent.navigation.planning.path import PlannedPath, resampled
 from robots.agent.navigation.planning.planner import Planner
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from robots.world.robot_models import GIRAFF
 from robots.world.sensing import CENTRE
 from robots.world.sites import load_site
 
@@ -53,7 +53,7 @@ def planner(picture: str = ROOMS, origin: Pose2D = CENTRE) -> Planner:
     return Planner(CostMap(drawn(picture, origin), SQUARE))
 
 
-def way(made: Planner, start: tuple[float, float], goal: tuple[float, float]) -> Path:
+def way(made: Planner, start: tuple[float, float], goal: tuple[float, float]) -> PlannedPath:
     found = made.plan(start, goal, made.costmap.clearance)
     assert found is not None
     return found
@@ -192,7 +192,7 @@ def test_a_line_is_resampled_with_its_ends_and_corners_kept_near() -> None:
     line = resampled(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), 0.1)
     assert len(line) == 21
     assert line[10] == pytest.approx((1.0, 0.0))
-    path = Path(line)
+    path = PlannedPath(line)
     assert path.at(1.5) == pytest.approx((1.0, 0.5))
     assert path.sharpest_bend(0.0, 0.7) == pytest.approx(0.0, abs=1e-9)
     assert path.sharpest_bend(0.5, 1.5) > 5.0

@@ -3,7 +3,7 @@
 import pytest
 
 from robots.agent.simulator.physics import battery
-from robots.agent.simulator.profiles import GIRAFF
+from robots.world.robot_models import GIRAFF
 
 MODEL = GIRAFF.battery
 

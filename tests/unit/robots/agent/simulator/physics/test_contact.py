@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.agent.simulator.physics.contact import Obstacles, gap, normals, place
-from robots.agent.simulator.physics.drive import Motion
-from robots.agent.simulator.profiles import GIRAFF, RHODON
+from robots.agent.simulator.physics.drive import WheelMotion
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF, RHODON
 from robots.world.sites import load_plan
 from robots.world.solids import Solid, fixed_solids, leaf_solid, rectangle
 
@@ -36,7 +36,7 @@ def test_squares_apart_are_apart_and_squares_on_each_other_say_the_way_out() -> 
 def test_driving_straight_into_a_wall_ends_at_the_wall() -> None:
     world, pose = wall(2.0), Pose2D(0.0, 0.0, 0.0)
     for _ in range(400):
-        move = world.move(GIRAFF_FOOT, pose, Motion(0.7, 0.0), 0.01)
+        move = world.move(GIRAFF_FOOT, pose, WheelMotion(0.7, 0.0), 0.01)
         pose = move.pose
     assert pose.x + 0.32 == pytest.approx(2.0, abs=0.002)
     assert move.touched == {"wall"}
@@ -46,7 +46,7 @@ def test_driving_straight_into_a_wall_ends_at_the_wall() -> None:
 def test_driving_along_a_wall_at_an_angle_slides() -> None:
     world, pose = wall(2.0), Pose2D(1.5, 0.0, math.radians(60))
     for _ in range(300):
-        move = world.move(GIRAFF_FOOT, pose, Motion(0.5, 0.0), 0.01)
+        move = world.move(GIRAFF_FOOT, pose, WheelMotion(0.5, 0.0), 0.01)
         pose = move.pose
         assert not world.hits(place(GIRAFF_FOOT, pose))
     assert pose.y > 0.8
@@ -56,7 +56,7 @@ def test_driving_along_a_wall_at_an_angle_slides() -> None:
 def test_turning_beside_a_wall_pushes_away_or_stops_and_never_enters() -> None:
     world, pose = wall(2.0), Pose2D(2.0 - 0.285, 0.0, math.pi / 2)
     for _ in range(500):
-        pose = world.move(GIRAFF_FOOT, pose, Motion(0.0, 0.7), 0.01).pose
+        pose = world.move(GIRAFF_FOOT, pose, WheelMotion(0.0, 0.7), 0.01).pose
         assert not world.hits(place(GIRAFF_FOOT, pose))
 
 
@@ -68,7 +68,7 @@ def test_whatever_is_commanded_the_robot_never_stands_in_anything(seed: int, mod
     start = PLAN.starts[int(rng.integers(len(PLAN.starts)))]
     pose = Pose2D(start.x, start.y, start.theta)
     for _ in range(12):
-        motion = Motion(float(rng.uniform(-1.5, 1.5)), float(rng.uniform(-2, 2)))
+        motion = WheelMotion(float(rng.uniform(-1.5, 1.5)), float(rng.uniform(-2, 2)))
         for _ in range(25):
             then = OFFICE.move(footprint, pose, motion, 0.05).pose
             assert (
@@ -82,7 +82,7 @@ def test_whatever_is_commanded_the_robot_never_stands_in_anything(seed: int, mod
 def test_what_is_done_is_never_more_than_what_is_commanded() -> None:
     world, pose = wall(2.0), Pose2D(1.66, 0.0, 0.2)
     for _ in range(50):
-        move = world.move(GIRAFF_FOOT, pose, Motion(0.3, 0.3), 0.01)
+        move = world.move(GIRAFF_FOOT, pose, WheelMotion(0.3, 0.3), 0.01)
         pose = move.pose
         assert 0.0 <= move.motion.linear <= 0.3
         assert 0.0 <= move.motion.angular <= 0.3
@@ -112,5 +112,5 @@ def test_clearance_is_the_distance_to_the_nearest_of_many_points(
 def test_an_empty_world_is_infinitely_clear() -> None:
     assert Obstacles(()).clearance(GIRAFF_FOOT) == math.inf
     assert Obstacles(()).move(
-        GIRAFF_FOOT, Pose2D(0, 0, 0), Motion(0.5, 0), 0.1
+        GIRAFF_FOOT, Pose2D(0, 0, 0), WheelMotion(0.5, 0), 0.1
     ).pose.x == pytest.approx(0.05)

@@ -12,9 +12,9 @@ from robots.agent.simulator.physics.contact import shape
 from robots.agent.simulator.physics.doors import KEPT_OFF, SPEED, Doors
 from robots.agent.simulator.physics.people import BODY
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF
 from robots.agent.simulator.render.camera import SceneCamera
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan, with_doors
 from robots.world.solids import leaf_end, leaf_solid
 

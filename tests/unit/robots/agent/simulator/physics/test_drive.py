@@ -8,15 +8,15 @@ from hypothesis import strategies as st
 
 from robots.agent.simulator.physics.drive import (
     STILL,
-    Motion,
+    WheelMotion,
     advance,
     approach,
     clamp,
     follow,
     slip,
 )
-from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import GIRAFF
 
 LIMITS = GIRAFF.limits
 speeds = st.floats(-3, 3)
@@ -50,15 +50,15 @@ def test_every_target_is_reached_in_the_end(now: float, wanted: float) -> None:
 def test_the_base_never_goes_faster_than_its_profile(
     v: float, w: float, wanted_v: float, wanted_w: float
 ) -> None:
-    motion = clamp(Motion(v, w), LIMITS)
+    motion = clamp(WheelMotion(v, w), LIMITS)
     for _ in range(50):
-        motion = follow(motion, Motion(wanted_v, wanted_w), LIMITS, 0.05)
+        motion = follow(motion, WheelMotion(wanted_v, wanted_w), LIMITS, 0.05)
         assert -LIMITS.reverse - 1e-9 <= motion.linear <= LIMITS.linear + 1e-9
         assert abs(motion.angular) <= LIMITS.angular + 1e-9
 
 
 def test_braking_from_full_speed_takes_half_its_square_over_the_braking() -> None:
-    motion, travelled = Motion(0.7, 0.0), 0.0
+    motion, travelled = WheelMotion(0.7, 0.0), 0.0
     while motion != STILL:
         motion = follow(motion, STILL, LIMITS, 0.001)
         travelled += motion.linear * 0.001
@@ -67,25 +67,25 @@ def test_braking_from_full_speed_takes_half_its_square_over_the_braking() -> Non
 
 @given(speeds, st.floats(-2, 2), st.integers(1, 40))
 def test_an_arc_is_the_sum_of_its_parts(v: float, w: float, parts: int) -> None:
-    whole = advance(Pose2D(1.0, 2.0, 0.5), Motion(v, w), 1.0)
+    whole = advance(Pose2D(1.0, 2.0, 0.5), WheelMotion(v, w), 1.0)
     pose = Pose2D(1.0, 2.0, 0.5)
     for _ in range(parts):
-        pose = advance(pose, Motion(v, w), 1.0 / parts)
+        pose = advance(pose, WheelMotion(v, w), 1.0 / parts)
     assert pose.distance(whole) < 1e-6
     assert abs(wrap_angle(pose.theta - whole.theta)) < 1e-6
 
 
 def test_wheels_do_not_slip_unless_they_are_said_to_and_draw_all_the_same() -> None:
     one, other = np.random.default_rng(5), np.random.default_rng(5)
-    assert slip(Motion(0.5, 0.1), 0.467, 0.0, 0.01, one) == Motion(0.5, 0.1)
-    assert slip(Motion(0.5, 0.1), 0.467, 0.05, 0.01, other) != Motion(0.5, 0.1)
+    assert slip(WheelMotion(0.5, 0.1), 0.467, 0.0, 0.01, one) == WheelMotion(0.5, 0.1)
+    assert slip(WheelMotion(0.5, 0.1), 0.467, 0.05, 0.01, other) != WheelMotion(0.5, 0.1)
     assert one.standard_normal() == other.standard_normal()
 
 
 def test_slip_grows_with_the_root_of_the_way() -> None:
     rng = np.random.default_rng(7)
     ends = [
-        sum(slip(Motion(0.5, 0.0), 0.467, 0.05, 0.02, rng).linear * 0.02 for _ in range(100))
+        sum(slip(WheelMotion(0.5, 0.0), 0.467, 0.05, 0.02, rng).linear * 0.02 for _ in range(100))
         for _ in range(300)
     ]
     assert abs(np.mean(ends) - 1.0) < 0.01

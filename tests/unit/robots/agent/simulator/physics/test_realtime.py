@@ -6,7 +6,7 @@ import pytest
 
 from robots.agent.simulator.physics.realtime import LONGEST_LAG, STEP, Playback
 from robots.agent.simulator.physics.simulation import Simulation
-from robots.agent.simulator.profiles import GIRAFF
+from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 
 PLAN, _ = load_plan("office")

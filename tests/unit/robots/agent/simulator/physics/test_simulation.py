@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.contact import distance_to
-from robots.agent.simulator.physics.drive import STILL, Motion
-from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.physics.drive import STILL, WheelMotion
 from robots.agent.simulator.physics.people import BODY
-from robots.agent.simulator.physics.simulation import BUMP_TIME, Sample, Simulation, StartError
-from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON, OdometryModel
+from robots.agent.simulator.physics.simulation import BUMP_TIME, Simulation, StartError, TrueState
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import GIRAFF, MODELS, RHODON, OdometryModel
 from robots.world.sites import load_plan
 
 PLAN, _ = load_plan("office")
@@ -31,7 +31,7 @@ def drive(sim: Simulation, linear: float, angular: float, seconds: float) -> Non
         sim.step(0.01)
 
 
-def wander(seed: int, scans: bool) -> list[Sample]:
+def wander(seed: int, scans: bool) -> list[TrueState]:
     sim, rng, samples = giraff(seed=seed), np.random.default_rng(99), []
     for step in range(1500):
         if step % 30 == 0:
@@ -378,8 +378,8 @@ def test_every_start_and_place_of_the_plan_is_free_for_every_robot(model: object
 
 
 def test_commands_are_clamped_to_the_profile() -> None:
-    assert giraff().command(9.0, -9.0) == Motion(0.7, -0.7)
-    assert giraff().command(-9.0, 0.0) == Motion(-0.3, 0.0)
+    assert giraff().command(9.0, -9.0) == WheelMotion(0.7, -0.7)
+    assert giraff().command(-9.0, 0.0) == WheelMotion(-0.3, 0.0)
 
 
 def test_the_robot_runs_headless_much_faster_than_time() -> None:

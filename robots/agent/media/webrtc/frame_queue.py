@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Callable
 
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.key_frames import Reason
-from robots.agent.media.peers.sender_queue import ViewerQueue
-from robots.agent.media.webrtc.aiortc_hooks import Detour, Outgoing
+from robots.agent.media.codecs.key_frames import Reason
+from robots.agent.media.webrtc.aiortc_hooks import Detour, OutgoingFrame
+from robots.agent.media.webrtc.sender_queue import ViewerQueue
 
 MAX_SOUNDS = 10  # 200 ms
 PAUSE = 0.2  # s without a picture: what is old then is the camera's fault
@@ -88,7 +88,7 @@ class FrameQueue:
             return "joined"
         return "lost" if since > ONCE else "behind"
 
-    async def take(self) -> Outgoing:
+    async def take(self) -> OutgoingFrame:
         """Wait for the next picture to send; the first call comes when the connection is up and
         asks for a key frame.
         """
@@ -107,7 +107,7 @@ class FrameQueue:
             if self.more
             else 0.0
         )
-        return Outgoing(picture.payloads, picture.rtp, picture.key, int(more))
+        return OutgoingFrame(picture.payloads, picture.rtp, picture.key, int(more))
 
     def key_frame_wanted(self) -> None:
         """Hear that the viewer lost a picture."""
@@ -138,15 +138,15 @@ class SoundQueue:
         self.backlog: Callable[[], int] = int
         self.detour: Detour | None = None
         self._origin = origin
-        self._sounds: deque[Outgoing] = deque(maxlen=MAX_SOUNDS)
+        self._sounds: deque[OutgoingFrame] = deque(maxlen=MAX_SOUNDS)
         self._filled = asyncio.Event()
 
     def put(self, payload: bytes, ticks: int) -> None:
         """Queue 20 ms of sound that began `ticks` of 1/48000 s after the microphone's first."""
-        self._sounds.append(Outgoing((payload,), (self._origin + ticks) % (1 << 32)))
+        self._sounds.append(OutgoingFrame((payload,), (self._origin + ticks) % (1 << 32)))
         self._filled.set()
 
-    async def take(self) -> Outgoing:
+    async def take(self) -> OutgoingFrame:
         """Wait for the next sound to send."""
         while not self._sounds:
             self._filled.clear()

@@ -9,8 +9,11 @@ import itertools
 import struct
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field
+from typing import Literal
 
 from robots.api.messages import MediaClock
+
+Kind = Literal["audio", "video"]
 
 VIDEO_RATE = 90_000
 AUDIO_RATE = 48_000
@@ -28,6 +31,27 @@ _NTP_EPOCH = 2_208_988_800  # Unix time 0 in seconds of NTP (RFC 5905)
 _LONGEST_STEP = 5.0  # s
 _TELL_EVERY = 1.0  # s
 _TOLERANCE = 0.001  # s
+
+
+# ticks from the last of one source to the first of the next
+STEP: dict[Kind, int] = {"audio": 960, "video": 3000}
+ROUND = 1 << 32  # ticks after which a timestamp begins anew
+
+
+class Continuous:
+    """One growing count of RTP ticks out of those of several sources, each of which begins
+    anywhere.
+    """
+
+    def __init__(self, step: int) -> None:
+        self._step, self._source, self._offset, self._last = step, "", 0, 0
+
+    def tick(self, source: str, ticks: int) -> int:
+        """Return the ticks of what `source` counts as `ticks`."""
+        if source != self._source:
+            self._source, self._offset = source, self._last + self._step - ticks
+        self._last = ticks + self._offset
+        return self._last
 
 
 class RtpClock:

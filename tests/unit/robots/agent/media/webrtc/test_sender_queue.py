@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.sender_queue import DEPTH, MAX_BACKLOG, ViewerQueue
+from robots.agent.media.webrtc.sender_queue import DEPTH, MAX_BACKLOG, ViewerQueue
 
 
 def _picture(number: int, *, key: bool = False) -> Picture:

@@ -1,15 +1,39 @@
-"""A sonar: the nearest thing in its cone that sends the sound back."""
+"""What measures distances: a planar laser scanner; and a sonar, which hears the nearest thing in
+its cone that sends the sound back.
+"""
 
 import math
 
 import numpy as np
 
-from robots.agent.simulator.profiles import SonarModel
 from robots.api.geometry import Pose2D
-from robots.world.raycaster import cast
+from robots.world.raycaster import cast, sweep
+from robots.world.robot_models import LaserModel, SonarModel
 from robots.world.solids import Floats
 
-RAYS = 13
+SONAR_RAYS = 13  # that stand for a cone
+
+
+def scan(segments: Floats, pose: Pose2D, model: LaserModel, rng: np.random.Generator) -> Floats:
+    """Return ranges (beams,) in metres from `model.angle_min` on, counter-clockwise; `inf` where
+    nothing came back.
+
+    `segments` (n, 4) are the sides of what stands at the height of the laser, counter-clockwise
+    about each; `pose` is the robot's.
+    """
+    mount = pose.compose(model.mount)
+    ranges = sweep(
+        segments,
+        mount.x,
+        mount.y,
+        mount.theta + model.angle_min,
+        model.angle_increment,
+        model.beams,
+    )
+    ranges = np.maximum(ranges + rng.normal(0.0, model.noise, model.beams), 0.0)
+    lost = (ranges > model.range_max) | (rng.random(model.beams) < model.dropout)
+    ranges[lost] = math.inf
+    return ranges
 
 
 def echo(segments: Floats, mount: Pose2D, model: SonarModel, rng: np.random.Generator) -> float:
@@ -18,7 +42,7 @@ def echo(segments: Floats, mount: Pose2D, model: SonarModel, rng: np.random.Gene
 
     `segments` (n, 4) are the sides of what stands at its height.
     """
-    angles = mount.theta + np.linspace(-model.width / 2.0, model.width / 2.0, RAYS)
+    angles = mount.theta + np.linspace(-model.width / 2.0, model.width / 2.0, SONAR_RAYS)
     ranges, met = cast(segments, mount.x, mount.y, angles)
     noise, lost = model.noise * rng.standard_normal(), rng.random() < model.dropout
     hits = np.flatnonzero(ranges <= model.farthest)

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from robots.agent.simulator.physics.laser import scan
-from robots.agent.simulator.profiles import GIRAFF
+from robots.agent.simulator.physics.range_sensors import scan
 from robots.api.geometry import Pose2D
+from robots.world.robot_models import GIRAFF
 from robots.world.solids import rectangle
 
 SILENT = dataclasses.replace(GIRAFF.laser, noise=0.0, dropout=0.0)

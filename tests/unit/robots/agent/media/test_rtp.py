@@ -9,8 +9,7 @@ from aiortc.rtp import HeaderExtensionsMap, RtpPacket, unpack_header_extensions,
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.media.webrtc.aiortc_hooks import ABS_SEND_TIME, MID
-from robots.agent.media.webrtc.rtp import (
+from robots.agent.media.rtp import (
     ASKED_AGAIN,
     HISTORY,
     ClockTeller,
@@ -22,6 +21,7 @@ from robots.agent.media.webrtc.rtp import (
     ntp_time,
     vp8_payloads,
 )
+from robots.agent.media.webrtc.aiortc_hooks import ABS_SEND_TIME, MID
 from robots.api.messages import MediaClock
 
 NOW = 1_800_000_000.25

@@ -1,9 +1,14 @@
-"""The file with an agent's credentials: TOML that its owner alone can read, replaced whole."""
+"""The file with an agent's credentials, which the site writes and the agent reads and renews: TOML
+that its owner alone can read, replaced whole.
+"""
 
 import errno
 import os
 from collections.abc import Mapping
 from pathlib import Path
+
+# environment variables that begin so say the same, `TELEPRESENCE_TOKEN` for `token`
+ENVIRONMENT = "TELEPRESENCE_"
 
 
 def toml(lines: Mapping[str, str]) -> str:

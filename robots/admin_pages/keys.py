@@ -1,12 +1,12 @@
-"""Enrolment and rotation of credentials in the administration, for owners and who oversees the
-robots.
+"""Keys in the administration, each shown once: the one-time token of a robot's computer, and the
+address of its screen; and the rotation of credentials.
 """
 
 from typing import Any
 
 from django.contrib import admin, messages
 from django.db.models import QuerySet
-from django.http import HttpRequest, HttpResponse
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.utils import timezone
 from django.utils.translation import gettext as _
@@ -16,7 +16,9 @@ from accounts import audit
 from robots.admin_pages.access import OfRobots, theirs_to_change
 from robots.enrol.credentials import ask_for_renewal
 from robots.enrol.tokens import make_token
+from robots.forms import offered
 from robots.models import Robot
+from robots.screens import make_screen_key, revoke_screen_key, screen_address
 
 
 class EnrolmentPage(OfRobots):
@@ -32,6 +34,7 @@ class EnrolmentPage(OfRobots):
         }
         if request.method == "POST":
             context["token"] = make_token(robot, timezone.now())
+            context["adapters"] = ", ".join(offered())
             context["server"] = request.build_absolute_uri("/").rstrip("/")
             self.log_change(request, robot, _("New one-time token."))
             audit.note("enrolment_made", actor=request.user, robot=robot)
@@ -53,3 +56,32 @@ class EnrolmentPage(OfRobots):
             len(chosen),
         )
         self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)
+
+
+class ScreenPage(OfRobots):
+    """A part of the robots' administration."""
+
+    def screen_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Ask whether to make a new key, and show the address once; a POST with `revoke` takes the
+        present one away.
+        """
+        robot: Robot = self.managed(request, pk)
+        context = self.admin_site.each_context(request) | {
+            "title": _("Screen of %(robot)s") % {"robot": robot},
+            "robot": robot,
+            "opts": self.opts,
+        }
+        if request.method == "POST" and "revoke" in request.POST:
+            revoke_screen_key(robot)
+            self.log_change(request, robot, _("Screen key taken away."))
+            audit.note("screen_key_revoked", actor=request.user, robot=robot)
+            messages.success(request, _("The screen's address no longer works."))
+            return HttpResponseRedirect(request.path)
+        if request.method == "POST":
+            key = make_screen_key(robot, timezone.now())
+            self.log_change(request, robot, _("New screen key."))
+            audit.note("screen_key_made", actor=request.user, robot=robot)
+            context["address"] = screen_address(
+                robot, key, request.build_absolute_uri("/").rstrip("/")
+            )
+        return render(request, "admin/robots/robot/screen.html", context)

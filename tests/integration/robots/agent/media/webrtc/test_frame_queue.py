@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import pytest
 
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers import frame_queue as outbox
-from robots.agent.media.peers.frame_queue import ONCE, FrameQueue
-from robots.agent.media.peers.sender_queue import DEPTH
+from robots.agent.media.webrtc import frame_queue as outbox
+from robots.agent.media.webrtc.frame_queue import ONCE, FrameQueue
+from robots.agent.media.webrtc.sender_queue import DEPTH
 
 
 class Viewer:

@@ -1,0 +1,70 @@
+"""The names by which an adapter is chosen: on an agent's command line, in its credentials file, in
+the profile of a robot, and in the administration.
+
+Ours are listed here. Others come with Python packages that name theirs as entry points of `GROUP`,
+each the module that has `create(profile_name, options)`:
+
+    [project.entry-points."telepresence.adapters"]
+    acme = "telepresence_acme.adapter"
+
+Nothing is imported to list the names, so that the server can list them too. What is installed there
+says nothing of the robot's own computer, where the agent runs.
+
+    https://packaging.python.org/en/latest/specifications/entry-points/
+"""
+
+import logging
+from collections.abc import Mapping
+from importlib.metadata import EntryPoint, entry_points
+
+log = logging.getLogger(__name__)
+
+GROUP = "telepresence.adapters"
+OURS: Mapping[str, str] = {
+    "simulator": "robots.agent.adapters.simulator.adapter",
+    "moos": "robots.agent.adapters.moos.adapter",
+    "openmora_mqtt": "robots.agent.adapters.moos.openmora_mqtt",
+    "ros1": "robots.agent.adapters.ros.ros1",
+    "ros2": "robots.agent.adapters.ros.ros2",
+    "rosbridge": "robots.agent.adapters.ros.rosbridge",
+}
+
+
+class AmbiguousAdapterError(ValueError):
+    """Two packages name different adapters alike; the message is one sentence."""
+
+
+def installed() -> dict[str, EntryPoint]:
+    """Return the adapters of other packages that are installed here, by name.
+
+    One that takes a name of ours is left out, and a warning says so.
+
+    Raises:
+        AmbiguousAdapterError: two packages use one name.
+    """
+    found: dict[str, EntryPoint] = {}
+    for point in entry_points(group=GROUP):
+        if point.name in OURS:
+            log.warning("adapter_name_taken name=%s package=%s", point.name, package_of(point))
+            continue
+        other = found.setdefault(point.name, point)
+        if other.value != point.value:
+            raise AmbiguousAdapterError(
+                f"two installed packages name an adapter {point.name!r}: {package_of(other)} and"
+                f" {package_of(point)}; uninstall one of them"
+            )
+    return found
+
+
+def package_of(point: EntryPoint) -> str:
+    """Return the package that an entry point comes from, with its version."""
+    return f"{point.dist.name} {point.dist.version}" if point.dist is not None else point.value
+
+
+def known_names() -> tuple[str, ...]:
+    """Return every name that can be given here: ours, and those of installed packages.
+
+    Raises:
+        AmbiguousAdapterError: two packages use one name.
+    """
+    return tuple(sorted({*OURS, *installed()}))

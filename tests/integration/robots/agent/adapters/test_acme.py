@@ -1,0 +1,93 @@
+"""The example package: the conformance suite on its adapter, and a drive where it is installed."""
+
+import json
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+
+from tests.support.acme_robot import EXAMPLE, AcmeRig
+from tests.support.paths import ROOT
+from tests.support.patience import patient
+from tests.support.rca_conformance import RcaConformance
+
+
+class TestAcme(RcaConformance):
+    @pytest.fixture(autouse=True, scope="class")
+    def _importable(self):
+        sys.path.insert(0, str(EXAMPLE))
+        yield
+        sys.path.remove(str(EXAMPLE))
+
+    @pytest.fixture(scope="class")
+    def shared_rig(self, _importable):
+        with AcmeRig() as rig:
+            yield rig
+
+    def make_rig(self, directory):
+        return AcmeRig()
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """A fresh virtual environment with the package in it: the project's own libraries are those of
+    the environment that runs the tests.
+    """
+    folder = tmp_path_factory.mktemp("robot") / "environment"
+    venv.create(folder, with_pip=False, symlinks=True)
+    python = folder / "bin" / "python"
+    site = subprocess.check_output(
+        [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"], text=True
+    ).strip()
+    paths = f"{sysconfig.get_path('purelib')}\n{ROOT}\n"
+    Path(site, "project.pth").write_text(paths, encoding="utf-8")
+    offline = ["--no-index", "--no-deps", "--no-build-isolation", "--disable-pip-version-check"]
+    installing = subprocess.run(
+        [sys.executable, "-m", "pip", "--python", python, "install", "-q", *offline, EXAMPLE],
+        capture_output=True,
+        text=True,
+        timeout=patient(60.0),
+        check=False,
+    )
+    assert installing.returncode == 0, installing.stdout + installing.stderr
+    return python
+
+
+def run(python, *command, within=60.0):
+    ran = subprocess.run(
+        [python, *command],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=patient(within),
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout
+
+
+def test_installed_it_is_driven_by_the_agent_as_ours_are(environment, tmp_path):
+    found = json.loads(
+        run(environment, "-m", "tests.support.acme_drive", tmp_path).splitlines()[-1]
+    )
+    assert found["adapters"].count("acme") == 1
+    assert found["driven"] > 0.1, "metres"
+    red, green, blue = found["photo"]
+    assert red > 120
+    assert max(green, blue) < 80, "the SDK's pictures are BGR"
+    assert found["touched"] == ["ahead"]
+    assert found["after_contact"] == 0.0, "m/s"
+    assert found["latest_tick"] < 0.2 + found["host_late"], "a hung call stalls nobody"
+    assert "says nothing of its odometry" in found["lost"] or "answer" in found["lost"]
+    assert found["came_back"]
+    assert found["seconds_to_end"] < 6.0
+
+
+def test_the_package_carries_its_profile(environment):
+    text = "import telepresence_acme.adapter as a; print(a.__file__, a.create('acme', {}).profile.series)"
+    place, series = run(environment, "-c", text).split()
+    assert series == "acme"
+    assert str(ROOT) not in place, "it is the installed one"

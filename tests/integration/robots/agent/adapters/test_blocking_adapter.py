@@ -1,0 +1,61 @@
+"""An adapter that blocks the control loop is named as such, and does not stall the suite."""
+
+import asyncio
+import time
+
+import pytest
+
+from tests.support.adapter_conformance import AdapterConformance
+from tests.support.loop_guard import guarded
+from tests.support.scripted_robot import ScriptedRobot
+
+
+class Blocking(ScriptedRobot):
+    """Its SDK's call takes a minute."""
+
+    async def connect(self):
+        time.sleep(60.0)
+
+
+class Slow(ScriptedRobot):
+    """Now and then, its SDK's call takes a third of a second."""
+
+    calls = 0
+
+    def apply(self, velocity):
+        self.calls += 1
+        if self.calls % 20 == 0:
+            time.sleep(0.3)
+        return super().apply(velocity)
+
+
+def test_a_call_that_does_not_come_back_is_named_within_thirty_seconds():
+    began = time.monotonic()
+    with guarded(), pytest.raises(pytest.fail.Exception) as caught:
+        asyncio.run(Blocking().connect())
+    assert time.monotonic() - began < 30.0
+    assert "blocks the control loop" in str(caught.value)
+    assert "time.sleep(60.0)" in str(caught.value), "the line is named"
+    assert "asyncio.to_thread" in str(caught.value)
+
+
+def test_calls_that_block_for_a_moment_each_are_named():
+    class Quiet:
+        @staticmethod
+        def excuse(_since, _until):
+            return 0.0
+
+    async def drive():
+        robot = Slow()
+        await robot.connect()
+        conformance = AdapterConformance()
+        await conformance.test_it_never_keeps_the_control_loop_waiting(robot, Quiet())
+
+    with pytest.raises(AssertionError, match="blocks the control loop"):
+        asyncio.run(drive())
+
+
+def test_a_loop_that_runs_is_left_alone():
+    with guarded(0.5):
+        asyncio.run(asyncio.sleep(1.2))
+    time.sleep(0.3)
