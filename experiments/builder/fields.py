@@ -23,7 +23,7 @@ from msgspec import inspect
 
 from experiments.definition.schema import Checkpoint
 from robots.api.messages import Point
-from surveys.definition import Text
+from surveys.documents import Text
 
 Document = dict[str, Any]
 Widget = Literal["line", "text", "number", "check", "choice", "choices", "points", "names"]

@@ -13,8 +13,9 @@ from experiments.definition.schema import Form, Questionnaire
 from experiments.models import Participant, Study
 from experiments.participation.questions import CONTEXT
 from surveys.answers import AnswerValue
-from surveys.definition import Definition, Question, TextItem
+from surveys.definition import Definition
 from surveys.downloads import answered
+from surveys.item import Question
 from surveys.models import Answer
 from surveys.models import Questionnaire as QuestionnaireRow
 from surveys.models import Response as Row
@@ -106,7 +107,7 @@ def _response(
 def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[object, str]:
     if given.value is None:
         return None, str(given.missing or "")
-    if isinstance(question.item, TextItem) and not choice.has_text:
+    if question.item.is_free_text and not choice.has_text:
         return None, WITHHELD
     return given.value, ""
 

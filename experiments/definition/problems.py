@@ -4,9 +4,10 @@ study itself.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from experiments.definition.schema import (
+    STEP_KINDS,
     Condition,
     Consent,
     Course,
@@ -19,7 +20,7 @@ from experiments.definition.schema import (
     Study,
     Task,
 )
-from surveys.problems import checked, text_problems
+from surveys.documents import checked, duplicates, text_problems
 
 MAX_BYTES = 1024 * 1024
 MOST_ORDERED = 4  # conditions within one participant
@@ -39,7 +40,9 @@ def parse(document: bytes) -> Study:
         BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
             the first.
     """
-    return checked(document, Study, problems, MAX_BYTES)
+    return checked(
+        document, Study, problems, limit=MAX_BYTES, kinds=STEP_KINDS, kind_name="kind of step"
+    )
 
 
 def problems(study: Study) -> Iterator[str]:
@@ -71,21 +74,15 @@ def _of_the_whole(study: Study) -> Iterator[str]:
     yield from name_problems(study.slug)
     if not study.languages:
         yield "There is no language."
-    yield from _twice("language", study.languages)
+    yield from duplicates("language", study.languages)
     yield from text_problems(study, "study", study.languages)
     if "\x00" in study.source + study.licence:
         yield "Source or licence holds a null character."
-    yield from _twice("condition", (condition.key for condition in study.conditions))
-    yield from _twice("course", (f"of {course.robot} at {course.site}" for course in study.courses))
-    yield from _twice("step", (step.key for step in study.steps))
-
-
-def _twice(what: str, names: Iterable[str]) -> Iterator[str]:
-    yield from (
-        f"The {what} {name} stands {count} times."
-        for name, count in Counter(names).items()
-        if count > 1
+    yield from duplicates("condition", (condition.key for condition in study.conditions))
+    yield from duplicates(
+        "course", (f"of {course.robot} at {course.site}" for course in study.courses)
     )
+    yield from duplicates("step", (step.key for step in study.steps))
 
 
 def _of_steps(study: Study) -> Iterator[str]:
@@ -139,7 +136,7 @@ def _of_condition(study: Study, condition: Condition) -> Iterator[str]:
         ("action", condition.actions),
         ("closed door", condition.doors_closed),
     ):
-        yield from _twice(what, names)
+        yield from duplicates(what, names)
     yield from _of_network("towards the robot", condition.network.control, LEAST_CONTROL_RATE)
     yield from _of_network("back from the camera", condition.network.video, LEAST_VIDEO_RATE)
     course = study.course_of(condition)
@@ -199,8 +196,8 @@ def _of_course(study: Study, course: Course) -> Iterator[str]:
         yield f"the checkpoints are numbered {numbers}, not 0, 1, 2 …"
     if course.photo is not None and course.photo.checkpoint not in numbers[1:]:
         yield f"the photo belongs to checkpoint {course.photo.checkpoint}, which is not there."
-    yield from _twice("door", course.doors)
-    yield from _twice("zone", (zone.name for zone in course.zones))
+    yield from duplicates("door", course.doors)
+    yield from duplicates("zone", (zone.name for zone in course.zones))
     if all(study.course_of(condition) is not course for condition in study.conditions):
         yield "no condition uses it."
 

@@ -35,8 +35,8 @@ from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
+from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire as QuestionnaireRow
-from surveys.problems import BadDefinitionError
 
 LEAST_REASON = 10  # characters: "later" is none
 

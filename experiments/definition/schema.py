@@ -14,7 +14,7 @@ Longer than most files here, because a reader who writes a study wants all of it
 """
 
 from hashlib import sha256
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 from msgspec import Meta
@@ -24,7 +24,7 @@ from robots.api.floorplan import Key as PlanKey
 from robots.api.floorplan import Length
 from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
 from robots.api.prepared import prepare
-from surveys.definition import Key, Language, Part, Slug, Text
+from surveys.documents import Key, Language, Part, Slug, Text
 
 Outcome = Literal[
     "completed",
@@ -229,6 +229,7 @@ class Debrief(Step, frozen=True, kw_only=True, tag_field="kind", tag="debrief"):
 
 
 AnyStep = Consent | Form | Instructions | Practice | Task | Questionnaire | Debrief
+STEP_KINDS = tuple(str(step.__struct_config__.tag) for step in get_args(AnyStep))
 
 
 # --- the rules ------------------------------------------------------------------------------------

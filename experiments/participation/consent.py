@@ -8,7 +8,7 @@ from django.db import IntegrityError, transaction
 
 from experiments.definition.schema import Consent
 from experiments.models import ConsentReceipt, Participant
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 Answer = Literal["agreed", "too_young", "guardian"]
 

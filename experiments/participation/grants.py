@@ -38,7 +38,7 @@ from robots.api.geometry import Pose2D
 from robots.models import Robot
 from sessions.leases.terms import NotGranted, Terms
 from sessions.models import Session
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 log = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ from experiments.definition.schema import Consent, Controller, Practice, Task
 from experiments.definition.schema import Study as Definition
 from experiments.models import Participant, Study
 from experiments.participation import journey, progress
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 # In the order in which they are asked: the first that holds decides.
 Stand = Literal[

@@ -21,7 +21,7 @@ from experiments.participation import assignment, completion, journey
 from experiments.participation.assignment import Access
 from experiments.participation.journey import Place
 from experiments.participation.questions import is_answered
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 Status = Participant.Status
 MOST_PARAMETERS, LONGEST_PARAMETER = 10, 100

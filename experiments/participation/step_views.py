@@ -45,9 +45,8 @@ from experiments.participation.views import BAD
 from experiments.tasks import page
 from robots.access import may_drive
 from sessions.views import page_config
-from surveys.definition import spoken
+from surveys.documents import BadDefinitionError, spoken
 from surveys.models import Questionnaire as QuestionnaireRow
-from surveys.problems import BadDefinitionError
 
 PICTURES = frozenset(
     path.stem for path in (settings.BASE_DIR / "static" / "img" / "instructions").glob("*.svg")

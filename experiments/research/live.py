@@ -17,7 +17,7 @@ from robots.models import Robot
 from robots.readiness_text import in_words
 from sessions.leases import store, terms
 from sessions.models import NetworkSample, Session, SessionEvent, StateChunk
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 RECENT = datetime.timedelta(hours=1)
 MOST_PEOPLE = 200

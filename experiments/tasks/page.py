@@ -15,7 +15,7 @@ from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Condition, Course, Practice, Study, Task
 from experiments.models import Drive, Participant
 from robots.api.floorplan import FloorPlan
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 
 def config(

@@ -16,7 +16,8 @@ import numpy.typing as npt
 from experiments.analysis.dataset.columns import NETWORK, STATES, Column
 from experiments.definition.schema import Course, Form, Study
 from robots.api.floorplan import FloorPlan
-from surveys.definition import Definition, spoken
+from surveys.definition import Definition
+from surveys.documents import spoken
 
 Floats = npt.NDArray[np.float64]
 Kind = Literal["participant", "pilot", "bot"]

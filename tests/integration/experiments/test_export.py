@@ -29,8 +29,8 @@ from experiments.export.archive import unpacked, zipped
 from experiments.export.files import SUMS, export_files
 from experiments.models import Participant
 from sessions.models import SessionEvent, Snapshot, StateChunk
-from surveys.definition import TextItem
 from surveys.models import Answer
+from surveys.questions.text import TextItem
 from tests.support.paths import ROOT
 from tests.support.study_dataset import made_up
 from tests.support.study_rows import AGENT, put

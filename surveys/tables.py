@@ -1,10 +1,14 @@
-"""The table of a Likert questionnaire: overall, its topics, its statements, in this order."""
+"""Answers as tables: with a line a response, and, of a Likert questionnaire, with a line for
+overall, its topics and its statements, in this order.
+"""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from surveys.definition import Definition, spoken
+from surveys.definition import Definition
+from surveys.documents import spoken
+from surveys.item import Question
 from surveys.likert import Answers, Interval, Summary, summarise
 
 
@@ -44,8 +48,8 @@ def likert_table(
     """
     if definition.scoring != "likert":
         raise ValueError(f"{definition.slug} is not scored as statements on one scale")
-    statements = [question for question in definition.questions() if question.points]
-    scale = [point.value for point in statements[0].points]
+    statements = definition.scored
+    scale = list(statements[0].score_values)
     neutral = (scale[0] + scale[-1]) / 2.0
     rows: list[tuple[Literal["overall", "topic", "statement"], str, str, tuple[str, ...]]] = [
         ("overall", "", overall, tuple(question.key for question in statements)),
@@ -68,3 +72,33 @@ def likert_table(
         )
         for kind, key, label, keys in rows
     ]
+
+
+def columns_of(versions: Sequence[Definition]) -> list[str]:
+    """Return the columns of a table with a line a response to any version of a questionnaire: those
+    of each question's type, and why there is no answer.
+    """
+    named: dict[str, dict[str, None]] = {}
+    for definition in versions:
+        for question in definition.questions():
+            columns = named.setdefault(question.key, {})
+            columns |= dict.fromkeys(question.item.columns(question.key))
+    return [column for key, columns in named.items() for column in (*columns, f"{key}_missing")]
+
+
+def cells_of(
+    questions: Mapping[str, Question], values: Mapping[str, Any], missing: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the cells of a response by their columns.
+
+    Args:
+        questions: what may have been asked, by key.
+        values: stored values by key; None or no entry is no answer.
+        missing: why there is none, by key.
+    """
+    cells: dict[str, Any] = {}
+    for key, question in questions.items():
+        item = question.item
+        cells |= zip(item.columns(key), item.cells(values.get(key)), strict=True)
+        cells[f"{key}_missing"] = missing.get(key, "")
+    return cells
