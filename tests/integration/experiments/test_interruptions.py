@@ -15,7 +15,12 @@ from django.conf import settings
 from django.db import connection, transaction
 from django.utils import timezone
 
-from experiments.definition.schema import Consent, Form, Instructions, Practice, Questionnaire, Task
+from experiments.definition.steps.consent import Consent
+from experiments.definition.steps.form import Form
+from experiments.definition.steps.instructions import Instructions
+from experiments.definition.steps.practice import Practice
+from experiments.definition.steps.questionnaire import Questionnaire
+from experiments.definition.steps.task import Task
 from experiments.models import ConsentReceipt, Drive, StepVisit, Study
 from experiments.participation import completion, progress
 from experiments.participation.journey import Place
@@ -272,7 +277,7 @@ def test_the_time_limit_of_a_drive_ends_it_once_and_leads_on_with_its_outcome(
     hear(runner, drive, records)
     limit = records[0].at + LIMIT[place.step] + PATIENCE + 1.0
     for manager in (runner, runner, Runner()):  # the last one was started after it
-        manager.look(now=moment(limit))
+        manager.tick(now=moment(limit))
     session = Session.objects.get(pk=drive.session_id)
     assert (session.state, session.outcome) == ("ended", outcome)
     over(runner, drive, moved=True)
@@ -294,7 +299,7 @@ def test_the_time_limit_of_a_drive_ends_it_once_and_leads_on_with_its_outcome(
 @pytest.mark.parametrize("place", DRIVEN, ids=lambda place: place.step)
 def test_a_drive_without_a_picture_ends_with_its_turn_and_may_be_tried_again(walker, place):
     drive, runner, _records = driving(brought(walker, place))
-    runner.look(now=drive.granted_at + datetime.timedelta(seconds=LIMIT[place.step] + 181.0))
+    runner.tick(now=drive.granted_at + datetime.timedelta(seconds=LIMIT[place.step] + 181.0))
     session = Session.objects.get(pk=drive.session_id)
     assert (session.outcome, session.outcome_reason) == ("timed_out", "no_picture")
     over(runner, drive, moved=False)

@@ -52,7 +52,7 @@ def shown() -> list[protocol.Task]:
 
 
 def frame(payload: bytes) -> protocol.Task:
-    told = relay.told(msgspec.json.decode(payload, type=m.ServerNews), 60.0)
+    told = relay.sent(msgspec.json.decode(payload, type=m.ServerNews), 60.0)
     assert told is not None
     assert told[0] == "session/task"
     return told[1]
