@@ -184,16 +184,6 @@ CHOICES: dict[str, dict[str, Words]] = {
     },
 }
 
-KINDS: dict[str, Words] = {
-    "consent": _("Consent"),
-    "form": _("Form about the person"),
-    "instructions": _("Instructions"),
-    "practice": _("Practice drive"),
-    "task": _("Task"),
-    "questionnaire": _("Questionnaire about the drive"),
-    "debrief": _("Debriefing"),
-}
-
 ITEMS: dict[str, Words] = {
     "leaves": pgettext_lazy("of the instructions", "Page"),
     "checkpoints": _("Checkpoint"),

@@ -28,7 +28,6 @@ from django.views.decorators.cache import never_cache
 from experiments.builder import fields, labels
 from experiments.builder.fields import Asking, Document
 from experiments.builder.pages import (
-    KINDS,
     LISTS,
     PAGES,
     AtHand,
@@ -44,7 +43,9 @@ from experiments.builder.pages import (
 from experiments.definition import publishing
 from experiments.definition.problems import problems
 from experiments.definition.schema import Course, Study
+from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
+from experiments.participation.steps import page_type
 from experiments.research.access import may
 from experiments.research.study_access import study_for
 from robots.models import FloorPlan
@@ -249,9 +250,7 @@ class BuilderPages:
             "above": draft.above,
             "has_errors": bool(draft.errors),
             "part_title": _title_of(former, whole) if place.index is not None else "",
-            "kind": (
-                labels.KINDS.get(former.get("kind", ""), "") if place.section == "steps" else ""
-            ),
+            "kind": page_type(former["kind"]).label if place.section == "steps" else "",
         }
         if place.section == "courses":
             context |= {
@@ -405,7 +404,7 @@ def _count(row: Row, section: str) -> int | None:
 
 def _kinds(section: str) -> list[tuple[str, Any]]:
     if section == "steps":
-        return [(kind, labels.KINDS[kind]) for kind in KINDS]
+        return [(kind, page_type(kind).label) for kind in KINDS]
     return [("", _("Condition") if section == "conditions" else _("Course"))]
 
 
@@ -436,7 +435,7 @@ def _title_of(part: Document, whole: Document) -> str:
 
 def _about(section: str, part: Document) -> Iterator[Any]:
     if section == "steps":
-        yield labels.KINDS[part["kind"]]
+        yield page_type(part["kind"]).label
         yield part.get("questionnaire", "")
         yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
         yield _("for each condition") if part.get("repeat") else ""
@@ -463,7 +462,7 @@ def _new(section: str, kind: str, whole: Document) -> Document:
     if section == "steps":
         if kind not in KINDS:
             raise Http404
-        return new_step(kind, whole)
+        return new_step(kind, page_type(kind).blank, whole)
     return (
         new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
     )

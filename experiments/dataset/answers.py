@@ -9,7 +9,6 @@ from experiments.analysis.dataset.records import WITHHELD, Response
 from experiments.dataset.people import Round
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Choice
-from experiments.definition.schema import Form, Questionnaire
 from experiments.models import Participant, Study
 from experiments.participation.questions import CONTEXT
 from surveys.answers import AnswerValue
@@ -37,11 +36,9 @@ def responses_of(
         .exclude(status=Participant.Status.WITHDRAWN)
         .order_by("code")
     )
-    asking = [
-        step for step in study.as_definition().steps if isinstance(step, Form | Questionnaire)
-    ]
+    asking = study.as_definition().asking
     repeated, slugs = (
-        {step.key: isinstance(step, Questionnaire) for step in asking},
+        {step.key: not step.is_about_person for step in asking},
         {step.questionnaire for step in asking},
     )
     for start in range(0, len(people), AT_ONCE):
@@ -114,11 +111,7 @@ def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[objec
 
 def questionnaires_of(study: Study) -> tuple[Definition, ...]:
     """Return the questionnaires of a study in every version that is there, by name and version."""
-    slugs = {
-        step.questionnaire
-        for step in study.as_definition().steps
-        if isinstance(step, Form | Questionnaire)
-    }
+    slugs = {step.questionnaire for step in study.as_definition().asking}
     rows = QuestionnaireRow.objects.filter(
         slug__in=sorted(slugs | {study.as_definition().analysis.statements})
     )

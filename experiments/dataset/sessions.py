@@ -10,7 +10,7 @@ from django.db.models import QuerySet
 from experiments.analysis.dataset.records import Session
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Choice, words_of
-from experiments.definition.schema import Condition, Practice
+from experiments.definition.schema import Condition
 from experiments.definition.schema import Study as Definition
 from experiments.models import Drive, Participant, Study
 from robots.api.messages import LabReport
@@ -37,7 +37,7 @@ def sessions_of(
 ) -> list[Session]:
     """Return drives as sessions, in their order."""
     definition = study.as_definition()
-    practice = {step.key for step in definition.steps if isinstance(step, Practice)}
+    practice = definition.practice_keys
     touched = _touched([drive.session_id for drive in drives])
     numbers = _numbers([drive for drive in drives if drive.step not in practice])
     return [

@@ -3,23 +3,10 @@ study itself.
 """
 
 import math
-from collections import Counter
 from collections.abc import Iterator
 
-from experiments.definition.schema import (
-    STEP_KINDS,
-    Condition,
-    Consent,
-    Course,
-    Debrief,
-    Form,
-    Impairment,
-    Instructions,
-    Practice,
-    Questionnaire,
-    Study,
-    Task,
-)
+from experiments.definition.schema import Condition, Course, Impairment, Study
+from experiments.definition.steps import KINDS
 from surveys.documents import checked, duplicates, text_problems
 
 MAX_BYTES = 1024 * 1024
@@ -41,7 +28,7 @@ def parse(document: bytes) -> Study:
             the first.
     """
     return checked(
-        document, Study, problems, limit=MAX_BYTES, kinds=STEP_KINDS, kind_name="kind of step"
+        document, Study, problems, limit=MAX_BYTES, kinds=KINDS, kind_name="kind of step"
     )
 
 
@@ -86,24 +73,11 @@ def _of_the_whole(study: Study) -> Iterator[str]:
 
 
 def _of_steps(study: Study) -> Iterator[str]:
-    kinds = Counter(type(step) for step in study.steps)
-    if kinds[Task] != 1:
-        yield (
-            f"There are {kinds[Task]} task steps; a study has one, which is repeated for each"
-            " condition."
-        )
-    if kinds[Consent] > 1:
-        yield f"There are {kinds[Consent]} consent steps; one is enough."
-    if kinds[Consent] and not isinstance(study.steps[0], Consent):
-        yield "The consent is not the first step."
-    if any(isinstance(step, Debrief) for step in study.steps[:-1]):
-        yield "The debriefing is not the last step."
+    for kind in KINDS.values():
+        yield from kind.problems_among(study.steps)
     yield from _of_repeats(study)
     for step in study.steps:
-        if isinstance(step, Instructions) and not step.leaves:
-            yield f"Step {step.key}: there is nothing to read."
-        if isinstance(step, Consent | Form | Debrief) and step.repeat:
-            yield f"Step {step.key}: a {type(step).__name__.lower()} is not repeated."
+        yield from (f"Step {step.key}: {problem}" for problem in step.problems())
 
 
 def _of_repeats(study: Study) -> Iterator[str]:
@@ -116,7 +90,7 @@ def _of_repeats(study: Study) -> Iterator[str]:
     task = study.task
     if study.allocation.design == "within" and task is not None and not task.repeat:
         yield "Participants do every condition, but the task is not repeated."
-    driving = sum(step.minutes for step in study.steps if isinstance(step, Task | Practice))
+    driving = sum(step.minutes for step in study.drives)
     if task is not None and driving > MOST_MINUTES:
         yield (
             f"One round lasts up to {driving:g} minutes of driving; at most {MOST_MINUTES:g} are"
@@ -216,7 +190,7 @@ def _of_allocation(study: Study) -> Iterator[str]:
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
         yield "The refill rule may not refill outcomes of the task itself (completed, timed out)."
-    known = {step.questionnaire for step in study.steps if isinstance(step, Form | Questionnaire)}
+    known = {step.questionnaire for step in study.asking}
     if study.analysis.statements not in known:
         yield (
             f"The statements of the analysis, {study.analysis.statements}, are not among the"

@@ -6,7 +6,7 @@ from typing import Literal
 
 from django.db import IntegrityError, transaction
 
-from experiments.definition.schema import Consent
+from experiments.definition.steps.consent import Consent
 from experiments.models import ConsentReceipt, Participant
 from surveys.documents import spoken
 

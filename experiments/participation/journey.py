@@ -13,7 +13,8 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from experiments.definition.schema import AnyStep, Study
+from experiments.definition.schema import Study
+from experiments.definition.step import Step
 from experiments.participation.assignment import Access, cells
 
 _WORD = re.compile(r"([1-9]\d{0,5})\.(\d{1,3})\.([a-z0-9_-]{1,40})\Z", re.ASCII)
@@ -37,7 +38,7 @@ class Place:
         return f"{self.visit}.{self.round}.{self.step}"
 
 
-def step_at(study: Study, place: Place) -> AnyStep:
+def step_at(study: Study, place: Place) -> Step:
     """Return the step at a place.
 
     Raises:

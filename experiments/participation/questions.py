@@ -8,7 +8,7 @@ about the person once for good, all others once a visit and round.
 import datetime
 import secrets
 
-from experiments.definition.schema import Form, Questionnaire
+from experiments.definition.step import AskingStep
 from experiments.models import Participant
 from experiments.participation.journey import Place
 from surveys import questionnaires, responses
@@ -24,13 +24,13 @@ def context_of_all(participant: Participant) -> str:
     return f"{CONTEXT}/{participant.pk}/"
 
 
-def context_key(participant: Participant, place: Place, step: Form | Questionnaire) -> str:
+def context_key(participant: Participant, place: Place, step: AskingStep) -> str:
     """Return the context of a response."""
-    where = Place(1, 0, place.step) if isinstance(step, Form) else place
+    where = Place(1, 0, place.step) if step.is_about_person else place
     return context_of_all(participant) + where.word
 
 
-def is_answered(participant: Participant, place: Place, step: Form | Questionnaire) -> bool:
+def is_answered(participant: Participant, place: Place, step: AskingStep) -> bool:
     """Tell whether the questions of a step are answered to the end."""
     given = Response.objects.filter(
         context=context_key(participant, place, step), questionnaire__slug=step.questionnaire
@@ -38,7 +38,7 @@ def is_answered(participant: Participant, place: Place, step: Form | Questionnai
     return given.filter(finished_at__isnull=False).exists()
 
 
-def questionnaire_of(step: Form | Questionnaire, now: datetime.datetime) -> Row:
+def questionnaire_of(step: AskingStep, now: datetime.datetime) -> Row:
     """Return the version that a step asks; one that comes with the site is put into the database if
     it is not there yet.
 
@@ -57,7 +57,7 @@ def questionnaire_of(step: Form | Questionnaire, now: datetime.datetime) -> Row:
 def ask(
     participant: Participant,
     place: Place,
-    step: Form | Questionnaire,
+    step: AskingStep,
     *,
     robot: tuple[str, ...],
     outcome: str,

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from experiments.definition.schema import Study as Definition
-from experiments.definition.schema import Task
+from experiments.definition.steps.task import Task
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from experiments.participation.robot_eligibility import is_shown
 from robots.models import Robot

@@ -14,7 +14,8 @@ import numpy as np
 from accounts.models import User
 from experiments.analysis.dataset.columns import METHODS, MODES, WAYS
 from experiments.analysis.dataset.records import Columns, Dataset, Session
-from experiments.definition.schema import Form, Questionnaire, digest
+from experiments.definition.schema import digest
+from experiments.definition.step import AskingStep
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot
@@ -313,7 +314,7 @@ def _response(dataset: Dataset, response, stored: Stored, questionnaire: Questio
     steps = {
         step.questionnaire: step.key
         for step in dataset.study.steps
-        if isinstance(step, Form | Questionnaire)
+        if isinstance(step, AskingStep)
     }
     visit, robot, outcome = 1, [], ""
     if response.session:

@@ -6,8 +6,10 @@ from django.http import QueryDict
 
 from experiments.builder import fields as builder
 from experiments.builder.fields import Asking, Field, Group
-from experiments.definition.schema import Checkpoint, Condition, Course, Instructions, Study, Task
+from experiments.definition.schema import Checkpoint, Condition, Course, Study
 from experiments.definition.shipped import shipped
+from experiments.definition.steps.instructions import Instructions
+from experiments.definition.steps.task import Task
 
 BOTH = Asking(("en", "es"))
 
