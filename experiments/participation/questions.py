@@ -8,8 +8,10 @@ about the person once for good, all others once a visit and round.
 import datetime
 import secrets
 
+from django.db import transaction
+
 from experiments.definition.step import AskingStep
-from experiments.models import Participant
+from experiments.models import Participant, StepResponse
 from experiments.participation.journey import Place
 from surveys import questionnaires, responses
 from surveys.models import SEED_LIMIT, Response
@@ -26,8 +28,12 @@ def context_of_all(participant: Participant) -> str:
 
 def context_key(participant: Participant, place: Place, step: AskingStep) -> str:
     """Return the context of a response."""
-    where = Place(1, 0, place.step) if step.is_about_person else place
-    return context_of_all(participant) + where.word
+    return context_of_all(participant) + asked_at(place, step).word
+
+
+def asked_at(place: Place, step: AskingStep) -> Place:
+    """Return the place to which a response belongs: one about the person is asked once for good."""
+    return Place(1, 0, place.step) if step.is_about_person else place
 
 
 def is_answered(participant: Participant, place: Place, step: AskingStep) -> bool:
@@ -80,11 +86,18 @@ def ask(
     )
     seed = secrets.randbelow(SEED_LIMIT)
     respondent = Respondent(user=participant.user)
-    return responses.begin(
-        questionnaire_of(step, now),
-        respondent,
-        context,
-        language=participant.language,
-        seed=seed,
-        now=now,
-    )
+    with transaction.atomic():
+        response = responses.begin(
+            questionnaire_of(step, now),
+            respondent,
+            context,
+            language=participant.language,
+            seed=seed,
+            now=now,
+        )
+        where = asked_at(place, step)
+        fields = {"visit": where.visit, "round": where.round, "step": where.step}
+        StepResponse.objects.get_or_create(
+            response=response, defaults={"participant": participant, **fields}
+        )
+    return response
