@@ -1,0 +1,33 @@
+"""The formats of an export, by name: each module of this package is one (CONTRIBUTING.md: how to
+add one). Files stand in an export in the order of these names.
+"""
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+from experiments.dataset.selection import Choice
+from experiments.export.format import ExportFormat
+
+
+class UnknownFormatError(LookupError):
+    """There is no export format of that name."""
+
+
+FORMATS: dict[str, type[ExportFormat]] = {
+    module.name: import_module(f"{__name__}.{module.name}").Format
+    for module in iter_modules(__path__)
+}
+# Those that somebody may ask for.
+ON_REQUEST = {name: one for name, one in FORMATS.items() if one.label}
+
+
+def chosen(choice: Choice) -> list[type[ExportFormat]]:
+    """Return the formats of an export, in the order of their files.
+
+    Raises:
+        UnknownFormatError: one is asked for that is not there.
+    """
+    unknown = sorted(set(choice.formats) - set(ON_REQUEST))
+    if unknown:
+        raise UnknownFormatError(f"there is no export format {', '.join(unknown)}")
+    return [one for name, one in FORMATS.items() if one.is_in(name, choice)]
