@@ -197,6 +197,10 @@ class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
 
     # answers
 
+    def values_sent(self, key: str, fields: Mapping[str, Sequence[str]]) -> Sequence[str]:
+        """Return what a page sent for a question, in order; empty values are left out later."""
+        return fields.get(key, ())
+
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> Any:
         """Return the value to be stored (int, float, str, list of str) of what the page sent, which
         is not empty.

@@ -220,7 +220,7 @@ def _can_join(before: Fieldset, fieldset: Fieldset, definition: Definition) -> b
 
 def _control(question: Question, shown: bool, condition: str, reader: Reader) -> Control:
     item = question.item
-    sent = [value for value in reader.sent.get(question.key, ()) if value]
+    sent = [value for value in item.values_sent(question.key, reader.sent) if value]
     return Control(
         key=question.key,
         kind=item.kind,
