@@ -203,6 +203,11 @@ def hint(key: str) -> Any:
     return HINTS.get(key, "")
 
 
+def item(key: str) -> Any:
+    """Return what one part of a list is called."""
+    return ITEMS.get(key, label(key))
+
+
 def word(key: str, value: str) -> Any:
     """Return what a choice is called."""
     return CHOICES.get(key, {}).get(value, value or NOTHING)

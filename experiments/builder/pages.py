@@ -10,8 +10,7 @@ from typing import Any
 
 import msgspec
 
-from experiments.builder import fields
-from experiments.builder.fields import Document
+from experiments.builder.parts import Document, in_languages, renumber
 from experiments.definition.schema import Condition, Course, Study
 from experiments.definition.steps import KINDS
 from robots.api.floorplan import FloorPlan
@@ -81,15 +80,13 @@ class Place:
             kept = {key: value for key, value in whole.items() if key not in self.only}
             changed = {**kept, **part}
             return (
-                fields.in_languages(Study, changed, part["languages"])
-                if "languages" in part
-                else changed
+                in_languages(Study, changed, part["languages"]) if "languages" in part else changed
             )
         parts = list(whole[self.section])
         kind = {"kind": parts[self.index]["kind"]} if self.section == "steps" else {}
         parts[self.index] = {
             **kind,
-            **(fields.renumber(part) if self.section == "courses" else part),
+            **(renumber(part) if self.section == "courses" else part),
         }
         return {**whole, self.section: parts}
 

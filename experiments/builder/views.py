@@ -25,8 +25,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 
-from experiments.builder import fields, labels
-from experiments.builder.fields import Asking, Document
+from experiments.builder import labels
 from experiments.builder.pages import (
     LISTS,
     PAGES,
@@ -40,6 +39,8 @@ from experiments.builder.pages import (
     new_step,
     place_of,
 )
+from experiments.builder.part_form import PartForm, read
+from experiments.builder.parts import Document, change, new_point, renumber
 from experiments.definition import publishing
 from experiments.definition.problems import problems
 from experiments.definition.schema import Course, Study
@@ -243,9 +244,16 @@ class BuilderPages:
         whole, part = whole_of(row), draft.part
         former = place.part(whole) or part
         cls = place.cls(former)
-        asking = Asking(whole["languages"], offered(whole, part), draft.errors)
+        form = PartForm(
+            cls,
+            part,
+            languages=whole["languages"],
+            offered=offered(whole, part),
+            only=place.only,
+            is_sent=bool(draft.errors),
+        )
         context = {
-            "form": fields.ask(cls, part, asking, only=place.only),
+            "form": form,
             "place": place,
             "above": draft.above,
             "has_errors": bool(draft.errors),
@@ -312,7 +320,7 @@ class BuilderPages:
         if verb == "add":
             whole[section] = [*parts, _new(section, what, whole)]
         elif what.isascii() and what.isdigit():
-            whole[section] = fields.change(parts, verb, int(what[:6]))
+            whole[section] = change(parts, verb, int(what[:6]))
             if verb == "copy" and len(whole[section]) > len(parts):
                 whole[section][int(what) + 1] = copied(section, parts[int(what)], whole)
         saved = _keep(row, whole) if request.POST.get("sha256") == row.sha256 else str(MEANWHILE)
@@ -345,11 +353,12 @@ def _read(request: HttpRequest, place: Place, former: Document) -> Draft:
     `remove|up|down:<list>:<n>`.
     """
     cls = place.cls(former)
-    part = fields.read(cls, request.POST, only=place.only)
+    part = read(cls, request.POST, only=place.only)
     anchor = _press(part, request.POST)
     if cls is Course:
-        part = fields.renumber(part)
-    return Draft(part, fields.errors(cls, part, only=place.only), anchor=anchor)
+        part = renumber(part)
+    told = PartForm(cls, part, only=place.only, is_sent=True).told
+    return Draft(part, told, anchor=anchor)
 
 
 def _press(part: Document, sent: Any) -> str:
@@ -360,13 +369,11 @@ def _press(part: Document, sent: Any) -> str:
     key, _colon, n = what.partition(":")
     values = part.get(key, [])
     if verb == "add" and key in labels.ITEMS:
-        at = fields.new_point(
-            sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", "")))
-        )
+        at = new_point(sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", ""))))
         part[key] = [*values, new_part(key, len(values), at)]
         return "course" if sent.get("at") else f"{key}.{len(values)}"
     if n.isascii() and n.isdigit() and isinstance(values, list):
-        part[key] = fields.change(values, verb, int(n[:6]))
+        part[key] = change(values, verb, int(n[:6]))
     return key
 
 
