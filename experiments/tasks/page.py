@@ -65,7 +65,7 @@ def guide(
     course = _course(study, conditions)
     task = None if step.is_practice else study.task
     return {
-        "kind": step.kind,
+        "kind": "practice" if step.is_practice else "task",
         "title": spoken(step.title, language),
         "minutes": step.minutes,
         "lastMinutes": 0.0 if task is None else task.last_minutes,

@@ -68,7 +68,7 @@ def looks(keeper: Scheduler, *seconds: float) -> list[tuple[str, str]]:
     for second in seconds:
         for session in Session.objects.filter(state="waiting"):
             store.seen({str(session.pk)}, later(second))
-        keeper.look(
+        keeper.tick(
             {"giraff": Link(since=0.0, last_received_at=later(second).timestamp())},
             Link(since=0.0),
             later(second),
