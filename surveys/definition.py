@@ -6,7 +6,7 @@ answer is stored for good. The classes refuse unknown fields and wrong types; su
 tells what types cannot.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -139,3 +139,36 @@ def digest(definition: Definition) -> str:
 def from_stored(document: Any) -> Definition:
     """Return the definition that a database row holds; it was checked when it was stored."""
     return msgspec.convert(document, Definition)
+
+
+# --- answers as tables with a line a response -----------------------------------------------------
+
+
+def columns_of(versions: Sequence[Definition]) -> list[str]:
+    """Return the columns of a table with a line a response to any version of a questionnaire: those
+    of each question's type, and why there is no answer.
+    """
+    named: dict[str, dict[str, None]] = {}
+    for definition in versions:
+        for question in definition.questions():
+            columns = named.setdefault(question.key, {})
+            columns |= dict.fromkeys(question.item.columns(question.key))
+    return [column for key, columns in named.items() for column in (*columns, f"{key}_missing")]
+
+
+def cells_of(
+    questions: Mapping[str, Question], values: Mapping[str, Any], missing: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the cells of a response by their columns.
+
+    Args:
+        questions: what may have been asked, by key.
+        values: stored values by key; None or no entry is no answer.
+        missing: why there is none, by key.
+    """
+    cells: dict[str, Any] = {}
+    for key, question in questions.items():
+        item = question.item
+        cells |= zip(item.columns(key), item.cells(values.get(key)), strict=True)
+        cells[f"{key}_missing"] = missing.get(key, "")
+    return cells

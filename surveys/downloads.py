@@ -17,10 +17,9 @@ from asgiref.sync import sync_to_async
 from django.db.models import QuerySet
 from django.http import StreamingHttpResponse
 
-from surveys.definition import Definition
+from surveys.definition import Definition, cells_of, columns_of
 from surveys.models import Answer, Questionnaire, Response
 from surveys.scoring import scores
-from surveys.tables import cells_of, columns_of
 
 BATCH = 200
 LINES_AT_ONCE = 500

@@ -31,10 +31,9 @@ from experiments.analysis.dataset.records import (
 )
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
-from surveys.definition import Definition, to_json
+from surveys.definition import Definition, cells_of, columns_of, to_json
 from surveys.documents import spoken
 from surveys.scoring import scores
-from surveys.tables import cells_of, columns_of
 
 File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
 TABLES = {

@@ -2,21 +2,16 @@
 add one). Files stand in an export in the order of these names.
 """
 
-from importlib import import_module
-from pkgutil import iter_modules
-
 from experiments.dataset.selection import Choice
 from experiments.export.format import ExportFormat
+from surveys.registry import family
 
 
 class UnknownFormatError(LookupError):
     """There is no export format of that name."""
 
 
-FORMATS: dict[str, type[ExportFormat]] = {
-    module.name: import_module(f"{__name__}.{module.name}").Format
-    for module in iter_modules(__path__)
-}
+FORMATS = family(__name__, __path__, ExportFormat)
 # Those that somebody may ask for.
 ON_REQUEST = {name: one for name, one in FORMATS.items() if one.label}
 

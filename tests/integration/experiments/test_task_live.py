@@ -104,7 +104,7 @@ async def listen(
         async for message in client.messages:
             news = msgspec.json.decode(message.payload, type=messages.ServerNews)
             if news.type == "task":
-                frames.append(relay.told(news, 60.0)[1])
+                frames.append(relay.sent(news, 60.0)[1])
 
 
 def stored(session: str) -> list[str]:
