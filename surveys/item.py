@@ -121,13 +121,6 @@ class Widget:
 # --- what a bot reads -----------------------------------------------------------------------------
 
 
-class BotField(Protocol):
-    """One field of a page as a bot reads it, `experiments.bots.page.Field`."""
-
-    name: str
-    attributes: dict[str, str]
-
-
 class Bot(Protocol):
     """A bot that fills in a page, `experiments.bots.answers.Answering`."""
 
@@ -251,8 +244,10 @@ class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
     # bots
 
     @classmethod
-    def bot_answer(cls, fields: "Sequence[Any]", bot: Bot) -> list[tuple[str, str]]:
-        """Return what a bot sends for the fields of one question, without those of reasons."""
+    def bot_answer(cls, fields: Sequence[Any], bot: Bot) -> list[tuple[str, str]]:
+        """Return what a bot sends for the fields of one question (experiments.bots.page.Field),
+        without those of reasons.
+        """
         return [pair for one in fields for pair in bot.answer(one)]
 
 

@@ -44,7 +44,7 @@ def step_at(study: Study, place: Place) -> Step:
     Raises:
         NoPlaceError: the study has no such step.
     """
-    found = next((step for step in study.steps if step.key == place.step), None)
+    found = study.step(place.step)
     if found is None:
         raise NoPlaceError(place.word)
     return found

@@ -33,6 +33,8 @@ def page_type(kind: str) -> "type[StepPage]":
     try:
         page: type[StepPage] = import_module(f"{__name__}.{kind}").Page
     except ModuleNotFoundError as error:
+        if error.name != f"{__name__}.{kind}":
+            raise
         raise UnknownStepError(f"the study step {kind!r} has no page") from error
     return page
 

@@ -22,8 +22,8 @@ def found(tmp_path, monkeypatch):
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").write_text("")
         for name, text in modules.items():
-            text = f"from {__name__} import Base\n{text}"
-            (tmp_path / package / f"{name}.py").write_text(text)
+            source = f"from {__name__} import Base\n{text}"
+            (tmp_path / package / f"{name}.py").write_text(source)
         monkeypatch.syspath_prepend(str(tmp_path))
         return family(package, [str(tmp_path / package)], Base)
 
