@@ -34,6 +34,11 @@ class Step(Part, frozen=True, kw_only=True, tag_field="kind"):
         """The name of its kind in a definition."""
         return str(self.__struct_config__.tag)
 
+    @property
+    def end_text(self) -> Text:
+        """What is said at the end; nothing by a step that is none."""
+        return {}
+
     def problems(self) -> Iterator[str]:
         """Yield what is wrong with it, beside what types and texts tell."""
         if self.repeat and not self.may_repeat:

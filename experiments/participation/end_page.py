@@ -20,7 +20,7 @@ def show_end(
     definition = participant.study.as_definition()
     language = progress.language_of(definition, request.LANGUAGE_CODE)
     more = {
-        "text": spoken(last.text, language) if last.is_end else "",
+        "text": spoken(last.end_text, language),
         "may_come_again": participant.study.status != Study.Status.CLOSED
         and progress.is_open(participant.study, now),
     }

@@ -15,6 +15,11 @@ class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
 
     text: Text
 
+    @property
+    def end_text(self) -> Text:
+        """What the study was about."""
+        return self.text
+
     @classmethod
     def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
         """Yield that something comes after it."""

@@ -128,7 +128,7 @@ def recording(
         writer.add_message(
             channels[topic], nanoseconds, msgspec.json.encode(stamped), nanoseconds, number
         )
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return out.getvalue()
 
 

@@ -25,9 +25,8 @@ class Page(StepPage):
     @classmethod
     def is_done_for_good(cls, participant: Participant, step: Consent) -> bool:
         """Tell whether this version of the text was agreed to."""
-        return ConsentReceipt.objects.filter(
-            participant=participant, step=step.key, version=step.version
-        ).exists()
+        agreed = ConsentReceipt.objects.filter(participant=participant, step=step.key)
+        return bool(agreed.filter(version=step.version).exists())
 
     def is_done(self) -> bool:
         """Tell whether this version of the text was agreed to."""
