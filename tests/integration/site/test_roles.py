@@ -445,7 +445,7 @@ def test_each_role_opens_what_the_table_says_and_nothing_else(role, world, monke
         raise Reached
 
     for module in ("analysis_views", "analysis_downloads"):
-        monkeypatch.setattr(f"experiments.{module}.asked_of", reached)
+        monkeypatch.setattr(f"experiments.research.{module}.asked_of", reached)
     known, client, wrong = names(get_resolver()), Client(), []
     if world["people"][role] is not None:
         client.force_login(world["people"][role])
