@@ -40,7 +40,7 @@ class Command(BaseCommand):
         )
         parser.add_argument("--free-text", action="store_true", help="with what people wrote")
         for name, one in ON_REQUEST.items():
-            parser.add_argument(f"--{name}", action="store_true", help=one.help)
+            parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=one.help)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]

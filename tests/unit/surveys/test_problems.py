@@ -119,7 +119,7 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
         ([likert(), likert()], "The key q1 stands 2 times"),
         (
             [{**likert(), "kind": "essay"}],
-            "$.pages[0].items[0]: there is no question type “essay”; there are date, grid, ",
+            "$.pages[0].items[0]: there is no question type “essay”; there are ",
         ),
         ([likert(requird=True)], "unknown field `requird`"),
         ([item("likert", "Q 1")], "items[0].key"),

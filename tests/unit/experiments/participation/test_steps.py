@@ -41,4 +41,4 @@ def test_an_unknown_kind_is_an_error_and_no_other_kind():
 def test_an_import_says_which_kind_it_does_not_know():
     with pytest.raises(BadDefinitionError) as caught:
         parse(json.dumps({**STUDY, "steps": [{"kind": "lottery", "key": "new"}]}).encode())
-    assert "$.steps[0]: there is no kind of step “lottery”; there are consent," in str(caught.value)
+    assert "$.steps[0]: there is no kind of step “lottery”; there are " in str(caught.value)
