@@ -346,6 +346,33 @@ class StepVisit(models.Model):
         return f"{self.participant_id} · {self.visit}.{self.round} · {self.step}"
 
 
+class StepResponse(models.Model):
+    """A response to the questionnaire of a step: whose it is, and at which place of the study it
+    was asked. The drive that it is about is the one of this visit and round.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    response = models.OneToOneField(
+        "surveys.Response",
+        models.CASCADE,
+        related_name="asked_at",
+        verbose_name=_("response"),
+    )
+    participant = models.ForeignKey(
+        Participant, models.CASCADE, related_name="responses", verbose_name=_("participant")
+    )
+    visit = models.PositiveIntegerField(_("visit"))
+    round = models.PositiveIntegerField(_("round"))
+    step = models.CharField(_("step"), max_length=40)
+
+    class Meta:
+        verbose_name = _("response at a step")
+        verbose_name_plural = _("responses at steps")
+
+    def __str__(self) -> str:
+        return f"{self.participant_id} · {self.visit}.{self.round}.{self.step}"
+
+
 class Drive(models.Model):
     """A participant's session with the robot in one condition: what was assigned, what was applied,
     how the task went.

@@ -18,7 +18,8 @@ from django.utils.translation import gettext_lazy as _
 from accounts import audit
 from accounts.admin_filters import ShownFilters
 from surveys import admin_pages
-from surveys.definition import spoken, to_json
+from surveys.definition import to_json
+from surveys.documents import spoken
 from surveys.downloads import as_long_csv
 from surveys.forms import QuestionnaireForm
 from surveys.models import Answer, Questionnaire, Response

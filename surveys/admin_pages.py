@@ -20,11 +20,12 @@ from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
 from surveys.conditions import Circumstances
-from surveys.definition import Definition, language_for, spoken, to_json
+from surveys.definition import Definition, language_for, to_json
+from surveys.documents import spoken
 from surveys.downloads import as_long_csv, as_wide_csv
 from surveys.models import Questionnaire, Response
+from surveys.page_form import Reader, page_form_of
 from surveys.questionnaires import next_version, shipped, store
-from surveys.sheet import Reader, page_form_of
 
 VIEW, ADD, READ = "surveys.view_questionnaire", "surveys.add_questionnaire", "surveys.view_response"
 
@@ -79,7 +80,7 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
     )
     with translation.override(language):
         context: dict[str, Any] = {
-            "sheet": page_form_of(definition, number - 1, everybody, range(len(definition.pages))),
+            "form": page_form_of(definition, number - 1, everybody, range(len(definition.pages))),
             "title": spoken(definition.title, language),
             "intro": spoken(definition.intro, language) if number == 1 else "",
             "language": language,

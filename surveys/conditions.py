@@ -10,7 +10,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from surveys.definition import Condition, Definition
+from surveys.definition import Definition
+from surveys.item import Condition
 
 
 @dataclass(frozen=True)

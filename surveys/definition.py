@@ -1,160 +1,27 @@
 """A questionnaire as it is written: version 1 of the JSON format, one class a kind of thing.
 
-A text is an object of languages, `{"en": "…", "es": "…"}`. What takes one answer is a *question*:
-an item, or one row of a grid. Every question has a key of its own, under which its answer is stored
-for good. The classes refuse unknown fields and wrong types; surveys/problems.py tells what types
-cannot.
+What takes one answer is a *question*: an item (surveys/item.py, a file a type in
+surveys/questions/), or one row of a grid. Every question has a key of its own, under which its
+answer is stored for good. The classes refuse unknown fields and wrong types; surveys/problems.py
+tells what types cannot.
 """
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from hashlib import sha256
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import msgspec
 
 from robots.api.prepared import prepare
+from surveys.documents import Key, Language, Part, Slug, Text
+from surveys.item import Condition, Item, Order, Point, Question, ScoringRule, ordered
+from surveys.questions import TYPES
 
-Text = dict[str, str]
-Key = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-Slug = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9-]{0,39}$")]
-Language = Annotated[str, msgspec.Meta(pattern=r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$", max_length=16)]
-OptionValue = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$")]
-Whole = Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
-Order = Literal["fixed", "shuffled"]
-Day = Annotated[str, msgspec.Meta(pattern=r"^(today|\d{4}-\d{2}-\d{2})$")]
-Scoring = Literal["none", "likert", "sus", "tlx_raw"]
-
-
-class Part(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
-):
-    """Any part of a definition."""
-
-
-class Condition(Part, frozen=True, kw_only=True):
-    """`show_if`: all that is given must hold. `is` and the bounds ask the answer of the earlier
-    question `item`.
-    """
-
-    robot: tuple[str, ...] = ()
-    outcome: tuple[str, ...] = ()
-    item: str = ""
-    one_of: tuple[str | int | float, ...] = msgspec.field(name="is", default=())
-    at_least: float | None = None
-    at_most: float | None = None
-
-
-class Point(Part, frozen=True, kw_only=True):
-    """One value of a scale. A scale may name only its ends."""
-
-    value: Whole
-    label: Text = {}
-
-
-class Option(Part, frozen=True, kw_only=True):
-    """One choice. `alone` excludes all others ("none of these")."""
-
-    value: OptionValue
-    label: Text
-    alone: bool = False
-
-
-class Row(Part, frozen=True, kw_only=True):
-    """A row of a grid: a question of its own."""
-
-    key: Key
-    text: Text
-
-
-class Item(Part, frozen=True, kw_only=True):
-    """What every item says. Who may decline says so here; an optional item may
-    also be left empty.
-    """
-
-    kind: ClassVar[str]
-    key: Key
-    text: Text
-    hint: Text = {}
-    required: bool = False
-    prefer_not: bool = False
-    not_applicable: bool = False
-    show_if: Condition | None = None
-
-
-class Likert(Item, frozen=True, kw_only=True, tag_field="kind", tag="likert"):
-    """A statement and a scale."""
-
-    kind: ClassVar[str] = "likert"
-    scale: str
-
-
-class Grid(Item, frozen=True, kw_only=True, tag_field="kind", tag="grid"):
-    """Several rows on one scale."""
-
-    kind: ClassVar[str] = "grid"
-    scale: str
-    rows: tuple[Row, ...]
-    order: Order = "fixed"
-
-
-class Single(Item, frozen=True, kw_only=True, tag_field="kind", tag="single"):
-    """One of several options."""
-
-    kind: ClassVar[str] = "single"
-    options: tuple[Option, ...]
-    order: Order = "fixed"
-
-
-class Multiple(Item, frozen=True, kw_only=True, tag_field="kind", tag="multiple"):
-    """Any of several options, within a count."""
-
-    kind: ClassVar[str] = "multiple"
-    options: tuple[Option, ...]
-    order: Order = "fixed"
-    at_least: int = 0
-    at_most: int | None = None
-
-
-class Number(Item, frozen=True, kw_only=True, tag_field="kind", tag="number"):
-    """A number within bounds; `this_year` is the year in which it is asked."""
-
-    kind: ClassVar[str] = "number"
-    minimum: float | None = None
-    maximum: float | Literal["this_year"] | None = None
-    whole: bool = False
-    unit: Text = {}
-
-
-class TextItem(Item, frozen=True, kw_only=True, tag_field="kind", tag="text"):
-    """Free text."""
-
-    kind: ClassVar[str] = "text"
-    lines: Annotated[int, msgspec.Meta(ge=1, le=20)] = 1
-    max_length: Annotated[int, msgspec.Meta(ge=1, le=5000)] = 1000
-
-
-class Date(Item, frozen=True, kw_only=True, tag_field="kind", tag="date"):
-    """A day, within bounds."""
-
-    kind: ClassVar[str] = "date"
-    earliest: Day | None = None
-    latest: Day | None = None
-
-
-class Slider(Item, frozen=True, kw_only=True, tag_field="kind", tag="slider"):
-    """A whole number between two named ends; 0 to 100 unless it says otherwise."""
-
-    kind: ClassVar[str] = "slider"
-    minimum: Whole = 0
-    maximum: Whole = 100
-    step: Annotated[int, msgspec.Meta(ge=1)] = 1
-    low: Text
-    high: Text
-
-
-AnyItem = Likert | Grid | Single | Multiple | Number | TextItem | Date | Slider
+if TYPE_CHECKING:
+    AnyItem = Item
+else:
+    AnyItem = Union[tuple(TYPES.values())]  # noqa: UP007 - the types are found when this is read
 
 
 class Page(Part, frozen=True, kw_only=True):
@@ -166,6 +33,10 @@ class Page(Part, frozen=True, kw_only=True):
     order: Order = "fixed"
     show_if: Condition | None = None
     items: tuple[AnyItem, ...]
+
+    def items_shown(self, seed: int) -> list[AnyItem]:
+        """Return the items in the order shown to somebody with a seed."""
+        return ordered(self.items, self.order, seed, f"page {self.key}")
 
 
 class Topic(Part, frozen=True, kw_only=True):
@@ -193,77 +64,51 @@ class Definition(Part, frozen=True, kw_only=True, dict=True):
     scales: dict[Key, tuple[Point, ...]] = {}
     pages: tuple[Page, ...]
     topics: tuple[Topic, ...] = ()
-    scoring: Scoring = "none"
+    scoring: ScoringRule | Literal["none"] = "none"
 
-    def questions(self) -> "Collection[Question]":
+    def questions(self) -> Collection[Question]:
         """Every question in written order."""
         return self._by_key.values()
 
-    def question(self, key: str) -> "Question | None":
+    def question(self, key: str) -> Question | None:
         """Return the question with a key."""
         return self._by_key.get(key)
 
+    def questions_shown(self, seed: int) -> list[Question]:
+        """Return every question in the order in which somebody with a seed meets them."""
+        shown = (item for page in self.pages for item in page.items_shown(seed))
+        keys = (
+            item.key if row is None else row.key for item in shown for row in item.rows_shown(seed)
+        )
+        return [self._by_key[key] for key in keys]
+
+    def positions(self, seed: int) -> dict[str, int]:
+        """Return the place of each question in the order shown, from 1, by key."""
+        return {question.key: n for n, question in enumerate(self.questions_shown(seed), start=1)}
+
     @cached_property
-    def _by_key(self) -> "dict[str, Question]":
+    def scored(self) -> list[Question]:
+        """The questions that its rule of scoring takes, in written order."""
+        return [
+            one
+            for one in self.questions()
+            if self.scoring in one.item.scored_by and one.score_values
+        ]
+
+    @cached_property
+    def _by_key(self) -> dict[str, Question]:
         """Made once, because exports ask for it with every response. Of keys that stand twice,
         which is refused, the last one counts.
         """
         return {question.key: question for question in _walk(self)}
 
 
-@dataclass(frozen=True)
-class Question:
-    """What takes one answer: an item, or a row of a grid. `page` counts from 0; `points` is empty
-    without a scale.
-    """
-
-    page: int
-    item: AnyItem
-    row: Row | None
-    points: tuple[Point, ...]
-
-    @property
-    def key(self) -> str:
-        """Under what its answer is stored."""
-        return self.item.key if self.row is None else self.row.key
-
-    @property
-    def text(self) -> Text:
-        """Its own words; those of a grid stand above all rows."""
-        return self.item.text if self.row is None else self.row.text
-
-    def fingerprint(self, language: str) -> str:
-        """Return 12 hexadecimal digits that change with any word that is shown for it in a
-        language.
-        """
-        own = [self.item.text, self.text, self.item.hint, *(point.label for point in self.points)]
-        own += [option.label for option in getattr(self.item, "options", ())]
-        own += [
-            getattr(self.item, name) for name in ("low", "high", "unit") if hasattr(self.item, name)
-        ]
-        return sha256("\x1f".join(text.get(language, "") for text in own).encode()).hexdigest()[:12]
-
-
-def _walk(definition: Definition) -> "Iterator[Question]":
+def _walk(definition: Definition) -> Iterator[Question]:
     for index, page in enumerate(definition.pages):
         for item in page.items:
-            rows: tuple[Row | None, ...] = item.rows if isinstance(item, Grid) else (None,)
-            for row in rows:
-                yield Question(page=index, item=item, row=row, points=points_of(definition, item))
-
-
-def points_of(definition: Definition, item: AnyItem) -> tuple[Point, ...]:
-    """Return the scale of an item; empty for kinds without one, or when it names none that is
-    there.
-    """
-    return definition.scales.get(item.scale, ()) if isinstance(item, Likert | Grid) else ()
-
-
-def spoken(text: Mapping[str, str], language: str) -> str:
-    """Return a text in a language, or in the first that it has; a definition has them all, a single
-    label may be empty.
-    """
-    return text.get(language) or next(iter(text.values()), "")
+            points = item.points(definition.scales)
+            for row in item.rows_asked():
+                yield Question(page=index, item=item, row=row, points=points)
 
 
 def language_for(definition: Definition, wanted: str) -> str:
@@ -294,3 +139,36 @@ def digest(definition: Definition) -> str:
 def from_stored(document: Any) -> Definition:
     """Return the definition that a database row holds; it was checked when it was stored."""
     return msgspec.convert(document, Definition)
+
+
+# --- answers as tables with a line a response -----------------------------------------------------
+
+
+def columns_of(versions: Sequence[Definition]) -> list[str]:
+    """Return the columns of a table with a line a response to any version of a questionnaire: those
+    of each question's type, and why there is no answer.
+    """
+    named: dict[str, dict[str, None]] = {}
+    for definition in versions:
+        for question in definition.questions():
+            columns = named.setdefault(question.key, {})
+            columns |= dict.fromkeys(question.item.columns(question.key))
+    return [column for key, columns in named.items() for column in (*columns, f"{key}_missing")]
+
+
+def cells_of(
+    questions: Mapping[str, Question], values: Mapping[str, Any], missing: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return the cells of a response by their columns.
+
+    Args:
+        questions: what may have been asked, by key.
+        values: stored values by key; None or no entry is no answer.
+        missing: why there is none, by key.
+    """
+    cells: dict[str, Any] = {}
+    for key, question in questions.items():
+        item = question.item
+        cells |= zip(item.columns(key), item.cells(values.get(key)), strict=True)
+        cells[f"{key}_missing"] = missing.get(key, "")
+    return cells

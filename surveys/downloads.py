@@ -17,9 +17,7 @@ from asgiref.sync import sync_to_async
 from django.db.models import QuerySet
 from django.http import StreamingHttpResponse
 
-from surveys.answers import AnswerValue
-from surveys.definition import Definition
-from surveys.layout import positions
+from surveys.definition import Definition, cells_of, columns_of
 from surveys.models import Answer, Questionnaire, Response
 from surveys.scoring import scores
 
@@ -89,7 +87,7 @@ def long_lines(responses: QuerySet[Response]) -> Iterator[str]:
     """Yield CSV with a line a question and response."""
     yield line(LONG)
     for response, definition, rows in answered(responses):
-        about, places = _about(response), positions(definition, response.seed)
+        about, places = _about(response), definition.positions(response.seed)
         given = response.response_statuses(definition, {row.item: row.given for row in rows})
         by_item = {row.item: row for row in rows}
         for question in definition.questions():
@@ -99,7 +97,7 @@ def long_lines(responses: QuerySet[Response]) -> Iterator[str]:
                 question.item.kind,
                 question.page + 1,
                 places[question.key],
-                _cell(said.value),
+                "" if said.value is None else question.item.cell(said.value),
                 said.missing or "",
             ]
             yield line([*about, *cells, *_of_row(row)])
@@ -116,23 +114,23 @@ def wide_lines(slug: str) -> Iterator[str]:
     versions = [
         row.as_definition() for row in Questionnaire.objects.filter(slug=slug).order_by("version")
     ]
-    keys = list(
-        dict.fromkeys(
-            question.key for definition in versions for question in definition.questions()
-        )
-    )
+    layout = columns_of(versions)
     named = list(dict.fromkeys(name for definition in versions for name in scores(definition, {})))
-    yield line([*ABOUT, *(column for key in keys for column in (key, f"{key}_missing")), *named])
+    yield line([*ABOUT, *layout, *named])
     for response, definition, rows in answered(Response.objects.filter(questionnaire__slug=slug)):
         given = response.response_statuses(definition, {row.item: row.given for row in rows})
-        cells = [cell for key in keys for cell in _pair(given.get(key))]
-        found = scores(definition, {key: said.value for key, said in given.items()})
-        yield line([*_about(response), *cells, *(found.get(name) for name in named)])
-
-
-def _pair(said: AnswerValue | None) -> tuple[Any, Any]:
-    """A question that a version does not have leaves both cells empty."""
-    return ("", "") if said is None else (_cell(said.value), said.missing or "")
+        values = {key: said.value for key, said in given.items()}
+        missing = {key: said.missing or "" for key, said in given.items()}
+        asked = {question.key: question for question in definition.questions()}
+        cells = cells_of(asked, values, missing)
+        found = scores(definition, values)
+        yield line(
+            [
+                *_about(response),
+                *(cells.get(column, "") for column in layout),
+                *(found.get(name) for name in named),
+            ]
+        )
 
 
 def answered(
@@ -177,10 +175,6 @@ def _about(response: Response) -> list[Any]:
 
 def _iso(at: datetime.datetime | None) -> str:
     return "" if at is None else at.isoformat()
-
-
-def _cell(value: Any) -> Any:
-    return "|".join(value) if isinstance(value, list) else "" if value is None else value
 
 
 def line(cells: Sequence[Any]) -> str:

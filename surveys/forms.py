@@ -7,8 +7,9 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from surveys.definition import Definition, to_json
+from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
-from surveys.problems import MAX_BYTES, BadDefinitionError, parse
+from surveys.problems import MAX_BYTES, parse
 from surveys.questionnaires import store
 
 

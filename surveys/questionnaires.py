@@ -9,9 +9,10 @@ from typing import Any
 import msgspec
 from django.db import IntegrityError, transaction
 
-from surveys.definition import Definition, digest, language_for, spoken
+from surveys.definition import Definition, digest, language_for
+from surveys.documents import BadDefinitionError, spoken
 from surveys.models import Questionnaire
-from surveys.problems import BadDefinitionError, parse, problems
+from surveys.problems import parse, problems
 
 SHIPPED = Path(__file__).resolve().parent / "definitions"
 

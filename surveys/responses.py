@@ -14,10 +14,10 @@ from typing import Any
 
 from django.db import IntegrityError, transaction
 
-from surveys.answers import AnswerValue, RefusedError, check_complete, read_answer
+from surveys.answers import AnswerValue, check_complete, read_answer
 from surveys.conditions import shown_keys
-from surveys.definition import Definition, Question, language_for
-from surveys.layout import positions
+from surveys.definition import Definition, language_for
+from surveys.item import Question, RefusedError
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import freeze
 
@@ -313,7 +313,7 @@ def _write(
     told: Sequence[tuple[Question, AnswerValue]],
     saving: Saving,
 ) -> None:
-    places = positions(definition, response.seed) if told else {}
+    places = definition.positions(response.seed) if told else {}
     for question, given in told:
         fields: dict[str, Any] = {
             "value": given.value,

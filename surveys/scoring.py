@@ -9,7 +9,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from surveys.definition import Definition, Slider
+from surveys.definition import Definition
 
 SUS_HIGHEST = 5
 SUS_FACTOR = 2.5
@@ -55,25 +55,13 @@ def scores(definition: Definition, values: Mapping[str, Any]) -> dict[str, float
     `likert` gives `score`, the mean of all statements that were answered, and `score_<topic>`
     likewise.
     """
+    scored = [question.key for question in definition.scored]
     if definition.scoring == "sus":
-        return {
-            "sus": sus(
-                [values.get(question.key) for question in definition.questions() if question.points]
-            )
-        }
+        return {"sus": sus([values.get(key) for key in scored])}
     if definition.scoring == "tlx_raw":
-        return {
-            "tlx_raw": tlx_raw(
-                [
-                    values.get(question.key)
-                    for question in definition.questions()
-                    if isinstance(question.item, Slider)
-                ]
-            )
-        }
+        return {"tlx_raw": tlx_raw([values.get(key) for key in scored])}
     if definition.scoring == "likert":
-        statements = [question.key for question in definition.questions() if question.points]
-        return {"score": _mean(values, statements)} | {
+        return {"score": _mean(values, scored)} | {
             f"score_{topic.key}": _mean(values, topic.items) for topic in definition.topics
         }
     return {}

@@ -13,6 +13,7 @@ from uuid import UUID
 import msgspec
 from django.contrib.auth.decorators import login_required
 from django.http import (
+    Http404,
     HttpRequest,
     HttpResponse,
     HttpResponseBase,
@@ -29,12 +30,12 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from surveys import responses
-from surveys.access import own_response
-from surveys.answers import RefusedError
-from surveys.definition import Definition, language_for, spoken
+from surveys.definition import Definition, language_for
+from surveys.documents import spoken
+from surveys.item import RefusedError
 from surveys.models import Response
+from surveys.page_form import Reader, page_form_of
 from surveys.responses import ClosedError, NotAskedError, Saving
-from surveys.sheet import Reader, page_form_of
 
 REFUSED, SIGNED_OUT, CLOSED, WRONG = 400, 403, 409, 422
 MAX_WRITER = 32
@@ -46,7 +47,7 @@ ANSWERS = Attempts("survey-answer", limit=240)
 @require_safe
 def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
     """Lead a respondent to where they left off, or on, when they are done."""
-    row = own_response(request, response)
+    row = _own_response(request, response)
     return _go_on(row, row.questionnaire.as_definition(), timezone.now())
 
 
@@ -55,7 +56,7 @@ def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
 @require_http_methods(["GET", "HEAD", "POST"])
 def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
     """Show a page, or take it; `number` counts from 1."""
-    row = own_response(request, response)
+    row = _own_response(request, response)
     definition, now = row.questionnaire.as_definition(), timezone.now()
     if row.finished_at is not None:
         return _away(row)
@@ -118,7 +119,7 @@ def _show(
     earlier = [n for n in shown if n < number]
     context: dict[str, Any] = {
         "response": row,
-        "sheet": page_form_of(definition, number, reader, shown),
+        "form": page_form_of(definition, number, reader, shown),
         "page_number": number + 1,
         "more_appeared": bool(result and result.more_appeared),
         "title": spoken(definition.title, reader.language),
@@ -139,7 +140,7 @@ def answer(request: HttpRequest, response: UUID) -> JsonResponse:
             {"saved": False, "error": _("You are signed out. Sign in again to go on.")},
             status=SIGNED_OUT,
         )
-    row = own_response(request, response)
+    row = _own_response(request, response)
     definition = row.questionnaire.as_definition()
     try:
         responses.save_one(
@@ -167,7 +168,7 @@ def answer(request: HttpRequest, response: UUID) -> JsonResponse:
 @require_safe
 def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
     """Thank whoever was asked outside of anything that goes on."""
-    row = own_response(request, response)
+    row = _own_response(request, response)
     definition = row.questionnaire.as_definition()
     if row.finished_at is None:
         return redirect("survey", row.pk)
@@ -176,6 +177,18 @@ def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
         "surveys/done.html",
         {"response": row, "title": spoken(definition.title, _language(definition))},
     )
+
+
+def _own_response(request: HttpRequest, pk: UUID) -> Response:
+    """Return a response of whoever asks and is signed in; for all others it is not there.
+
+    Raises:
+        Http404: when there is none, or it is somebody else's.
+    """
+    row = Response.objects.select_related("questionnaire").filter(pk=pk).first()
+    if row is None or row.user_id is None or row.user_id != request.user.pk:
+        raise Http404
+    return row
 
 
 def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseRedirect:

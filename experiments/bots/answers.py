@@ -1,17 +1,24 @@
-"""How a bot fills in a form: every kind of question that there is, from the controls of its page
-alone.
+"""How a bot fills in a form: each control of its page as HTML has it, and of a questionnaire what a
+question's type says (`Item.bot_answer`).
 """
 
 import datetime
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import groupby
 
 from experiments.bots.page import Field, Form
 from experiments.bots.persona import Persona
+from surveys.questions import question_type
 
 BIRTH = ("birth", "geburt", "nacimiento")
 AGE = ("age", "edad")
 GUARDIAN = ("guardian", "tutor")
 Sent = list[tuple[str, str]]
+
+
+class UnknownControlError(Exception):
+    """A control that no bot knows how to answer."""
 
 
 def fill(
@@ -21,39 +28,48 @@ def fill(
     browser's.
 
     Who declines or leaves out does so by the persona's seed alone, and only where that may be done.
+
+    Raises:
+        UnknownControlError: no bot knows a control of the form.
+        UnknownQuestionTypeError: the page has a question of a type that is not there.
     """
-    sent: Sent = []
-    for asked in form.fields.values():
-        if asked.name.endswith("~"):  # the reasons to decline, which belong to the question before
-            continue
-        sent += _answer(asked, persona, circumstances, now)
+    bot, sent = Answering(persona, circumstances, now), Sent()
+    # the reasons to decline belong to the question before
+    asked = [one for one in form.fields.values() if not one.name.endswith("~")]
+    for (_question, kind), fields in groupby(asked, lambda one: (one.question, one.question_type)):
+        own = list(fields)
+        sent += (
+            question_type(kind).bot_answer(own, bot)
+            if kind
+            else [pair for one in own for pair in bot.answer(one)]
+        )
     return sent
 
 
-def _answer(
-    asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
-) -> Sent:
-    match asked.kind:
-        case "radio":
-            return _one_of(asked, persona, circumstances)
-        case "select":
-            options = [choice.value for choice in asked.choices if choice.value]
-            return (
-                [(asked.name, options[persona.option(asked.name, len(options))])] if options else []
-            )
-        case "checkbox":
-            return _some_of(asked, persona)
-        case "number" | "range":
-            return [(asked.name, _number(asked, persona, circumstances, now))]
-        case "date":
-            return [(asked.name, _day(asked, persona, now))]
-        case "text" | "textarea":
-            return _words(asked, persona)
-        case _:
-            return [(asked.name, asked.value)] if asked.value else []
+@dataclass(frozen=True)
+class Answering:
+    """A bot that fills in a form (surveys.item.Bot)."""
+
+    persona: Persona
+    circumstances: Mapping[str, str]
+    now: datetime.datetime
+
+    def answer(self, asked: Field) -> Sent:
+        """Return what is sent for one field.
+
+        Raises:
+            UnknownControlError: of its kind there is nothing in CONTROLS.
+        """
+        if asked.kind not in CONTROLS:
+            raise UnknownControlError(f"{asked.name} is a control of kind {asked.kind!r}")
+        return CONTROLS[asked.kind](asked, self)
+
+    def option(self, name: str, count: int) -> int:
+        """Return which of `count` options without an order is chosen."""
+        return self.persona.option(name, count)
 
 
-def _one_of(asked: Field, persona: Persona, circumstances: Mapping[str, str]) -> Sent:
+def _one_of(asked: Field, bot: Answering) -> Sent:
     """Choose a point of a scale by opinion, an option by chance: a scale's values are numbers, in
     order.
     """
@@ -62,60 +78,79 @@ def _one_of(asked: Field, persona: Persona, circumstances: Mapping[str, str]) ->
         return []
     if all(_is_whole(value) for value in values):
         values.sort(key=int)
-        return [(asked.name, values[persona.point(asked.name, len(values), circumstances)])]
-    return [(asked.name, values[persona.option(asked.name, len(values))])]
+        return [(asked.name, values[bot.persona.point(asked.name, len(values), bot.circumstances)])]
+    return [(asked.name, values[bot.option(asked.name, len(values))])]
 
 
-def _some_of(asked: Field, persona: Persona) -> Sent:
+def _listed(asked: Field, bot: Answering) -> Sent:
+    options = [choice.value for choice in asked.choices if choice.value]
+    return [(asked.name, options[bot.option(asked.name, len(options))])] if options else []
+
+
+def _some_of(asked: Field, bot: Answering) -> Sent:
     if len(asked.choices) == 1:  # a box to tick: "I agree"
         return [(asked.name, asked.choices[0].value)]
-    chosen = asked.choices[persona.option(asked.name, len(asked.choices))]
-    second = asked.choices[persona.option(f"{asked.name}.second", len(asked.choices))]
+    chosen = asked.choices[bot.option(asked.name, len(asked.choices))]
+    second = asked.choices[bot.option(f"{asked.name}.second", len(asked.choices))]
     both = (
         [chosen]
-        if chosen.alone or second.alone or second == chosen or persona.explore is not None
+        if chosen.alone or second.alone or second == chosen or bot.persona.explore is not None
         else [chosen, second]
     )
     return [(asked.name, choice.value) for choice in both]
 
 
-def _number(
-    asked: Field, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
-) -> str:
+def _number(asked: Field, bot: Answering) -> Sent:
+    return [(asked.name, _number_of(asked, bot))]
+
+
+def _number_of(asked: Field, bot: Answering) -> str:
     named = f"{asked.name} {asked.label}".lower()
     if any(word in named for word in BIRTH):
-        return str(persona.birth_year)
+        return str(bot.persona.birth_year)
     if any(word in named.split() or asked.name == word for word in AGE):
-        return str(now.year - persona.birth_year)
+        return str(bot.now.year - bot.persona.birth_year)
     low = float(asked.attributes.get("min") or 0.0)
     high = float(asked.attributes.get("max") or low + 100.0)
     step = asked.attributes.get("step") or "1"
-    value = persona.number_between(asked.name, low, high, circumstances)
+    value = bot.persona.number_between(asked.name, low, high, bot.circumstances)
     if step == "any":
         return f"{value:.2f}"
     whole = low + round((value - low) / float(step)) * float(step)
     return f"{min(high, whole):g}"
 
 
-def _day(asked: Field, persona: Persona, now: datetime.datetime) -> str:
-    latest = asked.attributes.get("max") or now.date().isoformat()
+def _day(asked: Field, bot: Answering) -> Sent:
+    latest = asked.attributes.get("max") or bot.now.date().isoformat()
     earliest = (
         asked.attributes.get("min")
         or (datetime.date.fromisoformat(latest) - datetime.timedelta(days=365)).isoformat()
     )
     first, last = datetime.date.fromisoformat(earliest), datetime.date.fromisoformat(latest)
-    return (
-        first + datetime.timedelta(days=persona.option(asked.name, (last - first).days + 1))
-    ).isoformat()
+    days = bot.option(asked.name, (last - first).days + 1)
+    return [(asked.name, (first + datetime.timedelta(days=days)).isoformat())]
 
 
-def _words(asked: Field, persona: Persona) -> Sent:
+def _words(asked: Field, bot: Answering) -> Sent:
     longest = int(asked.attributes.get("maxlength") or 80)
     if any(word in asked.name for word in GUARDIAN) and not asked.required:
         return []
-    text = f"Bot {persona.number} has nothing to add."[:longest]
+    text = f"Bot {bot.persona.number} has nothing to add."[:longest]
     return [(asked.name, text)]
 
 
 def _is_whole(value: str) -> bool:
     return value.lstrip("-").isdigit()
+
+
+# By the type of an input, or the name of another control.
+CONTROLS: dict[str, Callable[[Field, Answering], Sent]] = {
+    "radio": _one_of,
+    "select": _listed,
+    "checkbox": _some_of,
+    "number": _number,
+    "range": _number,
+    "date": _day,
+    "text": _words,
+    "textarea": _words,
+}

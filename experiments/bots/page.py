@@ -40,13 +40,15 @@ class Choice:
 @dataclass
 class Field:
     """What takes one answer. `kind` is the type of its input, or `textarea`, `select`; `attributes`
-    are those of its first control.
+    are those of its first control. In a questionnaire it is part of a `question` of a type.
     """
 
     name: str
     kind: str
     label: str = ""
     value: str = ""
+    question: str = ""
+    question_type: str = ""
     attributes: dict[str, str] = field(default_factory=dict)
     choices: list[Choice] = field(default_factory=list)
     required: bool = False
@@ -230,6 +232,11 @@ class _Reader(HTMLParser):
     def _inside(self, tag: str) -> bool:
         return any(part.tag == tag for part in self.open)
 
+    def _said_around(self, name: str) -> str:
+        """Return an attribute of the innermost element that has it."""
+        around = (part.attributes[name] for part in reversed(self.open) if name in part.attributes)
+        return next(around, "")
+
     def _is_hidden(self) -> bool:
         return any("hidden" in part.attributes for part in self.open)
 
@@ -251,9 +258,16 @@ class _Reader(HTMLParser):
 
     def _field(self, form: Form, attributes: dict[str, str], kind: str) -> Field:
         name = attributes["name"]
-        kept = form.fields.setdefault(
-            name, Field(name, kind, self.legend, attributes.get("value", ""), attributes)
+        new = Field(
+            name,
+            kind,
+            self.legend,
+            attributes.get("value", ""),
+            self._said_around("data-question"),
+            self._said_around("data-kind"),
+            dict(attributes),
         )
+        kept = form.fields.setdefault(name, new)
         kept.required |= "required" in attributes or attributes.get("aria-required") == "true"
         return kept
 

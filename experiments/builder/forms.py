@@ -18,7 +18,7 @@ from experiments.definition.schema import Study as Definition
 from experiments.definition.schema import to_json
 from experiments.models import Study, StudyMember
 from experiments.research.access import may
-from surveys.problems import BadDefinitionError
+from surveys.documents import BadDefinitionError
 
 MOST_LINKS = 500
 MOST_DAYS = 366

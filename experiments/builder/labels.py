@@ -184,16 +184,6 @@ CHOICES: dict[str, dict[str, Words]] = {
     },
 }
 
-KINDS: dict[str, Words] = {
-    "consent": _("Consent"),
-    "form": _("Form about the person"),
-    "instructions": _("Instructions"),
-    "practice": _("Practice drive"),
-    "task": _("Task"),
-    "questionnaire": _("Questionnaire about the drive"),
-    "debrief": _("Debriefing"),
-}
-
 ITEMS: dict[str, Words] = {
     "leaves": pgettext_lazy("of the instructions", "Page"),
     "checkpoints": _("Checkpoint"),
@@ -211,6 +201,11 @@ def label(key: str) -> Any:
 def hint(key: str) -> Any:
     """Return what is said below a field; empty for most."""
     return HINTS.get(key, "")
+
+
+def item(key: str) -> Any:
+    """Return what one part of a list is called."""
+    return ITEMS.get(key, label(key))
 
 
 def word(key: str, value: str) -> Any:

@@ -10,20 +10,9 @@ from typing import Any
 
 import msgspec
 
-from experiments.builder import fields
-from experiments.builder.fields import Document
-from experiments.definition.schema import (
-    Condition,
-    Consent,
-    Course,
-    Debrief,
-    Form,
-    Instructions,
-    Practice,
-    Questionnaire,
-    Study,
-    Task,
-)
+from experiments.builder.parts import Document, in_languages, renumber
+from experiments.definition.schema import Condition, Course, Study
+from experiments.definition.steps import KINDS
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
 
@@ -33,8 +22,6 @@ PAGES: Mapping[str, Collection[str]] = {
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
 }
 LISTS = ("steps", "conditions", "courses")
-STEPS = (Consent, Form, Instructions, Practice, Task, Questionnaire, Debrief)
-KINDS: dict[str, type[Any]] = {str(cls.__struct_config__.tag): cls for cls in STEPS}
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
 BEGINNINGS = {
     "steps": (
@@ -93,15 +80,13 @@ class Place:
             kept = {key: value for key, value in whole.items() if key not in self.only}
             changed = {**kept, **part}
             return (
-                fields.in_languages(Study, changed, part["languages"])
-                if "languages" in part
-                else changed
+                in_languages(Study, changed, part["languages"]) if "languages" in part else changed
             )
         parts = list(whole[self.section])
         kind = {"kind": parts[self.index]["kind"]} if self.section == "steps" else {}
         parts[self.index] = {
             **kind,
-            **(fields.renumber(part) if self.section == "courses" else part),
+            **(renumber(part) if self.section == "courses" else part),
         }
         return {**whole, self.section: parts}
 
@@ -133,11 +118,11 @@ def place_of(problem: str, study: Study) -> Place | None:
 
 
 def _place_of_key(key: str, study: Study) -> Place | None:
-    for section, parts in (("steps", study.steps), ("conditions", study.conditions)):
-        for n, part in enumerate(parts):
-            if part.key == key:
-                return Place(section, n)
-    return None
+    keys = {
+        "steps": [step.key for step in study.steps],
+        "conditions": [condition.key for condition in study.conditions],
+    }
+    return next((Place(name, own.index(key)) for name, own in keys.items() if key in own), None)
 
 
 # --- what is new ----------------------------------------------------------------------------------
@@ -151,21 +136,10 @@ class AtHand:
     robots: Sequence[str]
 
 
-def new_step(kind: str, whole: Document) -> Document:
-    """Return a step without words."""
-    step: Document = {
-        "kind": kind,
-        "key": _free(kind, [one["key"] for one in whole["steps"]]),
-        "title": {},
-    }
-    more: dict[str, Document] = {
-        "consent": {"text": {}},
-        "debrief": {"text": {}},
-        "instructions": {"leaves": []},
-        "form": {"questionnaire": "ict"},
-        "questionnaire": {"questionnaire": "experience"},
-    }
-    return {**step, **more.get(kind, {})}
+def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
+    """Return a step without words; `blank` is what its kind needs beside them."""
+    key = _free(kind, [one["key"] for one in whole["steps"]])
+    return {"kind": kind, "key": key, "title": {}, **blank}
 
 
 def new_condition(whole: Document, at_hand: AtHand) -> Document:

@@ -25,10 +25,8 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 
-from experiments.builder import fields, labels
-from experiments.builder.fields import Asking, Document
+from experiments.builder import labels
 from experiments.builder.pages import (
-    KINDS,
     LISTS,
     PAGES,
     AtHand,
@@ -41,10 +39,14 @@ from experiments.builder.pages import (
     new_step,
     place_of,
 )
+from experiments.builder.part_form import PartForm, read
+from experiments.builder.parts import Document, change, new_point, renumber
 from experiments.definition import publishing
 from experiments.definition.problems import problems
 from experiments.definition.schema import Course, Study
+from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
+from experiments.participation.steps import page_type
 from experiments.research.access import may
 from experiments.research.study_access import study_for
 from robots.models import FloorPlan
@@ -242,16 +244,21 @@ class BuilderPages:
         whole, part = whole_of(row), draft.part
         former = place.part(whole) or part
         cls = place.cls(former)
-        asking = Asking(whole["languages"], offered(whole, part), draft.errors)
+        form = PartForm(
+            cls,
+            part,
+            languages=whole["languages"],
+            offered=offered(whole, part),
+            only=place.only,
+            is_sent=bool(draft.errors),
+        )
         context = {
-            "form": fields.ask(cls, part, asking, only=place.only),
+            "form": form,
             "place": place,
             "above": draft.above,
             "has_errors": bool(draft.errors),
             "part_title": _title_of(former, whole) if place.index is not None else "",
-            "kind": (
-                labels.KINDS.get(former.get("kind", ""), "") if place.section == "steps" else ""
-            ),
+            "kind": page_type(former["kind"]).label if place.section == "steps" else "",
         }
         if place.section == "courses":
             context |= {
@@ -313,7 +320,7 @@ class BuilderPages:
         if verb == "add":
             whole[section] = [*parts, _new(section, what, whole)]
         elif what.isascii() and what.isdigit():
-            whole[section] = fields.change(parts, verb, int(what[:6]))
+            whole[section] = change(parts, verb, int(what[:6]))
             if verb == "copy" and len(whole[section]) > len(parts):
                 whole[section][int(what) + 1] = copied(section, parts[int(what)], whole)
         saved = _keep(row, whole) if request.POST.get("sha256") == row.sha256 else str(MEANWHILE)
@@ -346,11 +353,12 @@ def _read(request: HttpRequest, place: Place, former: Document) -> Draft:
     `remove|up|down:<list>:<n>`.
     """
     cls = place.cls(former)
-    part = fields.read(cls, request.POST, only=place.only)
+    part = read(cls, request.POST, only=place.only)
     anchor = _press(part, request.POST)
     if cls is Course:
-        part = fields.renumber(part)
-    return Draft(part, fields.errors(cls, part, only=place.only), anchor=anchor)
+        part = renumber(part)
+    told = PartForm(cls, part, only=place.only, is_sent=True).told
+    return Draft(part, told, anchor=anchor)
 
 
 def _press(part: Document, sent: Any) -> str:
@@ -361,13 +369,11 @@ def _press(part: Document, sent: Any) -> str:
     key, _colon, n = what.partition(":")
     values = part.get(key, [])
     if verb == "add" and key in labels.ITEMS:
-        at = fields.new_point(
-            sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", "")))
-        )
+        at = new_point(sent.get("at", ""), middle_of(publishing.sites().get(part.get("site", ""))))
         part[key] = [*values, new_part(key, len(values), at)]
         return "course" if sent.get("at") else f"{key}.{len(values)}"
     if n.isascii() and n.isdigit() and isinstance(values, list):
-        part[key] = fields.change(values, verb, int(n[:6]))
+        part[key] = change(values, verb, int(n[:6]))
     return key
 
 
@@ -405,7 +411,7 @@ def _count(row: Row, section: str) -> int | None:
 
 def _kinds(section: str) -> list[tuple[str, Any]]:
     if section == "steps":
-        return [(kind, labels.KINDS[kind]) for kind in KINDS]
+        return [(kind, page_type(kind).label) for kind in KINDS]
     return [("", _("Condition") if section == "conditions" else _("Course"))]
 
 
@@ -436,7 +442,7 @@ def _title_of(part: Document, whole: Document) -> str:
 
 def _about(section: str, part: Document) -> Iterator[Any]:
     if section == "steps":
-        yield labels.KINDS[part["kind"]]
+        yield page_type(part["kind"]).label
         yield part.get("questionnaire", "")
         yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
         yield _("for each condition") if part.get("repeat") else ""
@@ -463,7 +469,7 @@ def _new(section: str, kind: str, whole: Document) -> Document:
     if section == "steps":
         if kind not in KINDS:
             raise Http404
-        return new_step(kind, whole)
+        return new_step(kind, page_type(kind).blank, whole)
     return (
         new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
     )

@@ -2,26 +2,21 @@
 order.
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.analysis.dataset.records import WITHHELD, Response
 from experiments.dataset.people import Round
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Choice
-from experiments.definition.schema import Form, Questionnaire
 from experiments.models import Participant, Study
-from experiments.participation.questions import CONTEXT
 from surveys.answers import AnswerValue
-from surveys.definition import Definition, Question, TextItem
+from surveys.definition import Definition
 from surveys.downloads import answered
+from surveys.item import Question
 from surveys.models import Answer
 from surveys.models import Questionnaire as QuestionnaireRow
 from surveys.models import Response as Row
 
-# experiments/participation/questions.py: a participant's key, and a place as
-# experiments/participation/journey.py writes it.
-_PLACED = re.compile(rf"{CONTEXT}/([0-9a-f-]{{36}})/(\d+)\.(\d+)\.([a-z0-9_-]+)")
 AT_ONCE = 200  # participants, whose responses are asked for in one query
 
 
@@ -36,39 +31,29 @@ def responses_of(
         .exclude(status=Participant.Status.WITHDRAWN)
         .order_by("code")
     )
-    asking = [
-        step for step in study.as_definition().steps if isinstance(step, Form | Questionnaire)
-    ]
+    asking = study.as_definition().asking
     repeated, slugs = (
-        {step.key: isinstance(step, Questionnaire) for step in asking},
+        {step.key: not step.is_about_person for step in asking},
         {step.questionnaire for step in asking},
     )
     for start in range(0, len(people), AT_ONCE):
         known = {str(one.pk): one for one in people[start : start + AT_ONCE]}
-        users = [one.user_id for one in known.values() if one.user_id is not None]
         found: dict[str, list[Response]] = {key: [] for key in known}
         rows = Row.objects.filter(
-            user__in=users, context__startswith=f"{CONTEXT}/", questionnaire__slug__in=slugs
-        )
+            asked_at__participant__in=list(known),
+            asked_at__step__in=list(repeated),
+            questionnaire__slug__in=slugs,
+        ).select_related("asked_at")
         for row, definition, answers in answered(rows):
-            place = place_of(row.context)
-            if place is None or place[0] not in known or place[3] not in repeated:
-                continue
-            who, visit, turn, step = place
-            session = sessions.get((known[who].pk, visit, turn), "") if repeated[step] else ""
-            found[who].append(
-                _response(row, definition, answers, known[who].code, session, names, choice)
+            place = row.asked_at
+            who = known[str(place.participant_id)]
+            round_of = (who.pk, place.visit, place.round)
+            session = sessions.get(round_of, "") if repeated[place.step] else ""
+            found[str(who.pk)].append(
+                _response(row, definition, answers, who.code, session, names, choice)
             )
         for own in found.values():
             yield from own
-
-
-def place_of(context: str) -> tuple[str, int, int, str] | None:
-    """Return participant, visit, round and step of a response's context; None when it is no
-    study's.
-    """
-    found = _PLACED.fullmatch(context)
-    return (found[1], int(found[2]), int(found[3]), found[4]) if found else None
 
 
 def _response(
@@ -106,18 +91,14 @@ def _response(
 def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[object, str]:
     if given.value is None:
         return None, str(given.missing or "")
-    if isinstance(question.item, TextItem) and not choice.has_text:
+    if question.item.is_free_text and not choice.has_text:
         return None, WITHHELD
     return given.value, ""
 
 
 def questionnaires_of(study: Study) -> tuple[Definition, ...]:
     """Return the questionnaires of a study in every version that is there, by name and version."""
-    slugs = {
-        step.questionnaire
-        for step in study.as_definition().steps
-        if isinstance(step, Form | Questionnaire)
-    }
+    slugs = {step.questionnaire for step in study.as_definition().asking}
     rows = QuestionnaireRow.objects.filter(
         slug__in=sorted(slugs | {study.as_definition().analysis.statements})
     )

@@ -12,7 +12,8 @@ from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Choice, event_data
 from experiments.dataset.sessions import granted
 from experiments.models import Drive, TaskEvent
-from sessions.models import NetworkSample, SessionEvent, StateChunk
+from experiments.stored_states import clock_offsets
+from sessions.models import NetworkSample, SessionEvent
 
 
 def events_of(drives: Iterable[Drive], names: Pseudonyms, choice: Choice) -> Iterator[Event]:
@@ -62,10 +63,7 @@ def robot_offset(session: object) -> float:
     """Return the robot's clock minus the server's in seconds, as it mostly was; 0 when it was never
     known.
     """
-    known = StateChunk.objects.filter(session=session, clock_offset__isnull=False).values_list(
-        "clock_offset", flat=True
-    )
-    offsets = list(known)
+    offsets = list(clock_offsets(session))
     return statistics.median(offsets) if offsets else 0.0
 
 

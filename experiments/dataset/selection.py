@@ -34,24 +34,18 @@ class Choice:
     """What a dataset holds beside numbers and words from lists.
 
     `identified` adds who the participants are and leaves out nothing; `sources` are those of the
-    events.
+    events, `formats` the names of those that were asked for (experiments/export/formats/).
     """
 
     identified: bool = False
     free_text: bool = False
-    snapshots: bool = False
-    mcap: bool = False
+    formats: frozenset[str] = frozenset()
     sources: tuple[str, ...] = SOURCES
 
     @property
     def has_text(self) -> bool:
         """Tell whether free text is kept."""
         return self.identified or self.free_text
-
-    @property
-    def has_snapshots(self) -> bool:
-        """Tell whether photos are kept."""
-        return self.identified or self.snapshots
 
 
 def words_of(reason: str, choice: Choice) -> str:

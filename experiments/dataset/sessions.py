@@ -10,13 +10,14 @@ from django.db.models import QuerySet
 from experiments.analysis.dataset.records import Session
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Choice, words_of
-from experiments.definition.schema import Condition, Practice
+from experiments.dataset.states import STORED
+from experiments.definition.schema import Condition
 from experiments.definition.schema import Study as Definition
 from experiments.models import Drive, Participant, Study
 from robots.api.messages import LabReport
 from robots.api.network_words import spell
 from sessions.models import Session as Visit
-from sessions.models import SessionEvent, StateChunk
+from sessions.models import SessionEvent
 
 NAN = float("nan")
 OPERATOR = "operator"  # events of the server that begin so were an operator's doing
@@ -37,7 +38,7 @@ def sessions_of(
 ) -> list[Session]:
     """Return drives as sessions, in their order."""
     definition = study.as_definition()
-    practice = {step.key for step in definition.steps if isinstance(step, Practice)}
+    practice = definition.practice_keys
     touched = _touched([drive.session_id for drive in drives])
     numbers = _numbers([drive for drive in drives if drive.step not in practice])
     return [
@@ -197,13 +198,8 @@ def _first_motion(drive: Drive) -> float:
 
 
 def _from_states(drive: Drive) -> float:
-    chunks = (
-        StateChunk.objects.filter(session=drive.session_id)
-        .order_by("received_at")
-        .values_list("clock_offset", "states")
-    )
-    for offset, states in chunks.iterator(chunk_size=100):
-        for state in states:
-            if state.get("applied"):
-                return round(state["stamp"] - (offset or 0.0) - granted(drive), 6)
+    for chunk in STORED.chunks_of(drive.session_id):
+        for state in chunk.states:
+            if state.applied:
+                return round(state.stamp - (chunk.clock_offset or 0.0) - granted(drive), 6)
     return NAN

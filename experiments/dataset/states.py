@@ -1,22 +1,20 @@
 """The stored states and network samples of a session as columns of numbers, read a session at a
 time.
 
-A thousand sessions have more than a million states: the JSON is decoded straight into classes with
-no more than what the columns need, twenty times as fast as into dictionaries. Times are seconds
-since the grant, to the microsecond.
+Times are seconds since the grant, to the microsecond.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
-from django.db.models import ExpressionWrapper, F, Field
+from django.db.models import ExpressionWrapper, F
 
 from experiments.analysis.dataset.columns import METHODS, MODES, NETWORK, STATES, WAYS
 from experiments.analysis.dataset.records import Columns, Floats
-from sessions.models import NetworkSample, StateChunk
+from experiments.stored_states import Decoded, States
+from sessions.models import NetworkSample
 
 DECIMALS = 6
 NAN = float("nan")
@@ -102,25 +100,7 @@ class Sample(Part):
     way: str | None = None
 
 
-class Decoded(Field):
-    """Reads a JSON column straight into classes; a database that stores documents gives them as
-    they are.
-    """
-
-    def __init__(self, kind: Any) -> None:
-        super().__init__()
-        self._kind, self._decoder = kind, msgspec.json.Decoder(kind)
-
-    def from_db_value(self, value: Any, expression: Any, connection: Any) -> Any:
-        """Return what a row holds."""
-        return (
-            self._decoder.decode(value)
-            if isinstance(value, str | bytes)
-            else msgspec.convert(value, self._kind)
-        )
-
-
-STATES_OF_CHUNK, SAMPLE = Decoded(list[StoredState]), Decoded(Sample)
+STORED, SAMPLE = States(StoredState), Decoded(Sample)
 
 
 def states_of(session: object, granted: float) -> Columns:
@@ -147,22 +127,14 @@ def _chunks(
     session: object, granted: float
 ) -> Iterator[tuple[tuple[float | None, ...], list[StoredState]]]:
     """Yield what is known of each chunk (ABOUT), and its states."""
-    stored = ExpressionWrapper(F("states"), output_field=STATES_OF_CHUNK)
-    columns = ("boot", "first_seq", "received_at", "clock_offset", "stored")
-    chunks = list(
-        StateChunk.objects.filter(session=session)
-        .annotate(stored=stored)
-        .values_list(*columns)
-        .order_by("received_at", "first_seq")
-    )
+    chunks = list(STORED.chunks_of(session))
     runs = {
         boot: float(number)
-        for number, boot in enumerate(dict.fromkeys(boot for boot, *_ in chunks))
+        for number, boot in enumerate(dict.fromkeys(chunk.boot for chunk in chunks))
     }
-    for boot, _, received_at, offset, states in sorted(
-        chunks, key=lambda chunk: (runs[chunk[0]], chunk[1])
-    ):
-        yield (received_at - granted, offset, runs[boot]), states
+    for chunk in sorted(chunks, key=lambda chunk: (runs[chunk.boot], chunk.first_seq)):
+        about = (chunk.received_at - granted, chunk.clock_offset, runs[chunk.boot])
+        yield about, chunk.states
 
 
 def _row(state: StoredState, granted: float) -> tuple[float | None, ...]:

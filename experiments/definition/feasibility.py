@@ -7,16 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from experiments.definition.problems import length_of
-from experiments.definition.schema import (
-    Condition,
-    Course,
-    Form,
-    Impairment,
-    Network,
-    OwnAction,
-    Questionnaire,
-    Study,
-)
+from experiments.definition.schema import Condition, Course, Impairment, Network, OwnAction, Study
 from robots.api.floorplan import ChargingDock, FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
@@ -72,11 +63,8 @@ def obstacles(study: Study, known: Known, unreachable: Unreachable) -> Iterator[
         unreachable: tells which points cannot be got to (experiments.definition.reachability, or a
             double).
     """
-    for step in study.steps:
-        if (
-            isinstance(step, Form | Questionnaire)
-            and (step.questionnaire, step.version) not in known.questionnaires
-        ):
+    for step in study.asking:
+        if (step.questionnaire, step.version) not in known.questionnaires:
             yield (
                 f"Step {step.key}: there is no usable questionnaire {step.questionnaire}, version"
                 f" {step.version}."

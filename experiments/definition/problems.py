@@ -3,23 +3,11 @@ study itself.
 """
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
-from experiments.definition.schema import (
-    Condition,
-    Consent,
-    Course,
-    Debrief,
-    Form,
-    Impairment,
-    Instructions,
-    Practice,
-    Questionnaire,
-    Study,
-    Task,
-)
-from surveys.problems import checked, text_problems
+from experiments.definition.schema import Condition, Course, Impairment, Study
+from experiments.definition.steps import KINDS
+from surveys.documents import checked, duplicates, text_problems
 
 MAX_BYTES = 1024 * 1024
 MOST_ORDERED = 4  # conditions within one participant
@@ -39,7 +27,9 @@ def parse(document: bytes) -> Study:
         BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
             the first.
     """
-    return checked(document, Study, problems, MAX_BYTES)
+    return checked(
+        document, Study, problems, limit=MAX_BYTES, kinds=KINDS, kind_name="kind of step"
+    )
 
 
 def problems(study: Study) -> Iterator[str]:
@@ -71,42 +61,23 @@ def _of_the_whole(study: Study) -> Iterator[str]:
     yield from name_problems(study.slug)
     if not study.languages:
         yield "There is no language."
-    yield from _twice("language", study.languages)
+    yield from duplicates("language", study.languages)
     yield from text_problems(study, "study", study.languages)
     if "\x00" in study.source + study.licence:
         yield "Source or licence holds a null character."
-    yield from _twice("condition", (condition.key for condition in study.conditions))
-    yield from _twice("course", (f"of {course.robot} at {course.site}" for course in study.courses))
-    yield from _twice("step", (step.key for step in study.steps))
-
-
-def _twice(what: str, names: Iterable[str]) -> Iterator[str]:
-    yield from (
-        f"The {what} {name} stands {count} times."
-        for name, count in Counter(names).items()
-        if count > 1
+    yield from duplicates("condition", (condition.key for condition in study.conditions))
+    yield from duplicates(
+        "course", (f"of {course.robot} at {course.site}" for course in study.courses)
     )
+    yield from duplicates("step", (step.key for step in study.steps))
 
 
 def _of_steps(study: Study) -> Iterator[str]:
-    kinds = Counter(type(step) for step in study.steps)
-    if kinds[Task] != 1:
-        yield (
-            f"There are {kinds[Task]} task steps; a study has one, which is repeated for each"
-            " condition."
-        )
-    if kinds[Consent] > 1:
-        yield f"There are {kinds[Consent]} consent steps; one is enough."
-    if kinds[Consent] and not isinstance(study.steps[0], Consent):
-        yield "The consent is not the first step."
-    if any(isinstance(step, Debrief) for step in study.steps[:-1]):
-        yield "The debriefing is not the last step."
+    for kind in KINDS.values():
+        yield from kind.problems_among(study.steps)
     yield from _of_repeats(study)
     for step in study.steps:
-        if isinstance(step, Instructions) and not step.leaves:
-            yield f"Step {step.key}: there is nothing to read."
-        if isinstance(step, Consent | Form | Debrief) and step.repeat:
-            yield f"Step {step.key}: a {type(step).__name__.lower()} is not repeated."
+        yield from (f"Step {step.key}: {problem}" for problem in step.problems())
 
 
 def _of_repeats(study: Study) -> Iterator[str]:
@@ -119,7 +90,7 @@ def _of_repeats(study: Study) -> Iterator[str]:
     task = study.task
     if study.allocation.design == "within" and task is not None and not task.repeat:
         yield "Participants do every condition, but the task is not repeated."
-    driving = sum(step.minutes for step in study.steps if isinstance(step, Task | Practice))
+    driving = sum(step.minutes for step in study.drives)
     if task is not None and driving > MOST_MINUTES:
         yield (
             f"One round lasts up to {driving:g} minutes of driving; at most {MOST_MINUTES:g} are"
@@ -139,7 +110,7 @@ def _of_condition(study: Study, condition: Condition) -> Iterator[str]:
         ("action", condition.actions),
         ("closed door", condition.doors_closed),
     ):
-        yield from _twice(what, names)
+        yield from duplicates(what, names)
     yield from _of_network("towards the robot", condition.network.control, LEAST_CONTROL_RATE)
     yield from _of_network("back from the camera", condition.network.video, LEAST_VIDEO_RATE)
     course = study.course_of(condition)
@@ -199,8 +170,8 @@ def _of_course(study: Study, course: Course) -> Iterator[str]:
         yield f"the checkpoints are numbered {numbers}, not 0, 1, 2 …"
     if course.photo is not None and course.photo.checkpoint not in numbers[1:]:
         yield f"the photo belongs to checkpoint {course.photo.checkpoint}, which is not there."
-    yield from _twice("door", course.doors)
-    yield from _twice("zone", (zone.name for zone in course.zones))
+    yield from duplicates("door", course.doors)
+    yield from duplicates("zone", (zone.name for zone in course.zones))
     if all(study.course_of(condition) is not course for condition in study.conditions):
         yield "no condition uses it."
 
@@ -219,7 +190,7 @@ def _of_allocation(study: Study) -> Iterator[str]:
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
         yield "The refill rule may not refill outcomes of the task itself (completed, timed out)."
-    known = {step.questionnaire for step in study.steps if isinstance(step, Form | Questionnaire)}
+    known = {step.questionnaire for step in study.asking}
     if study.analysis.statements not in known:
         yield (
             f"The statements of the analysis, {study.analysis.statements}, are not among the"

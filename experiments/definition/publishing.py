@@ -19,24 +19,15 @@ from accounts import audit
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.problems import name_problems, problems
 from experiments.definition.reachability import unreachable
-from experiments.definition.schema import (
-    Consent,
-    Debrief,
-    Form,
-    Instructions,
-    Questionnaire,
-    Study,
-    Task,
-    digest,
-)
+from experiments.definition.schema import Study, digest
 from experiments.models import PersonalLink, Rehearsal, StudyMember
 from experiments.models import Study as Row
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
+from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire as QuestionnaireRow
-from surveys.problems import BadDefinitionError
 
 LEAST_REASON = 10  # characters: "later" is none
 
@@ -139,14 +130,24 @@ def _usual(slug: str, title: str, languages: tuple[str, ...]) -> dict[str, Any]:
     def said(text: str) -> dict[str, str]:
         return dict.fromkeys(languages, text)
 
-    steps = (
-        Consent(key="consent", title=said("Consent"), text={}),
-        Form(key="about_you", title=said("About you"), questionnaire="ict"),
-        Instructions(key="instructions", title=said("How it works"), leaves=()),
-        Task(key="task", title=said("Task")),
-        Questionnaire(key="experience", title=said("Your experience"), questionnaire="experience"),
-        Debrief(key="thanks", title=said("Thanks"), text={}),
-    )
+    steps = [
+        {"kind": "consent", "key": "consent", "title": said("Consent"), "text": {}},
+        {"kind": "form", "key": "about_you", "title": said("About you"), "questionnaire": "ict"},
+        {
+            "kind": "instructions",
+            "key": "instructions",
+            "title": said("How it works"),
+            "leaves": [],
+        },
+        {"kind": "task", "key": "task", "title": said("Task")},
+        {
+            "kind": "questionnaire",
+            "key": "experience",
+            "title": said("Your experience"),
+            "questionnaire": "experience",
+        },
+        {"kind": "debrief", "key": "thanks", "title": said("Thanks"), "text": {}},
+    ]
     study = {
         "format": 1,
         "slug": slug,
@@ -156,7 +157,7 @@ def _usual(slug: str, title: str, languages: tuple[str, ...]) -> dict[str, Any]:
         "conditions": [],
         "courses": [],
     }
-    return {**study, "steps": msgspec.to_builtins(steps)}
+    return {**study, "steps": steps}
 
 
 def new_version(row: Row, now: datetime.datetime) -> Row:
@@ -352,14 +353,11 @@ def log(row: Model, user: Any, text: str) -> None:
 def _freeze_questionnaires(definition: Study, now: datetime.datetime) -> None:
     """Put in those that come with the site, and let none of them change any more."""
     shipped = {(one.slug, one.version): one for one in questionnaires.shipped().values()}
-    for step in definition.steps:
-        if isinstance(step, Form | Questionnaire):
-            row = QuestionnaireRow.objects.filter(
-                slug=step.questionnaire, version=step.version
-            ).first()
-            questionnaires.freeze(
-                row or questionnaires.store(shipped[step.questionnaire, step.version], now), now
-            )
+    for step in definition.asking:
+        row = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version).first()
+        questionnaires.freeze(
+            row or questionnaires.store(shipped[step.questionnaire, step.version], now), now
+        )
 
 
 def close(row: Row, now: datetime.datetime) -> Row:

@@ -13,7 +13,7 @@ from typing import Any
 
 from experiments.bots.diary import Diary, Leg
 from experiments.definition.power import LARGE, MEDIUM, SMALL, participants_needed
-from experiments.definition.schema import Condition, Practice, Study, Task
+from experiments.definition.schema import Condition, Study
 
 # how many times longer people drive than bots: the paper's drives took 4 min 34 s on average, a
 # bot's on such a course 2.5
@@ -214,7 +214,7 @@ def _whole(diaries: Sequence[Diary], conditions: Sequence[ConditionReport], stud
     )
     rounds = max(len(study.conditions), 1) if study.allocation.design == "within" else 1
     drives = [one.expected_minutes for one in conditions if one.expected_minutes is not None]
-    practice = sum(step.minutes for step in study.steps if isinstance(step, Practice))
+    practice = sum(step.minutes for step in study.drives if step.is_practice)
     return reading + rounds * ((statistics.mean(drives) if drives else 0.0) + practice)
 
 
@@ -260,7 +260,7 @@ def _problems_of(study: Study, report: Report) -> list[str]:
             f"Condition {one.key}: in force was something else than assigned: {name}."
             for name in one.mismatches
         ]
-    if not any(isinstance(step, Task) for step in study.steps):
+    if study.task is None:
         problems.append("There is no task to drive.")
     return problems
 

@@ -15,7 +15,6 @@ from experiments.analysis.report import EVERY, reports
 from experiments.analysis.tables.table import as_csv
 from experiments.dataset.build import dataset_of
 from experiments.definition.rehearsal import Findings, Record, Report
-from experiments.definition.schema import Practice
 from experiments.definition.schema import Study as Definition
 from experiments.models import Drive, Kind, Rehearsal, Study
 from experiments.tasks.replay_check import discrepancies
@@ -28,7 +27,7 @@ ALWAYS_RARE = frozenset({"by_map", "by_script", "on_datachannel"})
 def findings(study: Study) -> Findings:
     """Return what the database says of the bots' drives, answers and analysis."""
     definition = study.as_definition()
-    practice = {step.key for step in definition.steps if isinstance(step, Practice)}
+    practice = definition.practice_keys
     drives = Drive.objects.filter(
         participant__study=study, participant__kind=Kind.BOT
     ).select_related("session")

@@ -10,21 +10,29 @@ Texts are objects of languages, as in questionnaires. The classes refuse unknown
 types; experiments/definition/problems.py tells what types cannot,
 experiments/definition/feasibility.py what only the sites, robots and questionnaires at hand can.
 
-Longer than most files here, because a reader who writes a study wants all of its words on one page.
+The steps that a participant goes through are a file a kind in experiments/definition/steps/.
 """
 
 from hashlib import sha256
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import msgspec
 from msgspec import Meta
 
-from robots.api.docked import DOCKED
+from experiments.definition.step import AskingStep, DriveStep, Step, Version
+from experiments.definition.steps import KINDS
+from experiments.definition.steps.consent import Consent
+from experiments.definition.steps.task import Task
 from robots.api.floorplan import Key as PlanKey
 from robots.api.floorplan import Length
 from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
 from robots.api.prepared import prepare
-from surveys.definition import Key, Language, Part, Slug, Text
+from surveys.documents import Key, Language, Part, Slug, Text
+
+if TYPE_CHECKING:
+    AnyStep = Step
+else:
+    AnyStep = Union[tuple(KINDS.values())]  # noqa: UP007 - the kinds are found when this is read
 
 Outcome = Literal[
     "completed",
@@ -38,8 +46,6 @@ Outcome = Literal[
 Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
 OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
 ControlWay = Literal["any", "datachannel", "mqtt"]
-Version = Annotated[int, Meta(ge=1, le=9999)]
-Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]
 Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 
@@ -149,88 +155,6 @@ class Condition(Part, frozen=True, kw_only=True):
     idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
 
 
-# --- what a participant goes through --------------------------------------------------------------
-
-
-class Step(Part, frozen=True, kw_only=True):
-    """What every step says. With `repeat` it is gone through once for each condition of a
-    participant, else once.
-    """
-
-    key: Key
-    title: Text
-    repeat: bool = False
-
-
-class Consent(Step, frozen=True, kw_only=True, tag_field="kind", tag="consent"):
-    """The participant agrees to `text`, or leaves. Who is younger than `minimum_age` is turned
-    away, or needs a guardian's word.
-    """
-
-    version: Version = 1
-    text: Text
-    minimum_age: Annotated[int, Meta(ge=0, le=99)] = 18
-    minors: Literal["refused", "guardian"] = "refused"
-
-
-class Form(Step, frozen=True, kw_only=True, tag_field="kind", tag="form"):
-    """A questionnaire about the person; who has answered it on an earlier visit skips it."""
-
-    questionnaire: Slug
-    version: Version = 1
-
-
-class Leaf(Part, frozen=True, kw_only=True):
-    """One page of the instructions; `picture` is the name of a picture of the site's own."""
-
-    text: Text
-    picture: Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")] | None = None
-    robot: tuple[PlanKey, ...] = ()
-
-
-class Instructions(Step, frozen=True, kw_only=True, tag_field="kind", tag="instructions"):
-    """What is read before driving. A leaf that names robots is shown to those who will drive one of
-    them.
-    """
-
-    leaves: tuple[Leaf, ...]
-
-
-class Practice(Step, frozen=True, kw_only=True, tag_field="kind", tag="practice"):
-    """A free drive of so many minutes with the condition's robot."""
-
-    minutes: Minutes = 3.0
-
-
-class Task(Step, frozen=True, kw_only=True, tag_field="kind", tag="task"):
-    """The course of the condition's robot, within a time limit from the first picture shown; what
-    is left is shown in the last minutes.
-
-    `docked_seconds` is for how long the robot must rest on its charging contacts, released, for its
-    docking to count: robots/api/docked.py.
-    """
-
-    minutes: Minutes = 15.0
-    last_minutes: Annotated[float, Meta(ge=0.0, le=60.0)] = 2.0
-    docked_seconds: Annotated[float, Meta(ge=1.0, le=60.0)] = DOCKED.seconds
-
-
-class Questionnaire(Step, frozen=True, kw_only=True, tag_field="kind", tag="questionnaire"):
-    """Questions about what was done; asked after every outcome."""
-
-    questionnaire: Slug
-    version: Version = 1
-
-
-class Debrief(Step, frozen=True, kw_only=True, tag_field="kind", tag="debrief"):
-    """Thanks, and what the study was about."""
-
-    text: Text
-
-
-AnyStep = Consent | Form | Instructions | Practice | Task | Questionnaire | Debrief
-
-
 # --- the rules ------------------------------------------------------------------------------------
 
 
@@ -329,6 +253,34 @@ class Study(Part, frozen=True, kw_only=True):
     def task(self) -> Task | None:
         """The step in which the course is driven."""
         return next((step for step in self.steps if isinstance(step, Task)), None)
+
+    @property
+    def consent(self) -> Consent | None:
+        """The step in which participants agree to take part."""
+        return next((step for step in self.steps if isinstance(step, Consent)), None)
+
+    @property
+    def drives(self) -> tuple[DriveStep, ...]:
+        """The steps in which a robot is driven."""
+        return tuple(step for step in self.steps if isinstance(step, DriveStep))
+
+    @property
+    def practice_keys(self) -> frozenset[str]:
+        """The keys of the steps whose drives are for practice."""
+        return frozenset(step.key for step in self.drives if step.is_practice)
+
+    @property
+    def asking(self) -> tuple[AskingStep, ...]:
+        """The steps in which a questionnaire is asked."""
+        return tuple(step for step in self.steps if isinstance(step, AskingStep))
+
+    def step(self, key: str) -> AnyStep | None:
+        """Return the step with a key."""
+        return next((step for step in self.steps if step.key == key), None)
+
+    def drive(self, key: str) -> DriveStep | None:
+        """Return the step with a key when a robot is driven in it."""
+        return next((step for step in self.drives if step.key == key), None)
 
 
 prepare(Study)

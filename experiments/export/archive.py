@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
-from experiments.export.files import File
+from experiments.export.format import File
 
 # no file says when it was made: the same study gives the same archive
 SAME_DAY = (1980, 1, 1, 0, 0, 0)

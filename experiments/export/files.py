@@ -1,41 +1,22 @@
 """A study as the files of an export, made one after the other: nothing is held but one session's
 record.
 
-To the dataset (experiments/analysis/dataset/folder.py) come the metrics of every session, what the
-reader has chosen, and at last the sums of all files: an export without sums was broken off.
+What the files are, each format says (experiments/export/formats/). At last come the sums of all
+files: an export without sums was broken off.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from hashlib import sha256
-from typing import Any
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import numbers, table, tables
-from experiments.analysis.dataset.records import Session
-from experiments.analysis.tables.metric_rows import METRIC_TABLE, metric_row
-from experiments.dataset.build import ANALYSED, dataset_of
-from experiments.dataset.events import events_of
+from experiments.dataset.build import dataset_of
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Choice
-from experiments.dataset.sessions import drives_of, granted
-from experiments.export.mcap import recording
-from experiments.models import Drive, Study
-from sessions.models import Snapshot
+from experiments.dataset.sessions import drives_of
+from experiments.export.format import File, Source
+from experiments.export.formats import chosen
+from experiments.models import Study
 
-File = tuple[str, Iterable[bytes]]
 SUMS = "SHA256SUMS"
-IDENTITIES = (
-    Column("participant", "", "code of the participant"),
-    Column("session", "", "code of the session"),
-    Column("user", "", "key of the user's row"),
-    Column("username", "", "name of the user"),
-    Column("email", "", "address of the user"),
-    Column("session_key", "", "key of the session's row"),
-    Column("granted", "", "when the robot was granted"),
-    Column("address", "", "address of the visitor's network, truncated"),
-    Column("user_agent", "", "what the browser said of itself"),
-    Column("recruitment", "", "parameters of the link by which the participant came"),
-)
 READ_ME = """# {title}
 
 Records of the study {slug}, version {version}. `dataset_description.json` tells what each column
@@ -72,64 +53,22 @@ def _summed(name: str, parts: Iterable[bytes], sums: list[str]) -> Iterator[byte
 
 
 def _files(study: Study, choice: Choice) -> Iterator[File]:
+    classes = chosen(choice)
     drives = list(drives_of(study))
     dataset = dataset_of(study, choice=choice, drives=drives)
-    names, definition = Pseudonyms(study.secret), dataset.study
+    definition = dataset.study
     title = definition.title.get("en") or definition.slug
     yield (
         "README.md",
         [READ_ME.format(title=title, slug=definition.slug, version=definition.version).encode()],
     )
-    more = {"metrics": METRIC_TABLE} | ({"identities": IDENTITIES} if choice.identified else {})
-    yield from _encoded(tables(dataset, events_of(drives, names, choice), more))
-    if choice.identified:
-        yield from _encoded(
-            [table("identities", map(_identity, dataset.sessions, drives), IDENTITIES)]
-        )
-    rows: list[list[Any]] = []
+    more = {name: columns for one in classes for name, columns in one.tables.items()}
+    source = Source(dataset, drives, Pseudonyms(study.secret), choice, more)
+    formats = [one(source) for one in classes]
+    for one in formats:
+        yield from one.of_study()
     for session, drive in zip(dataset.sessions, drives, strict=True):
-        yield from _encoded(numbers("states", session.id, dataset.states(session.id)))
-        yield from _encoded(numbers("network", session.id, dataset.network(session.id)))
-        rows.append(metric_row(dataset, session, events_of([drive], names, ANALYSED)))
-        if choice.mcap:
-            begin = granted(drive) if choice.identified else 0.0
-            yield (
-                f"mcap/session-{session.id}.mcap",
-                [recording(dataset, session, events_of([drive], names, choice), begin=begin)],
-            )
-        if choice.has_snapshots:
-            yield from _snapshots(session, drive)
-    yield from _encoded([table("metrics", rows, METRIC_TABLE)])
-
-
-def _snapshots(session: Session, drive: Drive) -> Iterator[File]:
-    shots = (
-        Snapshot.objects.filter(session=drive.session)
-        .order_by("stamp")
-        .values_list("jpeg", flat=True)
-    )
-    for number, jpeg in enumerate(shots.iterator(chunk_size=1), start=1):
-        yield f"snapshots/session-{session.id}-{number}.jpg", [bytes(jpeg)]
-
-
-def _encoded(files: Iterable[tuple[str, Iterable[str]]]) -> Iterator[File]:
-    for name, parts in files:
-        yield name, (part.encode() for part in parts)
-
-
-def _identity(session: Session, drive: Drive) -> Sequence[Any]:
-    user, visit, device = drive.participant.user, drive.session, drive.session.device or {}
-    recruitment = "&".join(
-        f"{name}={value}" for name, value in sorted(drive.participant.recruitment.items())
-    )
-    who = ("", "", "") if user is None else (str(user.pk), user.username, user.email)
-    return (
-        drive.participant.code,
-        session.id,
-        *who,
-        str(visit.pk),
-        drive.granted_at.isoformat(),
-        device.get("network", ""),
-        device.get("user_agent", ""),
-        recruitment,
-    )
+        for one in formats:
+            yield from one.of_session(session, drive)
+    for one in formats:
+        yield from one.at_last()

@@ -10,7 +10,6 @@ import hmac
 
 from django.db.models import Q
 
-from experiments.definition.schema import Practice
 from experiments.models import CODE_LENGTH, CODE_LETTERS, Drive, Participant, Study
 
 DONE, TECHNICAL_FAILURE, SCREENED_OUT = "done", "technical_failure", "screened_out"
@@ -31,9 +30,7 @@ def way_of(participant: Participant) -> str:
     """Return how a participant who came to the end took part: done once a drive moved the robot and
     did not end by a failure.
     """
-    practice = {
-        step.key for step in participant.study.as_definition().steps if isinstance(step, Practice)
-    }
+    practice = participant.study.as_definition().practice_keys
     moved = Q(exposed=True) | Q(session__first_motion_at__isnull=False)
     drives = (
         Drive.objects.filter(moved, participant=participant)

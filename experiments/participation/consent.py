@@ -6,9 +6,9 @@ from typing import Literal
 
 from django.db import IntegrityError, transaction
 
-from experiments.definition.schema import Consent
+from experiments.definition.steps.consent import Consent
 from experiments.models import ConsentReceipt, Participant
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 Answer = Literal["agreed", "too_young", "guardian"]
 

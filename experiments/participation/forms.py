@@ -6,7 +6,7 @@ from django import forms
 from django.utils.translation import gettext_lazy as _
 
 from accounts.forms import single_line
-from experiments.definition.schema import Consent
+from experiments.definition.steps.consent import Consent
 from experiments.participation.consent import may_agree
 
 OLDEST = 120

@@ -24,8 +24,9 @@ from accounts import audit
 from accounts.models import User
 from experiments.definition import conditions, start_condition
 from experiments.definition.course import CourseError
-from experiments.definition.schema import Condition, Practice, Task
+from experiments.definition.schema import Condition
 from experiments.definition.schema import Study as Definition
+from experiments.definition.step import DriveStep
 from experiments.models import Drive, Kind, Participant, Study
 from experiments.participation import assignment, progress
 from experiments.participation.assignment import Cell, Choice, Held
@@ -38,7 +39,7 @@ from robots.api.geometry import Pose2D
 from robots.models import Robot
 from sessions.leases.terms import NotGranted, Terms
 from sessions.models import Session
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +62,7 @@ class Standing:
 
     participant: Participant
     definition: Definition
-    step: Practice | Task
+    step: DriveStep
     robot: Robot
 
     @property
@@ -161,8 +162,8 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
         if participant.study.status == Study.Status.DRAFT and participant.kind == Kind.PARTICIPANT:
             continue
         definition = participant.study.as_definition()
-        step = next((step for step in definition.steps if step.key == participant.step), None)
-        if not isinstance(step, Practice | Task):
+        step = definition.drive(participant.step)
+        if step is None:
             continue
         standing = Standing(participant, definition, step, robot)
         condition = standing.assigned
@@ -347,7 +348,7 @@ def _begin(
         "track": None,
         "start": msgspec.to_builtins(definition.start),
     }
-    if isinstance(standing.step, Task):
+    if not standing.step.is_practice:
         try:
             assigned["track"] = laid_out(definition, condition, session.robot)
         except CourseError as error:
@@ -404,7 +405,7 @@ def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) 
         doors=doors,
         control_network=config.control_network,
         video_network=config.video_network,
-        leaving_completes=isinstance(step, Practice),
+        leaving_completes=step.is_practice,
         study={
             "slug": standing.definition.slug,
             "version": standing.definition.version,

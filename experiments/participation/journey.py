@@ -13,7 +13,8 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from experiments.definition.schema import AnyStep, Study
+from experiments.definition.schema import Study
+from experiments.definition.step import Step
 from experiments.participation.assignment import Access, cells
 
 _WORD = re.compile(r"([1-9]\d{0,5})\.(\d{1,3})\.([a-z0-9_-]{1,40})\Z", re.ASCII)
@@ -37,13 +38,13 @@ class Place:
         return f"{self.visit}.{self.round}.{self.step}"
 
 
-def step_at(study: Study, place: Place) -> AnyStep:
+def step_at(study: Study, place: Place) -> Step:
     """Return the step at a place.
 
     Raises:
         NoPlaceError: the study has no such step.
     """
-    found = next((step for step in study.steps if step.key == place.step), None)
+    found = study.step(place.step)
     if found is None:
         raise NoPlaceError(place.word)
     return found

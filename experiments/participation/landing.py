@@ -11,11 +11,11 @@ from django.utils.dates import WEEKDAYS_ABBR
 from django.utils.translation import gettext as _
 
 from experiments.definition import opening_hours
-from experiments.definition.schema import Consent, Controller, Practice, Task
+from experiments.definition.schema import Controller
 from experiments.definition.schema import Study as Definition
 from experiments.models import Participant, Study
 from experiments.participation import journey, progress
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 # In the order in which they are asked: the first that holds decides.
 Stand = Literal[
@@ -59,7 +59,7 @@ def landing(
     """Return the front page of a study as somebody sees it, who takes part as `own`."""
     definition = study.as_definition()
     spoken_in = progress.language_of(definition, language)
-    consent = next((step for step in definition.steps if isinstance(step, Consent)), None)
+    consent = definition.consent
     return Landing(
         title=spoken(definition.title, spoken_in),
         intro=spoken(definition.intro, spoken_in),
@@ -139,9 +139,8 @@ def _to_first_time_visitors(study: Study, user: Any) -> Stand:
 
 def driving_minutes(definition: Definition) -> int:
     """Return how many minutes somebody drives at most."""
-    steps = [step for step in definition.steps if isinstance(step, Practice | Task)]
     often = journey.rounds(definition, "open")
-    return round(sum(step.minutes * (often if step.repeat else 1) for step in steps))
+    return round(sum(step.minutes * (often if step.repeat else 1) for step in definition.drives))
 
 
 def controllers(definition: Definition) -> tuple[Controller, ...]:

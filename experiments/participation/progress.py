@@ -14,14 +14,15 @@ from django.db import IntegrityError, transaction
 from django.db.models import Q, QuerySet
 
 from experiments.definition import opening_hours
-from experiments.definition.schema import AnyStep, Condition, Consent, Debrief, Form
+from experiments.definition.schema import Condition
 from experiments.definition.schema import Study as Definition
+from experiments.definition.step import Step
 from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
 from experiments.participation import assignment, completion, journey
 from experiments.participation.assignment import Access
 from experiments.participation.journey import Place
-from experiments.participation.questions import is_answered
-from surveys.definition import spoken
+from experiments.participation.steps import page_type
+from surveys.documents import spoken
 
 Status = Participant.Status
 MOST_PARAMETERS, LONGEST_PARAMETER = 10, 100
@@ -202,7 +203,7 @@ def place(participant: Participant) -> Place:
     return Place(participant.visit, participant.round, participant.step)
 
 
-def step_of(participant: Participant) -> AnyStep:
+def step_of(participant: Participant) -> Step:
     """Return the step on which a participant stands."""
     return journey.step_at(participant.study.as_definition(), place(participant))
 
@@ -291,7 +292,7 @@ def _finish(participant: Participant, here: Place, now: datetime.datetime) -> No
 def _arrive(participant: Participant, *, is_end: bool, now: datetime.datetime) -> None:
     if not is_end:
         see(participant, now)
-    if is_end or isinstance(step_of(participant), Debrief):
+    if is_end or step_of(participant).is_end:
         completion.conclude(participant, now)
 
 
@@ -299,19 +300,11 @@ def _skipped(participant: Participant) -> set[str]:
     """Return the steps that were done for good: what was agreed to, and questions about the person
     that were answered.
     """
-    agreed = set(participant.consents.values_list("step", "version"))
-    definition = participant.study.as_definition()
-    consents = {
+    return {
         step.key
-        for step in definition.steps
-        if isinstance(step, Consent) and (step.key, step.version) in agreed
+        for step in participant.study.as_definition().steps
+        if page_type(step.kind).is_done_for_good(participant, step)
     }
-    forms = {
-        step.key
-        for step in definition.steps
-        if isinstance(step, Form) and is_answered(participant, Place(1, 0, step.key), step)
-    }
-    return consents | forms
 
 
 def come_again(participant: Participant, now: datetime.datetime) -> bool:

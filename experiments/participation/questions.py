@@ -8,8 +8,10 @@ about the person once for good, all others once a visit and round.
 import datetime
 import secrets
 
-from experiments.definition.schema import Form, Questionnaire
-from experiments.models import Participant
+from django.db import transaction
+
+from experiments.definition.step import AskingStep
+from experiments.models import Participant, StepResponse
 from experiments.participation.journey import Place
 from surveys import questionnaires, responses
 from surveys.models import SEED_LIMIT, Response
@@ -24,13 +26,17 @@ def context_of_all(participant: Participant) -> str:
     return f"{CONTEXT}/{participant.pk}/"
 
 
-def context_key(participant: Participant, place: Place, step: Form | Questionnaire) -> str:
+def context_key(participant: Participant, place: Place, step: AskingStep) -> str:
     """Return the context of a response."""
-    where = Place(1, 0, place.step) if isinstance(step, Form) else place
-    return context_of_all(participant) + where.word
+    return context_of_all(participant) + asked_at(place, step).word
 
 
-def is_answered(participant: Participant, place: Place, step: Form | Questionnaire) -> bool:
+def asked_at(place: Place, step: AskingStep) -> Place:
+    """Return the place to which a response belongs: one about the person is asked once for good."""
+    return Place(1, 0, place.step) if step.is_about_person else place
+
+
+def is_answered(participant: Participant, place: Place, step: AskingStep) -> bool:
     """Tell whether the questions of a step are answered to the end."""
     given = Response.objects.filter(
         context=context_key(participant, place, step), questionnaire__slug=step.questionnaire
@@ -38,7 +44,7 @@ def is_answered(participant: Participant, place: Place, step: Form | Questionnai
     return given.filter(finished_at__isnull=False).exists()
 
 
-def questionnaire_of(step: Form | Questionnaire, now: datetime.datetime) -> Row:
+def questionnaire_of(step: AskingStep, now: datetime.datetime) -> Row:
     """Return the version that a step asks; one that comes with the site is put into the database if
     it is not there yet.
 
@@ -57,7 +63,7 @@ def questionnaire_of(step: Form | Questionnaire, now: datetime.datetime) -> Row:
 def ask(
     participant: Participant,
     place: Place,
-    step: Form | Questionnaire,
+    step: AskingStep,
     *,
     robot: tuple[str, ...],
     outcome: str,
@@ -80,11 +86,18 @@ def ask(
     )
     seed = secrets.randbelow(SEED_LIMIT)
     respondent = Respondent(user=participant.user)
-    return responses.begin(
-        questionnaire_of(step, now),
-        respondent,
-        context,
-        language=participant.language,
-        seed=seed,
-        now=now,
-    )
+    with transaction.atomic():
+        response = responses.begin(
+            questionnaire_of(step, now),
+            respondent,
+            context,
+            language=participant.language,
+            seed=seed,
+            now=now,
+        )
+        where = asked_at(place, step)
+        fields = {"visit": where.visit, "round": where.round, "step": where.step}
+        StepResponse.objects.get_or_create(
+            response=response, defaults={"participant": participant, **fields}
+        )
+    return response

@@ -9,6 +9,7 @@ from django.http import Http404, HttpRequest, HttpResponseBase, StreamingHttpRes
 from django.views.decorators.http import require_safe
 
 from accounts import audit
+from experiments.export.formats import ON_REQUEST
 from experiments.research.access import Role, for_role, may
 from experiments.research.analysis_cache import command, environment
 from experiments.research.analysis_query import asked_of
@@ -18,9 +19,8 @@ logger = logging.getLogger(__name__)
 PART = 64 * 1024
 # What may be chosen, and who may.
 LEAST: dict[str, Role] = {
-    "mcap": "viewer",
+    **{name: one.least for name, one in ON_REQUEST.items()},
     "free_text": "researcher",
-    "snapshots": "researcher",
     "identified": "owner",
 }
 

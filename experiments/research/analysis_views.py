@@ -22,6 +22,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.export.formats import ON_REQUEST
 from experiments.models import Drive, Kind, Study
 from experiments.research import analysis_cache
 from experiments.research.access import for_role, may
@@ -93,6 +94,11 @@ def _about(request: HttpRequest, asked: Asked, stored: Stored) -> dict[str, Any]
             for name in stored.selections
         ],
         "dataset": asked.address("analysis_dataset"),
+        "formats": [
+            (name, one.label)
+            for name, one in ON_REQUEST.items()
+            if may(request.user, study.slug, one.least)
+        ],
         "may_see_text": may(request.user, study.slug, "researcher"),
         "may_identify": may(request.user, study.slug, "owner"),
     }

@@ -10,14 +10,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from experiments.definition.schema import Study as Definition
-from experiments.definition.schema import Task
+from experiments.definition.steps.task import Task
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from experiments.participation.robot_eligibility import is_shown
+from experiments.stored_states import newest_chunk
 from robots.models import Robot
 from robots.readiness_text import in_words
 from sessions.leases import store, terms
-from sessions.models import NetworkSample, Session, SessionEvent, StateChunk
-from surveys.definition import spoken
+from sessions.models import NetworkSample, Session, SessionEvent
+from surveys.documents import spoken
 
 RECENT = datetime.timedelta(hours=1)
 MOST_PEOPLE = 200
@@ -228,7 +229,7 @@ def _drive(
     drive: Drive, definition: Definition, language: str, now: datetime.datetime
 ) -> dict[str, Any]:
     session = drive.session
-    chunk = StateChunk.objects.filter(session=session).order_by("-received_at").first()
+    chunk = newest_chunk(session)
     state = chunk.states[-1] if chunk is not None and chunk.states else None
     sample = NetworkSample.objects.filter(session=session).order_by("-received_at").first()
     fixed = terms.of(session)

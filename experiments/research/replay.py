@@ -11,12 +11,12 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from django.db.models import ExpressionWrapper, F
 
 from experiments.dataset.events import page_offset, robot_offset
-from experiments.dataset.states import Decoded, Part, StoredState
+from experiments.dataset.states import Part, StoredState
 from experiments.models import Drive, TaskEvent
-from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
+from experiments.stored_states import States
+from sessions.models import NetworkSample, Session, SessionEvent, Snapshot
 
 # The columns, and how many decimals each has; 0 is a whole number.
 NETWORK = {"t": 3, "roundTrip": 4, "loss": 4, "fps": 4, "bitrate": 4, "frameAge": 4}
@@ -56,7 +56,7 @@ class Recorded(StoredState):
     applied: list[Applied] = []
 
 
-STATES_WITH_COMMANDS = Decoded(list[Recorded])
+STORED = States(Recorded)
 
 
 def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
@@ -86,13 +86,7 @@ def recorded(session: Session, begin: float) -> list[tuple[float, Recorded]]:
     """Return the states of a session in order of time, with seconds since `begin` (Unix seconds by
     the robot's clock).
     """
-    stored = ExpressionWrapper(F("states"), output_field=STATES_WITH_COMMANDS)
-    chunks = (
-        StateChunk.objects.filter(session=session)
-        .annotate(stored=stored)
-        .values_list("stored", flat=True)
-    )
-    found = [(max(0.0, state.stamp - begin), state) for states in chunks for state in states]
+    found = [(max(0.0, state.stamp - begin), state) for state in STORED.of(session)]
     return sorted(found, key=lambda pair: (pair[0], pair[1].seq))
 
 

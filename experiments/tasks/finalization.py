@@ -21,7 +21,7 @@ from django.db import transaction
 from django.db.models import F, Q
 
 from experiments.definition import conditions
-from experiments.definition.schema import Condition, Task
+from experiments.definition.schema import Condition
 from experiments.models import Drive, Participant, TaskEvent
 from experiments.participation import assignment, progress
 from experiments.participation.layout import track_of
@@ -235,8 +235,7 @@ def _stage_after(drive: Drive, participant: Participant) -> str:
     can be given to another.
     """
     definition = participant.study.as_definition()
-    step = next((step for step in definition.steps if step.key == drive.step), None)
-    if not isinstance(step, Task):
+    if definition.task is None or drive.step != definition.task.key:
         return participant.stage if participant.stage == Stage.FILLED else Stage.UNDER_WAY
     held = progress.held(participant.study, participant.kind)
     outcome: Any = drive.outcome

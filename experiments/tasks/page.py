@@ -12,10 +12,11 @@ from typing import Any
 from experiments.definition.conditions import allowed_actions
 from experiments.definition.course import CourseError
 from experiments.definition.feasibility import dock_of
-from experiments.definition.schema import Condition, Course, Practice, Study, Task
+from experiments.definition.schema import Condition, Course, Study
+from experiments.definition.step import DriveStep
 from experiments.models import Drive, Participant
 from robots.api.floorplan import FloorPlan
-from surveys.definition import spoken
+from surveys.documents import spoken
 
 
 def config(
@@ -40,15 +41,15 @@ def config(
     """
     study = participant.study.as_definition()
     conditions = _conditions(study, choice)
-    step = next((step for step in study.steps if step.key == participant.step), None)
-    if not isinstance(step, Practice | Task):
+    step = study.drive(participant.step)
+    if step is None:
         raise CourseError(f"nothing is driven in step {participant.step!r} of {study.slug}")
     return guide(study, step, conditions, plan, language=participant.language, step_url=step_url)
 
 
 def guide(
     study: Study,
-    step: Practice | Task,
+    step: DriveStep,
     conditions: Sequence[Condition],
     plan: FloorPlan,
     *,
@@ -62,12 +63,13 @@ def guide(
         CourseError: as `config`.
     """
     course = _course(study, conditions)
+    task = None if step.is_practice else study.task
     return {
-        "kind": "task" if isinstance(step, Task) else "practice",
+        "kind": "practice" if step.is_practice else "task",
         "title": spoken(step.title, language),
         "minutes": step.minutes,
-        "lastMinutes": step.last_minutes if isinstance(step, Task) else 0.0,
-        **_ground(course if isinstance(step, Task) else None, plan, language),
+        "lastMinutes": 0.0 if task is None else task.last_minutes,
+        **_ground(None if step.is_practice else course, plan, language),
         **_allowed(conditions),
         "urls": {"step": step_url},
     }

@@ -20,7 +20,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from experiments.definition.schema import Practice
 from experiments.models import Drive, TaskEvent
 from experiments.participation.layout import track_of
 from experiments.tasks.engine import TaskEngine
@@ -290,12 +289,13 @@ def _living_drive(session: str) -> Drive | None:
 
 def begin(drive: Drive) -> Running:
     """Return a drive with its engine, as far as what is stored says."""
-    track, step = track_of(drive), _step_of(drive)
+    track = track_of(drive)
+    step = drive.participant.study.as_definition().drive(drive.step)
     offset = drive.clock_offset
     engine = TaskEngine(track) if track is not None else None
     seconds = (
         step.minutes * 60.0
-        if isinstance(step, Practice)
+        if step is not None and step.is_practice
         else track.limit
         if track is not None
         else 0.0
@@ -312,13 +312,6 @@ def begin(drive: Drive) -> Running:
         fresh = [event for event in engine.events if (event.at, event.type) not in known]
         _write(running, fresh)
     return running
-
-
-def _step_of(drive: Drive) -> object:
-    return next(
-        (step for step in drive.participant.study.as_definition().steps if step.key == drive.step),
-        None,
-    )
 
 
 def write_news(running: Running) -> None:

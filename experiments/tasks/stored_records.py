@@ -8,10 +8,9 @@ Everything else has the time at which the server received it, which the record k
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
-import msgspec
-
 from experiments.definition.schema import Outcome
 from experiments.models import Drive
+from experiments.stored_states import States, clock_offsets
 from experiments.tasks.records import (
     Ended,
     FirstFrame,
@@ -23,10 +22,11 @@ from experiments.tasks.records import (
     seen,
 )
 from robots.api.messages import ActionStatus, Event, State
-from sessions.models import Session, SessionEvent, StateChunk
+from sessions.models import Session, SessionEvent
 from sessions.protocol import PageEvent
 from sessions.recording.batches import iter_batches
 
+STORED = States(State)
 CHOICES = ("keep", "again", "skip")
 TASK = "task"  # the reason of a session that the task has ended: its outcome is the task's own
 
@@ -86,19 +86,12 @@ def offset_of(drive: Drive) -> float:
     """
     if drive.clock_offset is not None:
         return drive.clock_offset
-    measured = StateChunk.objects.filter(
-        session=drive.session_id, clock_offset__isnull=False
-    ).order_by("received_at", "first_seq")
-    return measured.values_list("clock_offset", flat=True).first() or 0.0
+    return clock_offsets(drive.session_id).first() or 0.0
 
 
 def states_of(drive: Drive) -> Iterator[State]:
     """Yield the stored states of a drive as they came from the robot."""
-    chunks = StateChunk.objects.filter(session=drive.session_id).order_by(
-        "received_at", "first_seq"
-    )
-    for chunk in iter_batches(chunks.only("states"), 200):
-        yield from msgspec.convert(chunk.states, list[State])
+    yield from STORED.of(drive.session_id)
 
 
 def events_of(drive: Drive) -> Iterator[SessionEvent]:

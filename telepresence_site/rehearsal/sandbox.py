@@ -18,7 +18,6 @@ from django.core.management import call_command
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.definition.schema import Form, Questionnaire
 from experiments.definition.schema import Study as Definition
 from experiments.models import Study
 from robots.api.credentials_file import ENVIRONMENT
@@ -53,11 +52,7 @@ LEFT_BEHIND = (
 def pack(row: Study, folder: Path) -> None:
     """Write a study, its questionnaires and the plans of its sites into a folder."""
     definition = row.as_definition()
-    asked = {
-        (step.questionnaire, step.version)
-        for step in definition.steps
-        if isinstance(step, Form | Questionnaire)
-    }
+    asked = {(step.questionnaire, step.version) for step in definition.asking}
     questionnaires = [
         one for one in QuestionnaireRow.objects.all() if (one.slug, one.version) in asked
     ]

@@ -32,5 +32,6 @@ def form_of(response) -> QueryDict:
             and "name" in a
             and (a.get("type") != "checkbox" or "checked" in a)
         ):
-            data.appendlist(a["name"], a.get("value", "on"))
+            unsaid = "on" if a.get("type") == "checkbox" else ""
+            data.appendlist(a["name"], a.get("value", unsaid))
     return data

@@ -14,8 +14,8 @@ import numpy as np
 from accounts.models import User
 from experiments.analysis.dataset.columns import METHODS, MODES, WAYS
 from experiments.analysis.dataset.records import Columns, Dataset, Session
-from experiments.definition.schema import Form, Questionnaire, digest
-from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
+from experiments.definition.schema import digest
+from experiments.models import Drive, Participant, StepResponse, StepVisit, Study, TaskEvent
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot
 from sessions.models import NetworkSample, SessionEvent, StateChunk
@@ -310,11 +310,9 @@ def _visits(dataset: Dataset, stored: Stored, now: datetime.datetime) -> Iterato
 
 def _response(dataset: Dataset, response, stored: Stored, questionnaire: QuestionnaireRow) -> None:
     who = stored.people[response.participant]
-    steps = {
-        step.questionnaire: step.key
-        for step in dataset.study.steps
-        if isinstance(step, Form | Questionnaire)
-    }
+    step = next(
+        one.key for one in dataset.study.asking if one.questionnaire == response.questionnaire
+    )
     visit, robot, outcome = 1, [], ""
     if response.session:
         drive = stored.drives[response.session]
@@ -324,7 +322,7 @@ def _response(dataset: Dataset, response, stored: Stored, questionnaire: Questio
         questionnaire=questionnaire,
         user=who.user,
         slot=str(uuid.uuid4()),
-        context=f"study/{who.pk}/{visit}.0.{steps[response.questionnaire]}",
+        context=f"study/{who.pk}/{visit}.0.{step}",
         robot=robot,
         outcome=outcome,
         seed=1,
@@ -334,6 +332,7 @@ def _response(dataset: Dataset, response, stored: Stored, questionnaire: Questio
         finished_at=at if response.finished else None,
         reached=9,
     )
+    StepResponse.objects.create(response=row, participant=who, visit=visit, round=0, step=step)
     about = {"language": "en", "text_version": "", "first_at": at, "answered_at": at}
     stated = {key: {"value": value} for key, value in response.values.items()}
     stated |= {

@@ -10,15 +10,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.definition.schema import (
-    AnyStep,
-    Consent,
-    Form,
-    Instructions,
-    Practice,
-    Questionnaire,
-    Task,
-)
+from experiments.definition.step import AskingStep, DriveStep, Step
 from experiments.models import Participant, Study
 from experiments.participation import progress
 from robots.models import Robot
@@ -50,7 +42,7 @@ class Walker:
         return found
 
     @property
-    def step(self) -> AnyStep:
+    def step(self) -> Step:
         return progress.step_of(self.participant)
 
     def url(self, name: str = "study_step") -> str:
@@ -71,20 +63,19 @@ class Walker:
     def answers(self) -> dict[str, str]:
         """What a page of the current step sends."""
         here = {"place": progress.place(self.participant).word}
-        return {**here, "age": "30", "agree": "on"} if isinstance(self.step, Consent) else here
+        return {**here, "age": "30", "agree": "on"} if self.step.kind == "consent" else here
 
     def do(self, client: Client | None = None) -> None:
         """Do what the current step asks, in a browser, and look where that leads."""
-        match self.step:
-            case Consent() | Instructions():
-                (client or self.client).post(self.url(), self.answers())
-            case Form() | Questionnaire():
-                self.look(client)
-                Response.objects.filter(user=self.user, finished_at=None).update(
-                    finished_at=timezone.now()
-                )
-            case Practice() | Task():
-                self.drive()
+        if isinstance(self.step, AskingStep):
+            self.look(client)
+            Response.objects.filter(user=self.user, finished_at=None).update(
+                finished_at=timezone.now()
+            )
+        elif isinstance(self.step, DriveStep):
+            self.drive()
+        elif self.step.kind != "debrief":
+            (client or self.client).post(self.url(), self.answers())
         self.look(client)
 
     def drive(self, outcome: str = "completed", *, moved: bool = True) -> Any:

@@ -31,7 +31,8 @@ from experiments.analysis.dataset.records import (
 )
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
-from surveys.definition import Definition, spoken, to_json
+from surveys.definition import Definition, cells_of, columns_of, to_json
+from surveys.documents import spoken
 from surveys.scoring import scores
 
 File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
@@ -222,42 +223,29 @@ def wide(dataset: Dataset) -> Iterator[File]:
 
 def wide_head(versions: Sequence[Definition]) -> list[str]:
     """Return the columns of a questionnaire in all of its versions."""
-    return [
-        *WIDE,
-        *(name for key in _keys(versions) for name in (key, f"{key}_missing")),
-        *_scores(versions),
-    ]
+    return [*WIDE, *columns_of(versions), *_scores(versions)]
 
 
 def _wide_rows(
     versions: Sequence[Definition], responses: Iterable[Response]
 ) -> Iterator[list[Any]]:
     known = {one.version: one for one in versions}
+    layout, named = columns_of(versions), _scores(versions)
+    everywhere = {question.key: question for one in versions for question in one.questions()}
     for one in responses:
-        found = scores(known[one.version], one.values) if one.version in known else {}
-        pairs = (
-            cell
-            for key in _keys(versions)
-            for cell in (_wide_cell(one.values.get(key)), one.missing.get(key, ""))
-        )
-        about_it = (one.id, one.version, one.participant, one.session, _cell(one.finished))
+        own = known.get(one.version)
+        asked = {question.key: question for question in own.questions()} if own else {}
+        cells = cells_of(everywhere | asked, one.values, one.missing)
+        found = scores(own, one.values) if own else {}
         yield [
-            *about_it,
-            *pairs,
-            *("" if found.get(name) is None else found[name] for name in _scores(versions)),
+            *(one.id, one.version, one.participant, one.session, _cell(one.finished)),
+            *(cells.get(column, "") for column in layout),
+            *("" if found.get(name) is None else found[name] for name in named),
         ]
-
-
-def _keys(versions: Sequence[Definition]) -> list[str]:
-    return list(dict.fromkeys(question.key for one in versions for question in one.questions()))
 
 
 def _scores(versions: Sequence[Definition]) -> list[str]:
     return list(dict.fromkeys(name for one in versions for name in scores(one, {})))
-
-
-def _wide_cell(value: Any) -> Any:
-    return "" if value is None else "|".join(map(str, value)) if isinstance(value, list) else value
 
 
 # --- numbers --------------------------------------------------------------------------------------

@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from experiments.analysis.dataset.columns import NETWORK, STATES, Column
-from experiments.definition.schema import Course, Form, Study
+from experiments.definition.schema import Course, Study
 from robots.api.floorplan import FloorPlan
-from surveys.definition import Definition, spoken
+from surveys.definition import Definition
+from surveys.documents import spoken
 
 Floats = npt.NDArray[np.float64]
 Kind = Literal["participant", "pilot", "bot"]
@@ -200,7 +201,8 @@ class Dataset:
     @property
     def registration(self) -> str:
         """The questionnaire about the person; empty when the study has none."""
-        return next((step.questionnaire for step in self.study.steps if isinstance(step, Form)), "")
+        about_person = (step for step in self.study.asking if step.is_about_person)
+        return next((step.questionnaire for step in about_person), "")
 
     def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:
         """Return the ids of the sessions of participants."""

@@ -21,7 +21,7 @@ from experiments.analysis.tables.paper_tables import (
 )
 from experiments.analysis.tables.response_selection import note
 from experiments.analysis.tables.table import Cell, Table, count, number, words
-from surveys.results import Line
+from surveys.likert import Line
 
 BAR = 0.72
 ROW = 0.27  # inches

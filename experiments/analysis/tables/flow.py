@@ -14,7 +14,6 @@ from experiments.analysis.dataset.records import Dataset, Participant
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import Cell, Table, count, number, words
-from experiments.definition.schema import Task
 
 FLOW = ("arrived", "assigned", "exposed", "ended with an outcome", "answered")
 STILL_THERE = "no word (yet)"
@@ -114,9 +113,8 @@ def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
     """Return a line a page and milestone: how many came, how many went on, and the median of the
     seconds that it took.
     """
-    task = next(
-        (index for index, step in enumerate(dataset.study.steps) if isinstance(step, Task)), None
-    )
+    study = dataset.study
+    task = next((index for index, step in enumerate(study.steps) if step is study.task), None)
     steps = [step.key for step in dataset.study.steps]
     extra = [key for key in dict.fromkeys(page.step for page in dataset.pages) if key not in steps]
     rows = [

@@ -9,7 +9,7 @@ from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.table import Cell, Table, count, number, words
 from sessions.devices import OTHER
 from surveys.definition import Definition
-from surveys.results import Line, likert_table
+from surveys.likert import Line, likert_table
 
 SYSTEMS = ("Windows", "Linux", "Mac OS", "Android", "iOS")
 BROWSERS = ("Chrome", "Firefox", "Chromium", "Opera")

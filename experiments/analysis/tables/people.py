@@ -9,7 +9,7 @@ from experiments.analysis.dataset.records import WITHHELD, Dataset, Participant,
 from experiments.analysis.statistics.descriptive import shares, spread
 from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.table import Cell, Table, count, number, words
-from surveys.definition import Multiple, Question, Single
+from surveys.item import Question
 
 AGES = (
     (-math.inf, 15.0, "younger than 15"),
@@ -63,7 +63,7 @@ def participants_table(dataset: Dataset) -> Table:
     ]
     definition = dataset.questionnaire(dataset.registration)
     for question in definition.questions() if definition else ():
-        if question.points or isinstance(question.item, Single):
+        if question.labelled_values and not question.item.takes_several:
             rows += _question_rows(dataset, question, responses)
     below = f"{len(people)} participants, {len(dataset.sessions)} sessions."
     return Table("participants", "Participants.", ("", "", "n", "%"), tuple(rows), (below,))
@@ -117,7 +117,7 @@ def _question_rows(
         given |= dict.fromkeys(withheld, WITHHELD)
         groups = [("answered", [who for who, said in given.items() if said is not None])]
     groups.append((NOT_REPORTED, [who for who, said in given.items() if said is None]))
-    parts = None if isinstance(question.item, Multiple) else shares([len(ids) for _, ids in groups])
+    parts = None if question.item.takes_several else shares([len(ids) for _, ids in groups])
     for index, (label, ids) in enumerate(groups):
         share = parts[index] if parts else 100.0 * len(ids) / len(given) if given else None
         head = dataset.say(question.text) if not index else ""
@@ -125,13 +125,7 @@ def _question_rows(
 
 
 def _options(dataset: Dataset, question: Question) -> list[tuple[str | int, str]]:
-    if question.points:
-        return [
-            (point.value, dataset.say(point.label) or str(point.value)) for point in question.points
-        ]
-    if isinstance(question.item, Single | Multiple):
-        return [(option.value, dataset.say(option.label)) for option in question.item.options]
-    return []
+    return [(value, dataset.say(label) or str(value)) for value, label in question.labelled_values]
 
 
 def _says(said: object, value: str | int) -> bool:

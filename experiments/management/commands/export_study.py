@@ -12,6 +12,7 @@ from django.core.management import BaseCommand, CommandError
 from experiments.dataset.selection import Choice
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
+from experiments.export.formats import ON_REQUEST
 from experiments.participation.study_lookup import study_named
 
 
@@ -38,17 +39,15 @@ class Command(BaseCommand):
             "--identified", action="store_true", help="with names, addresses, free text and photos"
         )
         parser.add_argument("--free-text", action="store_true", help="with what people wrote")
-        parser.add_argument(
-            "--snapshots", action="store_true", help="with the photos that were taken"
-        )
-        parser.add_argument(
-            "--mcap", action="store_true", help="with a recording for Foxglove of every session"
-        )
+        for name, one in ON_REQUEST.items():
+            parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=one.help)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]
         choice = Choice(
-            **{name: options[name] for name in ("identified", "free_text", "snapshots", "mcap")}
+            identified=options["identified"],
+            free_text=options["free_text"],
+            formats=frozenset(name for name in ON_REQUEST if options[name]),
         )
         if options["zip"] and str(out) == "-":
             sys.stdout.buffer.writelines(

@@ -27,10 +27,11 @@ from experiments.dataset.selection import Choice
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import SUMS, export_files
+from experiments.export.formats import FORMATS, ON_REQUEST, UnknownFormatError
 from experiments.models import Participant
 from sessions.models import SessionEvent, Snapshot, StateChunk
-from surveys.definition import TextItem
 from surveys.models import Answer
+from surveys.questions.text import TextItem
 from tests.support.paths import ROOT
 from tests.support.study_dataset import made_up
 from tests.support.study_rows import AGENT, put
@@ -271,8 +272,22 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
     assert "P000" not in {one.participant for one in found.chosen().sessions}
 
 
+def test_a_format_that_is_not_there_is_an_error(stored, tmp_path):
+    with pytest.raises(UnknownFormatError, match="no export format parquet"):
+        exported(stored.study, tmp_path, formats=frozenset({"parquet"}))
+    assert contents(tmp_path) == {}
+
+
+def test_every_format_on_request_says_what_it_is_and_who_may_have_it():
+    assert {"mcap", "snapshots"} <= set(ON_REQUEST) < set(FORMATS)
+    for name, one in ON_REQUEST.items():
+        assert one.help.startswith("with ")
+        assert not one.is_in(name, Choice())
+        assert one.is_in(name, Choice(formats=frozenset({name})))
+
+
 def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_path):
-    files = exported(stored.study, tmp_path, mcap=True)
+    files = exported(stored.study, tmp_path, formats=frozenset({"mcap"}))
     found = read(tmp_path)
     session = next(one for one in found.sessions if len(found.states(one.id)))
     reader = make_reader(io.BytesIO(files[f"mcap/session-{session.id}.mcap"]))

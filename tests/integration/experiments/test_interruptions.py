@@ -15,7 +15,12 @@ from django.conf import settings
 from django.db import connection, transaction
 from django.utils import timezone
 
-from experiments.definition.schema import Consent, Form, Instructions, Practice, Questionnaire, Task
+from experiments.definition.steps.consent import Consent
+from experiments.definition.steps.form import Form
+from experiments.definition.steps.instructions import Instructions
+from experiments.definition.steps.practice import Practice
+from experiments.definition.steps.questionnaire import Questionnaire
+from experiments.definition.steps.task import Task
 from experiments.models import ConsentReceipt, Drive, StepVisit, Study
 from experiments.participation import completion, progress
 from experiments.participation.journey import Place

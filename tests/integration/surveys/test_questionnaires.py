@@ -6,8 +6,8 @@ import msgspec
 import pytest
 
 from surveys.definition import from_stored
+from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
-from surveys.problems import BadDefinitionError
 from surveys.questionnaires import SHIPPED, current, freeze, next_version, shipped, store
 from tests.support.questionnaires import NOW, defined, item
 

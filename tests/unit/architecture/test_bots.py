@@ -19,8 +19,9 @@ OURS = {
     "django",
     "channels",
 }
-# The words on the wire, which pages have too, and the bots' own modules.
-ALLOWED = ("experiments.bots", "robots.api", "sessions.protocol")
+# The words on the wire, which pages have too, what a bot answers to a question of each type, which
+# stands in the type's own file, and the bots' own modules.
+ALLOWED = ("experiments.bots", "robots.api", "sessions.protocol", "surveys.questions")
 # What makes time go faster tells Django's clock, in the processes of a sandbox; it is no bot.
 CLOCKS = ROOT / "experiments" / "bots" / "fast_time" / "sitecustomize.py"
 

@@ -1,20 +1,24 @@
 import re
+import sys
 from typing import get_args
 
 import msgspec
 
 from experiments.definition import schema
 from experiments.definition.cues import CueKey
+from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
+from surveys.documents import Part
 from tests.support.paths import ROOT
 
 EXPLAINED = set(
     re.findall(r"`([a-z_]+)`", (ROOT / "docs" / "reference" / "studies.md").read_text())
 )
 PARTS = [
-    kind
-    for kind in vars(schema).values()
-    if isinstance(kind, type) and issubclass(kind, schema.Part) and kind is not schema.Part
+    part
+    for module in (schema, *(sys.modules[kind.__module__] for kind in KINDS.values()))
+    for part in vars(module).values()
+    if isinstance(part, type) and issubclass(part, Part) and part.__module__ == module.__name__
 ]
 
 

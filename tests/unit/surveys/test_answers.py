@@ -4,15 +4,9 @@ import datetime
 
 import pytest
 
-from surveys.answers import (
-    AnswerValue,
-    Missing,
-    RefusedError,
-    check_complete,
-    read_answer,
-    response_statuses,
-)
+from surveys.answers import AnswerValue, Missing, check_complete, read_answer, response_statuses
 from surveys.conditions import Circumstances
+from surveys.item import RefusedError
 from tests.support.questionnaires import NOW, OPTIONS, defined, item
 
 ALONE = [*OPTIONS[:2], {"value": "none", "label": {"en": "None"}, "alone": True}]

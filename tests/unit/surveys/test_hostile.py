@@ -6,11 +6,13 @@ import json
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surveys.answers import Missing, RefusedError, read_answer
+from surveys.answers import Missing, read_answer
 from surveys.conditions import Circumstances
 from surveys.definition import to_json
-from surveys.problems import BadDefinitionError, parse
-from surveys.sheet import Reader, page_form_of
+from surveys.documents import BadDefinitionError
+from surveys.item import RefusedError
+from surveys.page_form import Reader, page_form_of
+from surveys.problems import parse
 from tests.support.questionnaires import NOW, as_bytes, defined, document, item, rows
 
 PAGES = (
@@ -116,7 +118,7 @@ def test_a_file_with_one_thing_changed_is_either_right_or_refused_with_a_reason(
         language="en", seed=1, stored={}, circumstances=Circumstances(), now=NOW, sees_all=True
     )
     for page in range(len(definition.pages)):
-        assert page_form_of(definition, page, reader, range(len(definition.pages))).blocks
+        assert page_form_of(definition, page, reader, range(len(definition.pages))).fieldsets
 
 
 @given(st.binary(max_size=60))

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from surveys.likert import half_width, mean_and_sd, summarise
+from surveys.likert import half_width, likert_table, mean_and_sd, summarise
 from surveys.questionnaires import shipped
-from surveys.results import likert_table
 
 SCALE = (-2, -1, 0, 1, 2)
 RESPONSES = st.lists(

@@ -12,8 +12,8 @@ from experiments.definition.shipped import shipped
 from experiments.models import FrozenStudyError, Participant, Rehearsal, Study, StudyMember
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan
+from surveys.documents import BadDefinitionError
 from surveys.models import Questionnaire
-from surveys.problems import BadDefinitionError
 from tests.support.paths import ROOT
 from tests.support.people import person
 from tests.support.studies import STUDY, small_study

@@ -11,7 +11,7 @@ from experiments.definition.shipped import shipped
 from robots.api.floorplan import FloorPlan
 from robots.world.robot_models import MODELS
 from robots.world.sites import load_plan
-from surveys.problems import BadDefinitionError
+from surveys.documents import BadDefinitionError
 from surveys.questionnaires import shipped as shipped_questionnaires
 from tests.support.studies import PLAN, STUDY, cabin, small_study
 

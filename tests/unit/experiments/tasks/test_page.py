@@ -10,8 +10,8 @@ from django.core.serializers.json import DjangoJSONEncoder
 from accounts.models import User
 from experiments.definition import schema
 from experiments.definition.course import CourseError
-from experiments.definition.schema import Practice
 from experiments.definition.shipped import shipped
+from experiments.definition.steps.practice import Practice
 from experiments.models import Drive, Participant
 from experiments.models import Study as StudyRow
 from experiments.tasks import page

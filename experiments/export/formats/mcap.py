@@ -19,10 +19,15 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import msgspec
+from django.utils.translation import gettext_lazy as _
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from experiments.analysis.dataset.records import Columns, Dataset, Event, Session
+from experiments.dataset.events import events_of
+from experiments.dataset.sessions import granted
+from experiments.export.format import ExportFormat, File
+from experiments.models import Drive
 
 FRAME = "map"
 INFO = 2  # foxglove.Log's level
@@ -74,6 +79,23 @@ CHANNELS: dict[str, tuple[str, dict[str, Any]]] = {
 Message = tuple[float, str, dict[str, Any]]  # when, in seconds since the grant; topic; what
 
 
+class Format(ExportFormat):
+    """A recording a session."""
+
+    label = _("with a recording for Foxglove of each session")
+    help = "with a recording for Foxglove of every session"
+
+    def of_session(self, session: Session, drive: Drive) -> Iterator[File]:
+        """Yield the recording of a session; only an identified one says when it was."""
+        one = self.source
+        begin = granted(drive) if one.choice.identified else 0.0
+        events = events_of([drive], one.names, one.choice)
+        yield (
+            f"mcap/session-{session.id}.mcap",
+            [recording(one.dataset, session, events, begin=begin)],
+        )
+
+
 def recording(
     dataset: Dataset, session: Session, events: Iterable[Event], *, begin: float = 0.0
 ) -> bytes:
@@ -106,7 +128,7 @@ def recording(
         writer.add_message(
             channels[topic], nanoseconds, msgspec.json.encode(stamped), nanoseconds, number
         )
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return out.getvalue()
 
 

@@ -6,69 +6,44 @@ import datetime
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from django.utils.translation import gettext as _
 
-from surveys.answers import REASON_MARK, AnswerValue, Missing, days_between, greatest_number, plain
+from surveys.answers import REASON_MARK, AnswerValue, Missing
 from surveys.conditions import Circumstances, circumstances_fit, shown_keys
-from surveys.definition import (
-    Condition,
-    Date,
-    Definition,
-    Grid,
-    Item,
-    Likert,
-    Multiple,
-    Number,
-    Question,
-    Single,
-    Slider,
-    TextItem,
-    spoken,
-)
-from surveys.layout import items_of, options_of, rows_of
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One thing to tick. `value` is what the page sends."""
-
-    value: str
-    label: str
-    is_chosen: bool = False
-    number: str = ""
-    is_alone: bool = False
+from surveys.definition import Definition
+from surveys.documents import spoken
+from surveys.item import Choice, Condition, Item, Look, Question, Widget
 
 
 @dataclass(frozen=True)
 class Control:
-    """The control of one question. `kind` is a definition's kind, with `scale` for every question
-    on a scale.
-    """
+    """The control of one question: what every type shows, and the `widget` of its own."""
 
     key: str
     kind: str
     text: str
+    widget: Widget
     hint: str = ""
     error: str = ""
     is_required: bool = False
     is_shown: bool = True
-    choices: tuple[Choice, ...] = ()
+    takes_several: bool = False
+    has_reason_choices: bool = False
     reasons: tuple[Choice, ...] = ()
-    value: str = ""
-    attributes: Mapping[str, Any] = field(default_factory=dict)
-    low: str = ""
-    high: str = ""
-    unit: str = ""
     show_if: str = ""
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """What can be ticked."""
+        return self.widget.choices
 
     @property
     def has_plain_scale(self) -> bool:
         """Whether only the ends of its scale have names, so that it stays in one
         line on a phone.
         """
-        return self.kind == "scale" and not all(choice.label for choice in self.choices)
+        return self.widget.is_scale and not all(choice.label for choice in self.choices)
 
     @property
     def first_label(self) -> str:
@@ -101,7 +76,7 @@ class Fieldset:
     @property
     def is_matrix(self) -> bool:
         """Whether its rows share a scale."""
-        return self.controls[0].kind == "scale"
+        return self.controls[0].widget.is_scale
 
     @property
     def is_shown(self) -> bool:
@@ -115,14 +90,14 @@ class PageForm:
 
     title: str
     intro: str
-    blocks: tuple[Fieldset, ...]
+    fieldsets: tuple[Fieldset, ...]
     number: int
     total: int
 
     @property
     def controls(self) -> list[Control]:
         """All questions of the page."""
-        return [control for block in self.blocks for control in block.controls]
+        return [control for fieldset in self.fieldsets for control in fieldset.controls]
 
     @property
     def is_all_optional(self) -> bool:
@@ -169,35 +144,35 @@ def page_form_of(
         else set(shown_keys(definition, values, reader.circumstances))
     )
     here = [question for question in definition.questions() if question.page == page]
-    blocks = [
-        _block(item, here, asked, reader) for item in items_of(definition.pages[page], reader.seed)
+    fieldsets = [
+        _fieldset(item, here, asked, reader)
+        for item in definition.pages[page].items_shown(reader.seed)
     ]
     own = definition.pages[page]
     return PageForm(
         title=spoken(own.title, reader.language),
         intro=spoken(own.intro, reader.language),
-        blocks=tuple(_joined([block for block in blocks if block is not None], definition)),
+        fieldsets=tuple(_joined([one for one in fieldsets if one is not None], definition)),
         number=1 + sum(n < page for n in shown_pages),
         total=len(shown_pages),
     )
 
 
-def _block(item: Any, here: list[Question], asked: set[str], reader: Reader) -> Fieldset | None:
+def _fieldset(item: Item, here: list[Question], asked: set[str], reader: Reader) -> Fieldset | None:
     """Return the frame of one item; None when no answer on this page could make it appear."""
     questions = {question.key: question for question in here if question.item.key == item.key}
     if not questions.keys() & asked and not _may_appear(
         item.show_if, {question.key for question in here}, reader
     ):
         return None
-    keys = [row.key for row in rows_of(item, reader.seed)] if isinstance(item, Grid) else [item.key]
+    keys = [item.key if row is None else row.key for row in item.rows_shown(reader.seed)]
     controls = tuple(
         _control(questions[key], key in asked, _condition_here(item.show_if, here), reader)
         for key in keys
     )
-    is_grid = isinstance(item, Grid)
     return Fieldset(
-        spoken(item.text, reader.language) if is_grid else "",
-        spoken(item.hint, reader.language) if is_grid else "",
+        spoken(item.text, reader.language) if item.is_group else "",
+        spoken(item.hint, reader.language) if item.is_group else "",
         controls,
     )
 
@@ -226,83 +201,52 @@ def _condition_here(condition: Condition | None, here: list[Question]) -> str:
     )
 
 
-def _joined(blocks: list[Fieldset], definition: Definition) -> list[Fieldset]:
+def _joined(fieldsets: list[Fieldset], definition: Definition) -> list[Fieldset]:
     """Put statements that follow each other on the same scale into one frame."""
     joined: list[Fieldset] = []
-    for block in blocks:
+    for fieldset in fieldsets:
         before = joined[-1] if joined else None
-        if before is not None and _can_join(before, block, definition):
-            joined[-1] = Fieldset("", "", before.controls + block.controls)
+        if before is not None and _can_join(before, fieldset, definition):
+            joined[-1] = Fieldset("", "", before.controls + fieldset.controls)
         else:
-            joined.append(block)
+            joined.append(fieldset)
     return joined
 
 
-def _can_join(before: Fieldset, block: Fieldset, definition: Definition) -> bool:
-    scales = []
-    for part in (before, block):
-        question = definition.question(part.controls[-1].key)
-        if question is None or not isinstance(question.item, Likert):
-            return False
-        scales.append(question.item.scale)
-    return scales[0] == scales[1]
+def _can_join(before: Fieldset, fieldset: Fieldset, definition: Definition) -> bool:
+    one, other = (definition.question(part.controls[-1].key) for part in (before, fieldset))
+    return one is not None and other is not None and other.item.joins(one.item)
 
 
 def _control(question: Question, shown: bool, condition: str, reader: Reader) -> Control:
-    item, said = question.item, _said(question, reader)
-    sent = [value for value in reader.sent.get(question.key, ()) if value]
-    chosen = sent or said
+    item = question.item
+    sent = [value for value in item.values_sent(question.key, reader.sent) if value]
     return Control(
         key=question.key,
-        kind="scale" if question.points else item.kind,
+        kind=item.kind,
         text=spoken(question.text, reader.language),
-        hint="" if isinstance(item, Grid) else spoken(item.hint, reader.language),
+        widget=item.widget(
+            question,
+            sent or _stored(question, reader),
+            Look(reader.language, reader.seed, reader.now),
+        ),
+        hint="" if item.is_group else spoken(item.hint, reader.language),
         error=reader.errors.get(question.key, ""),
         is_required=item.required,
         is_shown=shown,
-        choices=_choices(question, chosen, reader),
+        takes_several=item.takes_several,
+        has_reason_choices=item.has_reason_choices,
         reasons=_reasons(
             item, reader.stored.get(question.key), reader.sent.get(question.key + REASON_MARK, ())
         ),
-        value=chosen[0] if chosen and isinstance(item, Number | TextItem | Date | Slider) else "",
-        attributes=_attributes(item, reader),
-        low=spoken(item.low, reader.language) if isinstance(item, Slider) else "",
-        high=spoken(item.high, reader.language) if isinstance(item, Slider) else "",
-        unit=spoken(item.unit, reader.language) if isinstance(item, Number) else "",
         show_if=condition,
     )
 
 
-def _said(question: Question, reader: Reader) -> list[str]:
+def _stored(question: Question, reader: Reader) -> list[str]:
     """Return what is stored, as the page would send it."""
     value = reader.stored.get(question.key, AnswerValue()).value
-    if value is None:
-        return []
-    if isinstance(value, list):
-        return value
-    return [plain(value) if isinstance(value, int | float) else str(value)]
-
-
-def _choices(question: Question, chosen: list[str], reader: Reader) -> tuple[Choice, ...]:
-    item = question.item
-    if question.points:
-        named = all(spoken(point.label, reader.language) for point in question.points)
-        return tuple(
-            Choice(
-                str(p.value),
-                spoken(p.label, reader.language),
-                str(p.value) in chosen,
-                number="" if named else str(p.value),
-            )
-            for p in question.points
-        )
-    if isinstance(item, Single | Multiple):
-        options = options_of(item, reader.seed)
-        return tuple(
-            Choice(o.value, spoken(o.label, reader.language), o.value in chosen, is_alone=o.alone)
-            for o in options
-        )
-    return ()
+    return [] if value is None else question.item.sent(value)
 
 
 def _reasons(item: Item, given: AnswerValue | None, sent: Sequence[str]) -> tuple[Choice, ...]:
@@ -315,32 +259,4 @@ def _reasons(item: Item, given: AnswerValue | None, sent: Sequence[str]) -> tupl
         Choice(value, label, value in sent or (not sent and stored == value))
         for value, label, allowed in offered
         if allowed
-    )
-
-
-def _attributes(item: Item, reader: Reader) -> dict[str, Any]:
-    """Return the attributes of the control, by their names in HTML."""
-    if isinstance(item, Number):
-        greatest = greatest_number(item, reader.now)
-        bounds = {"min": item.minimum, "max": greatest}
-        numbers = {name: plain(bound) for name, bound in bounds.items() if bound is not None}
-        return {
-            "step": "1" if item.whole else "any",
-            "inputmode": "numeric" if item.whole else "decimal",
-            **numbers,
-        }
-    if isinstance(item, Slider):
-        return {
-            "min": str(item.minimum),
-            "max": str(item.maximum),
-            "step": str(item.step),
-            "inputmode": "numeric",
-        }
-    if isinstance(item, Date):
-        days = dict(zip(("min", "max"), days_between(item, reader.now), strict=True))
-        return {name: day.isoformat() for name, day in days.items() if day is not None}
-    return (
-        {"maxlength": str(item.max_length), "rows": str(item.lines)}
-        if isinstance(item, TextItem)
-        else {}
     )

@@ -1,13 +1,12 @@
 """Orders: as written, or shuffled by a recorded seed."""
 
-from surveys.layout import options_of, positions, questions_shown
 from tests.support.questionnaires import OPTIONS, defined, item, rows
 
 NONE = {"value": "none", "label": {"en": "None"}, "alone": True}
 
 
 def keys(definition, seed):
-    return [question.key for question in questions_shown(definition, seed)]
+    return [question.key for question in definition.questions_shown(seed)]
 
 
 def shuffled_page(*names: str):
@@ -42,8 +41,8 @@ def test_every_item_comes_first_about_equally_often():
 def test_what_excludes_the_others_stays_at_the_end():
     definition = defined([item("multiple", "m", order="shuffled", options=[NONE, *OPTIONS])])
     m = definition.question("m").item
-    assert {options_of(m, seed)[-1].value for seed in range(20)} == {"none"}
-    assert len({options_of(m, seed)[0].value for seed in range(50)}) == 6
+    assert {m.options_shown(seed)[-1].value for seed in range(20)} == {"none"}
+    assert len({m.options_shown(seed)[0].value for seed in range(50)}) == 6
 
 
 def test_positions_count_questions_as_they_are_met():
@@ -56,5 +55,5 @@ def test_positions_count_questions_as_they_are_met():
             }
         ]
     )
-    found = {tuple(sorted(positions(definition, seed).items())) for seed in range(50)}
+    found = {tuple(sorted(definition.positions(seed).items())) for seed in range(50)}
     assert found == {(("r1", 1), ("r2", 2), ("s", 3)), (("r1", 2), ("r2", 3), ("s", 1))}

@@ -1,0 +1,185 @@
+"""The classes of a definition as the study builder sees them, and what it does to documents of
+them: plain dicts and lists, as in JSON.
+"""
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import msgspec
+from msgspec import inspect
+
+from experiments.definition.schema import Checkpoint
+from robots.api.messages import Point
+from surveys.documents import Text
+
+Document = dict[str, Any]
+DERIVED = {Checkpoint: frozenset({"number"})}  # its place in the list says it
+
+
+@dataclass(frozen=True)
+class Member:
+    """A field of a class: `shape` is what it holds, without None; `has_none` tells whether it may
+    hold nothing.
+    """
+
+    key: str
+    annotation: Any
+    shape: inspect.Type
+    has_none: bool
+    default: Any
+    is_required: bool
+
+    @property
+    def part(self) -> type[Any] | None:
+        """The class of the part that it holds; None for what is no part."""
+        return self.shape.cls if isinstance(self.shape, inspect.StructType) else None
+
+    @property
+    def listed(self) -> type[Any] | None:
+        """The class of the parts that it holds a list of; None for other lists."""
+        inner = self.shape.item_type if isinstance(self.shape, inspect.VarTupleType) else None
+        return inner.cls if isinstance(inner, inspect.StructType) else None
+
+    def says(self, value: Any) -> bool:
+        """Tell whether the class says a value by itself."""
+        return not self.is_required and bool(value == self.default)
+
+
+def members(cls: type[Any], only: Collection[str] = ()) -> list[Member]:
+    """Return what of a class is asked for, in its order."""
+    hidden = DERIVED.get(cls, frozenset())
+    found = [_member(one) for one in msgspec.structs.fields(cls) if one.name not in hidden]
+    return [one for one in found if not only or one.key in only]
+
+
+def _member(one: Any) -> Member:
+    shape = inspect.type_info(one.type)
+    inner = (
+        [kind for kind in shape.types if not isinstance(kind, inspect.NoneType)]
+        if isinstance(shape, inspect.UnionType)
+        else [shape]
+    )
+    default = None if one.default is msgspec.NODEFAULT else msgspec.to_builtins(one.default)
+    has_none = len(inner) != 1 or inner[0] is not shape
+    return Member(one.name, one.type, inner[0], has_none, default, one.required)
+
+
+def choices_of(member: Member) -> tuple[str, ...]:
+    """Return the values that the class itself allows, in written order; none for others."""
+    if isinstance(member.shape, inspect.LiteralType):
+        return get_args(member.annotation)
+    inner = member.shape.item_type if isinstance(member.shape, inspect.VarTupleType) else None
+    # inspect has sorted them
+    return (
+        get_args(get_args(member.annotation)[0]) if isinstance(inner, inspect.LiteralType) else ()
+    )
+
+
+def is_numbered(cls: type[Any]) -> bool:
+    """Tell whether the parts of a list have a number that their place says."""
+    return "number" in DERIVED.get(cls, ())
+
+
+# --- what is typed --------------------------------------------------------------------------------
+
+
+def read_number(text: str, *, whole: bool) -> int | float | str:
+    """Return the number that a text stands for; the text itself when it is none."""
+    try:
+        value = int(text) if whole else float(text.replace(",", "."))
+    except ValueError:
+        return text
+    return value if math.isfinite(value) else text
+
+
+def read_points(text: str) -> list[list[float]] | str:
+    """Return the points of a text with one a line, "x y"; the text itself when a line is none."""
+    found = [_point(line) for line in text.splitlines() if line.strip()]
+    points = [point for point in found if point is not None]
+    return points if len(points) == len(found) else text
+
+
+def _point(line: str) -> list[float] | None:
+    numbers = [read_number(word, whole=False) for word in line.replace(";", " ").split()]
+    x_and_y = [number for number in numbers if isinstance(number, float)]
+    return x_and_y if len(x_and_y) == len(numbers) == 2 else None
+
+
+# --- lists ----------------------------------------------------------------------------------------
+
+
+def change(values: list[Any], verb: str, n: int) -> list[Any]:
+    """Return a list with its part number `n` (from 0) removed, copied, or moved up or down; the
+    list itself where that makes no sense.
+    """
+    if not 0 <= n < len(values):
+        return values
+    rest = [*values[:n], *values[n + 1 :]]
+    match verb:
+        case "remove":
+            return rest
+        case "copy":
+            return [*values[: n + 1], values[n], *values[n + 1 :]]
+        case "up" | "down":
+            place = n - 1 if verb == "up" else n + 1
+            return [*rest[: max(place, 0)], values[n], *rest[max(place, 0) :]]
+    return values
+
+
+def renumber(course: Document) -> Document:
+    """Return a course whose checkpoints are numbered as they stand, its photo staying with its
+    checkpoint.
+    """
+    checkpoints, photo = course.get("checkpoints", []), course.get("photo")
+    places = {checkpoint.get("number"): n for n, checkpoint in enumerate(checkpoints)}
+    numbered = {
+        **course,
+        "checkpoints": [{**checkpoint, "number": n} for n, checkpoint in enumerate(checkpoints)],
+    }
+    return (
+        {**numbered, "photo": {**photo, "checkpoint": places[photo["checkpoint"]]}}
+        if photo and photo.get("checkpoint") in places
+        else numbered
+    )
+
+
+def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
+    """Return a document without the texts in other languages."""
+    kept = dict(document)
+    for key in document.keys() & {one.name for one in msgspec.structs.fields(cls)}:
+        kept[key] = _in_languages(
+            next(one for one in msgspec.structs.fields(cls) if one.name == key),
+            document[key],
+            languages,
+        )
+    return kept
+
+
+def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:
+    if one.type == Text:
+        return {language: text for language, text in value.items() if language in languages}
+    shape = _member(one).shape
+    if isinstance(shape, inspect.StructType) and value is not None:
+        return in_languages(shape.cls, value, languages)
+    inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None
+    kinds = inner.types if isinstance(inner, inspect.UnionType) else [inner]
+    classes = [kind for kind in kinds if isinstance(kind, inspect.StructType)]
+    return (
+        [in_languages(_class_of(classes, part), part, languages) for part in value]
+        if classes
+        else value
+    )
+
+
+def _class_of(classes: Sequence[inspect.StructType], part: Document) -> type[Any]:
+    return next((kind.cls for kind in classes if kind.tag == part.get("kind")), classes[0].cls)
+
+
+def new_point(at: str, default: Point) -> Point:
+    """Return the point "x y" that a click on the map stands for; `default` when there was none."""
+    points = read_points(at)
+    return (
+        (points[0][0], points[0][1]) if isinstance(points, list) and len(points) == 1 else default
+    )

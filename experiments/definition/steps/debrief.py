@@ -1,0 +1,27 @@
+"""The end of taking part."""
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+from experiments.definition.step import Step
+from surveys.documents import Text
+
+
+class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
+    """Thanks, and what the study was about."""
+
+    may_repeat: ClassVar[bool] = False
+    is_end: ClassVar[bool] = True
+
+    text: Text
+
+    @property
+    def end_text(self) -> Text:
+        """What the study was about."""
+        return self.text
+
+    @classmethod
+    def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
+        """Yield that something comes after it."""
+        if any(isinstance(step, cls) for step in steps[:-1]):
+            yield "The debriefing is not the last step."

@@ -1,0 +1,7 @@
+"""Questions about the drive."""
+
+from experiments.definition.step import AskingStep
+
+
+class Questionnaire(AskingStep, frozen=True, kw_only=True, tag="questionnaire"):
+    """Questions about what was done; asked after every outcome."""

@@ -1,0 +1,32 @@
+"""The drive that a study measures."""
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated
+
+from msgspec import Meta
+
+from experiments.definition.step import DriveStep, Minutes, Step
+from robots.api.docked import DOCKED
+
+
+class Task(DriveStep, frozen=True, kw_only=True, tag="task"):
+    """The course of the condition's robot, within a time limit from the first picture shown; what
+    is left is shown in the last minutes.
+
+    `docked_seconds` is for how long the robot must rest on its charging contacts, released, for its
+    docking to count: robots/api/docked.py.
+    """
+
+    minutes: Minutes = 15.0
+    last_minutes: Annotated[float, Meta(ge=0.0, le=60.0)] = 2.0
+    docked_seconds: Annotated[float, Meta(ge=1.0, le=60.0)] = DOCKED.seconds
+
+    @classmethod
+    def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
+        """Yield that there is not one."""
+        count = sum(isinstance(step, cls) for step in steps)
+        if count != 1:
+            yield (
+                f"There are {count} task steps; a study has one, which is repeated for each"
+                " condition."
+            )

@@ -1,0 +1,69 @@
+"""What every format of an export is made of. A format is one file in experiments/export/formats/
+with one subclass of `ExportFormat`, found by name.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from django.utils.functional import Promise
+
+from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.records import Dataset, Session
+from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.dataset.selection import Choice
+from experiments.models import Drive
+from experiments.research.access import Role
+
+File = tuple[str, Iterable[bytes]]  # where in the export, and its content in parts
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is exported: `drives` are those of the dataset's sessions, in their order; `more` are
+    the columns of all tables beside those of a dataset, for the code book.
+    """
+
+    dataset: Dataset
+    drives: Sequence[Drive]
+    names: Pseudonyms
+    choice: Choice
+    more: Mapping[str, tuple[Column, ...]]
+
+
+class ExportFormat:
+    """Files of one kind: some for the whole study, some for each session, and the last ones."""
+
+    # What the page and the command say of it, and who may ask for it; without a label nobody is
+    # asked, and `is_in` alone decides.
+    label: ClassVar[str | Promise] = ""
+    help: ClassVar[str] = ""
+    least: ClassVar[Role] = "viewer"
+    # The columns of its tables beside those of a dataset, for the code book.
+    tables: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
+
+    @classmethod
+    def is_in(cls, name: str, choice: Choice) -> bool:
+        """Tell whether an export has it: when it was asked for by its name."""
+        return name in choice.formats
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+
+    def of_study(self) -> Iterator[File]:
+        """Yield the files of the whole study, which come first."""
+        yield from ()
+
+    def of_session(self, session: Session, drive: Drive) -> Iterator[File]:
+        """Yield the files of one session; nothing of its record is kept."""
+        yield from ()
+
+    def at_last(self) -> Iterator[File]:
+        """Yield the files that are known only after all sessions."""
+        yield from ()
+
+
+def encoded(files: Iterable[tuple[str, Iterable[str]]]) -> Iterator[File]:
+    """Yield files of text as they are written."""
+    for name, parts in files:
+        yield name, (part.encode() for part in parts)

@@ -1,0 +1,58 @@
+"""Who is who: the table of an identified export that leads from codes to people."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from experiments.analysis.dataset.columns import Column
+from experiments.analysis.dataset.files import table
+from experiments.analysis.dataset.records import Session
+from experiments.dataset.selection import Choice
+from experiments.export.format import ExportFormat, File, encoded
+from experiments.models import Drive
+
+IDENTITIES = (
+    Column("participant", "", "code of the participant"),
+    Column("session", "", "code of the session"),
+    Column("user", "", "key of the user's row"),
+    Column("username", "", "name of the user"),
+    Column("email", "", "address of the user"),
+    Column("session_key", "", "key of the session's row"),
+    Column("granted", "", "when the robot was granted"),
+    Column("address", "", "address of the visitor's network, truncated"),
+    Column("user_agent", "", "what the browser said of itself"),
+    Column("recruitment", "", "parameters of the link by which the participant came"),
+)
+
+
+class Format(ExportFormat):
+    """What an identified export has beside."""
+
+    tables = {"identities": IDENTITIES}
+
+    @classmethod
+    def is_in(cls, _name: str, choice: Choice) -> bool:
+        """Tell whether the export is identified."""
+        return choice.identified
+
+    def of_study(self) -> Iterator[File]:
+        """Yield the table, a line a session."""
+        rows = map(_identity, self.source.dataset.sessions, self.source.drives)
+        yield from encoded([table("identities", rows, IDENTITIES)])
+
+
+def _identity(session: Session, drive: Drive) -> Sequence[Any]:
+    user, visit, device = drive.participant.user, drive.session, drive.session.device or {}
+    recruitment = "&".join(
+        f"{name}={value}" for name, value in sorted(drive.participant.recruitment.items())
+    )
+    who = ("", "", "") if user is None else (str(user.pk), user.username, user.email)
+    return (
+        drive.participant.code,
+        session.id,
+        *who,
+        str(visit.pk),
+        drive.granted_at.isoformat(),
+        device.get("network", ""),
+        device.get("user_agent", ""),
+        recruitment,
+    )

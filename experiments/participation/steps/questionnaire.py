@@ -1,0 +1,12 @@
+"""The page of questions about the drive."""
+
+from django.utils.translation import gettext_lazy as _
+
+from experiments.participation.asking_page import AskingPage
+
+
+class Page(AskingPage):
+    """A questionnaire that is answered once a visit and round."""
+
+    label = _("Questionnaire about the drive")
+    blank = {"questionnaire": "experience"}

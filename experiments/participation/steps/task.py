@@ -1,0 +1,11 @@
+"""The page before the drive that the study measures."""
+
+from django.utils.translation import gettext_lazy as _
+
+from experiments.participation.drive_page import DrivePage
+
+
+class Page(DrivePage):
+    """The task."""
+
+    label = _("Task")

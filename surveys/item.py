@@ -1,0 +1,447 @@
+"""What every question type is made of: the base class of items, whose methods are all that the rest
+of the site knows of a type.
+
+A type is one file in surveys/questions/ with one subclass of `Item`, found by name. Its methods
+have the defaults of a question with one input on the page and one value in the answer; a type
+overrides what is otherwise.
+"""
+
+import datetime
+import random
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
+
+import msgspec
+from django.utils.translation import gettext as _
+
+from surveys.documents import Key, Part, Text, duplicates, spoken
+
+T = TypeVar("T")
+
+OptionValue = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$")]
+Whole = Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
+Order = Literal["fixed", "shuffled"]
+ScoringRule = Literal["likert", "sus", "tlx_raw"]
+Scales = Mapping[str, "tuple[Point, ...]"]
+MAX_DIGITS = 30
+NUMBER_LIMIT = 1e12
+# Hours from UTC of the places where days begin last and first.
+WESTERNMOST, EASTERNMOST = -12, 14
+
+
+class RefusedError(ValueError):
+    """An answer that its question does not allow; the text is for the visitor, in the language of
+    the page.
+    """
+
+
+# --- parts of a definition ------------------------------------------------------------------------
+
+
+class Condition(Part, frozen=True, kw_only=True):
+    """`show_if`: all that is given must hold. `is` and the bounds ask the answer of the earlier
+    question `item`.
+    """
+
+    robot: tuple[str, ...] = ()
+    outcome: tuple[str, ...] = ()
+    item: str = ""
+    one_of: tuple[str | int | float, ...] = msgspec.field(name="is", default=())
+    at_least: float | None = None
+    at_most: float | None = None
+
+
+class Point(Part, frozen=True, kw_only=True):
+    """One value of a scale. A scale may name only its ends."""
+
+    value: Whole
+    label: Text = {}
+
+
+class Option(Part, frozen=True, kw_only=True):
+    """One choice. `alone` excludes all others ("none of these")."""
+
+    value: OptionValue
+    label: Text
+    alone: bool = False
+
+
+class Row(Part, frozen=True, kw_only=True):
+    """A row of a grid: a question of its own."""
+
+    key: Key
+    text: Text
+
+
+# --- what a page draws ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One thing to tick. `value` is what the page sends."""
+
+    value: str
+    label: str
+    is_chosen: bool = False
+    number: str = ""
+    is_alone: bool = False
+
+
+@dataclass(frozen=True)
+class Look:
+    """For whom a question is drawn: language, seed of the order, and when."""
+
+    language: str
+    seed: int
+    now: datetime.datetime
+
+
+@dataclass(frozen=True)
+class Widget:
+    """What a type draws. `template` gets the control, and with it this.
+
+    `style` names its class in CSS, `value` is what stands in its one input (`has_one_input`: its
+    label is the question's text), `attributes` are those of the input by their names in HTML.
+    `more` is what only its own template knows.
+    """
+
+    template: str
+    style: str
+    value: str = ""
+    choices: tuple[Choice, ...] = ()
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    more: Mapping[str, Any] = field(default_factory=dict)
+    has_one_input: bool = False
+    is_scale: bool = False
+
+
+# --- what a bot reads -----------------------------------------------------------------------------
+
+
+class Bot(Protocol):
+    """A bot that fills in a page, `experiments.bots.answers.Answering`."""
+
+    def answer(self, asked: Any) -> list[tuple[str, str]]:
+        """Return what is sent for one field, from its control in HTML alone."""
+
+    def option(self, name: str, count: int) -> int:
+        """Return which of `count` options without an order is chosen."""
+
+
+# --- items ----------------------------------------------------------------------------------------
+
+
+class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
+    """What every item says. Who may decline says so here; an optional item may
+    also be left empty.
+    """
+
+    # One value of several is sent for the question; else a second one is refused.
+    takes_several: ClassVar[bool] = False
+    # A reason for no answer is one of the choices, sent in the same field; else it stands beside.
+    has_reason_choices: ClassVar[bool] = False
+    # What somebody writes may begin with the mark of a reason, and may tell who they are: exports
+    # leave it out unless asked.
+    is_free_text: ClassVar[bool] = False
+    # `show_if` may compare its answer with bounds.
+    is_number: ClassVar[bool] = False
+    # Its text and hint stand above several questions, which have keys of their own.
+    is_group: ClassVar[bool] = False
+    # The rules of scoring that take its answers.
+    scored_by: ClassVar[Collection[ScoringRule]] = ()
+
+    key: Key
+    text: Text
+    hint: Text = {}
+    required: bool = False
+    prefer_not: bool = False
+    not_applicable: bool = False
+    show_if: Condition | None = None
+
+    @property
+    def kind(self) -> str:
+        """The name of its type in a definition."""
+        return str(self.__struct_config__.tag)
+
+    # what it is made of
+
+    def rows_asked(self) -> tuple[Row | None, ...]:
+        """Return its questions: None is the item itself."""
+        return (None,)
+
+    def rows_shown(self, seed: int) -> Sequence[Row | None]:
+        """Return its questions in the order shown."""
+        return self.rows_asked()
+
+    def points(self, scales: Scales) -> tuple[Point, ...]:
+        """Return the points of its scale; none without one, or when it names none that is there."""
+        return ()
+
+    def own_texts(self) -> Iterator[Text]:
+        """Yield what is shown beside text, hint and scale."""
+        yield from ()
+
+    def problems(self, scales: Scales) -> Iterator[str]:
+        """Yield what is wrong with it, beside what types and texts tell."""
+        yield from ()
+
+    # answers
+
+    def values_sent(self, key: str, fields: Mapping[str, Sequence[str]]) -> Sequence[str]:
+        """Return what a page sent for a question, in order; empty values are left out later."""
+        return fields.get(key, ())
+
+    def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> Any:
+        """Return the value to be stored (int, float, str, list of str) of what the page sent, which
+        is not empty.
+
+        Raises:
+            RefusedError: when the question does not allow it.
+        """
+        raise NotImplementedError
+
+    def labelled_values(
+        self, points: Sequence[Point]
+    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
+        """Return all values that can be chosen, with their labels; none where they are not listed.
+        Tables count them, and `show_if` may only expect one of them.
+        """
+        return ()
+
+    def score_values(self, points: Sequence[Point]) -> Sequence[int]:
+        """Return the numbers that an answer can be, rising, where a score takes them."""
+        return ()
+
+    def cell(self, value: Any) -> Any:
+        """Return a stored value as one cell of a table."""
+        return value
+
+    def columns(self, key: str) -> tuple[str, ...]:
+        """Return the columns of an answer in tables with a line a response."""
+        return (key,)
+
+    def cells(self, value: Any) -> tuple[Any, ...]:
+        """Return what stands in these columns for a stored value; None is no answer."""
+        return ("" if value is None else self.cell(value),)
+
+    # pages
+
+    def sent(self, value: Any) -> list[str]:
+        """Return a stored value as the page would send it."""
+        return [str(value)]
+
+    def widget(self, question: "Question", chosen: Sequence[str], look: Look) -> Widget:
+        """Return what the page draws; `chosen` is what the page would send now."""
+        raise NotImplementedError
+
+    def joins(self, before: "Item") -> bool:
+        """Tell whether it stands in one frame with the item before it."""
+        return False
+
+    # bots
+
+    @classmethod
+    def bot_answer(cls, fields: Sequence[Any], bot: Bot) -> list[tuple[str, str]]:
+        """Return what a bot sends for the fields of one question (experiments.bots.page.Field),
+        without those of reasons.
+        """
+        return [pair for one in fields for pair in bot.answer(one)]
+
+
+class ScaleItem(Item, frozen=True, kw_only=True):
+    """An item whose answers are points of a scale of the questionnaire."""
+
+    has_reason_choices: ClassVar[bool] = True
+    is_number: ClassVar[bool] = True
+    scored_by: ClassVar[Collection[ScoringRule]] = ("likert", "sus")
+
+    scale: str
+
+    def points(self, scales: Scales) -> tuple[Point, ...]:
+        """Return the points of its scale."""
+        return scales.get(self.scale, ())
+
+    def problems(self, scales: Scales) -> Iterator[str]:
+        """Yield that its scale is not there."""
+        if not self.points(scales):
+            yield f"there is no scale {self.scale}."
+
+    def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> int:
+        """Return the value of the point."""
+        return one_of({str(point.value): point.value for point in question.points}, values[0])
+
+    def labelled_values(
+        self, points: Sequence[Point]
+    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
+        """Return the points."""
+        return [(point.value, point.label) for point in points]
+
+    def score_values(self, points: Sequence[Point]) -> Sequence[int]:
+        """Return the values of the points."""
+        return [point.value for point in points]
+
+    def widget(self, question: "Question", chosen: Sequence[str], look: Look) -> Widget:
+        """Return the points as a line of choices."""
+        named = all(spoken(point.label, look.language) for point in question.points)
+        choices = tuple(
+            Choice(
+                str(point.value),
+                spoken(point.label, look.language),
+                str(point.value) in chosen,
+                number="" if named else str(point.value),
+            )
+            for point in question.points
+        )
+        return Widget("surveys/_choices.html", "scale", choices=choices, is_scale=True)
+
+
+class OptionsItem(Item, frozen=True, kw_only=True):
+    """An item whose answers are among listed options."""
+
+    options: tuple[Option, ...]
+    order: Order = "fixed"
+
+    def own_texts(self) -> Iterator[Text]:
+        """Yield the labels of the options."""
+        yield from (option.label for option in self.options)
+
+    def problems(self, scales: Scales) -> Iterator[str]:
+        """Yield that there are no options, or two of one name."""
+        if not self.options:
+            yield "there are no options."
+        yield from duplicates("option", (option.value for option in self.options))
+
+    def options_shown(self, seed: int) -> list[Option]:
+        """Return the options in the order shown; those that stand alone ("none of these") stay at
+        the end.
+        """
+        usual = [option for option in self.options if not option.alone]
+        return ordered(usual, self.order, seed, f"options {self.key}") + [
+            option for option in self.options if option.alone
+        ]
+
+    def labelled_values(
+        self, points: Sequence[Point]
+    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
+        """Return the options."""
+        return [(option.value, option.label) for option in self.options]
+
+    def widget(self, question: "Question", chosen: Sequence[str], look: Look) -> Widget:
+        """Return the options as choices."""
+        choices = tuple(
+            Choice(
+                option.value,
+                spoken(option.label, look.language),
+                option.value in chosen,
+                is_alone=option.alone,
+            )
+            for option in self.options_shown(look.seed)
+        )
+        return Widget("surveys/_choices.html", self.kind, choices=choices)
+
+
+# --- questions ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Question:
+    """What takes one answer: an item, or a row of a grid. `page` counts from 0; `points` is empty
+    without a scale.
+    """
+
+    page: int
+    item: Item
+    row: Row | None
+    points: tuple[Point, ...]
+
+    @property
+    def key(self) -> str:
+        """Under what its answer is stored."""
+        return self.item.key if self.row is None else self.row.key
+
+    @property
+    def text(self) -> Text:
+        """Its own words; those of a grid stand above all rows."""
+        return self.item.text if self.row is None else self.row.text
+
+    @cached_property
+    def labelled_values(self) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
+        """All values that can be chosen, with their labels."""
+        return self.item.labelled_values(self.points)
+
+    @property
+    def score_values(self) -> Sequence[int]:
+        """The numbers that an answer can be, where a score takes them."""
+        return self.item.score_values(self.points)
+
+    def fingerprint(self, language: str) -> str:
+        """Return 12 hexadecimal digits that change with any word that is shown for it in a
+        language.
+        """
+        own = [self.item.text, self.text, self.item.hint, *(point.label for point in self.points)]
+        own += self.item.own_texts()
+        return sha256("\x1f".join(text.get(language, "") for text in own).encode()).hexdigest()[:12]
+
+
+# --- what several types share ---------------------------------------------------------------------
+
+
+def ordered(things: Iterable[T], order: Order, seed: int, name: str) -> list[T]:
+    """Return things as written, or shuffled by the seed that is stored with a response.
+
+    The generator of each list is seeded with the response's seed and the list's name, so that a new
+    page or option elsewhere changes no other order. Python promises that `random.Random(text)` and
+    `shuffle` give the same on every version since 3.2.
+    """
+    arranged = list(things)
+    if order == "shuffled":
+        random.Random(f"{seed}:{name}").shuffle(arranged)
+    return arranged
+
+
+def one_of(choices: Mapping[str, T], value: str) -> T:
+    """Return what a value that was sent stands for.
+
+    Raises:
+        RefusedError: when it is not among the choices.
+    """
+    if value not in choices:
+        raise RefusedError(_("This is not among the choices."))
+    return choices[value]
+
+
+def parsed_number(value: str) -> float:
+    """Return a number that was written with a point or a comma.
+
+    Raises:
+        RefusedError: when it is none, or too large to be meant.
+    """
+    try:
+        number = (
+            float(value.replace(",", "."))
+            if len(value) <= MAX_DIGITS and "_" not in value
+            else float("nan")
+        )
+    except ValueError as error:
+        raise RefusedError(_("Please give a number.")) from error
+    if not abs(number) < NUMBER_LIMIT:
+        raise RefusedError(_("Please give a number."))
+    return number
+
+
+def plain(number: float) -> str:
+    """Return a number without needless decimals."""
+    return str(int(number)) if number == int(number) else str(number)
+
+
+def day_at(now: datetime.datetime, hours: int) -> datetime.date:
+    """Return which day it is at a place so many hours from UTC."""
+    return now.astimezone(datetime.timezone(datetime.timedelta(hours=hours))).date()
+
+
+def first_choice(chosen: Sequence[str]) -> str:
+    """Return what stands in the one input of a question."""
+    return chosen[0] if chosen else ""

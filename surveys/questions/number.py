@@ -1,0 +1,84 @@
+"""A number within bounds."""
+
+import datetime
+from collections.abc import Iterator, Sequence
+from typing import Any, ClassVar, Literal
+
+from django.utils.translation import gettext as _
+
+from surveys.documents import Text, spoken
+from surveys.item import (
+    EASTERNMOST,
+    Item,
+    Look,
+    Question,
+    RefusedError,
+    Scales,
+    Widget,
+    day_at,
+    first_choice,
+    parsed_number,
+    plain,
+)
+
+
+class Number(Item, frozen=True, kw_only=True, tag="number"):
+    """A number within bounds; `this_year` is the year in which it is asked."""
+
+    is_number: ClassVar[bool] = True
+
+    minimum: float | None = None
+    maximum: float | Literal["this_year"] | None = None
+    whole: bool = False
+    unit: Text = {}
+
+    def own_texts(self) -> Iterator[Text]:
+        """Yield the unit."""
+        yield self.unit
+
+    def problems(self, scales: Scales) -> Iterator[str]:
+        """Yield that no number lies within the bounds."""
+        if (
+            isinstance(self.minimum, float)
+            and isinstance(self.maximum, float)
+            and self.minimum > self.maximum
+        ):
+            yield "the least number is larger than the greatest."
+
+    def greatest(self, now: datetime.datetime) -> float | None:
+        """Return the upper bound; None without one."""
+        return day_at(now, EASTERNMOST).year if isinstance(self.maximum, str) else self.maximum
+
+    def parse(
+        self, question: Question, values: Sequence[str], now: datetime.datetime
+    ) -> int | float:
+        """Return the number, as an int where it has to be whole."""
+        number = parsed_number(values[0])
+        if self.whole and number != int(number):
+            raise RefusedError(_("Please give a whole number."))
+        least, greatest = self.minimum, self.greatest(now)
+        if least is not None and number < least:
+            raise RefusedError(_("The least number is %(n)s.") % {"n": plain(least)})
+        if greatest is not None and number > greatest:
+            raise RefusedError(_("The greatest number is %(n)s.") % {"n": plain(greatest)})
+        return int(number) if self.whole else number
+
+    def sent(self, value: Any) -> list[str]:
+        """Return the number without needless decimals."""
+        return [plain(value)]
+
+    def widget(self, question: Question, chosen: Sequence[str], look: Look) -> Widget:
+        """Return an input for a number, and its unit."""
+        bounds = {"min": self.minimum, "max": self.greatest(look.now)}
+        return Widget(
+            "surveys/_entry.html",
+            self.kind,
+            value=first_choice(chosen),
+            attributes={
+                "step": "1" if self.whole else "any",
+                "inputmode": "numeric" if self.whole else "decimal",
+                **{name: plain(bound) for name, bound in bounds.items() if bound is not None},
+            },
+            more={"type": "number", "unit": spoken(self.unit, look.language)},
+            has_one_input=True,
+        )

@@ -1,0 +1,17 @@
+"""One of several options."""
+
+import datetime
+from collections.abc import Sequence
+from typing import ClassVar
+
+from surveys.item import OptionsItem, Question, one_of
+
+
+class Single(OptionsItem, frozen=True, kw_only=True, tag="single"):
+    """One of several options, stored as its value."""
+
+    has_reason_choices: ClassVar[bool] = True
+
+    def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> str:
+        """Return the option's value."""
+        return one_of({option.value: option.value for option in self.options}, values[0])

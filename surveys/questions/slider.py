@@ -1,0 +1,86 @@
+"""A whole number between two named ends."""
+
+import datetime
+from collections.abc import Collection, Iterator, Sequence
+from typing import Annotated, ClassVar
+
+import msgspec
+from django.utils.translation import gettext as _
+
+from surveys.documents import Text, spoken
+from surveys.item import (
+    Item,
+    Look,
+    Point,
+    Question,
+    RefusedError,
+    Scales,
+    ScoringRule,
+    Whole,
+    Widget,
+    first_choice,
+    parsed_number,
+)
+
+
+class Slider(Item, frozen=True, kw_only=True, tag="slider"):
+    """A whole number between two named ends; 0 to 100 unless it says otherwise."""
+
+    is_number: ClassVar[bool] = True
+    scored_by: ClassVar[Collection[ScoringRule]] = frozenset({"tlx_raw"})
+
+    minimum: Whole = 0
+    maximum: Whole = 100
+    step: Annotated[int, msgspec.Meta(ge=1)] = 1
+    low: Text
+    high: Text
+
+    def own_texts(self) -> Iterator[Text]:
+        """Yield the names of the ends."""
+        yield self.low
+        yield self.high
+
+    def problems(self, scales: Scales) -> Iterator[str]:
+        """Yield that its ends do not fit its step."""
+        if self.minimum >= self.maximum or (self.maximum - self.minimum) % self.step:
+            yield "its ends must differ by a multiple of its step."
+
+    def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> int:
+        """Return the number."""
+        number = parsed_number(values[0])
+        if (
+            number != int(number)
+            or not self.minimum <= number <= self.maximum
+            or (number - self.minimum) % self.step
+        ):
+            words = {"least": self.minimum, "greatest": self.maximum, "step": self.step}
+            raise RefusedError(
+                _("Please give a number from %(least)d to %(greatest)d in steps of %(step)d.")
+                % words
+            )
+        return int(number)
+
+    def score_values(self, points: Sequence[Point]) -> Sequence[int]:
+        """Return the numbers between its ends."""
+        return range(self.minimum, self.maximum + 1, self.step)
+
+    def widget(self, question: Question, chosen: Sequence[str], look: Look) -> Widget:
+        """Return an input for a number between its ends; static/js/survey/slider.js puts a slider
+        beside it.
+        """
+        return Widget(
+            "surveys/_slider.html",
+            self.kind,
+            value=first_choice(chosen),
+            attributes={
+                "min": str(self.minimum),
+                "max": str(self.maximum),
+                "step": str(self.step),
+                "inputmode": "numeric",
+            },
+            more={
+                "low": spoken(self.low, look.language),
+                "high": spoken(self.high, look.language),
+            },
+            has_one_input=True,
+        )

@@ -1,0 +1,62 @@
+"""Where a response was asked: columns, read once from the contexts of older databases."""
+
+import pytest
+from django.db import connection
+from django.db.migrations.executor import MigrationExecutor
+from django.utils import timezone
+
+from experiments.models import StepResponse
+from experiments.participation.journey import Place
+from experiments.participation.questions import ask
+from tests.support import participants as p
+from tests.support.people import person
+
+BEFORE, AFTER = [("experiments", "0006_drive_ends")], [("experiments", "0007_step_responses")]
+
+
+@pytest.fixture
+def study():
+    return p.published(p.of("exploration"))
+
+
+@pytest.fixture
+def participant(study):
+    return p.comer(study, person())
+
+
+def asked(study, participant, visit: int, step: str) -> StepResponse:
+    definition = study.as_definition()
+    response = ask(
+        participant,
+        Place(visit, 0, step),
+        definition.step(step),
+        robot=(),
+        outcome="",
+        return_to="",
+        now=timezone.now(),
+    )
+    return StepResponse.objects.get(response=response)
+
+
+def places() -> list[tuple]:
+    columns = ("response", "participant", "visit", "round", "step")
+    return sorted(StepResponse.objects.values_list(*columns), key=str)
+
+
+@pytest.mark.django_db
+def test_a_response_stands_at_its_place_once(study, participant):
+    first = asked(study, participant, 2, "experience")
+    assert asked(study, participant, 2, "experience") == first
+    assert (first.visit, first.round, first.step) == (2, 0, "experience")
+
+
+@pytest.mark.django_db(transaction=True)
+def test_places_come_from_older_databases_and_nothing_is_lost_on_the_way_back(study, participant):
+    asked(study, participant, 1, "experience")
+    asked(study, participant, 2, "experience")
+    known = places()
+    assert len(known) == 2
+    MigrationExecutor(connection).migrate(BEFORE)
+    assert StepResponse._meta.db_table not in connection.introspection.table_names()
+    MigrationExecutor(connection).migrate(AFTER)
+    assert places() == known

@@ -1,0 +1,219 @@
+"""A definition as a form, and back."""
+
+import msgspec
+import pytest
+from django.http import QueryDict
+
+from experiments.builder import part_form, parts
+from experiments.builder.part_form import Group, PartForm, read
+from experiments.definition.schema import Checkpoint, Condition, Course, Study
+from experiments.definition.shipped import shipped
+from experiments.definition.steps.instructions import Instructions
+from experiments.definition.steps.task import Task
+
+BOTH = ("en", "es")
+
+
+def groups(form: PartForm | Group):
+    for part in form.parts:
+        if isinstance(part, Group):
+            yield part
+            yield from groups(part)
+
+
+def sent(form: PartForm, **changes: str) -> QueryDict:
+    """What a browser sends of a form that was shown, with some fields changed."""
+    data = QueryDict(mutable=True)
+    for group in groups(form):
+        if group.number is not None:
+            data[group.name] = ""
+        if group.switch and group.is_on:
+            data[group.switch] = "on"
+    for one in form:
+        if one.field.is_off:
+            continue
+        if one.field.style == "choices":
+            data.setlist(one.name, list(one.value()))
+        elif one.field.style != "check" or one.value():
+            data[one.name] = "on" if one.field.style == "check" else str(one.value())
+    for name, value in changes.items():
+        data[name.replace("__", ".")] = value
+    return data
+
+
+def errors(cls: type, document: dict) -> dict[str, str]:
+    return PartForm(cls, document, is_sent=True).told
+
+
+def choices(form: PartForm, name: str) -> list[str]:
+    return [value for value, _label in form[name].field.widget.choices]
+
+
+def parts_of(study: Study):
+    yield from ((type(part), part) for part in (*study.steps, *study.conditions, *study.courses))
+
+
+@pytest.mark.parametrize("slug", ["exploration", "assistance"])
+def test_every_part_of_the_shipped_studies_goes_through_its_form_unchanged(slug):
+    for cls, part in parts_of(shipped()[slug]):
+        document = msgspec.to_builtins(part)
+        told = read(cls, sent(PartForm(cls, document, languages=BOTH)))
+        assert errors(cls, told) == {}
+        kept = {**told, **({"kind": document["kind"]} if "kind" in document else {})}
+        assert msgspec.convert(kept, cls) == part
+
+
+def test_the_whole_study_goes_through_its_form_unchanged():
+    study = shipped()["exploration"]
+    only = (
+        "title",
+        "intro",
+        "source",
+        "licence",
+        "languages",
+        "allocation",
+        "refill",
+        "quality",
+        "analysis",
+    )
+    document = msgspec.to_builtins(study)
+    told = read(Study, sent(PartForm(Study, document, languages=BOTH, only=only)), only=only)
+    rest = {key: value for key, value in document.items() if key not in only}
+    assert msgspec.convert({**rest, **told}, Study) == study
+
+
+def task(**changes: str) -> QueryDict:
+    document = {"kind": "task", "key": "task", "title": {"en": "Task"}}
+    return sent(PartForm(Task, document, languages=BOTH), **changes)
+
+
+def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
+    document = read(Task, task(minutes="a quarter", last_minutes="-1"))
+    told = errors(Task, document)
+    assert told["minutes"] == "This is not a number."
+    assert ">= 0.0" in told["last_minutes"]
+    form = PartForm(Task, document, languages=["en"], is_sent=True)
+    assert form["minutes"].value() == "a quarter"
+    assert list(form["minutes"].errors) == ["This is not a number."]
+    assert 'value="a quarter"' in str(form["minutes"])
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "1e999", "1 000"])
+def test_numbers_that_are_no_lengths_of_time_are_refused(text):
+    assert "minutes" in errors(Task, read(Task, task(minutes=text)))
+
+
+def test_an_empty_field_has_the_value_that_the_class_says():
+    assert read(Task, task(minutes="")).get("minutes") is None
+    assert msgspec.convert({"kind": "task", **read(Task, task(minutes=""))}, Task).minutes == 15.0
+
+
+def test_a_comma_is_read_as_a_decimal_point():
+    assert read(Task, task(minutes="2,5"))["minutes"] == 2.5
+
+
+def test_texts_in_other_languages_are_shown_until_somebody_empties_them():
+    document = {"key": "task", "title": {"en": "Task", "fr": "Tâche"}}
+    form = PartForm(Task, document, languages=["en"])
+    shown = [one.field.language for one in form if one.field.member.key == "title"]
+    assert shown == ["en", "fr"]
+    assert read(Task, sent(form, title__fr=""))["title"] == {"en": "Task"}
+
+
+def test_what_may_be_chosen_is_offered_and_what_was_chosen_stays():
+    document = msgspec.to_builtins(shipped()["exploration"].conditions[1])
+    offered = {"robot": ["rhodon"], "doors_closed": ["lounge-door"]}
+    form = PartForm(Condition, document, languages=["en"], offered=offered)
+    assert form["robot"].field.style == "choice"
+    assert choices(form, "robot") == ["rhodon", "giraff"]
+    assert form["doors_closed"].field.style == "choices"
+    assert choices(form, "doors_closed") == ["lounge-door", "lab-door"]
+    assert choices(form, "actions") == ["places", "map", "follow", "dock", "undock", "tilt"]
+
+
+def test_an_optional_part_is_switched_on_and_off():
+    document = msgspec.to_builtins(shipped()["exploration"].conditions[0])
+    form = PartForm(Condition, document, languages=BOTH)
+    assert {group.switch: group.is_on for group in groups(form) if group.switch} == {
+        "network.control.on": False,
+        "network.video.on": False,
+    }
+    on = read(Condition, sent(form, network__control__on="on", network__control__delay="0.2"))
+    assert on["network"]["control"]["delay"] == 0.2
+    assert "video" not in on["network"]
+
+
+@pytest.mark.parametrize("path", ["1", "1 2 3", "1 2\nx y", "[[1,2]]"])
+def test_points_that_are_none_are_told_and_kept(path):
+    document = read(
+        Course,
+        sent(
+            PartForm(Course, {"robot": "giraff", "site": "office", "checkpoints": []}),
+            path=path,
+        ),
+    )
+    assert document["path"] == path
+    assert errors(Course, document) == {"path": "Write one point a line: x and y in metres."}
+
+
+def test_errors_inside_lists_say_which_part():
+    leaves = [{"text": {"en": "Read"}}, {"text": {"en": "On"}, "picture": "No Picture!"}]
+    told = errors(Instructions, {"key": "how", "title": {}, "leaves": leaves})
+    assert list(told) == ["leaves.1.picture"]
+
+
+def test_parts_of_a_list_are_moved_copied_and_removed():
+    assert parts.change(["a", "b", "c"], "up", 2) == ["a", "c", "b"]
+    assert parts.change(["a", "b", "c"], "down", 0) == ["b", "a", "c"]
+    assert parts.change(["a", "b"], "up", 0) == ["a", "b"]
+    assert parts.change(["a", "b"], "down", 1) == ["a", "b"]
+    assert parts.change(["a", "b"], "copy", 0) == ["a", "a", "b"]
+    assert parts.change(["a", "b"], "remove", 1) == ["a"]
+    for verb, n in (("remove", 2), ("remove", -1), ("burn", 0)):
+        assert parts.change(["a", "b"], verb, n) == ["a", "b"]
+
+
+def test_the_photo_stays_with_its_checkpoint_when_checkpoints_move():
+    course = {
+        "checkpoints": [{"number": 0}, {"number": 2}, {"number": 1}],
+        "photo": {"checkpoint": 2},
+    }
+    assert parts.renumber(course) == {
+        "checkpoints": [{"number": 0}, {"number": 1}, {"number": 2}],
+        "photo": {"checkpoint": 1},
+    }
+
+
+def test_the_photo_of_a_checkpoint_that_is_gone_is_left_for_the_check_to_tell():
+    assert parts.renumber({"checkpoints": [{"number": 0}], "photo": {"checkpoint": 2}})[
+        "photo"
+    ] == {"checkpoint": 2}
+
+
+def test_no_number_of_a_checkpoint_is_asked_for():
+    assert "number" not in [member.key for member in parts.members(Checkpoint)]
+
+
+def test_leaving_a_language_takes_its_texts_everywhere():
+    study = msgspec.to_builtins(shipped()["exploration"])
+    assert '"es":' not in msgspec.json.encode(parts.in_languages(Study, study, ["en"])).decode()
+    assert msgspec.json.encode(
+        parts.in_languages(Study, study, ["en", "es"])
+    ) == msgspec.json.encode(study)
+
+
+def test_a_click_on_the_map_is_a_point_and_anything_else_is_not():
+    assert parts.new_point("1.5 2", (0.0, 0.0)) == (1.5, 2.0)
+    for at in ("", "x", "1 2 3", "1 2\n3 4"):
+        assert parts.new_point(at, (4.0, 5.0)) == (4.0, 5.0)
+
+
+def test_a_forged_list_does_not_run_away():
+    data = QueryDict("&".join(f"leaves.{n}=" for n in range(900)))
+    assert len(read(Instructions, data)["leaves"]) == part_form.MOST_LISTED
+
+
+def test_an_optional_part_that_is_off_lacks_nothing():
+    course = {"robot": "giraff", "site": "office", "checkpoints": []}
+    assert errors(Course, course) == {}
+    assert list(errors(Course, {**course, "photo": {}})) == ["photo.checkpoint", "photo.mirror"]

@@ -1,0 +1,53 @@
+"""Question types: found by name, whole in their own files."""
+
+import ast
+
+import pytest
+
+from surveys.item import Item, Look
+from surveys.page_form import Control
+from surveys.questions import TYPES, UnknownQuestionTypeError, question_type
+from tests.support.paths import ROOT
+from tests.support.questionnaires import NOW, defined, item, rows
+
+FOLDER = ROOT / "surveys" / "questions"
+TEMPLATES = ROOT / "templates"
+
+
+def test_every_module_is_the_type_of_its_name():
+    assert set(TYPES) == {path.stem for path in FOLDER.glob("*.py")} - {"__init__"}
+    for name, cls in TYPES.items():
+        assert question_type(name) is cls
+        assert cls.__struct_config__.tag == name
+
+
+def test_an_unknown_type_is_an_error_and_no_other_type():
+    with pytest.raises(UnknownQuestionTypeError, match="no question type 'essay'"):
+        question_type("essay")
+
+
+@pytest.mark.parametrize("name", sorted(TYPES))
+def test_a_type_can_be_asked_answered_and_exported(name):
+    more = {"rows": rows("q1", "q2")} if name == "grid" else {}
+    question = next(iter(defined([item(name, "q", **more)]).questions()))
+    widget = question.item.widget(question, [], Look("en", 0, NOW))
+    assert (TEMPLATES / widget.template).is_file()
+    columns = question.item.columns("q")
+    assert len(question.item.cells(None)) == len(columns)
+    assert Control("q", name, "", widget).choices == widget.choices
+    assert question.item.parse != Item.parse
+
+
+def imported(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            yield node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_nothing_outside_its_file_knows_a_type():
+    for app in ("surveys", "experiments", "telepresence_site"):
+        for path in (ROOT / app).rglob("*.py"):
+            known = [name for name in imported(path) if name.startswith("surveys.questions.")]
+            assert not known, f"{path} imports {known}"
