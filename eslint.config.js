@@ -30,5 +30,5 @@ export default [
       "prefer-const": "error",
     },
   },
-  { files: ["static/js/boot.js"], languageOptions: { sourceType: "script" } },
+  { files: ["static/js/drive/load_retry.js"], languageOptions: { sourceType: "script" } },
 ];

@@ -1,0 +1,111 @@
+/**
+ * Which way a message takes. Velocities go over the data channel while the robot proves that it hears us there, else over the
+ * WebSocket; a stop goes over both. The numbers are the same, so a change of way is not noticed.
+ */
+
+import { encodeFrame } from "./robot_api.js";
+
+/** s of silence on the data channel after which the server shall send everything again; the robot's heart beats five times a second. */
+const DIRECT_SILENCE = 0.7;
+
+export class Carrier {
+  /**
+   * @param {object} options
+   * @param {{send: (frame: string, options?: {droppable?: boolean}) => boolean, isOpen: boolean}} options.socket
+   * @param {{send: (frame: string) => boolean}} options.link
+   * @param {import("./clock_sync.js").Pulse} options.pulse
+   * @param {import("./command_stream.js").CommandStream} options.commands
+   */
+  constructor({ socket, link, pulse, commands }) {
+    this.socket = socket;
+    this.link = link;
+    this.pulse = pulse;
+    this.commands = commands;
+    /** What the server was told last; every new connection to it begins anew. */
+    this.direct = false;
+    /** The one way that the robot takes commands on, where somebody has fixed it. A stop is taken on both all the same. */
+    this.only = /** @type {"any" | import("./clock_sync.js").Way} */ ("any");
+  }
+
+  /** @param {import("./clock_sync.js").Way} way */
+  allows(way) {
+    return this.only === "any" || this.only === way;
+  }
+
+  /** @param {number} now @returns {import("./clock_sync.js").Way} */
+  way(now) {
+    if (this.only !== "any") {
+      return this.only;
+    }
+    return this.pulse.isFresh("datachannel", now) ? "datachannel" : "mqtt";
+  }
+
+  /** The velocity of this moment, if there is one. @param {number} now @param {number | null} frame */
+  sendVelocity(now, frame) {
+    const message = this.commands.velocity(now, frame);
+    if (message) {
+      const encoded = encodeFrame("command/velocity", message);
+      const sent = this.way(now) === "datachannel" && this.link.send(encoded);
+      if (!sent && this.allows("mqtt")) {
+        // What cannot go out now is not kept: a command that waits is a command that comes too late.
+        this.socket.send(encoded, { droppable: true });
+      }
+    }
+  }
+
+  /**
+   * An action, by the way that loses nothing; on both, when it is said again or the server is out of reach.
+   * @param {object} action @param {boolean} again
+   */
+  sendOrder(action, again) {
+    const frame = encodeFrame("command/action", action);
+    if (this.allows("datachannel") && (again || !this.socket.isOpen || !this.allows("mqtt"))) {
+      this.link.send(frame);
+    }
+    if (this.allows("mqtt")) {
+      this.socket.send(frame, { droppable: true });
+    }
+  }
+
+  /** A dot on what is shared, by the way of this moment or not at all. @param {number} now @param {object} dot */
+  sendPoint(now, dot) {
+    const frame = encodeFrame("command/point", dot);
+    if (!(this.way(now) === "datachannel" && this.link.send(frame)) && this.allows("mqtt")) {
+      this.socket.send(frame, { droppable: true });
+    }
+  }
+
+  /** @param {number} now @param {"stop" | "estop"} type */
+  stop(now, type) {
+    this.#both(this.commands.stop(now, type));
+  }
+
+  /** @param {number} now */
+  repeatStop(now) {
+    const message = this.commands.repeat(now);
+    if (message) {
+      this.#both(message);
+    }
+  }
+
+  /** One beat on each way. @param {number} now @param {number | null} frameAge */
+  beat(now, frameAge) {
+    this.link.send(encodeFrame("command/heartbeat", this.pulse.beat("datachannel", now, frameAge)));
+    this.socket.send(encodeFrame("command/heartbeat", this.pulse.beat("mqtt", now, frameAge)), { droppable: true });
+  }
+
+  /** Tell the server when that has changed whether the robot is heard directly, so that it need not send the same. @param {number} now */
+  tellDirect(now) {
+    const direct = this.pulse.silence("datachannel", now) < DIRECT_SILENCE;
+    if (direct !== this.direct && this.socket.send(encodeFrame("page/direct", { direct }), { droppable: true })) {
+      this.direct = direct;
+    }
+  }
+
+  /** @param {object} action */
+  #both(action) {
+    const frame = encodeFrame("command/action", action);
+    this.link.send(frame);
+    this.socket.send(frame);
+  }
+}
