@@ -29,15 +29,15 @@ const mayAim = (state) => roleOf(state.visit) === "driver" && ((can(state, "goto
  * @param {ReturnType<typeof import("../drive/store.js").createStore>} page.store
  * @param {import("../lib/words.js").Words} page.words
  * @param {(id: string) => HTMLElement} page.element
- * @param {import("../input/key_dispatcher.js").Hotkeys} page.hotkeys
+ * @param {import("../input/key_dispatcher.js").KeyDispatcher} page.keys
  * @param {import("../view/map/robot_map.js").RobotMap} page.map
  * @param {(action: string) => void} page.act
- * @param {(task: import("./robot_action.js").Task) => void} page.sendOrder
+ * @param {(task: import("./robot_action.js").Task) => void} page.sendAction
  * @param {(level: string) => void} page.sendAssist
  */
-export const createAutonomy = ({ store, words, element, hotkeys, map, act, sendOrder, sendAssist }) => {
+export const createAutonomy = ({ store, words, element, keys, map, act, sendAction, sendAssist }) => {
   const held = new HeldHelp();
-  const shows = [createOfferPanel(element, words, act), createMapBar(element, words, act, hotkeys)];
+  const shows = [createOfferPanel(element, words, act), createMapBar(element, words, act, keys)];
   /** @type {{task: string, aim: any}} the goal of the last task that was asked for: the same object while it is the same goal */
   let lastGoal = { task: "", aim: null };
   const aiming = new Aiming({
@@ -72,7 +72,7 @@ export const createAutonomy = ({ store, words, element, hotkeys, map, act, sendO
     if (roleOf(store.get().visit) === "driver") {
       const task = ask(wish, freshId("act-"), unixNow());
       store.update({ task, aim: null, placesOpen: false });
-      sendOrder(task);
+      sendAction(task);
     }
   };
 
@@ -183,7 +183,7 @@ export const createAutonomy = ({ store, words, element, hotkeys, map, act, sendO
         store.update({ task });
       }
       if (send && task) {
-        sendOrder(task);
+        sendAction(task);
       }
       showHelp(held.tick(now));
     },

@@ -35,10 +35,10 @@ export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? (s
  * @param {(id: string) => HTMLElement} element
  * @param {import("../lib/words.js").Words} words
  * @param {(action: string) => void} act
- * @param {import("../input/key_dispatcher.js").Hotkeys} hotkeys
+ * @param {import("../input/key_dispatcher.js").KeyDispatcher} keys
  * @returns {(state: import("../drive/store.js").State) => void}
  */
-export const createMapBar = (element, words, act, hotkeys) => {
+export const createMapBar = (element, words, act, keys) => {
   const [toggle, menu, bar] = [element("places-toggle"), element("places"), element("aim")];
   const viewport = element("viewport");
   let drawn = "";
@@ -46,7 +46,7 @@ export const createMapBar = (element, words, act, hotkeys) => {
     act("places");
     viewport.focus({ preventScroll: true });
   };
-  hotkeys.closes(menu, close, () => act("places"));
+  keys.closes(menu, close, () => act("places"));
   toggle.addEventListener("click", (event) => {
     act("places");
     if (!menu.hidden) {

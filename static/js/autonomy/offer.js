@@ -38,7 +38,7 @@ export const offerFor = (state) => {
   if (task?.status === "FAILED") {
     return { word: `task.failed.${known(task)}`, detail: reasonFor(task.reason), tone: "danger", main: AGAIN, other: SELF };
   }
-  if (state.errand === "back") {
+  if (state.maneuver === "back") {
     return { word: "task.undock", detail: { word: "task.take_over" }, tone: "calm", main: STOP };
   }
   if (robot.docked) {

@@ -13,7 +13,7 @@ const KINDS = ["pointerdown", "keydown", "wheel", "input"];
  * @param {() => boolean} options.isAsked whether the visitor is being asked
  * @param {() => void} options.onSign
  */
-export const watchForSigns = ({ target, clock, isAsked, onSign }) => {
+export const watchActivity = ({ target, clock, isAsked, onSign }) => {
   let at = -Infinity;
   const sign = () => {
     if (isAsked() || clock() - at >= EVERY) {

@@ -7,8 +7,8 @@
 
 import { createAutonomy } from "../autonomy/feature.js";
 import { CommandStream, TICK_SECONDS } from "../protocol/command_stream.js";
-import { Carrier } from "../protocol/transport_router.js";
-import { Pulse } from "../protocol/clock_sync.js";
+import { TransportRouter } from "../protocol/transport_router.js";
+import { ClockSync } from "../protocol/clock_sync.js";
 import { Link, isSupported } from "../protocol/link.js";
 import { Peer } from "../protocol/peer.js";
 import { reduce, roleOf } from "../protocol/session.js";
@@ -19,28 +19,28 @@ import { createAnnouncer } from "../view/hud/announcer.js";
 import { cardFor } from "../view/hud/card.js";
 import { createControls } from "../view/hud/controls.js";
 import { createDials } from "../view/hud/dials.js";
-import { Dialog } from "../view/hud/card_panel.js";
-import { Hotkeys } from "../input/key_dispatcher.js";
-import { watchForSigns } from "./activity.js";
+import { CardPanel } from "../view/hud/card_panel.js";
+import { KeyDispatcher } from "../input/key_dispatcher.js";
+import { watchActivity } from "./activity.js";
 import { createReadings } from "../view/hud/readings.js";
 import { createView } from "../view/display/feature.js";
 import { unixNow } from "../lib/clock.js";
-import { fetched } from "../lib/lazy.js";
+import { lazy } from "../lib/lazy.js";
 import { freshId } from "../lib/ids.js";
 import { readWords } from "../lib/words.js";
-import { createLooking } from "../view/map/gestures.js";
+import { createMapControls } from "../view/map/gestures.js";
 import { RobotMap, loadFloorPlan } from "../view/map/robot_map.js";
 import { createOverlay } from "../view/overlay/feature.js";
 import { forget, recall, remember, rememberLeaving } from "./storage.js";
 import { createPresence } from "../presence/feature.js";
-import { ON_DATA_CHANNEL, Rejection, decodeFrame, encodeFrame } from "../protocol/robot_api.js";
-import { createRounds } from "./scheduler.js";
+import { ON_DATA_CHANNEL, Rejection, decodePacket, encodePacket } from "../protocol/robot_api.js";
+import { createScheduler } from "./scheduler.js";
 import { createStore, newState } from "./store.js";
 import { controllersOf } from "../study/restrictions.js";
 import { createStudy } from "../study/feature.js";
 import { messageOf } from "../autonomy/robot_action.js";
 import { ShownFrame } from "../view/video/capture_stamp.js";
-import { SlowPicture } from "../view/video/jpeg_fallback.js";
+import { JpegFallback } from "../view/video/jpeg_fallback.js";
 import { Viewport } from "../view/video/viewport.js";
 
 const MAP_TOOLS = 48; // CSS pixels that the buttons at the map's upper edge take
@@ -52,8 +52,8 @@ const cockpit = element("cockpit");
 const title = document.title;
 
 const store = createStore({ ...newState(), factsheet: config.factsheet ?? null, study: config.study ?? null, practice: config.practice ? "off" : "none" });
-const hotkeys = new Hotkeys();
-const pulse = new Pulse();
+const keys = new KeyDispatcher();
+const clockSync = new ClockSync();
 const commands = new CommandStream({ freshId: () => freshId("stop-") });
 const shown = new ShownFrame();
 const refusedFrames = new Map();
@@ -88,7 +88,7 @@ const entitle = ({ phase, askedUntil }) => {
 
 /** @type {Record<string, (effect: any) => void>} */
 const EFFECTS = {
-  send: ({ suffix, message }) => socket.send(encodeFrame(suffix, message)),
+  send: ({ suffix, message }) => socket.send(encodePacket(suffix, message)),
   prepare_link: ({ role }) => link.prepare(role),
   open_link: ({ role, iceServers, attempt }) => link.open(role, iceServers, attempt),
   close_link: () => {
@@ -112,14 +112,14 @@ const takeControl = (/** @type {any} */ lease) => {
   commands.bind(lease);
   steering.leaseLimits = lease.limits;
   steering.allow(controllersOf(store.get()));
-  carrier.only = store.get().visit.terms?.controlWay ?? "any";
+  router.only = store.get().visit.terms?.controlWay ?? "any";
   study.began(lease.session);
   steering.enable();
   if (lease.session !== begun) {
     begun = lease.session;
     view.began(again);
   }
-  if (!hotkeys.taken) {
+  if (!keys.taken) {
     element("viewport").focus({ preventScroll: true });
   }
 };
@@ -138,7 +138,7 @@ const socket = new Socket({
   onFrame: (frame) => receive(frame, "mqtt"),
   onOpen: () => {
     performance.mark("drive:socket");
-    carrier.direct = false;
+    router.direct = false;
     rounds.heardServer();
     slow.hurry();
     store.update({ faults: [] });
@@ -148,11 +148,11 @@ const socket = new Socket({
 });
 
 const link = new Link({
-  makePeer: (role) => new Peer({ role, onSignal: (message) => socket.send(encodeFrame("signal", message)), onFrame: (frame) => receive(frame, "datachannel") }),
+  makePeer: (role) => new Peer({ role, onSignal: (message) => socket.send(encodePacket("signal", message)), onFrame: (frame) => receive(frame, "datachannel") }),
   onDropping: () => viewport.freeze(),
   onOpening: (peer) => {
     shown.reset();
-    pulse.reset("datachannel");
+    clockSync.reset("datachannel");
     rounds.linkBegins();
     store.update({ playing: slow.isFresh(unixNow()) });
     viewport.attach(peer.video, peer.audio);
@@ -178,12 +178,12 @@ const standStill = () => {
   stop();
 };
 
-const carrier = new Carrier({ socket, link, pulse, commands });
+const router = new TransportRouter({ socket, link, clockSync, commands });
 
 /** @param {unknown} frame @param {import("../protocol/clock_sync.js").Way} way */
 const receive = (frame, way) => {
   try {
-    const { suffix, message } = decodeFrame(frame);
+    const { suffix, message } = decodePacket(frame);
     if (way === "mqtt") {
       rounds.heardServer();
     }
@@ -212,7 +212,7 @@ const take = (suffix, message, way) => {
 const HANDLERS = {
   heartbeat: (message, way) => {
     const now = unixNow();
-    pulse.heard(way, message, store.get().visit.peer, now);
+    clockSync.heard(way, message, store.get().visit.peer, now);
     if (way === "datachannel") {
       link.heard(now);
     }
@@ -289,7 +289,7 @@ const HANDLERS = {
  * @returns {boolean} whether it is on its way
  */
 const report = (type, data = {}, stamp = unixNow()) =>
-  Boolean(store.get().visit.session) && socket.send(encodeFrame("page/event", { stamp, type, data }));
+  Boolean(store.get().visit.session) && socket.send(encodePacket("page/event", { stamp, type, data }));
 
 // --- what is seen ----------------------------------------------------------------------------------------------------
 
@@ -310,8 +310,8 @@ const viewport = new Viewport({
   },
 });
 
-const slow = new SlowPicture({
-  ask: (request) => socket.send(encodeFrame("command/picture", request), { droppable: true }),
+const slow = new JpegFallback({
+  ask: (request) => socket.send(encodePacket("command/picture", request), { droppable: true }),
   show: (jpeg, isWanted) => viewport.showSlow(jpeg, isWanted),
   onShown: () => {
     store.update({ playing: true });
@@ -327,10 +327,10 @@ const map = new RobotMap({ canvas: /** @type {HTMLCanvasElement} */ (element("ma
 /** Seconds since the picture on the screen was taken, by the robot's clock; null while unknown. @param {number} now */
 const frameAge = (now) => {
   const stamp = pictureStamp();
-  return stamp === null || pulse.offset === null ? null : Math.max(0, now + pulse.offset - stamp);
+  return stamp === null || clockSync.offset === null ? null : Math.max(0, now + clockSync.offset - stamp);
 };
 
-const dialog = new Dialog({ element: element("card"), words, onAction: (action) => act(action) });
+const dialog = new CardPanel({ element: element("card"), words, onAction: (action) => act(action) });
 const readings = createReadings(element, words);
 const dials = createDials(element, document.documentElement.lang);
 const announce = createAnnouncer(element("announcer"), words);
@@ -356,12 +356,12 @@ store.subscribe((state) => {
 
 // --- what the visitor does -------------------------------------------------------------------------------------------
 
-const sendNow = () => carrier.sendVelocity(unixNow(), pictureStamp());
+const sendNow = () => router.sendVelocity(unixNow(), pictureStamp());
 
 const stop = () => {
   const role = roleOf(store.get().visit);
   if (role) {
-    carrier.stop(unixNow(), "stop");
+    router.stop(unixNow(), "stop");
     store.update({ stopping: true });
   }
 };
@@ -373,7 +373,7 @@ const brake = () => {
 };
 
 const steering = new Steering({
-  keys: hotkeys,
+  keys: keys,
   pad: element("stick"),
   knob: element("stick-knob"),
   onIntent: (intent) => {
@@ -393,15 +393,15 @@ const steering = new Steering({
 steering.robotLimits = store.get().factsheet?.limits ?? null;
 
 /** @param {import("../autonomy/robot_action.js").Task} task */
-const sendOrder = (task) => {
+const sendAction = (task) => {
   if (commands.binding) {
     const now = unixNow();
-    carrier.sendOrder(messageOf(task, commands.binding, now), now - task.askedAt > TICK_SECONDS);
+    router.sendAction(messageOf(task, commands.binding, now), now - task.askedAt > TICK_SECONDS);
   }
 };
 
 /** @param {{stamp: number, at: [number, number] | null}} dot */
-const sendPoint = (dot) => commands.binding && carrier.sendPoint(dot.stamp, { ...commands.binding, ...dot });
+const sendPoint = (dot) => commands.binding && router.sendPoint(dot.stamp, { ...commands.binding, ...dot });
 
 guard((why) => {
   if (steering.enabled) {
@@ -423,9 +423,9 @@ const giveSign = () => {
     dispatch({ type: "here" });
   }
 };
-watchForSigns({ target: window, clock: unixNow, isAsked: () => store.get().visit.askedUntil !== null, onSign: giveSign });
+watchActivity({ target: window, clock: unixNow, isAsked: () => store.get().visit.askedUntil !== null, onSign: giveSign });
 
-const aside = fetched(async () => (await import("../waiting/lazy_panels.js")).createAside({ store, config, words, element, report, begin }));
+const aside = lazy(async () => (await import("../waiting/lazy_panels.js")).createLazyPanels({ store, config, words, element, report, begin }));
 
 /** Have what calls ready while the visitor waits: a page may sound only after a touch. */
 window.addEventListener("click", () => {
@@ -477,12 +477,12 @@ const act = (action) => {
   }
   store.flush();
 };
-hotkeys.closes(element("card"), () => act(store.get().leaving ? "stay" : "here"));
+keys.closes(element("card"), () => act(store.get().leaving ? "stay" : "here"));
 
 const controls = createControls(element, words, act);
-const study = createStudy({ store, config, words, element, map, report, sendOrder });
-const presence = createPresence({ store, config, words, element, hotkeys, report, sendOrder, sendPoint });
-const autonomy = createAutonomy({ store, words, element, hotkeys, map, act, sendOrder, sendAssist: (level) => socket.send(encodeFrame("session/assist", { level })) });
+const study = createStudy({ store, config, words, element, map, report, sendAction });
+const presence = createPresence({ store, config, words, element, keys, report, sendAction, sendPoint });
+const autonomy = createAutonomy({ store, words, element, keys, map, act, sendAction, sendAssist: (level) => socket.send(encodePacket("session/assist", { level })) });
 const overlay = createOverlay({ store, element, steering, pictureStamp, stop: brake, report });
 const view = createView({
   store,
@@ -496,22 +496,22 @@ const view = createView({
   raw: () => ({
     connection: slow.on ? null : (link.peer?.connection ?? null),
     state: store.get(),
-    trips: { datachannel: pulse.roundTrip("datachannel"), mqtt: pulse.roundTrip("mqtt") },
-    glass: slow.on || pulse.offset === null || shown.stamp === null ? null : Math.max(0, shown.at + pulse.offset - shown.stamp),
+    trips: { datachannel: clockSync.roundTrip("datachannel"), mqtt: clockSync.roundTrip("mqtt") },
+    glass: slow.on || clockSync.offset === null || shown.stamp === null ? null : Math.max(0, shown.at + clockSync.offset - shown.stamp),
     size: viewport.size,
   }),
 });
-const looking = createLooking({ element, map, store, autonomy });
+const looking = createMapControls({ element, map, store, autonomy });
 Object.assign(ACTIONS, study.actions, autonomy.actions, overlay.actions, looking.actions);
 
 // --- time ------------------------------------------------------------------------------------------------------------
 
-const rounds = createRounds({
+const rounds = createScheduler({
   store,
   socket,
   link,
-  carrier,
-  pulse,
+  router,
+  clockSync,
   commands,
   slow,
   viewport,

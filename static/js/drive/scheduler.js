@@ -4,7 +4,7 @@
  */
 
 import { TICK_SECONDS } from "../protocol/command_stream.js";
-import { Aging, BEAT_SECONDS, HASTY_SECONDS } from "../protocol/clock_sync.js";
+import { AgeTrend, BEAT_SECONDS, HASTY_SECONDS } from "../protocol/clock_sync.js";
 import { createNetworkReport } from "../protocol/network_report.js";
 import { awaitsAnswer, isSigning, roleOf } from "../protocol/session.js";
 import { unixNow } from "../lib/clock.js";
@@ -21,10 +21,10 @@ const STOP_PATIENCE = 3; // s a stop is repeated after the visit is over
  * @param {ReturnType<typeof import("./store.js").createStore>} page.store
  * @param {import("../protocol/socket.js").Socket} page.socket
  * @param {import("../protocol/link.js").Link} page.link
- * @param {import("../protocol/transport_router.js").Carrier} page.carrier
- * @param {import("../protocol/clock_sync.js").Pulse} page.pulse
+ * @param {import("../protocol/transport_router.js").TransportRouter} page.router
+ * @param {import("../protocol/clock_sync.js").ClockSync} page.clockSync
  * @param {import("../protocol/command_stream.js").CommandStream} page.commands
- * @param {import("../view/video/jpeg_fallback.js").SlowPicture} page.slow
+ * @param {import("../view/video/jpeg_fallback.js").JpegFallback} page.slow
  * @param {import("../view/video/viewport.js").Viewport} page.viewport
  * @param {import("../view/video/capture_stamp.js").ShownFrame} page.shown
  * @param {(now: number) => number | null} page.frameAge s
@@ -34,12 +34,12 @@ const STOP_PATIENCE = 3; // s a stop is repeated after the visit is over
  * @param {(now: number) => void} page.onBeat five times a second
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} page.report
  * @param {(happening: import("../protocol/session.js").Happening) => void} page.dispatch
- * @param {(use: (aside: ReturnType<typeof import("../waiting/lazy_panels.js").createAside>) => void, missing?: () => void) => void} page.aside
+ * @param {(use: (aside: ReturnType<typeof import("../waiting/lazy_panels.js").createLazyPanels>) => void, missing?: () => void) => void} page.aside
  */
-export const createRounds = (page) => {
-  const { store, socket, link, carrier, pulse, commands, slow, viewport, shown, frameAge, report, dispatch } = page;
+export const createScheduler = (page) => {
+  const { store, socket, link, router, clockSync, commands, slow, viewport, shown, frameAge, report, dispatch } = page;
   const network = createNetworkReport({ store, socket, link, slow, frameAge });
-  const aging = new Aging();
+  const ageTrend = new AgeTrend();
   let [beatAt, secondAt, askedSince, hurryUntil] = [0, 0, 0, 0];
   let serverAt = Infinity; // when the server last said anything
   let troubledSince = 0; // 0: all is well
@@ -47,13 +47,13 @@ export const createRounds = (page) => {
   const tick = () => {
     const now = unixNow();
     link.watch(now);
-    carrier.repeatStop(now);
+    router.repeatStop(now);
     page.onTick();
-    slow.tick(now, { roundTrip: pulse.roundTrip("mqtt"), visible: !document.hidden });
+    slow.tick(now, { roundTrip: clockSync.roundTrip("mqtt"), visible: !document.hidden });
     page.sendNow();
     // The robot takes no command before it has three echoes to judge its age by: the first come quickly. And it sends less when pictures
     // wait before a place that has become narrow, which it learns from the beats alone.
-    const isHasty = aging.look(frameAge(now)) || now < hurryUntil;
+    const isHasty = ageTrend.look(frameAge(now)) || now < hurryUntil;
     if (now - beatAt >= (isHasty ? HASTY_SECONDS : BEAT_SECONDS) - TICK_SECONDS / 2) {
       beatAt = now;
       beat(now);
@@ -68,9 +68,9 @@ export const createRounds = (page) => {
   const beat = (now) => {
     const { visit } = store.get();
     if (visit.phase === "driving") {
-      carrier.beat(now, frameAge(now));
+      router.beat(now, frameAge(now));
     }
-    carrier.tellDirect(now);
+    router.tellDirect(now);
     if (commands.pending && !roleOf(visit) && now - commands.pending.since > STOP_PATIENCE) {
       commands.giveUp();
     }
@@ -79,12 +79,12 @@ export const createRounds = (page) => {
     if (roleOf(visit) && silence > SOCKET_SILENCE) {
       socket.redial();
     }
-    const way = carrier.way(now);
+    const way = router.way(now);
     lookAfterPicture(now);
     page.onBeat(now);
     store.update({
       way,
-      roundTrip: visit.phase === "driving" ? pulse.roundTrip(way) : null,
+      roundTrip: visit.phase === "driving" ? clockSync.roundTrip(way) : null,
       frameAge: frameAge(now),
       serverSilent: silence > SERVER_SILENCE,
       stopping: commands.pending !== null,

@@ -79,7 +79,7 @@ export const newState = () => ({
   /** an answer to what the visitor has just tried, its word and when */
   said: /** @type {{word: string, at: number} | null} */ (null),
   /** what the page drives by itself for who pressed once: to a goal, a turn, or back out of the dock */
-  errand: /** @type {import("../input/maneuver.js").Kind | null} */ (null),
+  maneuver: /** @type {import("../input/maneuver.js").Kind | null} */ (null),
   /** what seems wrong with the connection, and what to do: pages/check/verdict.js; null while nothing is known */
   finding: /** @type {{word: string, values: Record<string, string | number>} | null} */ (null),
   /** the browser to open this page in where one inside an app has no live video: pages/check/in_app.js; empty elsewhere */

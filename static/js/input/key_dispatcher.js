@@ -49,7 +49,7 @@ export const keyUse = (event, holder) => {
 
 /** @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void, letGo?: () => void}} KeyUser */
 
-export class Hotkeys {
+export class KeyDispatcher {
   /**
    * @param {object} [options]
    * @param {EventTarget} [options.target] where keys are heard

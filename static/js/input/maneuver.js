@@ -20,7 +20,7 @@ const LOOK_AHEAD = 0.35; // m beyond the way of braking: what stands there ends 
 
 const VELOCITIES = { goal: towards, turn: turnTo, back: backOut };
 
-export class Errand {
+export class Maneuver {
   /**
    * @param {object} options
    * @param {(method: string, velocity: {linear: number, angular: number}) => boolean} options.offer false when something newer steers
@@ -40,7 +40,7 @@ export class Errand {
     this.letGo();
   }
 
-  /** Drive there from now on; another errand is over. @param {Kind} kind @param {[number, number]} point of the map: the goal, what to look at, or where the robot stands @param {string} method @param {number} now s */
+  /** Drive there from now on; another maneuver is over. @param {Kind} kind @param {[number, number]} point of the map: the goal, what to look at, or where the robot stands @param {string} method @param {number} now s */
   start(kind, point, method, now) {
     if (this.now && this.now.method !== method) {
       this.letGo();
@@ -108,6 +108,6 @@ export class Errand {
 /** @param {import("../view/overlay/transforms.js").Moment} moment @param {[number, number]} goal @param {World} world */
 const isBlocked = (moment, goal, { limits, footprint, seen }) => {
   const brakes = (moment.linear * moment.linear) / (2 * limits.linearBraking) + LOOK_AHEAD;
-  const swath = sweep(wayTo(moment, goal), footprint, seen);
-  return swath !== null && swath.blocked && swath.length < brakes;
+  const sweptPath = sweep(wayTo(moment, goal), footprint, seen);
+  return sweptPath !== null && sweptPath.blocked && sweptPath.length < brakes;
 };

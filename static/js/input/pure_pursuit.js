@@ -5,7 +5,7 @@
  * the Pure Pursuit Path Tracking Algorithm, 1992). What lies far aside is turned to first.
  */
 
-import { into, outOf } from "../view/overlay/transforms.js";
+import { robotFromMap, mapFromRobot } from "../view/overlay/transforms.js";
 import { arcSteps, sweep } from "../view/overlay/swept_path.js";
 
 export const ARRIVED = 0.12; // m
@@ -28,7 +28,7 @@ const STAND_OFF = 0.15; // m that are left before what stands in the way
  * @returns {{linear: number, angular: number} | null} null when it is there
  */
 export const towards = (robot, goal, full, braking) => {
-  const [x, y] = into(robot, goal);
+  const [x, y] = robotFromMap(robot, goal);
   const [distance, bearing] = [Math.hypot(x, y), Math.atan2(y, x)];
   // A point that was just missed is not hunted for in circles.
   if (distance < ARRIVED || (distance < 3 * ARRIVED && Math.abs(bearing) > ASIDE)) {
@@ -48,7 +48,7 @@ export const towards = (robot, goal, full, braking) => {
  * @returns {{linear: number, angular: number} | null} null when it looks there
  */
 export const turnTo = (robot, point, full) => {
-  const [x, y] = into(robot, point);
+  const [x, y] = robotFromMap(robot, point);
   const bearing = Math.atan2(y, x);
   return Math.abs(bearing) < LOOKING ? null : { linear: 0, angular: Math.sign(bearing) * Math.min(full.angular, Math.max(LEAST_TURN, Math.abs(bearing))) };
 };
@@ -57,11 +57,11 @@ export const turnTo = (robot, point, full) => {
  * A point to look at after a turn.
  * @param {import("../view/overlay/transforms.js").Place} robot @param {number} turn rad @returns {Point} m, of the map
  */
-export const lookingAt = (robot, turn) => outOf(robot, [Math.cos(turn), Math.sin(turn)]);
+export const lookingAt = (robot, turn) => mapFromRobot(robot, [Math.cos(turn), Math.sin(turn)]);
 
 /** The way that `towards` takes. @param {import("../view/overlay/transforms.js").Place} robot @param {Point} goal @returns {import("../view/overlay/swept_path.js").Step[]} */
 export const wayTo = (robot, goal) => {
-  const [x, y] = into(robot, goal);
+  const [x, y] = robotFromMap(robot, goal);
   const [distance, bearing] = [Math.hypot(x, y), Math.atan2(y, x)];
   const rest = Math.max(-ASIDE, Math.min(ASIDE, bearing));
   const length = Math.abs(rest) < 1e-3 ? distance : (distance * rest) / Math.sin(rest);
@@ -75,7 +75,7 @@ export const wayTo = (robot, goal) => {
 export const backOut = (robot, from, full) =>
   Math.hypot(robot.x - from[0], robot.y - from[1]) >= BACK_OUT ? null : { linear: -Math.min(BACK_SPEED, full.reverse), angular: 0 };
 
-/** @typedef {{goal: Point, swath: import("../view/overlay/swept_path.js").Swath} | {no: "sky" | "wall" | "close"}} Reach */
+/** @typedef {{goal: Point, sweptPath: import("../view/overlay/swept_path.js").SweptPath} | {no: "sky" | "wall" | "close"}} Reach */
 
 /**
  * Where a press on the floor leads: there, or as near as the way is free.
@@ -84,14 +84,14 @@ export const backOut = (robot, from, full) =>
  */
 export const reach = (robot, point, footprint, seen) => {
   const share = Math.min(1, FARTHEST / Math.hypot(...point));
-  const steps = wayTo(robot, outOf(robot, [share * point[0], share * point[1]]));
-  const swath = sweep(steps, footprint, seen);
-  if (swath?.blocked) {
-    const free = cut(steps, swath.length - STAND_OFF);
+  const steps = wayTo(robot, mapFromRobot(robot, [share * point[0], share * point[1]]));
+  const sweptPath = sweep(steps, footprint, seen);
+  if (sweptPath?.blocked) {
+    const free = cut(steps, sweptPath.length - STAND_OFF);
     const last = free.at(-1);
-    return swath.length - STAND_OFF < LEAST_WAY || !last ? { no: "close" } : { goal: [last.x, last.y], swath };
+    return sweptPath.length - STAND_OFF < LEAST_WAY || !last ? { no: "close" } : { goal: [last.x, last.y], sweptPath };
   }
-  return swath?.slices.length ? { goal: [swath.end.x, swath.end.y], swath } : { no: "close" };
+  return sweptPath?.slices.length ? { goal: [sweptPath.end.x, sweptPath.end.y], sweptPath } : { no: "close" };
 };
 
 /** The first steps of a way. @param {import("../view/overlay/swept_path.js").Step[]} steps @param {number} length m */

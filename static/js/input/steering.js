@@ -12,7 +12,7 @@ import { Stick } from "./stick.js";
 export class Steering {
   /**
    * @param {object} options
-   * @param {import("./key_dispatcher.js").Hotkeys} options.keys
+   * @param {import("./key_dispatcher.js").KeyDispatcher} options.keys
    * @param {HTMLElement} options.pad of the stick
    * @param {HTMLElement} options.knob
    * @param {(intent: import("../protocol/command_stream.js").Intent) => void} options.onIntent

@@ -2,9 +2,9 @@
  * A part of the page that is fetched when it is first needed. The network may be away just then: the next need fetches it again.
  * @template T
  * @param {() => Promise<T>} fetch
- * @returns {(use: (it: T) => void, missing?: () => void) => void} `missing` is called when it could not be fetched
+ * @returns {(use: (it: T) => void, missing?: () => void) => void} `missing` is called when it could not be lazy
  */
-export const fetched = (fetch) => {
+export const lazy = (fetch) => {
   /** @type {Promise<T> | undefined} */
   let coming;
   return (use, missing = () => undefined) => {

@@ -32,7 +32,7 @@ export const callOf = ({ mic, camera, shares, volume }) => {
 /**
  * Whether the robot must be told again: it lets through something else than what is sent.
  * @param {Own} own @param {any} known the call as the robot's state says it, null for none
- * @param {boolean} points whether this robot takes dots, and so tells a screen from a face; an older one never says that it knows
+ * @param {boolean} points whether this robot takes pointers, and so tells a screen from a face; an older one never says that it knows
  */
 export const mustSay = (own, known, points) => {
   const wanted = callOf(own);

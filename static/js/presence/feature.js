@@ -9,7 +9,7 @@ import { roleOf } from "../protocol/session.js";
 import { write } from "../view/hud/card_panel.js";
 import { can } from "../autonomy/offer.js";
 import { unixNow } from "../lib/clock.js";
-import { fetched } from "../lib/lazy.js";
+import { lazy } from "../lib/lazy.js";
 import { freshId } from "../lib/ids.js";
 import { ask, heard, pass } from "../autonomy/robot_action.js";
 import { Snapshots } from "../study/snapshots.js";
@@ -28,12 +28,12 @@ const VIDEO_BITRATE = 600_000; // bit/s: driving comes first
  * @param {any} page.config of the page
  * @param {import("../lib/words.js").Words} page.words
  * @param {(id: string) => HTMLElement} page.element
- * @param {import("../input/key_dispatcher.js").Hotkeys} page.hotkeys
+ * @param {import("../input/key_dispatcher.js").KeyDispatcher} page.keys
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} page.report
- * @param {(order: import("../autonomy/robot_action.js").Task) => void} page.sendOrder
+ * @param {(order: import("../autonomy/robot_action.js").Task) => void} page.sendAction
  * @param {(dot: {stamp: number, at: [number, number] | null}) => void} page.sendPoint
  */
-export const createPresence = ({ store, config, words, element, hotkeys, report, sendOrder, sendPoint }) => {
+export const createPresence = ({ store, config, words, element, keys, report, sendAction, sendPoint }) => {
   const button = (/** @type {string} */ id) => /** @type {HTMLButtonElement} */ (element(id));
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
   const self = /** @type {HTMLVideoElement} */ (element("self"));
@@ -112,7 +112,7 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
     report(kind === "audio" ? "microphone" : "camera", { on: false, why: "" });
   };
 
-  const fetchPreview = fetched(async () => (await import("./screen_preview.js")).createPreview({ element, sendPoint, backToDriving }));
+  const fetchPreview = lazy(async () => (await import("./screen_preview.js")).createPreview({ element, sendPoint, backToDriving }));
   /** @type {ReturnType<typeof import("./screen_preview.js").createPreview> | null} of the screen that is shown; without it it is shown all the same */
   let preview = null;
 
@@ -140,7 +140,7 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
   };
 
   const talkKey = new TalkKey({
-    keys: hotkeys,
+    keys: keys,
     onTalk: (down) => {
       if (!isOffered(store.get(), "call")) {
         return;
@@ -168,7 +168,7 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
     }
     if (robot && isOffered(store.get(), "call") && mustSay(own, known, takesDots()) && now - saidAt > AGAIN_SECONDS) {
       saidAt = now;
-      sendOrder(ask({ type: "call", ...(callOf(own) ?? { ringing: false }) }, freshId("call-"), now));
+      sendAction(ask({ type: "call", ...(callOf(own) ?? { ringing: false }) }, freshId("call-"), now));
     }
   };
 
@@ -196,15 +196,15 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
     show("");
     backToDriving();
   };
-  hotkeys.closes(element("talk"), closePanel, () => show("talk"));
-  hotkeys.closes(element("volumes"), closePanel, () => show(""));
+  keys.closes(element("talk"), closePanel, () => show("talk"));
+  keys.closes(element("volumes"), closePanel, () => show(""));
 
   element("talk-form").addEventListener("submit", (event) => {
     event.preventDefault();
     const field = input("talk-field");
     const text = field.value.trim().slice(0, 500);
     if (text) {
-      sendOrder(ask({ type: "say", text, aloud: input("talk-aloud").checked, language: document.documentElement.lang }, freshId("say-"), unixNow()));
+      sendAction(ask({ type: "say", text, aloud: input("talk-aloud").checked, language: document.documentElement.lang }, freshId("say-"), unixNow()));
       field.value = "";
     }
     show("talk"); // what was said, and what is answered, stays in sight
@@ -224,7 +224,7 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
 
   input("tilt-slider").addEventListener("input", () => tiltTo(Number(input("tilt-slider").value)));
   input("tilt-slider").addEventListener("pointerup", backToDriving); // the arrows are to drive again, and not to nod
-  hotkeys.add({
+  keys.add({
     down: (event) => {
       const step = stepOf(event);
       const { robot, factsheet } = store.get();
@@ -240,7 +240,7 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
     if (photo === null || photo.endedAt !== null) {
       photoFound = "";
       photo = ask({ type: "photo" }, freshId("photo-"), unixNow());
-      sendOrder(photo);
+      sendAction(photo);
     }
   };
 
@@ -275,7 +275,7 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
     button(id).addEventListener("click", () => {
       click();
       store.update({});
-      if (!hotkeys.taken) {
+      if (!keys.taken) {
         backToDriving(); // the space bar is to stop the robot, not to press this again
       }
     });
@@ -431,11 +431,11 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
       sayCall(now);
       const angle = tilting.take(now);
       if (angle !== null) {
-        sendOrder(ask({ type: "tilt", angle }, freshId("tilt-"), now));
+        sendAction(ask({ type: "tilt", angle }, freshId("tilt-"), now));
       }
       const next = photo?.status === "ASKED" ? pass(photo, now) : { task: photo, send: false };
       if (next.send && next.task) {
-        sendOrder(next.task);
+        sendAction(next.task);
       }
       photo = next.task;
     },

@@ -6,7 +6,7 @@
 
 import { boxOf } from "../view/overlay/camera_model.js";
 
-export const EVERY = 1 / 15; // s between two dots that are sent; the robot takes twenty a second
+export const EVERY = 1 / 15; // s between two pointers that are sent; the robot takes twenty a second
 const AGAIN = 0.8; // s after which a hand that is pressed and rests is told again, before its dot fades
 export const STAYS = 2; // s without another until a dot goes away
 const LEAST = 0.8; // s that a dot is shown at least: a finger that only taps is gone before anybody has looked
@@ -66,7 +66,7 @@ export class Hand {
 }
 
 /** One side's dot, as it is told: in any order, by one way or two. */
-export class Dot {
+export class RemotePointer {
   constructor() {
     /** @type {Spot | null} */
     this.spot = null;

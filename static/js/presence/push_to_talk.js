@@ -7,7 +7,7 @@ const CODE = "KeyT";
 export class TalkKey {
   /**
    * @param {object} options
-   * @param {import("../input/key_dispatcher.js").Hotkeys} options.keys
+   * @param {import("../input/key_dispatcher.js").KeyDispatcher} options.keys
    * @param {(down: boolean) => void} options.onTalk
    */
   constructor({ keys, onTalk }) {

@@ -8,7 +8,7 @@
 
 import { write } from "../view/hud/card_panel.js";
 import { unixNow } from "../lib/clock.js";
-import { Dot, EVERY, Hand, frameOf, spotIn } from "./pointer_state.js";
+import { RemotePointer, EVERY, Hand, frameOf, spotIn } from "./pointer_state.js";
 
 const LOOK = 100; // ms between two looks at whether a dot is to go
 
@@ -23,10 +23,10 @@ const LOOK = 100; // ms between two looks at whether a dot is to go
  * @param {(dot: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} options.say tell the other side
  * @param {() => void} [options.onLift] a press is over
  */
-export const createDots = ({ video, layer, own, hovers, say, onLift = () => undefined }) => {
+export const createRemotePointers = ({ video, layer, own, hovers, say, onLift = () => undefined }) => {
   const sides = {
-    driver: { dot: new Dot(), element: /** @type {HTMLElement} */ (layer.querySelector(".dot--driver")) },
-    screen: { dot: new Dot(), element: /** @type {HTMLElement} */ (layer.querySelector(".dot--screen")) },
+    driver: { dot: new RemotePointer(), element: /** @type {HTMLElement} */ (layer.querySelector(".dot--driver")) },
+    screen: { dot: new RemotePointer(), element: /** @type {HTMLElement} */ (layer.querySelector(".dot--screen")) },
   };
   const hand = new Hand();
   let open = false;
@@ -116,7 +116,7 @@ export const createDots = ({ video, layer, own, hovers, say, onLift = () => unde
   return {
     /** The picture lies elsewhere in its element, for a reason that is no size. */
     place,
-    /** Whether dots are shown and the hand is heard from now on. @param {boolean} may @param {string} name of the visitor, whose initial their dot bears */
+    /** Whether pointers are shown and the hand is heard from now on. @param {boolean} may @param {string} name of the visitor, whose initial their dot bears */
     allow: (may, name) => {
       write(sides.driver.element, (Array.from(name)[0] ?? "").toUpperCase());
       if (may !== open) {

@@ -3,7 +3,7 @@
  * on it. Fetched when a screen is shown for the first time.
  */
 
-import { createDots } from "./remote_pointers.js";
+import { createRemotePointers } from "./remote_pointers.js";
 
 /**
  * @param {object} page
@@ -14,22 +14,22 @@ import { createDots } from "./remote_pointers.js";
 export const createPreview = ({ element, sendPoint, backToDriving }) => {
   const box = element("shared");
   const video = /** @type {HTMLVideoElement} */ (element("shared-video"));
-  const dots = createDots({ video, layer: element("shared-dots"), own: "driver", hovers: true, say: sendPoint, onLift: backToDriving });
+  const pointers = createRemotePointers({ video, layer: element("shared-dots"), own: "driver", hovers: true, say: sendPoint, onLift: backToDriving });
   /** @type {MediaStreamTrack | null} */
   let shown = null;
 
   box.addEventListener("pointerdown", (event) => event.stopPropagation()); // a press on the stage beneath would drive there
 
   return {
-    pointed: dots.told,
-    /** @param {{track: MediaStreamTrack | null, points: boolean, name: string}} what the screen that they see, null for none; whether dots reach them; the visitor's name */
+    pointed: pointers.told,
+    /** @param {{track: MediaStreamTrack | null, points: boolean, name: string}} what the screen that they see, null for none; whether pointers reach them; the visitor's name */
     show: ({ track, points, name }) => {
       box.hidden = track === null;
       if (track !== shown) {
         shown = track;
         video.srcObject = track && new MediaStream([track]);
       }
-      dots.allow(points, name);
+      pointers.allow(points, name);
     },
   };
 };

@@ -6,7 +6,7 @@
  */
 
 /** @typedef {"datachannel" | "mqtt"} Way */
-/** @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number, received: number}[]}} RobotBeat */
+/** @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number, received: number}[]}} RobotHeartbeat */
 
 export const BEAT_SECONDS = 0.2;
 export const HASTY_SECONDS = BEAT_SECONDS / 2; // while they say what cannot wait
@@ -21,7 +21,7 @@ const PARITY = { datachannel: 0, mqtt: 1 };
 const wayOf = (n) => (n % 2 === 0 ? "datachannel" : "mqtt");
 
 /** Whether pictures have become older of late; look often. */
-export class Aging {
+export class AgeTrend {
   constructor() {
     this.best = Infinity;
   }
@@ -42,7 +42,7 @@ const newWay = () => ({
   last: /** @type {{n: number, stamp: number, received: number} | null} */ (null),
 });
 
-export class Pulse {
+export class ClockSync {
   constructor() {
     /** @type {Record<Way, ReturnType<typeof newWay>>} */
     this.ways = { datachannel: newWay(), mqtt: newWay() };
@@ -68,7 +68,7 @@ export class Pulse {
 
   /**
    * The robot's beat, heard on a way.
-   * @param {Way} way @param {RobotBeat} beat @param {string | null} peer this page's id @param {number} now
+   * @param {Way} way @param {RobotHeartbeat} beat @param {string | null} peer this page's id @param {number} now
    */
   heard(way, beat, peer, now) {
     const heard = this.ways[way];

@@ -2,7 +2,7 @@
  * How the network did in the last second: for the page's own figures, and for the record of the session.
  */
 
-import { encodeFrame } from "./robot_api.js";
+import { encodePacket } from "./robot_api.js";
 import { between, pick } from "./link_stats.js";
 
 /**
@@ -10,7 +10,7 @@ import { between, pick } from "./link_stats.js";
  * @param {ReturnType<typeof import("../drive/store.js").createStore>} page.store
  * @param {import("./socket.js").Socket} page.socket
  * @param {import("./link.js").Link} page.link
- * @param {import("../view/video/jpeg_fallback.js").SlowPicture} page.slow
+ * @param {import("../view/video/jpeg_fallback.js").JpegFallback} page.slow
  * @param {(now: number) => number | null} page.frameAge s
  */
 export const createNetworkReport = ({ store, socket, link, slow, frameAge }) => {
@@ -24,7 +24,7 @@ export const createNetworkReport = ({ store, socket, link, slow, frameAge }) => 
     if (visit.phase === "driving") {
       const age = frameAge(now);
       const message = { stamp: now, way, roundTrip: roundTrip ?? undefined, frameAge: age ?? undefined, ...second };
-      socket.send(encodeFrame("page/network", message), { droppable: true });
+      socket.send(encodePacket("page/network", message), { droppable: true });
     }
   };
 

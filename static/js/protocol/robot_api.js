@@ -1,12 +1,12 @@
 /**
  * The words on the wire, for pages: Robot API version 1 as far as a page reads and writes it, and the WebSocket's own words.
  *
- * A frame is a suffix, a newline, and JSON. `decodeFrame` is the only door: what passes it has the right types and ranges, with
+ * A frame is a suffix, a newline, and JSON. `decodePacket` is the only door: what passes it has the right types and ranges, with
  * defaults filled in; what does not throws a Rejection, which the caller counts and drops. tests/golden/ binds this file to
  * robots/api and sessions/protocol.py.
  */
 
-import { Misfit, dictionary, flag, integer, list, matching, nullable, number, object, oneOf, optional, tagged, text, tuple } from "./shapes.js";
+import { ShapeError, dictionary, flag, integer, list, matching, nullable, number, object, oneOf, optional, tagged, text, tuple } from "./shapes.js";
 
 export class Rejection extends Error {
   /** @param {"oversized" | "malformed" | "unknown_topic"} reason @param {string} detail */
@@ -302,7 +302,7 @@ export const ON_DATA_CHANNEL = new Set(["state", "pose", "path", "scan", "event"
  * @param {object} message fields in camelCase; those that are undefined are left out
  * @returns {string}
  */
-export const encodeFrame = (suffix, message) => `${suffix}\n${JSON.stringify(message)}`;
+export const encodePacket = (suffix, message) => `${suffix}\n${JSON.stringify(message)}`;
 
 const PICTURE = [..."picture\n"].map((letter) => letter.charCodeAt(0));
 const LARGEST_PICTURE = 48 * KIB;
@@ -336,7 +336,7 @@ const decodePicture = (frame) => {
  * @returns {{suffix: string, message: any}}
  * @throws {Rejection}
  */
-export const decodeFrame = (frame) => {
+export const decodePacket = (frame) => {
   if (frame instanceof ArrayBuffer) {
     return decodePicture(frame);
   }
@@ -368,7 +368,7 @@ export const decode = (suffix, payload) => {
   try {
     return shape(JSON.parse(payload));
   } catch (error) {
-    if (error instanceof SyntaxError || error instanceof Misfit || error instanceof RangeError) {
+    if (error instanceof SyntaxError || error instanceof ShapeError || error instanceof RangeError) {
       throw new Rejection("malformed", `${suffix}: ${error.message}`);
     }
     throw error;

@@ -3,23 +3,23 @@
  * WebSocket; a stop goes over both. The numbers are the same, so a change of way is not noticed.
  */
 
-import { encodeFrame } from "./robot_api.js";
+import { encodePacket } from "./robot_api.js";
 
 /** s of silence on the data channel after which the server shall send everything again; the robot's heart beats five times a second. */
 const DIRECT_SILENCE = 0.7;
 
-export class Carrier {
+export class TransportRouter {
   /**
    * @param {object} options
    * @param {{send: (frame: string, options?: {droppable?: boolean}) => boolean, isOpen: boolean}} options.socket
    * @param {{send: (frame: string) => boolean}} options.link
-   * @param {import("./clock_sync.js").Pulse} options.pulse
+   * @param {import("./clock_sync.js").ClockSync} options.clockSync
    * @param {import("./command_stream.js").CommandStream} options.commands
    */
-  constructor({ socket, link, pulse, commands }) {
+  constructor({ socket, link, clockSync, commands }) {
     this.socket = socket;
     this.link = link;
-    this.pulse = pulse;
+    this.clockSync = clockSync;
     this.commands = commands;
     /** What the server was told last; every new connection to it begins anew. */
     this.direct = false;
@@ -37,14 +37,14 @@ export class Carrier {
     if (this.only !== "any") {
       return this.only;
     }
-    return this.pulse.isFresh("datachannel", now) ? "datachannel" : "mqtt";
+    return this.clockSync.isFresh("datachannel", now) ? "datachannel" : "mqtt";
   }
 
   /** The velocity of this moment, if there is one. @param {number} now @param {number | null} frame */
   sendVelocity(now, frame) {
     const message = this.commands.velocity(now, frame);
     if (message) {
-      const encoded = encodeFrame("command/velocity", message);
+      const encoded = encodePacket("command/velocity", message);
       const sent = this.way(now) === "datachannel" && this.link.send(encoded);
       if (!sent && this.allows("mqtt")) {
         // What cannot go out now is not kept: a command that waits is a command that comes too late.
@@ -57,8 +57,8 @@ export class Carrier {
    * An action, by the way that loses nothing; on both, when it is said again or the server is out of reach.
    * @param {object} action @param {boolean} again
    */
-  sendOrder(action, again) {
-    const frame = encodeFrame("command/action", action);
+  sendAction(action, again) {
+    const frame = encodePacket("command/action", action);
     if (this.allows("datachannel") && (again || !this.socket.isOpen || !this.allows("mqtt"))) {
       this.link.send(frame);
     }
@@ -69,7 +69,7 @@ export class Carrier {
 
   /** A dot on what is shared, by the way of this moment or not at all. @param {number} now @param {object} dot */
   sendPoint(now, dot) {
-    const frame = encodeFrame("command/point", dot);
+    const frame = encodePacket("command/point", dot);
     if (!(this.way(now) === "datachannel" && this.link.send(frame)) && this.allows("mqtt")) {
       this.socket.send(frame, { droppable: true });
     }
@@ -90,21 +90,21 @@ export class Carrier {
 
   /** One beat on each way. @param {number} now @param {number | null} frameAge */
   beat(now, frameAge) {
-    this.link.send(encodeFrame("command/heartbeat", this.pulse.beat("datachannel", now, frameAge)));
-    this.socket.send(encodeFrame("command/heartbeat", this.pulse.beat("mqtt", now, frameAge)), { droppable: true });
+    this.link.send(encodePacket("command/heartbeat", this.clockSync.beat("datachannel", now, frameAge)));
+    this.socket.send(encodePacket("command/heartbeat", this.clockSync.beat("mqtt", now, frameAge)), { droppable: true });
   }
 
   /** Tell the server when that has changed whether the robot is heard directly, so that it need not send the same. @param {number} now */
   tellDirect(now) {
-    const direct = this.pulse.silence("datachannel", now) < DIRECT_SILENCE;
-    if (direct !== this.direct && this.socket.send(encodeFrame("page/direct", { direct }), { droppable: true })) {
+    const direct = this.clockSync.silence("datachannel", now) < DIRECT_SILENCE;
+    if (direct !== this.direct && this.socket.send(encodePacket("page/direct", { direct }), { droppable: true })) {
       this.direct = direct;
     }
   }
 
   /** @param {object} action */
   #both(action) {
-    const frame = encodeFrame("command/action", action);
+    const frame = encodePacket("command/action", action);
     this.link.send(frame);
     this.socket.send(frame);
   }

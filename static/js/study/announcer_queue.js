@@ -6,7 +6,7 @@
 const PAUSE = 4; // s between two sentences
 const TIMES = [120, 60, 30, 10]; // s left that are worth a word
 
-export class Herald {
+export class AnnouncerQueue {
   constructor() {
     this.wanted = "";
     this.said = "";

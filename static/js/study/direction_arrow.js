@@ -32,7 +32,7 @@ export const pointTo = (pose, target, hfov) => {
  * @param {() => {x: number, y: number, theta: number, localized: boolean} | null} poseNow the newest pose there is
  * @param {string} language a BCP 47 tag
  */
-export const createPointer = (element, words, poseNow, language) => {
+export const createDirectionArrow = (element, words, poseNow, language) => {
   const arrow = element("pointer");
   const metres = new Intl.NumberFormat(language, { minimumFractionDigits: 1, maximumFractionDigits: 1 });
   return (/** @type {import("../drive/store.js").State} */ state) => {

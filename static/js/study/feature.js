@@ -4,15 +4,15 @@
  */
 
 import { unixNow } from "../lib/clock.js";
-import { fetched } from "../lib/lazy.js";
+import { lazy } from "../lib/lazy.js";
 import { freshId } from "../lib/ids.js";
 import { ask, heard, pass } from "../autonomy/robot_action.js";
 import { GO_ON_SECONDS, hasEnded } from "./end_cards.js";
 import { hear } from "./guide.js";
 import { pursue, windowFor } from "./photo.js";
-import { createRecords } from "./recorder.js";
+import { createRecorder } from "./recorder.js";
 
-const AGAIN = 2000; // ms until a part of the page that did not arrive is fetched again
+const AGAIN = 2000; // ms until a part of the page that did not arrive is lazy again
 
 /**
  * @param {object} page
@@ -22,18 +22,18 @@ const AGAIN = 2000; // ms until a part of the page that did not arrive is fetche
  * @param {(id: string) => HTMLElement} page.element
  * @param {import("../view/map/robot_map.js").RobotMap} page.map
  * @param {(type: string, data?: Record<string, string | number | boolean | null>, stamp?: number) => boolean} page.report
- * @param {(order: import("../autonomy/robot_action.js").Task) => void} page.sendOrder
+ * @param {(order: import("../autonomy/robot_action.js").Task) => void} page.sendAction
  */
-export const createStudy = ({ store, config, words, element, map, report, sendOrder }) => {
-  const records = createRecords({ get: store.get, report, now: unixNow });
+export const createStudy = ({ store, config, words, element, map, report, sendAction }) => {
+  const records = createRecorder({ get: store.get, report, now: unixNow });
   /** @type {(state: import("../drive/store.js").State) => void} */
   let showStudy = () => undefined;
   if (config.study) {
-    const sight = fetched(() => import("./panels.js"));
+    const sight = lazy(() => import("./panels.js"));
     const begin = () =>
       sight(
-        ({ createSight }) => {
-          showStudy = createSight({ snapshots: config.snapshots, words, element, map, act: (action) => actions[action]?.() });
+        ({ createStudyPanels }) => {
+          showStudy = createStudyPanels({ snapshots: config.snapshots, words, element, map, act: (action) => actions[action]?.() });
           store.update({});
         },
         () => setTimeout(begin, AGAIN), // a study without its task is none
@@ -46,7 +46,7 @@ export const createStudy = ({ store, config, words, element, map, report, sendOr
     if (visit.phase === "driving" && (snap === null || snap.status === "FAILED")) {
       const order = ask({ type: "photo" }, freshId("photo-"), unixNow());
       store.update({ snap: order });
-      sendOrder(order);
+      sendAction(order);
     }
   };
 
@@ -129,7 +129,7 @@ export const createStudy = ({ store, config, words, element, map, report, sendOr
       store.update({ snap: task });
     }
     if (send && task) {
-      sendOrder(task);
+      sendAction(task);
     }
   }
 };

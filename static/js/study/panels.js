@@ -7,12 +7,12 @@ import { clockTime } from "../view/hud/dials.js";
 import { write } from "../view/hud/card_panel.js";
 import { unixNow } from "../lib/clock.js";
 import { guideFor } from "./guide.js";
-import { Herald, roundLeft } from "./announcer_queue.js";
+import { AnnouncerQueue, roundLeft } from "./announcer_queue.js";
 import { drawGround, drawStops, marksFor } from "./course.js";
 import { createPanel, sentence } from "./task_panel.js";
 import { windowFor } from "./photo.js";
 import { createPhotoWindow, photoSentence } from "./photo_window.js";
-import { createPointer } from "./direction_arrow.js";
+import { createDirectionArrow } from "./direction_arrow.js";
 
 /**
  * @param {object} page
@@ -23,12 +23,12 @@ import { createPointer } from "./direction_arrow.js";
  * @param {(action: string) => void} page.act
  * @returns {(state: import("../drive/store.js").State) => void}
  */
-export const createSight = ({ snapshots, words, element, map, act }) => {
-  const herald = new Herald();
+export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
+  const announcerQueue = new AnnouncerQueue();
   const shows = [
     createPanel(element, words),
     createPhotoWindow(element, words, { list: snapshots, act }),
-    createPointer(element, words, () => map.pose, document.documentElement.lang),
+    createDirectionArrow(element, words, () => map.pose, document.documentElement.lang),
   ];
   let drawn = "";
 
@@ -45,7 +45,7 @@ export const createSight = ({ snapshots, words, element, map, act }) => {
   return (state) => {
     shows.forEach((show) => show(state));
     showCourse(state);
-    write(element("task-said"), herald.hear(spoken(state, words), unixNow()) ?? herald.said);
+    write(element("task-said"), announcerQueue.hear(spoken(state, words), unixNow()) ?? announcerQueue.said);
   };
 };
 

@@ -19,7 +19,7 @@ const PERMISSIONS = ["camera", "microphone"];
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} options.report whether it was handed to the network
  * @param {() => number} options.now Unix seconds
  */
-export const createRecords = ({ get, report, now }) => {
+export const createRecorder = ({ get, report, now }) => {
   const [cue, alert, card] = [new Shown("cue_shown"), new Shown("alert_shown"), new Shown("card_shown")];
   const photo = new Shown("photo_window_shown");
   const [layout, map, controller] = [new Changes("layout"), new Changes("map"), new Changes("controller")];

@@ -18,7 +18,7 @@ import { createPractice } from "./practice.js";
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} options.report
  * @param {() => void} options.begin opens the page's connection
  */
-export const createAside = ({ store, config, words, element, report, begin }) => {
+export const createLazyPanels = ({ store, config, words, element, report, begin }) => {
   const { visit } = store.get();
   const practice = createPractice({ store, address: config.practice, element, words, report });
   return {

@@ -113,7 +113,7 @@ def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):
     strips = page.locator("#strips")
     box = strips.bounding_box()
     if page.size == "phone":
-        strips.on_encoded_frame(position={"x": box["width"] / 2, "y": 40})
+        strips.tap(position={"x": box["width"] / 2, "y": 40})
     else:
         strips.click(position={"x": box["width"] / 2, "y": 40})
     assert_is_where_it_was(page, 30.0, within=0.3)

@@ -162,7 +162,7 @@ describe("what is offered", () => {
     const lost = driving({ robot: robotOf({ pose: { localized: false } }) }, ["velocity"]);
     assert.equal(offerFor(lost), null);
     assert.deepEqual(offerFor(docked).main, { action: "back_out", word: "do.undock" });
-    assert.deepEqual(offerFor({ ...docked, errand: "back" }).main, {
+    assert.deepEqual(offerFor({ ...docked, maneuver: "back" }).main, {
       action: "stop",
       word: "do.stop",
     });

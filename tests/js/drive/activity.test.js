@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { watchForSigns } from "../../../static/js/drive/activity.js";
+import { watchActivity } from "../../../static/js/drive/activity.js";
 
 class Tone {
   constructor(audio, { frequency }) {
@@ -97,7 +97,7 @@ describe("calling a visitor", () => {
 describe("signs of being there", () => {
   const begin = () => {
     const [target, signs, now, asked] = [new EventTarget(), [], { at: 100 }, { now: false }];
-    watchForSigns({
+    watchActivity({
       target,
       clock: () => now.at,
       isAsked: () => asked.now,

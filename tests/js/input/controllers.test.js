@@ -4,7 +4,7 @@ import { describe, test } from "node:test";
 import { Arbiter } from "../../../static/js/input/arbiter.js";
 import { guard } from "../../../static/js/input/focus_loss.js";
 import { Keyboard, direction } from "../../../static/js/input/keyboard.js";
-import { Hotkeys } from "../../../static/js/input/key_dispatcher.js";
+import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
 import { START, ramp } from "../../../static/js/input/ramp.js";
 import { STEPS, fullSpeeds, toVelocity } from "../../../static/js/input/speeds.js";
 import { sharesOf } from "../../../static/js/input/stick.js";
@@ -132,7 +132,7 @@ describe("keyboard", () => {
     const frames = [];
     let now = 0;
     const keyboard = new Keyboard({
-      keys: new Hotkeys({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
+      keys: new KeyDispatcher({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
       emit: ({ ahead, left }) => log.push([ahead, left]),
       stop: () => log.push("stop"),
       step: (change) => log.push(`step ${change}`),

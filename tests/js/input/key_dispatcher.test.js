@@ -5,7 +5,7 @@ import { readFileSync, readdirSync } from "node:fs";
 import { describe, test } from "node:test";
 
 import { Keyboard } from "../../../static/js/input/keyboard.js";
-import { Hotkeys, keyUse } from "../../../static/js/input/key_dispatcher.js";
+import { KeyDispatcher, keyUse } from "../../../static/js/input/key_dispatcher.js";
 import { TalkKey } from "../../../static/js/presence/push_to_talk.js";
 import { stepOf } from "../../../static/js/presence/tilt.js";
 
@@ -34,7 +34,7 @@ const rig = () => {
   const log = [];
   let look;
   const root = { querySelectorAll: () => open, activeElement: BODY };
-  const keys = new Hotkeys({ target, root, watch: (looks) => (look = looks) });
+  const keys = new KeyDispatcher({ target, root, watch: (looks) => (look = looks) });
   const keyboard = new Keyboard({
     keys,
     emit: ({ ahead, left }) => log.push(ahead || left ? "drive" : "still"),

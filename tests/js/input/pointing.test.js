@@ -4,7 +4,7 @@ import { describe, test } from "node:test";
 
 import { newVisit } from "../../../static/js/protocol/session.js";
 import { Arbiter } from "../../../static/js/input/arbiter.js";
-import { Errand } from "../../../static/js/input/maneuver.js";
+import { Maneuver } from "../../../static/js/input/maneuver.js";
 import { Gamepads } from "../../../static/js/input/gamepad.js";
 import { HOLD_SECONDS, Pointing } from "../../../static/js/input/pointing.js";
 import {
@@ -74,7 +74,7 @@ describe("driving to a point", () => {
     const free = reach(HOME, [3, 0.5], FOOTPRINT, []);
     assert.ok(Math.hypot(free.goal[0] - 3, free.goal[1] - 0.5) < 0.02);
     const short = reach(HOME, [3, 0], FOOTPRINT, wall(2));
-    assert.ok(short.goal[0] > 1.2 && short.goal[0] < 1.6 && short.swath.blocked, `${short.goal}`);
+    assert.ok(short.goal[0] > 1.2 && short.goal[0] < 1.6 && short.sweptPath.blocked, `${short.goal}`);
     assert.deepEqual(reach(HOME, [3, 0], FOOTPRINT, wall(0.7)), { no: "close" });
     assert.ok(reach(HOME, [40, 0], FOOTPRINT, []).goal[0] < 8.1, "not to the horizon");
   });
@@ -103,7 +103,7 @@ describe("an errand", () => {
   const rig = () => {
     const [sent, ends] = [[], []];
     const arbiter = new Arbiter((intent) => sent.push(intent));
-    const errand = new Errand({
+    const maneuver = new Maneuver({
       offer: (method, velocity) => {
         arbiter.offer(method, velocity);
         return arbiter.holder === method;
@@ -119,41 +119,41 @@ describe("an errand", () => {
       seen: [],
       ...more,
     });
-    return { arbiter, errand, sent, ends, world };
+    return { arbiter, maneuver, sent, ends, world };
   };
 
   test("is sent under the name of the hand that pressed, and ends by itself", () => {
-    const { errand, sent, ends, world } = rig();
-    errand.start("goal", [3, 0], "touch", 0);
-    errand.tick(world(), 0.05);
+    const { maneuver, sent, ends, world } = rig();
+    maneuver.start("goal", [3, 0], "touch", 0);
+    maneuver.tick(world(), 0.05);
     assert.deepEqual(sent.at(-1), { linear: 0.7, angular: 0, method: "touch" });
     // As a robot drives: never further than it can between two looks.
     for (let x = 0; x <= 2.95; x += 0.05) {
-      errand.tick(world({ moment: { ...HOME, x } }), x);
+      maneuver.tick(world({ moment: { ...HOME, x } }), x);
     }
     assert.deepEqual(ends, [["there", "goal"]]);
     assert.deepEqual(sent.at(-1), { linear: 0, angular: 0, method: "touch" });
   });
 
   test("turns where nothing else has room, and says no more of it than that it is over", () => {
-    const { errand, sent, ends, world } = rig();
-    errand.start("turn", lookingAt(HOME, SIDE_TURN), "mouse", 0);
-    errand.tick(world({ seen: wall(0.4) }), 0.05);
+    const { maneuver, sent, ends, world } = rig();
+    maneuver.start("turn", lookingAt(HOME, SIDE_TURN), "mouse", 0);
+    maneuver.tick(world({ seen: wall(0.4) }), 0.05);
     assert.deepEqual(sent.at(-1), { linear: 0, angular: SIDE_TURN, method: "mouse" });
-    errand.tick(world({ moment: { ...HOME, theta: SIDE_TURN } }), 0.1);
+    maneuver.tick(world({ moment: { ...HOME, theta: SIDE_TURN } }), 0.1);
     assert.deepEqual([ends, sent.at(-1).angular], [[["there", "turn"]], 0]);
   });
 
   test("ends when something newer steers, and the hand can press again", () => {
-    const { arbiter, errand, ends, world, sent } = rig();
-    errand.start("goal", [3, 0], "mouse", 0);
-    errand.tick(world(), 0);
+    const { arbiter, maneuver, ends, world, sent } = rig();
+    maneuver.start("goal", [3, 0], "mouse", 0);
+    maneuver.tick(world(), 0);
     arbiter.offer("stick", { linear: 0, angular: 0.4 });
-    errand.tick(world(), 0.05);
+    maneuver.tick(world(), 0.05);
     assert.deepEqual(ends, [["taken", "goal"]]);
     assert.equal(sent.at(-1).method, "stick");
-    errand.start("goal", [3, 0], "mouse", 1);
-    errand.tick(world(), 1);
+    maneuver.start("goal", [3, 0], "mouse", 1);
+    maneuver.tick(world(), 1);
     assert.equal(sent.at(-1).method, "mouse");
   });
 
@@ -164,29 +164,29 @@ describe("an errand", () => {
       [{ age: 1 }, 0.1, "lost"],
       [{ moment: null }, 0.1, "lost"],
     ]) {
-      const { errand, ends, world, sent } = rig();
-      errand.start("goal", [3, 0], "mouse", 0);
-      errand.tick(world(), 0);
-      errand.tick(world(more), at);
+      const { maneuver, ends, world, sent } = rig();
+      maneuver.start("goal", [3, 0], "mouse", 0);
+      maneuver.tick(world(), 0);
+      maneuver.tick(world(more), at);
       assert.deepEqual(ends, [[end, "goal"]]);
       assert.equal(sent.at(-1).linear, 0);
     }
   });
 
   test("does not go on from another place than where it was", () => {
-    const { errand, ends, world } = rig();
-    errand.start("back", [0, 0], "keyboard", 0);
-    errand.tick(world(), 0);
-    errand.tick(world({ moment: { ...HOME, x: 5 } }), 0.1);
+    const { maneuver, ends, world } = rig();
+    maneuver.start("back", [0, 0], "keyboard", 0);
+    maneuver.tick(world(), 0);
+    maneuver.tick(world({ moment: { ...HOME, x: 5 } }), 0.1);
     assert.deepEqual(ends, [["lost", "back"]]);
   });
 
   test("is over at everything that lets go, and a controller that is disabled says stop", () => {
-    const { errand, sent, world } = rig();
-    errand.start("goal", [3, 0], "mouse", 0);
-    errand.tick(world(), 0);
-    errand.disable();
-    assert.deepEqual([errand.now, sent.at(-1).linear], [null, 0]);
+    const { maneuver, sent, world } = rig();
+    maneuver.start("goal", [3, 0], "mouse", 0);
+    maneuver.tick(world(), 0);
+    maneuver.disable();
+    assert.deepEqual([maneuver.now, sent.at(-1).linear], [null, 0]);
   });
 });
 

@@ -1,12 +1,12 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { fetched } from "../../../static/js/lib/lazy.js";
+import { lazy } from "../../../static/js/lib/lazy.js";
 
-test("a part that did not arrive is fetched when needed again, and then kept", async () => {
+test("a part that did not arrive is lazy when needed again, and then kept", async () => {
   const answers = [Promise.reject(new TypeError("no network")), Promise.resolve("part")];
   let fetches = 0;
-  const part = fetched(() => answers[fetches++]);
+  const part = lazy(() => answers[fetches++]);
   const seen = [];
   const settle = () => new Promise(setImmediate);
   part(

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { Giving } from "../../../static/js/pages/screen/media_sender.js";
+import { MediaSender } from "../../../static/js/pages/screen/media_sender.js";
 
 /** A peer whose robot wants what is named, and what each of its lines was given. */
 const peerThatWants = (...kinds) => {
@@ -34,53 +34,53 @@ const world = (...troubles) => {
     close: (kind) => closed.push(kind),
   };
   let changes = 0;
-  const giving = new Giving({
+  const mediaSender = new MediaSender({
     devices,
     onChange: () => (changes += 1),
     later: (call, seconds) => again.push([call, seconds]),
   });
-  return { giving, closed, again, changes: () => changes };
+  return { mediaSender, closed, again, changes: () => changes };
 };
 
 test("a robot with eyes of its own is given nothing, and no device is asked for", async () => {
-  const { giving, closed, changes } = world("would fail");
+  const { mediaSender, closed, changes } = world("would fail");
   const peer = peerThatWants();
-  await giving.to(peer);
+  await mediaSender.to(peer);
   assert.deepEqual(
-    [peer.given, closed, giving.trouble, changes()],
+    [peer.given, closed, mediaSender.trouble, changes()],
     [{}, ["audio", "video"], "", 0],
   );
 });
 
 test("a robot that wants both is given both", async () => {
-  const { giving } = world();
+  const { mediaSender } = world();
   const peer = peerThatWants("audio", "video");
-  await giving.to(peer);
+  await mediaSender.to(peer);
   assert.deepEqual(peer.given, { audio: "audio track", video: "video track" });
 });
 
 test("what a browser refuses is said, and tried again until it gives", async () => {
-  const { giving, again } = world("refused");
+  const { mediaSender, again } = world("refused");
   const peer = peerThatWants("video");
-  await giving.to(peer);
-  assert.equal(giving.trouble, "refused");
+  await mediaSender.to(peer);
+  assert.equal(mediaSender.trouble, "refused");
   assert.equal(again[0][1], 5);
   again[0][0]();
   await new Promise(setImmediate);
-  assert.deepEqual([giving.trouble, peer.given], ["", { video: "video track" }]);
+  assert.deepEqual([mediaSender.trouble, peer.given], ["", { video: "video track" }]);
 });
 
 test("an unplugged camera is asked for again, for the current connection only", async () => {
-  const { giving, again } = world(null, "missing");
+  const { mediaSender, again } = world(null, "missing");
   const old = peerThatWants("video");
-  await giving.to(old);
-  giving.lost("video");
+  await mediaSender.to(old);
+  mediaSender.lost("video");
   await new Promise(setImmediate);
-  assert.equal(giving.trouble, "missing");
+  assert.equal(mediaSender.trouble, "missing");
   const peer = peerThatWants("video");
-  await giving.to(peer);
+  await mediaSender.to(peer);
   old.given = {};
   again[0][0]();
   await new Promise(setImmediate);
-  assert.deepEqual([old.given, peer.given, giving.trouble], [{}, { video: "video track" }, ""]);
+  assert.deepEqual([old.given, peer.given, mediaSender.trouble], [{}, { video: "video track" }, ""]);
 });

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { Dot, EVERY, Hand, STAYS, frameOf, spotIn } from "../../../static/js/presence/pointer_state.js";
+import { RemotePointer, EVERY, Hand, STAYS, frameOf, spotIn } from "../../../static/js/presence/pointer_state.js";
 
 describe("a spot of a picture", () => {
   const WIDE = { width: 1280, height: 720 };
@@ -89,7 +89,7 @@ describe("a dot", () => {
   const told = (dot, stamp, at, now = stamp) => dot.told({ stamp, at }, now);
 
   test("stays for two seconds after the last that came", () => {
-    const dot = new Dot();
+    const dot = new RemotePointer();
     assert.equal(dot.at(0), null);
     told(dot, 10, [0.1, 0.2]);
     told(dot, 11, [0.3, 0.4]);
@@ -98,7 +98,7 @@ describe("a dot", () => {
   });
 
   test("goes when the hand is lifted, but that of a tap is seen first", () => {
-    const dot = new Dot();
+    const dot = new RemotePointer();
     told(dot, 10, [0.1, 0.2]);
     told(dot, 11.5, null);
     assert.equal(dot.at(11.5), null);
@@ -112,7 +112,7 @@ describe("a dot", () => {
   });
 
   test("that is overtaken is no news, nor is one that comes by the other way as well", () => {
-    const dot = new Dot();
+    const dot = new RemotePointer();
     told(dot, 10, [0.1, 0.1]);
     told(dot, 10.2, null, 10.9);
     told(dot, 10.1, [0.2, 0.2], 10.95);
@@ -123,7 +123,7 @@ describe("a dot", () => {
   });
 
   test("comes again though the other's clock was put back", () => {
-    const dot = new Dot();
+    const dot = new RemotePointer();
     told(dot, 1000, [0.1, 0.1], 10);
     told(dot, 500, [0.2, 0.2], 11);
     assert.deepEqual(dot.at(11), [0.1, 0.1]);

@@ -10,7 +10,7 @@ import {
   noteOf,
   previewOf,
 } from "../../../static/js/presence/call.js";
-import { Hotkeys } from "../../../static/js/input/key_dispatcher.js";
+import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
 import { TalkKey } from "../../../static/js/presence/push_to_talk.js";
 import { Tilting, stepOf } from "../../../static/js/presence/tilt.js";
 import { sceneFor } from "../../../static/js/pages/screen/scene.js";
@@ -136,7 +136,7 @@ describe("what they see of a screen", () => {
   const shared = own({ camera: "on", shares: true });
   const seen = { ...accepted, shares: true };
 
-  test("is shown to visitors once they see it, and takes dots where the robot shows them", () => {
+  test("is shown to visitors once they see it, and takes pointers where the robot shows them", () => {
     assert.deepEqual(previewOf(shared, seen, 1), { seen: true, points: true });
     assert.deepEqual(previewOf(shared, seen, 0), { seen: true, points: false });
     assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), {
@@ -223,7 +223,7 @@ describe("push to talk", () => {
   test("T is heard once, and let go by its release or by the loss of the window", () => {
     const target = new EventTarget();
     const talk = [];
-    const keys = new Hotkeys({
+    const keys = new KeyDispatcher({
       target,
       root: { querySelectorAll: () => [] },
       watch: () => undefined,

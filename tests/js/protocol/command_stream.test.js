@@ -2,9 +2,9 @@ import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
 import { CommandStream, TICK_SECONDS } from "../../../static/js/protocol/command_stream.js";
-import { Carrier } from "../../../static/js/protocol/transport_router.js";
-import { Pulse } from "../../../static/js/protocol/clock_sync.js";
-import { decodeFrame } from "../../../static/js/protocol/robot_api.js";
+import { TransportRouter } from "../../../static/js/protocol/transport_router.js";
+import { ClockSync } from "../../../static/js/protocol/clock_sync.js";
+import { decodePacket } from "../../../static/js/protocol/robot_api.js";
 
 const LEASE = { session: "s1", epoch: 3 };
 const AHEAD = { linear: 0.4, angular: 0, method: "keyboard" };
@@ -178,16 +178,16 @@ describe("stop", () => {
 describe("which way", () => {
   const rig = ({ linkOpen = true } = {}) => {
     const sent = [];
-    const carrier = new Carrier({
+    const router = new TransportRouter({
       link: { send: (frame) => linkOpen && Boolean(sent.push(["datachannel", frame])) },
       socket: { send: (frame, options) => Boolean(sent.push(["mqtt", frame, options])) },
-      pulse: new Pulse(),
+      clockSync: new ClockSync(),
       commands: stream(),
     });
-    return { carrier, sent };
+    return { router, sent };
   };
-  const echo = ({ carrier }, way, n, now) =>
-    carrier.pulse.heard(
+  const echo = ({ router }, way, n, now) =>
+    router.clockSync.heard(
       way,
       { n: 1, stamp: now, echoes: [{ peer: "p", n, stamp: now - 0.02, received: now - 0.01 }] },
       "p",
@@ -196,13 +196,13 @@ describe("which way", () => {
 
   test("velocities take the WebSocket unless the robot is echoing the data channel", () => {
     const one = rig();
-    one.carrier.commands.intend(AHEAD);
-    one.carrier.beat(1, null);
+    one.router.commands.intend(AHEAD);
+    one.router.beat(1, null);
     one.sent.length = 0;
-    one.carrier.sendVelocity(1.05, null);
+    one.router.sendVelocity(1.05, null);
     echo(one, "datachannel", 0, 1.1);
-    one.carrier.sendVelocity(1.15, null);
-    one.carrier.sendVelocity(1.65, null);
+    one.router.sendVelocity(1.15, null);
+    one.router.sendVelocity(1.65, null);
     assert.deepEqual(
       one.sent.map(([way]) => way),
       ["mqtt", "datachannel", "mqtt"],
@@ -216,26 +216,26 @@ describe("which way", () => {
   test("the server is told once each when the robot is heard directly and when no longer", () => {
     const one = rig();
     const told = () => one.sent.splice(0).map(([way, frame]) => [way, ...frame.split("\n")]);
-    one.carrier.tellDirect(1);
+    one.router.tellDirect(1);
     assert.deepEqual(told(), []);
     echo(one, "datachannel", 0, 1.1);
-    one.carrier.tellDirect(1.2);
-    one.carrier.tellDirect(1.4);
+    one.router.tellDirect(1.2);
+    one.router.tellDirect(1.4);
     assert.deepEqual(told(), [["mqtt", "page/direct", '{"direct":true}']]);
-    one.carrier.direct = false;
-    one.carrier.tellDirect(1.5);
+    one.router.direct = false;
+    one.router.tellDirect(1.5);
     assert.deepEqual(told(), [["mqtt", "page/direct", '{"direct":true}']]);
-    one.carrier.tellDirect(1.9);
+    one.router.tellDirect(1.9);
     assert.deepEqual(told(), [["mqtt", "page/direct", '{"direct":false}']]);
   });
 
   test("a data channel that cannot take a command gives it and its number to the WebSocket", () => {
     const one = rig({ linkOpen: false });
-    one.carrier.commands.intend(AHEAD);
-    one.carrier.beat(1, null);
+    one.router.commands.intend(AHEAD);
+    one.router.beat(1, null);
     echo(one, "datachannel", 0, 1.1);
     one.sent.length = 0;
-    one.carrier.sendVelocity(1.15, null);
+    one.router.sendVelocity(1.15, null);
     assert.deepEqual(
       one.sent.map(([way, , options]) => [way, options]),
       [["mqtt", { droppable: true }]],
@@ -245,12 +245,12 @@ describe("which way", () => {
   test("a dot takes the way that commands take, one way alone, and is never kept for later", () => {
     const dot = { session: "s1", epoch: 3, stamp: 1.15, at: [0.5, 0.25] };
     const one = rig();
-    one.carrier.sendPoint(1, dot);
-    one.carrier.beat(1, null);
+    one.router.sendPoint(1, dot);
+    one.router.beat(1, null);
     echo(one, "datachannel", 0, 1.1);
     one.sent.length = 0;
-    one.carrier.sendPoint(1.15, dot);
-    one.carrier.sendPoint(1.65, dot);
+    one.router.sendPoint(1.15, dot);
+    one.router.sendPoint(1.65, dot);
     assert.deepEqual(
       one.sent.map(([way, frame, options]) => [way, frame.split("\n")[0], options]),
       [
@@ -260,15 +260,15 @@ describe("which way", () => {
     );
     assert.deepEqual(JSON.parse(one.sent[0][1].split("\n")[1]), dot);
     const behind = rig({ linkOpen: false });
-    behind.carrier.only = "datachannel";
-    behind.carrier.sendPoint(1, dot);
+    behind.router.only = "datachannel";
+    behind.router.sendPoint(1, dot);
     assert.deepEqual(behind.sent, []);
   });
 
   test("a stop takes both ways at once, and so does every repetition", () => {
-    const { carrier, sent } = rig();
-    carrier.stop(1, "stop");
-    carrier.repeatStop(1.05);
+    const { router, sent } = rig();
+    router.stop(1, "stop");
+    router.repeatStop(1.05);
     assert.deepEqual(sent.map(([way]) => way), ["datachannel", "mqtt", "datachannel", "mqtt"]);
     assert.equal(
       new Set(sent.map(([, frame]) => JSON.parse(frame.split("\n")[1]).actionId)).size,
@@ -277,16 +277,16 @@ describe("which way", () => {
   });
 
   test("a beat goes out on each way with a number that says which", () => {
-    const { carrier, sent } = rig();
-    carrier.beat(1, 0.04);
-    carrier.beat(1.2, null);
+    const { router, sent } = rig();
+    router.beat(1, 0.04);
+    router.beat(1.2, null);
     const beats = sent.map(([way, frame]) => [way, JSON.parse(frame.split("\n")[1]).n]);
     assert.deepEqual(beats, [["datachannel", 0], ["mqtt", 1], ["datachannel", 2], ["mqtt", 3]]);
   });
 
   test("what the page writes is not what it reads: its decoder does not know its suffixes", () => {
-    const { carrier, sent } = rig();
-    carrier.stop(1, "stop");
-    assert.throws(() => decodeFrame(sent[0][1]));
+    const { router, sent } = rig();
+    router.stop(1, "stop");
+    assert.throws(() => decodePacket(sent[0][1]));
   });
 });

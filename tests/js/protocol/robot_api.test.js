@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { Rejection, decode, decodeFrame, encodeFrame } from "../../../static/js/protocol/robot_api.js";
+import { Rejection, decode, decodePacket, encodePacket } from "../../../static/js/protocol/robot_api.js";
 
 const golden = (name) =>
   JSON.parse(readFileSync(new URL(`../../golden/${name}.json`, import.meta.url), "utf8"));
@@ -40,7 +40,7 @@ for (const topic of TOPICS) {
   const suffix = file.suffix.replace("/+", "");
   for (const [name, message] of Object.entries(file.messages)) {
     test(`the golden message ${suffix} (${name}) is read as it was written`, () => {
-      const read = decodeFrame(encodeFrame(suffix, message));
+      const read = decodePacket(encodePacket(suffix, message));
       assert.equal(read.suffix, suffix);
       assertHolds(read.message, message);
     });
@@ -86,7 +86,7 @@ for (const { why, suffix, payload, reason } of golden("refused")) {
 test("a frame without a suffix, and one that is not text, are malformed", () => {
   for (const frame of ["{}", "", new ArrayBuffer(3), null]) {
     assert.throws(
-      () => decodeFrame(frame),
+      () => decodePacket(frame),
       (error) => error instanceof Rejection && error.reason === "malformed",
     );
   }
@@ -103,7 +103,7 @@ test("a suffix named like a method of every object is unknown", () => {
 
 test("a field that JavaScript leaves undefined is not sent", () => {
   assert.equal(
-    encodeFrame("command/velocity", { seq: 1, frame: undefined }),
+    encodePacket("command/velocity", { seq: 1, frame: undefined }),
     'command/velocity\n{"seq":1}',
   );
 });

@@ -2,10 +2,10 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 
-import { Carrier } from "../../../static/js/protocol/transport_router.js";
+import { TransportRouter } from "../../../static/js/protocol/transport_router.js";
 import { newVisit, reduce } from "../../../static/js/protocol/session.js";
 import { Keyboard } from "../../../static/js/input/keyboard.js";
-import { Hotkeys } from "../../../static/js/input/key_dispatcher.js";
+import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { menuFor } from "../../../static/js/autonomy/map_bar.js";
@@ -16,7 +16,7 @@ import { ask, heard } from "../../../static/js/autonomy/robot_action.js";
 import { GO_ON_SECONDS, hasEnded } from "../../../static/js/study/end_cards.js";
 import { isAssistFixed, maySend, maySteer } from "../../../static/js/study/restrictions.js";
 import { guideFor, hear, stopsOf, targetOf } from "../../../static/js/study/guide.js";
-import { Herald, roundLeft } from "../../../static/js/study/announcer_queue.js";
+import { AnnouncerQueue, roundLeft } from "../../../static/js/study/announcer_queue.js";
 import { marksFor } from "../../../static/js/study/course.js";
 import { Changes, Shown, layoutOf } from "../../../static/js/study/page_events.js";
 import { sentence } from "../../../static/js/study/task_panel.js";
@@ -468,7 +468,7 @@ describe("what a study fixes", () => {
     const [moved, stopped, barred] = [[], [], []];
     const target = new EventTarget();
     const keyboard = new Keyboard({
-      keys: new Hotkeys({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
+      keys: new KeyDispatcher({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
       emit: (shares) => moved.push(shares),
       stop: () => stopped.push(1),
       step: () => undefined,
@@ -493,35 +493,35 @@ describe("a way of control that is fixed", () => {
       { send: () => sent.push("datachannel") > 0 },
     ];
     const commands = { velocity: () => ({ linear: 1 }), stop: () => ({ type: "stop" }) };
-    const carrier = new Carrier({ socket, link, pulse: { isFresh: () => fresh }, commands });
-    carrier.only = only;
-    return { carrier, sent };
+    const router = new TransportRouter({ socket, link, clockSync: { isFresh: () => fresh }, commands });
+    router.only = only;
+    return { router, sent };
   };
 
   test("takes velocities and actions alone, and a stop on both", () => {
     for (const only of ["mqtt", "datachannel"]) {
       for (const state of [{}, { open: false }, { fresh: false }]) {
-        const { carrier, sent } = carrierOf(only, state);
-        carrier.sendVelocity(1, null);
-        carrier.sendOrder({ type: "photo" }, false);
-        carrier.sendOrder({ type: "photo" }, true);
+        const { router, sent } = carrierOf(only, state);
+        router.sendVelocity(1, null);
+        router.sendAction({ type: "photo" }, false);
+        router.sendAction({ type: "photo" }, true);
         assert.deepEqual(sent, [only, only, only]);
-        assert.equal(carrier.way(1), only);
+        assert.equal(router.way(1), only);
         sent.length = 0;
-        carrier.stop(1, "stop");
+        router.stop(1, "stop");
         assert.deepEqual(sent, ["datachannel", "mqtt"]);
       }
     }
   });
 
   test("is no limit where free: an action takes the server's way, and both when said again", () => {
-    const { carrier, sent } = carrierOf("any");
-    carrier.sendOrder({ type: "photo" }, false);
+    const { router, sent } = carrierOf("any");
+    router.sendAction({ type: "photo" }, false);
     assert.deepEqual(sent.splice(0), ["mqtt"]);
-    carrier.sendOrder({ type: "photo" }, true);
+    router.sendAction({ type: "photo" }, true);
     assert.deepEqual(sent.splice(0), ["datachannel", "mqtt"]);
     const away = carrierOf("any", { open: false });
-    away.carrier.sendOrder({ type: "photo" }, false);
+    away.router.sendAction({ type: "photo" }, false);
     assert.deepEqual(away.sent, ["datachannel", "mqtt"]);
   });
 });
@@ -641,14 +641,14 @@ describe("the end of a drive", () => {
 
 describe("what is read out", () => {
   test("comes at most every few seconds, and of what came meanwhile only the last", () => {
-    const herald = new Herald();
-    assert.equal(herald.hear("Go to 1", 100), "Go to 1");
+    const announcerQueue = new AnnouncerQueue();
+    assert.equal(announcerQueue.hear("Go to 1", 100), "Go to 1");
     assert.deepEqual(
-      [herald.hear("turn left", 101), herald.hear("turn right", 102), herald.hear("ready", 103)],
+      [announcerQueue.hear("turn left", 101), announcerQueue.hear("turn right", 102), announcerQueue.hear("ready", 103)],
       [null, null, null],
     );
-    assert.equal(herald.hear("ready", 104.5), "ready");
-    assert.equal(herald.hear("ready", 200), null);
+    assert.equal(announcerQueue.hear("ready", 104.5), "ready");
+    assert.equal(announcerQueue.hear("ready", 200), null);
   });
 
   test("names the time that is left in few steps", () => {

@@ -3,7 +3,7 @@ import { describe, test } from "node:test";
 
 import { newVisit } from "../../../static/js/protocol/session.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
-import { createAwake } from "../../../static/js/view/display/wake_lock.js";
+import { createWakeLock } from "../../../static/js/view/display/wake_lock.js";
 import { createFullScreen } from "../../../static/js/view/display/full_screen.js";
 import { showsLaser } from "../../../static/js/autonomy/map_bar.js";
 import {
@@ -154,7 +154,7 @@ describe("the screen stays lit", () => {
 
   test("while somebody drives, again after the page was out of sight, and no longer", async () => {
     const { given, see, ...rest } = browser();
-    const keep = createAwake(rest);
+    const keep = createWakeLock(rest);
     keep(true);
     keep(true);
     await settled();
@@ -176,7 +176,7 @@ describe("the screen stays lit", () => {
 
   test("a drive that ends while the browser still thinks about it leaves no lock", async () => {
     const { given, ...rest } = browser();
-    const keep = createAwake(rest);
+    const keep = createWakeLock(rest);
     keep(true);
     keep(false);
     await settled();
@@ -188,12 +188,12 @@ describe("the screen stays lit", () => {
 
   test("a refusal, or a browser without it, changes nothing", async () => {
     const { see, ...rest } = browser({ refuses: true });
-    const keep = createAwake(rest);
+    const keep = createWakeLock(rest);
     keep(true);
     await settled();
     see("visible");
     await settled();
-    createAwake({ ...browser(), locks: undefined })(true);
+    createWakeLock({ ...browser(), locks: undefined })(true);
     await settled();
   });
 });

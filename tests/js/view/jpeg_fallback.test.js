@@ -2,8 +2,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { isStuck } from "../../../static/js/protocol/link_health.js";
-import { Rejection, decodeFrame } from "../../../static/js/protocol/robot_api.js";
-import { SlowPicture } from "../../../static/js/view/video/jpeg_fallback.js";
+import { Rejection, decodePacket } from "../../../static/js/protocol/robot_api.js";
+import { JpegFallback } from "../../../static/js/view/video/jpeg_fallback.js";
 
 const LOOKED_AT = { roundTrip: 0.03, visible: true };
 const JPEG = [0xff, 0xd8, 0xff, 0xe0, 1, 2, 3, 0xff, 0xd9];
@@ -19,7 +19,7 @@ const frameOf = (stamp, jpeg = JPEG, suffix = "picture\n") => {
 
 const rig = (show = async (_jpeg, isWanted) => isWanted()) => {
   const seen = { asked: [], shown: 0, open: true };
-  const slow = new SlowPicture({
+  const slow = new JpegFallback({
     ask: (request) => seen.open && Boolean(seen.asked.push(request)),
     show,
     onShown: () => {
@@ -174,7 +174,7 @@ test("the page looks for a direct way for seconds, or shortly with nothing to co
 });
 
 test("a picture is read as it was written", () => {
-  const { suffix, message } = decodeFrame(frameOf(1766000000.25));
+  const { suffix, message } = decodePacket(frameOf(1766000000.25));
   assert.equal(suffix, "picture");
   assert.equal(message.stamp, 1766000000.25);
   assert.deepEqual([...message.jpeg], JPEG);
@@ -195,7 +195,7 @@ for (const [why, frame, reason] of [
 ]) {
   test(`a picture that must be refused: ${why}`, () => {
     assert.throws(
-      () => decodeFrame(frame),
+      () => decodePacket(frame),
       (error) => error instanceof Rejection && error.reason === reason,
     );
   });

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 
-import { Track, along, into, outOf } from "../../../static/js/view/overlay/transforms.js";
+import { Track, along, robotFromMap, mapFromRobot } from "../../../static/js/view/overlay/transforms.js";
 import {
   boxOf,
   depthOf,
@@ -62,9 +62,9 @@ describe("lens", () => {
         pixel,
         floor,
       } of cases) {
-        const found = outOf({ x, y, theta }, toFloor(camera, tilt, pixel));
+        const found = mapFromRobot({ x, y, theta }, toFloor(camera, tilt, pixel));
         close(found, floor, 0.02 + 0.02 * Math.hypot(floor[0] - x, floor[1] - y));
-        const back = toPicture(camera, tilt, into({ x, y, theta }, floor));
+        const back = toPicture(camera, tilt, robotFromMap({ x, y, theta }, floor));
         close(back, pixel, 0.5);
       }
     });

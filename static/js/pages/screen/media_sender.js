@@ -12,7 +12,7 @@ const LINES = { audio: 0, video: 2 };
 /** @param {RTCRtpTransceiver | undefined} line */
 const isWanted = (line) => line?.currentDirection === "sendrecv" || line?.currentDirection === "sendonly";
 
-export class Giving {
+export class MediaSender {
   /**
    * @param {object} options
    * @param {Pick<import("../../presence/devices.js").Devices, "open" | "close" | "tracks">} options.devices

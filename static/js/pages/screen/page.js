@@ -10,10 +10,10 @@ import { unixNow } from "../../lib/clock.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
 import { Devices } from "../../presence/devices.js";
-import { createDots } from "../../presence/remote_pointers.js";
+import { createRemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
-import { Rejection, decodeFrame, encodeFrame } from "../../protocol/robot_api.js";
-import { Giving } from "./media_sender.js";
+import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
+import { MediaSender } from "./media_sender.js";
 import { exchangeKey } from "./key.js";
 import { sceneFor } from "./scene.js";
 import { createVoice } from "./speech.js";
@@ -36,13 +36,13 @@ const voice = createVoice();
 
 /** @type {import("./scene.js").Told} */
 const told = { keyed: /** @type {any} */ (null), screen: null, state: null, heardAt: 0, online: true, stop: null };
-const dots = createDots({
+const pointers = createRemotePointers({
   video,
   layer: element("dots"),
   own: "screen",
   hovers: false, // a mouse that lies about on a display points at nothing
   say: (dot) => {
-    const frame = encodeFrame("command/point", dot);
+    const frame = encodePacket("command/point", dot);
     return (link.live && link.send(frame)) || socket.send(frame, { droppable: true });
   },
 });
@@ -51,8 +51,8 @@ let beatAt = 0;
 let beats = 0;
 let attempt = 0;
 
-/** @type {Giving} */
-const giving = new Giving({ devices: new Devices({ onLost: (kind) => giving.lost(kind) }), onChange: () => show() });
+/** @type {MediaSender} */
+const mediaSender = new MediaSender({ devices: new Devices({ onLost: (kind) => mediaSender.lost(kind) }), onChange: () => show() });
 
 // --- the ways --------------------------------------------------------------------------------------------------------
 
@@ -73,7 +73,7 @@ const socket = new Socket({
 
 const link = new Link({
   makePeer: (role) =>
-    new Peer({ role, gives: true, onSignal: (message) => socket.send(encodeFrame("signal", message)), onFrame: (frame) => receive(frame, true) }),
+    new Peer({ role, gives: true, onSignal: (message) => socket.send(encodePacket("signal", message)), onFrame: (frame) => receive(frame, true) }),
   onDropping: () => undefined,
   onOpening: (peer) => {
     video.srcObject = new MediaStream([peer.video.track]);
@@ -83,7 +83,7 @@ const link = new Link({
   onLive: () => {
     attempt = 0;
     if (link.peer) {
-      void giving.to(link.peer);
+      void mediaSender.to(link.peer);
     }
     show();
   },
@@ -99,7 +99,7 @@ const open = () => {
 /** @param {unknown} frame @param {boolean} [direct] from the data channel */
 const receive = (frame, direct = false) => {
   try {
-    const { suffix, message } = decodeFrame(frame);
+    const { suffix, message } = decodePacket(frame);
     if (direct) {
       link.heard(unixNow());
     }
@@ -154,14 +154,14 @@ const HANDLERS = {
       voice.speak(message.text, message.language || document.documentElement.lang, loudness());
     }
   },
-  pointer: (message) => dots.told(message),
+  pointer: (message) => pointers.told(message),
   "signal/reply": (message) => void link.signal(message),
 };
 
 // --- what the people here do -----------------------------------------------------------------------------------------
 
 /** @param {string} type @param {object} [fields] @param {string} [actionId] */
-const act = (type, fields = {}, actionId = freshId("screen-")) => socket.send(encodeFrame("command/action", { type, actionId, stamp: unixNow(), ...fields }));
+const act = (type, fields = {}, actionId = freshId("screen-")) => socket.send(encodePacket("command/action", { type, actionId, stamp: unixNow(), ...fields }));
 
 const stop = () => {
   told.stop = { id: freshId("stop-"), since: unixNow() };
@@ -173,7 +173,7 @@ const stop = () => {
 const repeatStop = () => {
   if (told.stop) {
     act("estop", {}, told.stop.id);
-    link.send(encodeFrame("command/action", { type: "estop", actionId: told.stop.id, stamp: unixNow() }));
+    link.send(encodePacket("command/action", { type: "estop", actionId: told.stop.id, stamp: unixNow() }));
   }
 };
 
@@ -242,15 +242,15 @@ const show = () => {
   element("name").hidden = scene !== "seen";
   write(element("name-text"), words.say("visiting.title", { name: shownName }));
   element("notice").hidden = !study;
-  element("trouble").hidden = giving.trouble === "";
-  write(element("trouble"), giving.trouble && words.say(giving.trouble === "refused" ? "give.refused" : "give.missing"));
+  element("trouble").hidden = mediaSender.trouble === "";
+  write(element("trouble"), mediaSender.trouble && words.say(mediaSender.trouble === "refused" ? "give.refused" : "give.missing"));
   // A face may lose its edges to fill the display; a screen that is shown has to be read to them.
   const isWhole = whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2;
   if (isWhole !== video.hasAttribute("data-whole")) {
     video.toggleAttribute("data-whole", isWhole);
-    dots.place();
+    pointers.place();
   }
-  dots.allow(canPoint, shownName);
+  pointers.allow(canPoint, shownName);
   audio.volume = Math.min(1, sound * loudness());
   audio.muted = sound === 0;
   for (const part of ["quick", "form"]) {
@@ -278,7 +278,7 @@ const tick = () => {
   repeatStop();
   if (now - beatAt > BEAT) {
     beatAt = now;
-    link.send(encodeFrame("command/heartbeat", { n: (beats += 1), stamp: now }));
+    link.send(encodePacket("command/heartbeat", { n: (beats += 1), stamp: now }));
     show();
   }
 };

@@ -3,9 +3,9 @@
  * somebody wants it. console.js calls it; what a profile is stands in profiles.js.
  */
 
-import { fetched } from "../../lib/lazy.js";
+import { lazy } from "../../lib/lazy.js";
 import { recallProfile, rememberProfile } from "../../drive/storage.js";
-import { createAwake } from "./wake_lock.js";
+import { createWakeLock } from "./wake_lock.js";
 import { write } from "../hud/card_panel.js";
 import { createFullScreen } from "./full_screen.js";
 import { beginningOf, fixedProfile, nameOf, profileOf } from "./profiles.js";
@@ -26,9 +26,9 @@ export const createView = ({ store, config, words, element, report, setStep, ass
   const who = config.who ?? "";
   const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(element("profiles").querySelectorAll("button")));
   const full = /** @type {HTMLButtonElement} */ (element("full-screen"));
-  const keepAwake = createAwake({ document, locks: navigator.wakeLock });
-  const technical = fetched(async () => (await import("../technical/panel.js")).createTechnical({ element, words, raw }));
-  let wanted = false; // from the first time that figures are to be shown; when they could not be fetched, from the next
+  const keepAwake = createWakeLock({ document, locks: navigator.wakeLock });
+  const technical = lazy(async () => (await import("../technical/panel.js")).createTechnical({ element, words, raw }));
+  let wanted = false; // from the first time that figures are to be shown; when they could not be lazy, from the next
   store.update({ profile: recallProfile(who), suggested: config.suggested ?? null });
 
   const screen = createFullScreen({

@@ -7,7 +7,7 @@
  * @param {{document: Document, locks: WakeLock | undefined}} browser
  * @returns {(wanted: boolean) => void}
  */
-export const createAwake = ({ document, locks }) => {
+export const createWakeLock = ({ document, locks }) => {
   let wanted = false;
   let asking = false;
   /** @type {WakeLockSentinel | null} */

@@ -2,7 +2,7 @@
  * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
  */
 
-export class Dialog {
+export class CardPanel {
   /**
    * @param {object} options
    * @param {HTMLElement} options.element with #card-title, #card-text, #card-main, #card-extra, #card-other, #card-count in it

@@ -19,7 +19,7 @@ const ZOOM = 1.3;
  * @param {() => boolean} map.mayAim whether one finger, or the first button, chooses a point
  * @param {() => void} map.forgetAim a second finger came: the first one did not choose a point
  */
-export const lookAround = (canvas, { zoom, pan, all, mayAim, forgetAim }) => {
+export const addGestures = (canvas, { zoom, pan, all, mayAim, forgetAim }) => {
   /** @type {Map<number, [number, number]>} */
   const fingers = new Map();
   const place = (/** @type {PointerEvent} */ event) => /** @type {[number, number]} */ ([event.offsetX, event.offsetY]);
@@ -83,8 +83,8 @@ export const lookAround = (canvas, { zoom, pan, all, mayAim, forgetAim }) => {
  * @param {ReturnType<typeof import("../../drive/store.js").createStore>} page.store
  * @param {{mayAim: () => boolean, forgetAim: () => void}} page.autonomy
  */
-export const createLooking = ({ element, map, store, autonomy }) => {
-  lookAround(element("map"), {
+export const createMapControls = ({ element, map, store, autonomy }) => {
+  addGestures(element("map"), {
     zoom: (...how) => map.zoom(...how),
     pan: (dx, dy) => {
       map.pan(dx, dy);

@@ -3,24 +3,24 @@
  * and clear, so that nothing hides the way; what is near differs by the width of its line and not by its colour alone.
  */
 
-import { into } from "./transforms.js";
+import { robotFromMap } from "./transforms.js";
 import { depthOf, toElement, toPicture } from "./camera_model.js";
 import { CLOSE, NEAR } from "./swept_path.js";
 
 /** @typedef {{camera: import("./camera_model.js").Camera, moment: import("./transforms.js").Moment, box: import("./camera_model.js").Box}} Eye whose picture it is */
 /** @typedef {{point: [number, number], radius: number, sign: string, hidden: boolean}} Cue a place: its number, or nothing for the dock */
-/** @typedef {{swath: import("./swept_path.js").Swath | null, committed: boolean, goal: [number, number] | null, radius: number, cues: Cue[]}} Scene */
+/** @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean, goal: [number, number] | null, radius: number, cues: Cue[]}} Scene */
 
 const LEAST_DEPTH = 0.1; // m before the lens
 const POST = 0.45; // m: how high a cue's sign stands
 const SIGN = 13; // CSS pixels
 
 /** @param {CanvasRenderingContext2D} context in CSS pixels @param {Eye} eye @param {Scene} scene @param {Record<string, string>} paint */
-export const drawScene = (context, eye, { swath, committed, goal, radius, cues }, paint) => {
+export const drawScene = (context, eye, { sweptPath, committed, goal, radius, cues }, paint) => {
   context.lineJoin = "round";
   context.lineCap = "round";
-  if (swath) {
-    drawSwath(context, eye, swath, committed, paint);
+  if (sweptPath) {
+    drawSweptPath(context, eye, sweptPath, committed, paint);
   }
   cues.forEach((cue) => drawCue(context, eye, cue, paint));
   if (goal) {
@@ -33,19 +33,19 @@ export const drawScene = (context, eye, { swath, committed, goal, radius, cues }
 
 /** @param {Eye} eye @param {[number, number]} point of the map @param {number} [up] m @returns {[number, number] | null} null for what is not before the lens */
 const place = ({ camera, moment, box }, point, up = 0) => {
-  const spot = /** @type {[number, number, number]} */ ([...into(moment, point), up]);
+  const spot = /** @type {[number, number, number]} */ ([...robotFromMap(moment, point), up]);
   return depthOf(camera, moment.tilt, spot) < LEAST_DEPTH ? null : toElement(box, toPicture(camera, moment.tilt, spot));
 };
 
 /** The part of a segment that is before the lens. @param {Eye} eye @param {[number, number]} a @param {[number, number]} b */
 const edge = (eye, a, b) => {
-  const [one, other] = [a, b].map((point) => depthOf(eye.camera, eye.moment.tilt, into(eye.moment, point)) - LEAST_DEPTH);
+  const [one, other] = [a, b].map((point) => depthOf(eye.camera, eye.moment.tilt, robotFromMap(eye.moment, point)) - LEAST_DEPTH);
   if (one < 0 && other < 0) {
     return null;
   }
   const at = one / (one - other);
   const between = /** @type {[number, number]} */ ([a[0] + at * (b[0] - a[0]), a[1] + at * (b[1] - a[1])]);
-  const ends = [one < 0 ? between : a, other < 0 ? between : b].map((point) => toElement(eye.box, toPicture(eye.camera, eye.moment.tilt, into(eye.moment, point))));
+  const ends = [one < 0 ? between : a, other < 0 ? between : b].map((point) => toElement(eye.box, toPicture(eye.camera, eye.moment.tilt, robotFromMap(eye.moment, point))));
   return /** @type {[[number, number], [number, number]]} */ (ends);
 };
 
@@ -53,8 +53,8 @@ const edge = (eye, a, b) => {
 const toneOf = (clearance) => (clearance < CLOSE ? "close" : clearance < NEAR ? "near" : "free");
 const WIDTHS = /** @type {Record<string, number>} */ ({ free: 2.5, near: 3.5, close: 5, committed: 3 });
 
-/** @param {CanvasRenderingContext2D} context @param {Eye} eye @param {import("./swept_path.js").Swath} swath @param {boolean} committed @param {Record<string, string>} paint */
-const drawSwath = (context, eye, { slices, blocked }, committed, paint) => {
+/** @param {CanvasRenderingContext2D} context @param {Eye} eye @param {import("./swept_path.js").SweptPath} sweptPath @param {boolean} committed @param {Record<string, string>} paint */
+const drawSweptPath = (context, eye, { slices, blocked }, committed, paint) => {
   slices.slice(1).forEach((slice, i) => {
     const tone = committed ? "committed" : toneOf(Math.min(slice.clearance, slices[i].clearance));
     const [left, right] = [edge(eye, slices[i].left, slice.left), edge(eye, slices[i].right, slice.right)];

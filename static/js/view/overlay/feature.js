@@ -4,7 +4,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { Errand } from "../../input/maneuver.js";
+import { Maneuver } from "../../input/maneuver.js";
 import { Gamepads } from "../../input/gamepad.js";
 import { Pointing } from "../../input/pointing.js";
 import { SIDE_TURN, lookingAt, reach, wayTo } from "../../input/pure_pursuit.js";
@@ -13,7 +13,7 @@ import { unixNow } from "../../lib/clock.js";
 import { scanPoints } from "../map/layers.js";
 import { isMoving } from "../../autonomy/robot_action.js";
 import { cuesFor } from "./cues.js";
-import { Track, into, outOf } from "./transforms.js";
+import { Track, robotFromMap, mapFromRobot } from "./transforms.js";
 import { boxOf, fromElement, sideOf, toFloor } from "./camera_model.js";
 import { drawScene } from "./drawing.js";
 import { hidesWall, isBehind } from "./visibility.js";
@@ -46,7 +46,7 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
   /** @type {Intent} */
   let intent = { linear: 0, angular: 0, method: "" };
   let [heardAt, movedAt] = [-Infinity, -Infinity];
-  /** @type {{no: string} | {turn: [number, number]} | {goal: [number, number], swath: any} | null} what the present press means */
+  /** @type {{no: string} | {turn: [number, number]} | {goal: [number, number], sweptPath: any} | null} what the present press means */
   let pressed = null;
   let hand = "mouse";
   let [width, height, fit, dirty, drawn] = [0, 0, "contain", false, ""];
@@ -56,10 +56,10 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
   const footprint = () => store.get().factsheet?.footprint ?? [];
   const seen = () => (unixNow() - scan.at < SCAN_SECONDS ? scan.points : []);
 
-  const errand = new Errand({
+  const maneuver = new Maneuver({
     offer: (method, velocity) => steering.drive(method, velocity),
     onEnd: (end, kind) => {
-      store.update({ errand: null });
+      store.update({ maneuver: null });
       if (end !== "taken" && !(end === "there" && kind !== "back")) {
         say(end === "there" ? "task.done.back" : `point.${end}`);
       }
@@ -103,9 +103,9 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
     if (!floor) {
       return { no: "sky" };
     }
-    const point = outOf(by.moment, floor);
-    const own = into(robot, point);
-    if (isBehind(seen().map((one) => into(robot, one)), own) || (robot.localized && hidesWall(plan, [robot.x, robot.y], point))) {
+    const point = mapFromRobot(by.moment, floor);
+    const own = robotFromMap(robot, point);
+    if (isBehind(seen().map((one) => robotFromMap(robot, one)), own) || (robot.localized && hidesWall(plan, [robot.x, robot.y], point))) {
       return { no: "wall" };
     }
     return reach(robot, own, footprint(), seen());
@@ -131,17 +131,17 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
 
   /** From this very moment, so that an older hand that is still held has lost. @param {import("../../input/maneuver.js").Kind} kind @param {[number, number]} point @param {string} method */
   const start = (kind, point, method) => {
-    if (store.get().errand !== kind || store.get().said) {
-      store.update({ errand: kind, said: null, pushedAt: -Infinity });
+    if (store.get().maneuver !== kind || store.get().said) {
+      store.update({ maneuver: kind, said: null, pushedAt: -Infinity });
     }
-    errand.start(kind, point, method, unixNow());
+    maneuver.start(kind, point, method, unixNow());
     runErrand();
   };
 
   const runErrand = () => {
     const [now, { factsheet }] = [unixNow(), store.get()];
     if (factsheet) {
-      errand.tick({ moment: track.newest, age: now - heardAt, full: steering.full, limits: factsheet.limits, footprint: footprint(), seen: seen() }, now);
+      maneuver.tick({ moment: track.newest, age: now - heardAt, full: steering.full, limits: factsheet.limits, footprint: footprint(), seen: seen() }, now);
     }
   };
 
@@ -155,15 +155,15 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
     onHold: (press) => {
       pressed = look(press);
       if (!go(pressed, press.method)) {
-        errand.letGo();
+        maneuver.letGo();
       }
       refresh();
     },
     onEnd: (wasHeld) => {
       pressed = null;
       if (wasHeld) {
-        errand.letGo();
-        store.update({ errand: null });
+        maneuver.letGo();
+        store.update({ maneuver: null });
       }
       refresh();
     },
@@ -181,7 +181,7 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
       report("gamepad", { there, stick });
     },
   });
-  [errand, pointing, gamepads].forEach((one) => steering.add(one));
+  [maneuver, pointing, gamepads].forEach((one) => steering.add(one));
 
   // Which hand presses the buttons of the page, for what is driven by them.
   for (const [name, of] of /** @type {[string, (event: any) => string][]} */ ([["pointerdown", ({ pointerType }) => (pointerType === "mouse" ? "mouse" : "touch")], ["keydown", () => "keyboard"]])) {
@@ -191,27 +191,27 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
   /** What is to be seen now. @returns {Omit<import("./drawing.js").Scene, "cues" | "radius">} */
   const way = () => {
     const [robot, { factsheet, task }] = [track.newest, store.get()];
-    const nothing = { swath: null, committed: false, goal: null };
+    const nothing = { sweptPath: null, committed: false, goal: null };
     if (!robot || !factsheet) {
       return nothing;
     }
     if (pressed) {
       return "goal" in pressed ? { ...nothing, ...pressed } : nothing;
     }
-    if (errand.now?.kind === "goal") {
-      return { ...nothing, goal: errand.now.point, swath: sweep(wayTo(robot, errand.now.point), footprint(), seen()) };
+    if (maneuver.now?.kind === "goal") {
+      return { ...nothing, goal: maneuver.now.point, sweptPath: sweep(wayTo(robot, maneuver.now.point), footprint(), seen()) };
     }
     if (isMoving(task)) {
-      return { ...nothing, committed: true, swath: sweep(lineSteps(robot, path), footprint(), []) };
+      return { ...nothing, committed: true, sweptPath: sweep(lineSteps(robot, path), footprint(), []) };
     }
     const held = intent.linear || intent.angular ? heldSteps(robot, intent, factsheet.limits, SHOWN_SECONDS) : [];
-    return { ...nothing, swath: sweep(held, footprint(), seen(), intent.linear < 0 ? -1 : 1) };
+    return { ...nothing, sweptPath: sweep(held, footprint(), seen(), intent.linear < 0 ? -1 : 1) };
   };
 
   /** @type {{of: any[], scene: ReturnType<typeof way>}} thirty pictures a second show the same way */
-  let last = { of: [], scene: { swath: null, committed: false, goal: null } };
+  let last = { of: [], scene: { sweptPath: null, committed: false, goal: null } };
   const wayNow = () => {
-    const of = [track.newest, scan, path, intent, pressed, errand.now?.point, store.get().task, store.get().factsheet];
+    const of = [track.newest, scan, path, intent, pressed, maneuver.now?.point, store.get().task, store.get().factsheet];
     if (of.some((one, i) => one !== last.of[i])) {
       last = { of, scene: way() };
     }
@@ -223,7 +223,7 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
     const [state, by, context] = [store.get(), eye(), canvas.getContext("2d")];
     const shows = state.playing && roleOf(state.visit) === "driver" && by !== null;
     const scene = shows ? { ...wayNow(), radius: Math.max(...footprint().map(([x]) => x)), cues: cuesFor(state, by.moment) } : null;
-    const key = scene && (scene.swath || scene.goal || scene.cues.length) ? keyOf(scene, by) : "";
+    const key = scene && (scene.sweptPath || scene.goal || scene.cues.length) ? keyOf(scene, by) : "";
     if (key === drawn || !context) {
       return;
     }
@@ -233,15 +233,15 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
     if (key && scene && by) {
       drawScene(context, by, scene, paint());
     }
-    canvas.dataset.shows = scene?.goal ? "goal" : scene?.swath?.slices.length ? (scene.committed ? "path" : "held") : "";
+    canvas.dataset.shows = scene?.goal ? "goal" : scene?.sweptPath?.slices.length ? (scene.committed ? "path" : "held") : "";
     canvas.dataset.goal = scene?.goal?.map((value) => value.toFixed(3)).join(" ") ?? "";
     canvas.dataset.cues = scene?.cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join() ?? "";
   };
 
   /** @param {import("./drawing.js").Scene} scene @param {NonNullable<ReturnType<typeof eye>>} by */
-  const keyOf = ({ swath, goal, cues }, { moment, box }) => {
-    const end = swath?.slices.at(-1);
-    const parts = [moment.x, moment.y, moment.theta, moment.tilt, ...(end?.left ?? []), end?.clearance ?? 0, ...(goal ?? []), swath?.slices.length ?? 0, box.scale, box.left, box.top];
+  const keyOf = ({ sweptPath, goal, cues }, { moment, box }) => {
+    const end = sweptPath?.slices.at(-1);
+    const parts = [moment.x, moment.y, moment.theta, moment.tilt, ...(end?.left ?? []), end?.clearance ?? 0, ...(goal ?? []), sweptPath?.slices.length ?? 0, box.scale, box.left, box.top];
     return `${parts.map((value) => value.toFixed(3))}${cues.map(({ sign, hidden }) => sign + hidden)}`;
   };
 
@@ -300,9 +300,9 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
       refresh();
     },
     /** @param {import("../../drive/store.js").State} state */
-    show: ({ errand: shown }) => {
-      if (shown && !errand.now) {
-        store.update({ errand: null });
+    show: ({ maneuver: shown }) => {
+      if (shown && !maneuver.now) {
+        store.update({ maneuver: null });
       }
       refresh();
     },

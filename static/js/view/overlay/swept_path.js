@@ -5,12 +5,12 @@
  * from there, so what is swept is the ring between the least and the greatest of these distances: exact, however sharp the turn.
  */
 
-import { along, outOf } from "./transforms.js";
+import { along, mapFromRobot } from "./transforms.js";
 
 /** @typedef {[number, number]} Point */
 /** @typedef {import("./transforms.js").Place & {curvature: number}} Step a place of the robot's centre, and 1/m */
 /** @typedef {{left: Point, right: Point, clearance: number}} Slice across the way: its ends in m, and the room beside it */
-/** @typedef {{slices: Slice[], blocked: boolean, end: Step, length: number}} Swath where the robot's centre gets to, and after how many m */
+/** @typedef {{slices: Slice[], blocked: boolean, end: Step, length: number}} SweptPath where the robot's centre gets to, and after how many m */
 
 export const CLOSE = 0.2; // m beside the robot: a touch is near
 export const NEAR = 0.5; // m beside the robot
@@ -93,7 +93,7 @@ export const lineSteps = (robot, points) => {
 
 /**
  * @param {Step[]} steps of one way, forwards or backwards @param {Point[]} footprint @param {Point[]} seen what the laser saw, in the frame of the steps
- * @param {number} sign -1 for a way backwards @returns {Swath | null} null without a way; it ends before what stands in it
+ * @param {number} sign -1 for a way backwards @returns {SweptPath | null} null without a way; it ends before what stands in it
  */
 export const sweep = (steps, footprint, seen, sign = 1) => {
   const nose = Math.max(...footprint.map(([x]) => sign * x));
@@ -114,7 +114,7 @@ export const sweep = (steps, footprint, seen, sign = 1) => {
       }
       blocked ||= beside < 0 && sign * x > 0 && sign * x <= nose;
     }
-    slices.push({ left: outOf(step, [0, left]), right: outOf(step, [0, -right]), clearance: blocked ? 0 : clearance });
+    slices.push({ left: mapFromRobot(step, [0, left]), right: mapFromRobot(step, [0, -right]), clearance: blocked ? 0 : clearance });
     if (blocked) {
       break;
     }
@@ -126,7 +126,7 @@ export const sweep = (steps, footprint, seen, sign = 1) => {
   }
   if (!blocked) {
     const [left, right] = reachOf(footprint, 0);
-    slices.push({ left: outOf(end, [sign * nose, left]), right: outOf(end, [sign * nose, -right]), clearance: slices.at(-1)?.clearance ?? FREE });
+    slices.push({ left: mapFromRobot(end, [sign * nose, left]), right: mapFromRobot(end, [sign * nose, -right]), clearance: slices.at(-1)?.clearance ?? FREE });
   }
   return { slices, blocked, end, length };
 };

@@ -12,10 +12,10 @@ const GAP = 0.6; // s between two poses, beyond which nothing is known of the wa
 /** `aimed` is false while nobody knows the tilt. @typedef {Place & {tilt: number, aimed: boolean, linear: number, angular: number, stamp: number, localized: boolean}} Moment */
 
 /** @param {Place} place @param {[number, number]} point m, in its frame @returns {[number, number]} m, in the frame that it stands in */
-export const outOf = ({ x, y, theta }, [u, v]) => [x + u * Math.cos(theta) - v * Math.sin(theta), y + u * Math.sin(theta) + v * Math.cos(theta)];
+export const mapFromRobot = ({ x, y, theta }, [u, v]) => [x + u * Math.cos(theta) - v * Math.sin(theta), y + u * Math.sin(theta) + v * Math.cos(theta)];
 
 /** @param {Place} place @param {[number, number]} point m, in the frame that it stands in @returns {[number, number]} m, in its own */
-export const into = ({ x, y, theta }, [px, py]) => {
+export const robotFromMap = ({ x, y, theta }, [px, py]) => {
   const [dx, dy] = [px - x, py - y];
   return [dx * Math.cos(theta) + dy * Math.sin(theta), dy * Math.cos(theta) - dx * Math.sin(theta)];
 };

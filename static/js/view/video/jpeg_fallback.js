@@ -8,7 +8,7 @@ const MOST_PATIENCE_SECONDS = 6;
 const STRAY_SECONDS = 20; // a picture that is older than the one on the screen by more is of a robot whose clock was set back
 const FRESH_SECONDS = 2; // a picture that has been on the screen for longer is not of the present
 
-export class SlowPicture {
+export class JpegFallback {
   /**
    * @param {object} options
    * @param {(request: {stamp: number, seen?: number, roundTrip?: number}) => boolean} options.ask whether it could be sent

@@ -39,7 +39,7 @@ async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the
 
 
 @pytest.mark.parametrize(
-    "missing", ["**/js/connection/peer.*.js", "**/js/console.*.js", "**/css/drive.*.css"]
+    "missing", ["**/js/protocol/peer.*.js", "**/js/drive/page.*.js", "**/css/drive.*.css"]
 )
 async def test_a_page_of_which_a_part_did_not_arrive_loads_itself_again(browser, site, missing):
     page = await (await browser.new_context()).new_page()
@@ -51,11 +51,11 @@ async def test_a_page_of_which_a_part_did_not_arrive_loads_itself_again(browser,
 
 async def test_a_page_that_cannot_be_loaded_says_so_and_offers_to_try_again(browser, site):
     page = await (await browser.new_context()).new_page()
-    await page.route("**/js/connection/peer.*.js", lambda route: route.abort("connectionreset"))
+    await page.route("**/js/protocol/peer.*.js", lambda route: route.abort("connectionreset"))
     await page.goto(site.url)
     again = page.get_by_role("button", name="Load it again")
     await again.wait_for(timeout=40_000)
-    await page.unroute("**/js/connection/peer.*.js")
+    await page.unroute("**/js/protocol/peer.*.js")
     await again.click()
     await page.click("text=Drive Giraff")
     await driving(page)
