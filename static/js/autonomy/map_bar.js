@@ -4,13 +4,13 @@
 
 import { roleOf } from "../protocol/session.js";
 import { maySend } from "../study/restrictions.js";
-import { write } from "../view/hud/card_panel.js";
+import { write } from "../lib/dom.js";
 import { can } from "./offer.js";
 import { profileOf } from "../view/display/profiles.js";
 
 /**
  * What the menu holds. Pure.
- * @param {import("../drive/store.js").State} state
+ * @param {import("../drive/features.js").State} state
  * @returns {{action: string, title?: string, word?: string, pressed?: boolean}[]} a place has its title, everything else its word
  */
 export const menuFor = (state) => {
@@ -28,7 +28,7 @@ export const menuFor = (state) => {
   ];
 };
 
-/** Whether laser points are drawn: as the visitor chose, else as the profile says, else while the robot assists. @param {import("../drive/store.js").State} state */
+/** Whether laser points are drawn: as the visitor chose, else as the profile says, else while the robot assists. @param {import("../drive/features.js").State} state */
 export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? (state.robot !== null && state.robot.assist !== "off");
 
 /**
@@ -36,7 +36,7 @@ export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? (s
  * @param {import("../lib/words.js").Words} words
  * @param {(action: string) => void} act
  * @param {import("../input/key_dispatcher.js").KeyDispatcher} keys
- * @returns {(state: import("../drive/store.js").State) => void}
+ * @returns {(state: import("../drive/features.js").State) => void}
  */
 export const createMapBar = (element, words, act, keys) => {
   const [toggle, menu, bar] = [element("places-toggle"), element("places"), element("aim")];

@@ -23,17 +23,20 @@ const STOP = { action: "stop", word: "do.stop" };
 const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
 
-/** Whether the robot says it can do something, and the visitor may ask for it. @param {import("../drive/store.js").State} state @param {string} capability */
+/** Whether the robot says it can do something, and the visitor may ask for it. @param {import("../drive/features.js").State} state @param {string} capability */
 export const can = (state, capability) => Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
 
-/** @param {import("../drive/store.js").State} state @returns {Offer | null} */
+/** Whether it is offered to this visitor now: only who drives can ask for it. @param {import("../drive/features.js").State} state @param {string} capability */
+export const isOffered = (state, capability) => roleOf(state.visit) === "driver" && can(state, capability);
+
+/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 export const offerFor = (state) => {
   const { visit, robot, task } = state;
   if (roleOf(visit) !== "driver" || !robot || !state.playing || state.leaving || (visit.link === "lost" && !state.slow)) {
     return null;
   }
   if (isUnderWay(task)) {
-    return underWay(/** @type {import("./robot_action.js").Task} */ (task));
+    return underWay(/** @type {import("./robot_action.js").RobotAction} */ (task));
   }
   if (task?.status === "FAILED") {
     return { word: `task.failed.${known(task)}`, detail: reasonFor(task.reason), tone: "danger", main: AGAIN, other: SELF };
@@ -53,10 +56,10 @@ export const offerFor = (state) => {
   return task ? ended(task) : null;
 };
 
-/** @param {import("./robot_action.js").Task} task @returns {string} */
+/** @param {import("./robot_action.js").RobotAction} task @returns {string} */
 const known = ({ type, title }) => (type === "goto" && title ? "place" : { goto: "goto", follow: "goto", dock: "dock", undock: "undock" }[type] ?? "relocalize");
 
-/** @param {import("./robot_action.js").Task} task @returns {Offer} */
+/** @param {import("./robot_action.js").RobotAction} task @returns {Offer} */
 const underWay = (task) => {
   const moving = isMoving(task);
   return {
@@ -69,7 +72,7 @@ const underWay = (task) => {
   };
 };
 
-/** @param {import("./robot_action.js").Task} task @returns {Offer | null} */
+/** @param {import("./robot_action.js").RobotAction} task @returns {Offer | null} */
 const ended = (task) => {
   if (task.status === "FINISHED") {
     return { word: `task.done.${known(task)}`, values: { place: task.title }, tone: "calm" };

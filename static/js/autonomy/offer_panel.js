@@ -1,13 +1,13 @@
 /** Shows an offer, and hands on which of its buttons was pressed. */
 
-import { write } from "../view/hud/card_panel.js";
+import { backToDriving, write } from "../lib/dom.js";
 import { offerFor } from "./offer.js";
 
 /**
  * @param {(id: string) => HTMLElement} element
  * @param {import("../lib/words.js").Words} words
  * @param {(action: string) => void} act
- * @returns {(state: import("../drive/store.js").State) => void}
+ * @returns {(state: import("../drive/features.js").State) => void}
  */
 export const createOfferPanel = (element, words, act) => {
   const panel = element("offer");
@@ -17,7 +17,7 @@ export const createOfferPanel = (element, words, act) => {
     button.addEventListener("click", () => {
       act(button.dataset.action ?? "");
       // The space bar is to stop the robot, not to press this again.
-      element("viewport").focus({ preventScroll: true });
+      backToDriving(element);
     });
   }
 

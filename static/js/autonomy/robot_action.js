@@ -1,8 +1,7 @@
 /**
- * What the robot is asked to do by itself, from the visitor's wish to its end. Pure: it makes messages and reads answers, console.js
- * carries them.
+ * An action that the robot is asked for, from the visitor's wish to its end. Pure: it makes messages and reads answers.
  *
- * An order is said again, under the same id, until the robot answers; one that finds no answer has failed. What has ended stays for a
+ * An action is said again, under the same id, until the robot answers; one that finds no answer has failed. What has ended stays for a
  * moment, so that it can be read; what has failed stays until the visitor does something.
  */
 
@@ -16,10 +15,10 @@ const MOVES = new Set(["goto", "follow", "dock", "undock"]);
 const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
 
 /**
- * @typedef {object} Task
+ * @typedef {object} RobotAction
  * @property {string} id
  * @property {string} type goto, follow, dock, undock or relocalize
- * @property {Record<string, any>} order the fields of the action
+ * @property {Record<string, any>} fields of the action, by name
  * @property {string} title of the place it goes to, or nothing
  * @property {"ASKED" | "WAITING" | "RUNNING" | "FINISHED" | "FAILED" | "CANCELLED"} status ASKED: not answered yet
  * @property {string} reason the robot's own words
@@ -32,12 +31,12 @@ const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
 /**
  * @param {{type: string, title?: string} & Record<string, any>} wish the action's type and fields, and the name of the place it leads to
  * @param {string} id @param {number} now
- * @returns {Task}
+ * @returns {RobotAction}
  */
-export const ask = ({ type, title = "", ...order }, id, now) => ({
+export const ask = ({ type, title = "", ...fields }, id, now) => ({
   id,
   type,
-  order,
+  fields,
   title,
   status: "ASKED",
   reason: "",
@@ -47,53 +46,53 @@ export const ask = ({ type, title = "", ...order }, id, now) => ({
   endedAt: null,
 });
 
-/** The wish that a task came from, to have it once more. @param {Task} task */
-export const wishOf = ({ type, title, order }) => ({ type, title, ...order });
+/** The wish that an action came from, to have it once more. @param {RobotAction} action */
+export const wishOf = ({ type, title, fields }) => ({ type, title, ...fields });
 
 /**
  * The action as it is sent.
- * @param {Task} task @param {{session: string, epoch: number}} binding @param {number} now
+ * @param {RobotAction} action @param {{session: string, epoch: number}} binding @param {number} now
  */
-export const messageOf = ({ id, type, order }, binding, now) => ({ type, actionId: id, stamp: now, ...binding, ...order });
+export const messageOf = ({ id, type, fields }, binding, now) => ({ type, actionId: id, stamp: now, ...binding, ...fields });
 
-/** @param {Task | null} task */
-export const isUnderWay = (task) => task !== null && !ENDED.has(task.status);
+/** @param {RobotAction | null} action */
+export const isUnderWay = (action) => action !== null && !ENDED.has(action.status);
 
-/** Whether the robot moves by itself for it. @param {Task | null} task */
-export const isMoving = (task) => isUnderWay(task) && MOVES.has(/** @type {Task} */ (task).type);
+/** Whether the robot moves by itself for it. @param {RobotAction | null} action */
+export const isMoving = (action) => isUnderWay(action) && MOVES.has(/** @type {RobotAction} */ (action).type);
 
 /**
- * News of an action. What this page did not ask for, but runs (it was reloaded meanwhile), becomes its task.
- * @param {Task | null} task
+ * News of an action. What this page did not ask for, but runs (it was reloaded meanwhile), becomes its action.
+ * @param {RobotAction | null} action
  * @param {{actionId: string, status: string, type: string, reason: string, result: Record<string, any>}} news
  * @param {number} now
- * @returns {Task | null}
+ * @returns {RobotAction | null}
  */
-export const heard = (task, news, now) => {
-  if (task?.id !== news.actionId) {
-    const runs = MOVES.has(news.type) && news.status === "RUNNING" && !isUnderWay(task);
-    return runs ? heard({ ...ask({ type: news.type }, news.actionId, now), status: "WAITING" }, news, now) : task;
+export const heard = (action, news, now) => {
+  if (action?.id !== news.actionId) {
+    const runs = MOVES.has(news.type) && news.status === "RUNNING" && !isUnderWay(action);
+    return runs ? heard({ ...ask({ type: news.type }, news.actionId, now), status: "WAITING" }, news, now) : action;
   }
-  if (ENDED.has(task.status) || (task.status === "ASKED" && news.status === "FAILED" && TOO_EARLY.has(news.reason))) {
-    return task;
+  if (ENDED.has(action.status) || (action.status === "ASKED" && news.status === "FAILED" && TOO_EARLY.has(news.reason))) {
+    return action;
   }
-  const progress = typeof news.result.progress === "number" ? Math.min(1, Math.max(0, news.result.progress)) : task.progress;
-  const status = /** @type {Task["status"]} */ (news.status);
-  return { ...task, status, reason: news.reason, progress, endedAt: ENDED.has(status) ? now : null };
+  const progress = typeof news.result.progress === "number" ? Math.min(1, Math.max(0, news.result.progress)) : action.progress;
+  const status = /** @type {RobotAction["status"]} */ (news.status);
+  return { ...action, status, reason: news.reason, progress, endedAt: ENDED.has(status) ? now : null };
 };
 
 /**
- * What time does to a task: an order without an answer is due again, or has failed; what was read goes away.
- * @param {Task | null} task @param {number} now
- * @returns {{task: Task | null, send: boolean}}
+ * What time does to a action: an action without an answer is due again, or has failed; what was read goes away.
+ * @param {RobotAction | null} action @param {number} now
+ * @returns {{action: RobotAction | null, send: boolean}}
  */
-export const pass = (task, now) => {
-  if (task?.status === "ASKED" && now - task.askedAt > PATIENCE_SECONDS) {
-    return { task: { ...task, status: "FAILED", reason: "no_answer", endedAt: now }, send: false };
+export const pass = (action, now) => {
+  if (action?.status === "ASKED" && now - action.askedAt > PATIENCE_SECONDS) {
+    return { action: { ...action, status: "FAILED", reason: "no_answer", endedAt: now }, send: false };
   }
-  if (task?.status === "ASKED" && now - task.sentAt > AGAIN_SECONDS) {
-    return { task: { ...task, sentAt: now }, send: true };
+  if (action?.status === "ASKED" && now - action.sentAt > AGAIN_SECONDS) {
+    return { action: { ...action, sentAt: now }, send: true };
   }
-  const read = task !== null && task.endedAt !== null && task.status !== "FAILED" && now - task.endedAt > READING_SECONDS;
-  return { task: read ? null : task, send: false };
+  const read = action !== null && action.endedAt !== null && action.status !== "FAILED" && now - action.endedAt > READING_SECONDS;
+  return { action: read ? null : action, send: false };
 };

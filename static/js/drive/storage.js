@@ -39,6 +39,16 @@ export const recallProfile = (who) => attempt(() => localStorage.getItem(`profil
 /** @param {string} who @param {string} name */
 export const rememberProfile = (who, name) => attempt(() => localStorage.setItem(`profile:${who}`, name));
 
+/** The keys that a person chose in this browser (input/keymap.js), by command. @param {string} who @returns {Record<string, string[]>} */
+export const recallKeys = (who) => {
+  const own = attempt(() => JSON.parse(localStorage.getItem(`keys:${who}`) ?? "{}")) ?? {};
+  const isList = (/** @type {unknown} */ keys) => Array.isArray(keys) && keys.every((key) => typeof key === "string");
+  return Object.fromEntries(Object.entries(own).filter(([, keys]) => isList(keys)));
+};
+
+/** @param {string} who @param {Record<string, string[]>} keys */
+export const rememberKeys = (who, keys) => attempt(() => localStorage.setItem(`keys:${who}`, JSON.stringify(keys)));
+
 /** @param {string} robot @returns {{session: string | null, left: boolean}} */
 const read = (robot) => {
   const { session, left } = attempt(() => JSON.parse(sessionStorage.getItem(keyOf(robot)) ?? "{}")) ?? {};

@@ -7,7 +7,7 @@
  * @param {(why: "blur" | "hidden" | "pagehide") => void} letGo
  * @param {{window?: EventTarget, document?: EventTarget & {visibilityState?: string}}} [where]
  */
-export const guard = (letGo, { window = globalThis, document = globalThis.document } = {}) => {
+export const onFocusLoss = (letGo, { window = globalThis, document = globalThis.document } = {}) => {
   window.addEventListener("blur", () => letGo("blur"));
   window.addEventListener("pagehide", () => letGo("pagehide"));
   document.addEventListener("visibilitychange", () => {

@@ -11,9 +11,12 @@
  * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every dialog element and open <details> has them too.
  */
 
+import { Keymap } from "./keymap.js";
+
 const HOLDERS = "[data-holds-keys], dialog[open], details[open]";
 const OWN = "input, [data-own-keys]"; // sliders, boxes and the map: what they do with a key is not driving
 const TICKED = "input[type='checkbox'], input[type='radio']";
+const USUAL = new Keymap();
 const TYPED = `input:not([type='range'], [type='checkbox'], [type='radio']), textarea, select, [contenteditable]:not([contenteditable='false'])`;
 
 /** Whose a key is that goes with others, or is part of a letter that is being composed (229: browsers that do not say so). @param {any} event */
@@ -27,10 +30,10 @@ const isShown = (element) => element.closest("[hidden]") === null && (element.ch
 
 /**
  * Whose a pressed key is: the page's (`free`), the page's to stop the robot (`stop`), or somebody else's.
- * @param {any} event keydown @param {Element | null} holder what is open
+ * @param {any} event keydown @param {Element | null} holder what is open @param {Keymap} [keymap]
  * @returns {"free" | "stop" | "text" | "shortcut" | "own" | "held"}
  */
-export const keyUse = (event, holder) => {
+export const keyUse = (event, holder, keymap = USUAL) => {
   const on = (/** @type {string} */ selector) => Boolean(event.target?.closest?.(selector));
   if (on(TYPED)) {
     return "text";
@@ -38,7 +41,7 @@ export const keyUse = (event, holder) => {
   if (isShortcut(event)) {
     return "shortcut";
   }
-  if (event.code === "Space" && !on(TICKED)) {
+  if (keymap.commandOf(event) === "stop" && !on(TICKED)) {
     return "stop";
   }
   if (holder) {
@@ -47,18 +50,20 @@ export const keyUse = (event, holder) => {
   return on(OWN) ? "own" : "free";
 };
 
-/** @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void, letGo?: () => void}} KeyUser */
+/** @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void, letGo?: () => void}} KeyHandler */
 
 export class KeyDispatcher {
   /**
    * @param {object} [options]
+   * @param {Keymap} [options.keymap]
    * @param {EventTarget} [options.target] where keys are heard
    * @param {any} [options.root] the document
    * @param {(look: () => void) => void} [options.watch] calls when something of the page is shown or hidden
    */
-  constructor({ target = window, root = document, watch = (look) => watchShown(root, look) } = {}) {
+  constructor({ keymap = USUAL, target = window, root = document, watch = (look) => watchShown(root, look) } = {}) {
+    this.keymap = keymap;
     this.root = root;
-    /** @type {Set<KeyUser>} */
+    /** @type {Set<KeyHandler>} */
     this.users = new Set();
     /** @type {Map<Element, {close: () => void, beside: (() => void) | null}>} */
     this.closers = new Map();
@@ -73,12 +78,24 @@ export class KeyDispatcher {
     watch(() => this.#look());
   }
 
-  /** @param {KeyUser} user */
+  /** @param {KeyHandler} user */
   add(user) {
     this.users.add(user);
   }
 
-  /** @param {KeyUser} user */
+  /** Hear of keys by what they mean. @param {Record<string, KeyHandler>} commands */
+  addCommands(commands) {
+    const handlerOf = (/** @type {KeyboardEvent} */ event) => commands[this.keymap.commandOf(event)];
+    if (Object.keys(commands).length) {
+      this.add({
+        down: (event) => handlerOf(event)?.down(event),
+        up: (event) => handlerOf(event)?.up?.(event),
+        letGo: () => Object.values(commands).forEach((handler) => handler.letGo?.()),
+      });
+    }
+  }
+
+  /** @param {KeyHandler} user */
   remove(user) {
     this.users.delete(user);
   }
@@ -109,7 +126,7 @@ export class KeyDispatcher {
       this.closers.get(holder)?.close();
       return;
     }
-    const use = keyUse(event, holder);
+    const use = keyUse(event, holder, this.keymap);
     if (use === "shortcut") {
       this.letGo(); // it may hide the others' release
     }

@@ -6,18 +6,8 @@
 
 import { ramp } from "./ramp.js";
 
-const DIRECTIONS = /** @type {Record<string, [string, number]>} */ ({
-  ArrowUp: ["ahead", 1],
-  KeyW: ["ahead", 1],
-  ArrowDown: ["ahead", -1],
-  KeyS: ["ahead", -1],
-  ArrowLeft: ["left", 1],
-  KeyA: ["left", 1],
-  ArrowRight: ["left", -1],
-  KeyD: ["left", -1],
-});
-const FASTER = new Set(["Equal", "NumpadAdd", "BracketRight"]);
-const SLOWER = new Set(["Minus", "NumpadSubtract", "Slash"]);
+const DIRECTIONS = /** @type {Record<string, [string, number]>} */ ({ forward: ["ahead", 1], backward: ["ahead", -1], left: ["left", 1], right: ["left", -1] });
+const STEPS = /** @type {Record<string, number>} */ ({ faster: 1, slower: -1 });
 const LONGEST_FRAME = 0.1; // s; a page that was held up must not jump to full speed
 
 export class Keyboard {
@@ -25,7 +15,7 @@ export class Keyboard {
    * @param {object} options
    * @param {import("./key_dispatcher.js").KeyDispatcher} options.keys
    * @param {(shares: {ahead: number, left: number}) => void} options.emit -1 to 1 each
-   * @param {() => void} options.stop brake: the space bar, and every disable
+   * @param {() => void} options.stop brake: its key, and every disable
    * @param {(change: number) => void} options.step a speed step up or down
    * @param {() => void} [options.barred] a key was pressed that would steer, if keys were allowed to
    * @param {(callback: (ms: number) => void) => unknown} [options.frame]
@@ -41,8 +31,8 @@ export class Keyboard {
     this.steers = true;
     this.frame = frame;
     this.now = now;
-    /** @type {Set<string>} codes of the keys that are down */
-    this.held = new Set();
+    /** @type {Map<string, string>} the command of each key that is down */
+    this.held = new Map();
     this.shares = { ahead: 0, left: 0 };
     this.at = 0;
     this.enabled = false;
@@ -74,14 +64,15 @@ export class Keyboard {
 
   /** @param {KeyboardEvent} event */
   down(event) {
-    if (event.code === "Space" && !event.repeat) {
+    const command = this.keys.keymap.commandOf(event);
+    if (command === "stop" && !event.repeat) {
       this.stop();
     }
-    if (event.code === "Space" && !isButton(event.target)) {
+    if (command === "stop" && !isButton(event.target)) {
       event.preventDefault();
-    } else if (FASTER.has(event.code) || SLOWER.has(event.code)) {
-      this.step(FASTER.has(event.code) ? 1 : -1);
-    } else if (Object.hasOwn(DIRECTIONS, event.code)) {
+    } else if (Object.hasOwn(STEPS, command)) {
+      this.step(STEPS[command]);
+    } else if (Object.hasOwn(DIRECTIONS, command)) {
       event.preventDefault();
       if (!this.steers) {
         this.barred();
@@ -89,7 +80,7 @@ export class Keyboard {
       }
       // The browser's own repetition of a key that was let go by us must not take it up again.
       if (!event.repeat && !this.held.has(event.code)) {
-        this.held.add(event.code);
+        this.held.set(event.code, command);
         this.at = this.now();
         this.#move(0);
         this.#run();
@@ -125,7 +116,7 @@ export class Keyboard {
 
   /** @param {number} dt seconds since the last move */
   #move(dt) {
-    const wish = direction(this.held);
+    const wish = direction(this.held.values());
     const next = { ahead: ramp(this.shares.ahead, wish.ahead, dt), left: ramp(this.shares.left, wish.left, dt) };
     if (next.ahead !== this.shares.ahead || next.left !== this.shares.left) {
       this.shares = next;
@@ -134,11 +125,11 @@ export class Keyboard {
   }
 }
 
-/** What the held keys say together: opposite ones cancel out. @param {Iterable<string>} held */
+/** What the held keys say together: opposite ones cancel out. @param {Iterable<string>} held commands */
 export const direction = (held) => {
   const sum = { ahead: 0, left: 0 };
-  for (const code of held) {
-    const [axis, sign] = DIRECTIONS[code] ?? [];
+  for (const command of held) {
+    const [axis, sign] = DIRECTIONS[command] ?? [];
     if (axis === "ahead" || axis === "left") {
       sum[axis] += sign;
     }

@@ -1,19 +1,10 @@
-/**
- * Push to talk: the visitor is heard while T is down. T lies apart from the keys that drive.
- */
+/** Push to talk: the visitor is heard while its key is down. */
 
-const CODE = "KeyT";
-
-export class TalkKey {
-  /**
-   * @param {object} options
-   * @param {import("../input/key_dispatcher.js").KeyDispatcher} options.keys
-   * @param {(down: boolean) => void} options.onTalk
-   */
-  constructor({ keys, onTalk }) {
+export class PushToTalk {
+  /** @param {(down: boolean) => void} onTalk */
+  constructor(onTalk) {
     this.onTalk = onTalk;
     this.pressed = false;
-    keys.add(this);
   }
 
   letGo() {
@@ -23,18 +14,15 @@ export class TalkKey {
     }
   }
 
-  /** @param {KeyboardEvent} event */
-  down({ code, repeat }) {
-    if (code === CODE && !repeat && !this.pressed) {
+  /** @param {{repeat: boolean}} event */
+  down({ repeat }) {
+    if (!repeat && !this.pressed) {
       this.pressed = true;
       this.onTalk(true);
     }
   }
 
-  /** @param {KeyboardEvent} event */
-  up({ code }) {
-    if (code === CODE) {
-      this.letGo();
-    }
+  up() {
+    this.letGo();
   }
 }

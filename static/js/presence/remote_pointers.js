@@ -6,7 +6,7 @@
  * It takes presses and nothing else: who cannot point has words and voice, and no key leads here that would have to lead out again.
  */
 
-import { write } from "../view/hud/card_panel.js";
+import { write } from "../lib/dom.js";
 import { unixNow } from "../lib/clock.js";
 import { RemotePointer, EVERY, Hand, frameOf, spotIn } from "./pointer_state.js";
 

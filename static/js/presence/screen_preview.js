@@ -8,13 +8,13 @@ import { createRemotePointers } from "./remote_pointers.js";
 /**
  * @param {object} page
  * @param {(id: string) => HTMLElement} page.element
- * @param {(dot: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} page.sendPoint
+ * @param {(dot: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} page.sendPointer
  * @param {() => void} page.backToDriving
  */
-export const createPreview = ({ element, sendPoint, backToDriving }) => {
+export const createPreview = ({ element, sendPointer, backToDriving }) => {
   const box = element("shared");
   const video = /** @type {HTMLVideoElement} */ (element("shared-video"));
-  const pointers = createRemotePointers({ video, layer: element("shared-dots"), own: "driver", hovers: true, say: sendPoint, onLift: backToDriving });
+  const pointers = createRemotePointers({ video, layer: element("shared-dots"), own: "driver", hovers: true, say: sendPointer, onLift: backToDriving });
   /** @type {MediaStreamTrack | null} */
   let shown = null;
 

@@ -1,11 +1,11 @@
 /**
- * Heartbeats: five a second on each way, with echoes. They say how far the robot's clock is from the page's, how long a round trip
- * takes, and which way is alive. Pure: times are Unix seconds of the page, given by the caller.
+ * Heartbeats: five a second on each transport, with echoes. They say how far the robot's clock is from the page's, how long a round trip
+ * takes, and which transport is alive. Pure: times are Unix seconds of the page, given by the caller.
  *
- * The two ways share the robot's echo, so a beat's number says on which way it left: even on the data channel, odd on the WebSocket.
+ * The two transports share the robot's echo, so a beat's number says on which transport it left: even on the data channel, odd on the WebSocket.
  */
 
-/** @typedef {"datachannel" | "mqtt"} Way */
+/** @typedef {"datachannel" | "mqtt"} Transport */
 /** @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number, received: number}[]}} RobotHeartbeat */
 
 export const BEAT_SECONDS = 0.2;
@@ -17,8 +17,8 @@ const SAMPLES = 10;
 const LONGEST_ROUND_TRIP = 10;
 const PARITY = { datachannel: 0, mqtt: 1 };
 
-/** @param {number} n @returns {Way} */
-const wayOf = (n) => (n % 2 === 0 ? "datachannel" : "mqtt");
+/** @param {number} n @returns {Transport} */
+const transportOf = (n) => (n % 2 === 0 ? "datachannel" : "mqtt");
 
 /** Whether pictures have become older of late; look often. */
 export class AgeTrend {
@@ -27,16 +27,16 @@ export class AgeTrend {
   }
 
   /** @param {number | null} age seconds since the picture on the screen was taken */
-  look(age) {
+  isRising(age) {
     this.best = age === null ? this.best : Math.min(this.best + FORGOTTEN, age);
     return age !== null && age - this.best > LATE_SECONDS;
   }
 }
 
-const newWay = () => ({
+const newTransport = () => ({
   beats: 0,
-  heardAt: -Infinity, // when the robot was last heard on this way
-  echoedAt: -Infinity, // when the robot last proved that it hears us on this way
+  heardAt: -Infinity, // when the robot was last heard on this transport
+  echoedAt: -Infinity, // when the robot last proved that it hears us on this transport
   echoed: -1, // the newest of our beats that it proved it with
   roundTrips: /** @type {number[]} */ ([]),
   last: /** @type {{n: number, stamp: number, received: number} | null} */ (null),
@@ -44,46 +44,46 @@ const newWay = () => ({
 
 export class ClockSync {
   constructor() {
-    /** @type {Record<Way, ReturnType<typeof newWay>>} */
-    this.ways = { datachannel: newWay(), mqtt: newWay() };
+    /** @type {Record<Transport, ReturnType<typeof newTransport>>} */
+    this.transports = { datachannel: newTransport(), mqtt: newTransport() };
     /** @type {{roundTrip: number, offset: number}[]} */
     this.samples = [];
   }
 
-  /** A new data channel has heard nothing yet. @param {Way} way */
-  reset(way) {
-    this.ways[way] = { ...newWay(), beats: this.ways[way].beats, echoed: this.ways[way].echoed };
+  /** A new data channel has heard nothing yet. @param {Transport} transport */
+  reset(transport) {
+    this.transports[transport] = { ...newTransport(), beats: this.transports[transport].beats, echoed: this.transports[transport].echoed };
   }
 
   /**
-   * The next beat to send on a way.
-   * @param {Way} way @param {number} now @param {number | null} frameAge seconds since the picture on the screen was taken
+   * The next beat to send on a transport.
+   * @param {Transport} transport @param {number} now @param {number | null} frameAge seconds since the picture on the screen was taken
    */
-  beat(way, now, frameAge = null) {
-    const { last } = this.ways[way];
-    const n = 2 * this.ways[way].beats++ + PARITY[way];
+  beat(transport, now, frameAge = null) {
+    const { last } = this.transports[transport];
+    const n = 2 * this.transports[transport].beats++ + PARITY[transport];
     const echo = last && { peer: "robot", n: last.n, stamp: last.stamp, received: last.received };
     return { n, stamp: now, echo: echo ?? undefined, frameAge: frameAge === null ? undefined : Math.max(0, frameAge) };
   }
 
   /**
-   * The robot's beat, heard on a way.
-   * @param {Way} way @param {RobotHeartbeat} beat @param {string | null} peer this page's id @param {number} now
+   * The robot's beat, heard on a transport.
+   * @param {Transport} transport @param {RobotHeartbeat} beat @param {string | null} peer this page's id @param {number} now
    */
-  heard(way, beat, peer, now) {
-    const heard = this.ways[way];
+  heard(transport, beat, peer, now) {
+    const heard = this.transports[transport];
     heard.heardAt = now;
     heard.last = { n: beat.n, stamp: beat.stamp, received: now };
     for (const echo of beat.echoes) {
       if (echo.peer === peer) {
-        this.#echoed(way, echo, beat.stamp, now);
+        this.#echoed(transport, echo, beat.stamp, now);
       }
     }
   }
 
-  /** @param {Way} way @param {{n: number, stamp: number, received: number}} echo @param {number} sent @param {number} now */
-  #echoed(way, echo, sent, now) {
-    const outward = this.ways[wayOf(echo.n)];
+  /** @param {Transport} transport @param {{n: number, stamp: number, received: number}} echo @param {number} sent @param {number} now */
+  #echoed(transport, echo, sent, now) {
+    const outward = this.transports[transportOf(echo.n)];
     if (echo.n <= outward.echoed || echo.n >= 2 * outward.beats + 2) {
       return;
     }
@@ -96,7 +96,7 @@ export class ClockSync {
     // The Network Time Protocol's estimate (RFC 5905, section 8); its error is at most half the round trip.
     this.samples.push({ roundTrip, offset: (echo.received - echo.stamp + (sent - now)) / 2 });
     this.samples.splice(0, this.samples.length - SAMPLES);
-    if (way === wayOf(echo.n)) {
+    if (transport === transportOf(echo.n)) {
       outward.roundTrips.push(Math.max(0, roundTrip));
       outward.roundTrips.splice(0, outward.roundTrips.length - SAMPLES);
     }
@@ -108,19 +108,19 @@ export class ClockSync {
     return best ? /** @type {number} */ (best.offset) : null;
   }
 
-  /** Whether the robot has just proved that it hears us on this way. @param {Way} way @param {number} now */
-  isFresh(way, now) {
-    return now - this.ways[way].echoedAt < FRESH_SECONDS;
+  /** Whether the robot has just proved that it hears us on this transport. @param {Transport} transport @param {number} now */
+  isFresh(transport, now) {
+    return now - this.transports[transport].echoedAt < FRESH_SECONDS;
   }
 
-  /** Seconds since the robot was heard on a way. @param {Way} way @param {number} now */
-  silence(way, now) {
-    return now - this.ways[way].heardAt;
+  /** Seconds since the robot was heard on a transport. @param {Transport} transport @param {number} now */
+  silence(transport, now) {
+    return now - this.transports[transport].heardAt;
   }
 
-  /** Median of the last round trips on a way, in seconds; null while unknown. @param {Way} way */
-  roundTrip(way) {
-    const sorted = [...this.ways[way].roundTrips].sort((a, b) => a - b);
+  /** Median of the last round trips on a transport, in seconds; null while unknown. @param {Transport} transport */
+  roundTrip(transport) {
+    const sorted = [...this.transports[transport].roundTrips].sort((a, b) => a - b);
     return sorted.length ? sorted[sorted.length >> 1] : null;
   }
 }

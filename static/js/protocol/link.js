@@ -116,9 +116,9 @@ export class Link {
     }
   }
 
-  /** @param {string} frame @returns {boolean} */
-  send(frame) {
-    return this.peer?.send(frame) ?? false;
+  /** @param {string} packet @returns {boolean} */
+  send(packet) {
+    return this.peer?.send(packet) ?? false;
   }
 
   /** Look after the link; call often. @param {number} now */

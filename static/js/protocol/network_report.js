@@ -7,32 +7,32 @@ import { between, pick } from "./link_stats.js";
 
 /**
  * @param {object} page
- * @param {ReturnType<typeof import("../drive/store.js").createStore>} page.store
+ * @param {import("../drive/store.js").Store} page.store
  * @param {import("./socket.js").Socket} page.socket
  * @param {import("./link.js").Link} page.link
- * @param {import("../view/video/jpeg_fallback.js").JpegFallback} page.slow
- * @param {(now: number) => number | null} page.frameAge s
+ * @param {() => {fallback: import("../view/video/jpeg_fallback.js").JpegFallback, frameAge: (now: number) => number | null}} page.video
  */
-export const createNetworkReport = ({ store, socket, link, slow, frameAge }) => {
+export const createNetworkReport = ({ store, socket, link, video }) => {
   /** @type {import("./link_stats.js").Sample | null} */
   let before = null;
 
   /** @param {number} now @param {Partial<NonNullable<ReturnType<typeof between>>>} second */
   const tell = (now, second) => {
     store.update({ network: second });
-    const { visit, way, roundTrip } = store.get();
+    const { visit, transport, roundTrip } = store.get();
     if (visit.phase === "driving") {
-      const age = frameAge(now);
-      const message = { stamp: now, way, roundTrip: roundTrip ?? undefined, frameAge: age ?? undefined, ...second };
+      const age = video().frameAge(now);
+      const message = { stamp: now, way: transport, roundTrip: roundTrip ?? undefined, frameAge: age ?? undefined, ...second };
       socket.send(encodePacket("page/network", message), { droppable: true });
     }
   };
 
   /** A second of pictures through the server, in the same words. @param {number} now */
   const tellSlow = (now) => {
-    const second = { fps: slow.frames, bitrate: slow.bytes * 8, path: "server/jpeg" };
-    slow.frames = 0;
-    slow.bytes = 0;
+    const { fallback } = video();
+    const second = { fps: fallback.frames, bitrate: fallback.bytes * 8, path: "server/jpeg" };
+    fallback.frames = 0;
+    fallback.bytes = 0;
     tell(now, second);
   };
 
@@ -44,7 +44,7 @@ export const createNetworkReport = ({ store, socket, link, slow, frameAge }) => 
     /** To be called once a second. @param {number} now Unix time */
     second: async (now) => {
       const { peer } = link;
-      if (slow.on) {
+      if (video().fallback.on) {
         tellSlow(now);
       } else if (peer) {
         const sample = pick((await peer.connection.getStats()).values());

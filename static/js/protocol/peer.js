@@ -13,10 +13,10 @@ export class Peer {
    * @param {object} options
    * @param {"driver" | "observer"} options.role
    * @param {(message: object) => void} options.onSignal what to tell the robot through the server
-   * @param {(frame: unknown) => void} options.onFrame from the data channel
+   * @param {(packet: unknown) => void} options.onPacket from the data channel
    * @param {boolean} [options.gives] whether this page has sound and picture of its own, if they are wanted
    */
-  constructor({ role, onSignal, onFrame, gives = role === "driver" }) {
+  constructor({ role, onSignal, onPacket, gives = role === "driver" }) {
     this.role = role;
     this.onSignal = onSignal;
     /** @type {number | null} */
@@ -43,7 +43,7 @@ export class Peer {
     this.channel.onopen = () => {
       this.openedAt = unixNow();
     };
-    this.channel.onmessage = (event) => onFrame(event.data);
+    this.channel.onmessage = (event) => onPacket(event.data);
     this.connection.onicecandidate = ({ candidate }) => this.#trickle(candidate);
     /** @type {RTCIceCandidate[]} */
     this.held = [];
@@ -113,12 +113,12 @@ export class Peer {
     return (searched && this.candidates === 0) || !this.answerHasCandidates;
   }
 
-  /** @param {string} frame @returns {boolean} whether it was handed to the network */
-  send(frame) {
+  /** @param {string} packet @returns {boolean} whether it was handed to the network */
+  send(packet) {
     if (!this.isOpen || this.channel.bufferedAmount > MOST_BUFFERED) {
       return false;
     }
-    this.channel.send(frame);
+    this.channel.send(packet);
     return true;
   }
 

@@ -1,7 +1,7 @@
 /**
  * The words on the wire, for pages: Robot API version 1 as far as a page reads and writes it, and the WebSocket's own words.
  *
- * A frame is a suffix, a newline, and JSON. `decodePacket` is the only door: what passes it has the right types and ranges, with
+ * A packet is a suffix, a newline, and JSON. `decodePacket` is the only door: what passes it has the right types and ranges, with
  * defaults filled in; what does not throws a Rejection, which the caller counts and drops. tests/golden/ binds this file to
  * robots/api and sessions/protocol.py.
  */
@@ -309,13 +309,13 @@ const LARGEST_PICTURE = 48 * KIB;
 const STAMP_BYTES = 8;
 
 /**
- * A picture that came through the server, the one binary frame there is: suffix, newline, capture stamp, JPEG.
- * @param {ArrayBuffer} frame
+ * A picture that came through the server, the one binary packet there is: suffix, newline, capture stamp, JPEG.
+ * @param {ArrayBuffer} packet
  * @returns {{suffix: "picture", message: {stamp: number, jpeg: Uint8Array}}}
  * @throws {Rejection}
  */
-const decodePicture = (frame) => {
-  const bytes = new Uint8Array(frame);
+const decodePicture = (packet) => {
+  const bytes = new Uint8Array(packet);
   const start = PICTURE.length + STAMP_BYTES;
   if (bytes.length > PICTURE.length + LARGEST_PICTURE) {
     throw new Rejection("oversized", `picture: ${bytes.length}`);
@@ -323,7 +323,7 @@ const decodePicture = (frame) => {
   if (bytes.length < start + 4 || PICTURE.some((letter, at) => bytes[at] !== letter)) {
     throw new Rejection("malformed", "not a picture");
   }
-  const taken = new DataView(frame).getFloat64(PICTURE.length);
+  const taken = new DataView(packet).getFloat64(PICTURE.length);
   const isJpeg = bytes[start] === 0xff && bytes[start + 1] === 0xd8 && bytes.at(-2) === 0xff && bytes.at(-1) === 0xd9;
   if (!(taken >= 0 && taken <= 1e11) || !isJpeg) {
     throw new Rejection("malformed", "not a picture of a time");
@@ -332,23 +332,23 @@ const decodePicture = (frame) => {
 };
 
 /**
- * @param {unknown} frame
+ * @param {unknown} packet
  * @returns {{suffix: string, message: any}}
  * @throws {Rejection}
  */
-export const decodePacket = (frame) => {
-  if (frame instanceof ArrayBuffer) {
-    return decodePicture(frame);
+export const decodePacket = (packet) => {
+  if (packet instanceof ArrayBuffer) {
+    return decodePicture(packet);
   }
-  if (typeof frame !== "string") {
+  if (typeof packet !== "string") {
     throw new Rejection("malformed", "not text");
   }
-  const newline = frame.indexOf("\n");
+  const newline = packet.indexOf("\n");
   if (newline < 0) {
     throw new Rejection("malformed", "no suffix in front of the message");
   }
-  const suffix = frame.slice(0, newline);
-  return { suffix, message: decode(suffix, frame.slice(newline + 1)) };
+  const suffix = packet.slice(0, newline);
+  return { suffix, message: decode(suffix, packet.slice(newline + 1)) };
 };
 
 /**

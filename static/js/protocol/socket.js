@@ -1,6 +1,6 @@
 /**
  * The page's WebSocket: connects for ever, with back-off and jitter, at once when the browser says that the network is back. It knows
- * frames, not their meaning.
+ * packets, not their meaning.
  */
 
 import { backoff } from "../lib/backoff.js";
@@ -11,14 +11,14 @@ export class Socket {
   /**
    * @param {object} options
    * @param {string} options.url
-   * @param {(frame: unknown) => void} options.onFrame
+   * @param {(packet: unknown) => void} options.onPacket
    * @param {() => void} options.onOpen
    * @param {(code: number) => void} options.onLost
    * @param {(url: string) => WebSocket} [options.connect]
    */
-  constructor({ url, onFrame, onOpen, onLost, connect = (address) => new WebSocket(address) }) {
+  constructor({ url, onPacket, onOpen, onLost, connect = (address) => new WebSocket(address) }) {
     this.url = url;
-    this.onFrame = onFrame;
+    this.onPacket = onPacket;
     this.onOpen = onOpen;
     this.onLost = onLost;
     this.connect = connect;
@@ -60,15 +60,15 @@ export class Socket {
   }
 
   /**
-   * @param {string} frame
-   * @param {{droppable?: boolean}} [options] droppable frames are too old to be of use when they would have to wait
+   * @param {string} packet
+   * @param {{droppable?: boolean}} [options] droppable packets are too old to be of use when they would have to wait
    * @returns {boolean} whether it was handed to the network
    */
-  send(frame, { droppable = false } = {}) {
+  send(packet, { droppable = false } = {}) {
     if (!this.socket || !this.isOpen || (droppable && this.socket.bufferedAmount > MOST_BUFFERED)) {
       return false;
     }
-    this.socket.send(frame);
+    this.socket.send(packet);
     return true;
   }
 
@@ -82,7 +82,7 @@ export class Socket {
     };
     socket.onmessage = (event) => {
       if (socket === this.socket) {
-        this.onFrame(event.data);
+        this.onPacket(event.data);
       }
     };
     socket.onclose = (event) => {

@@ -1,6 +1,6 @@
 /**
- * Which way a message takes. Velocities go over the data channel while the robot proves that it hears us there, else over the
- * WebSocket; a stop goes over both. The numbers are the same, so a change of way is not noticed.
+ * Which transport a message takes. Velocities go over the data channel while the robot proves that it hears us there, else over the
+ * WebSocket; a stop goes over both. The numbers are the same, so a change of transport is not noticed.
  */
 
 import { encodePacket } from "./robot_api.js";
@@ -11,8 +11,8 @@ const DIRECT_SILENCE = 0.7;
 export class TransportRouter {
   /**
    * @param {object} options
-   * @param {{send: (frame: string, options?: {droppable?: boolean}) => boolean, isOpen: boolean}} options.socket
-   * @param {{send: (frame: string) => boolean}} options.link
+   * @param {{send: (packet: string, options?: {droppable?: boolean}) => boolean, isOpen: boolean}} options.socket
+   * @param {{send: (packet: string) => boolean}} options.link
    * @param {import("./clock_sync.js").ClockSync} options.clockSync
    * @param {import("./command_stream.js").CommandStream} options.commands
    */
@@ -23,17 +23,17 @@ export class TransportRouter {
     this.commands = commands;
     /** What the server was told last; every new connection to it begins anew. */
     this.direct = false;
-    /** The one way that the robot takes commands on, where somebody has fixed it. A stop is taken on both all the same. */
-    this.only = /** @type {"any" | import("./clock_sync.js").Way} */ ("any");
+    /** The one transport that the robot takes commands on, where somebody has fixed it. A stop is taken on both all the same. */
+    this.only = /** @type {"any" | import("./clock_sync.js").Transport} */ ("any");
   }
 
-  /** @param {import("./clock_sync.js").Way} way */
-  allows(way) {
-    return this.only === "any" || this.only === way;
+  /** @param {import("./clock_sync.js").Transport} transport */
+  allows(transport) {
+    return this.only === "any" || this.only === transport;
   }
 
-  /** @param {number} now @returns {import("./clock_sync.js").Way} */
-  way(now) {
+  /** @param {number} now @returns {import("./clock_sync.js").Transport} */
+  transport(now) {
     if (this.only !== "any") {
       return this.only;
     }
@@ -45,7 +45,7 @@ export class TransportRouter {
     const message = this.commands.velocity(now, frame);
     if (message) {
       const encoded = encodePacket("command/velocity", message);
-      const sent = this.way(now) === "datachannel" && this.link.send(encoded);
+      const sent = this.transport(now) === "datachannel" && this.link.send(encoded);
       if (!sent && this.allows("mqtt")) {
         // What cannot go out now is not kept: a command that waits is a command that comes too late.
         this.socket.send(encoded, { droppable: true });
@@ -54,24 +54,24 @@ export class TransportRouter {
   }
 
   /**
-   * An action, by the way that loses nothing; on both, when it is said again or the server is out of reach.
+   * An action, by the transport that loses nothing; on both, when it is said again or the server is out of reach.
    * @param {object} action @param {boolean} again
    */
   sendAction(action, again) {
-    const frame = encodePacket("command/action", action);
+    const packet = encodePacket("command/action", action);
     if (this.allows("datachannel") && (again || !this.socket.isOpen || !this.allows("mqtt"))) {
-      this.link.send(frame);
+      this.link.send(packet);
     }
     if (this.allows("mqtt")) {
-      this.socket.send(frame, { droppable: true });
+      this.socket.send(packet, { droppable: true });
     }
   }
 
-  /** A dot on what is shared, by the way of this moment or not at all. @param {number} now @param {object} dot */
-  sendPoint(now, dot) {
-    const frame = encodePacket("command/point", dot);
-    if (!(this.way(now) === "datachannel" && this.link.send(frame)) && this.allows("mqtt")) {
-      this.socket.send(frame, { droppable: true });
+  /** A pointer on what is shared, by the transport of this moment or not at all. @param {number} now @param {object} pointer */
+  sendPointer(now, pointer) {
+    const packet = encodePacket("command/point", pointer);
+    if (!(this.transport(now) === "datachannel" && this.link.send(packet)) && this.allows("mqtt")) {
+      this.socket.send(packet, { droppable: true });
     }
   }
 
@@ -88,7 +88,7 @@ export class TransportRouter {
     }
   }
 
-  /** One beat on each way. @param {number} now @param {number | null} frameAge */
+  /** One heartbeat on each transport. @param {number} now @param {number | null} frameAge */
   beat(now, frameAge) {
     this.link.send(encodePacket("command/heartbeat", this.clockSync.beat("datachannel", now, frameAge)));
     this.socket.send(encodePacket("command/heartbeat", this.clockSync.beat("mqtt", now, frameAge)), { droppable: true });
@@ -104,8 +104,8 @@ export class TransportRouter {
 
   /** @param {object} action */
   #both(action) {
-    const frame = encodePacket("command/action", action);
-    this.link.send(frame);
-    this.socket.send(frame);
+    const packet = encodePacket("command/action", action);
+    this.link.send(packet);
+    this.socket.send(packet);
   }
 }

@@ -3,7 +3,7 @@
  */
 
 import { roleOf } from "../protocol/session.js";
-import { write } from "../view/hud/card_panel.js";
+import { write } from "../lib/dom.js";
 import { targetOf } from "./guide.js";
 
 const USUAL_VIEW = 1.0; // rad, for a robot that does not say what its camera sees
@@ -35,7 +35,7 @@ export const pointTo = (pose, target, hfov) => {
 export const createDirectionArrow = (element, words, poseNow, language) => {
   const arrow = element("pointer");
   const metres = new Intl.NumberFormat(language, { minimumFractionDigits: 1, maximumFractionDigits: 1 });
-  return (/** @type {import("../drive/store.js").State} */ state) => {
+  return (/** @type {import("../drive/features.js").State} */ state) => {
     const target = roleOf(state.visit) === "driver" && state.playing ? targetOf(state) : null;
     const pose = poseNow();
     arrow.hidden = !target || !pose?.localized;

@@ -15,7 +15,7 @@ const PRACTICE_OVER = new Set(["completed", "timed_out", "cancelled", "left"]);
 const INSTEAD = new Map([["home", TO_STUDY], ["back", TO_STUDY], ["watch", undefined]]);
 
 /**
- * @param {import("../drive/store.js").State} state
+ * @param {import("../drive/features.js").State} state
  * @param {import("../view/hud/card.js").Card | null} usual what is shown without a study
  * @returns {import("../view/hud/card.js").Card | null}
  */
@@ -33,12 +33,12 @@ export const studyCard = (state, usual) => {
   return { ...usual, main: inside(usual.main), other: inside(usual.other), extra: inside(usual.extra) };
 };
 
-/** Whether the drive is over, and not only gone to another tab, or its turn missed. @param {import("../drive/store.js").State} state */
+/** Whether the drive is over, and not only gone to another tab, or its turn missed. @param {import("../drive/features.js").State} state */
 export const hasEnded = ({ visit }) => visit.phase === "ended" && visit.reason !== "moved" && visit.reason !== "turn_missed";
 
 /**
  * How it ended, in one of the words that have a card. A visit that is left is a completed visit and no completed task.
- * @param {import("../drive/store.js").State} state @returns {string}
+ * @param {import("../drive/features.js").State} state @returns {string}
  */
 const endOf = ({ study, visit, told }) => {
   const outcome = visit.reason === "left" ? "left" : told?.outcome || (visit.reason === "idle" ? "timed_out" : visit.reason);
@@ -48,7 +48,7 @@ const endOf = ({ study, visit, told }) => {
   return ENDS.has(outcome) ? outcome : "other";
 };
 
-/** @param {import("../drive/store.js").State} state @param {string} end @returns {import("../view/hud/card.js").Card} */
+/** @param {import("../drive/features.js").State} state @param {string} end @returns {import("../view/hud/card.js").Card} */
 const over = ({ study, endedAt, now }, end) => ({
   word: study.kind === "practice" && PRACTICE_OVER.has(end) ? "practice.ended" : `study.ended.${end}`,
   countdown: endedAt === null ? GO_ON_SECONDS : Math.min(GO_ON_SECONDS, Math.max(0, Math.ceil(endedAt + GO_ON_SECONDS - now))),

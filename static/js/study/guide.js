@@ -35,7 +35,7 @@ const PRACTICE_LAST = 60; // s: a practice drive says how long it goes on when i
 /** Keep what was said, with the time at which it ends. @param {Omit<Told, "endsAt">} message @param {number} now @returns {Told} */
 export const hear = (message, now) => ({ ...message, endsAt: message.remaining === null ? null : now + message.remaining });
 
-/** @param {import("../drive/store.js").State} state @returns {Guide | null} null when there is nothing to guide */
+/** @param {import("../drive/features.js").State} state @returns {Guide | null} null when there is nothing to guide */
 export const guideFor = (state) => {
   const { study, visit, told } = state;
   if (!study || roleOf(visit) !== "driver") {
@@ -54,10 +54,10 @@ export const guideFor = (state) => {
   };
 };
 
-/** @param {import("../drive/store.js").State} state */
+/** @param {import("../drive/features.js").State} state */
 const leftOf = ({ told, now }) => (told === null || told.endsAt === null || told.outcome ? null : Math.max(0, told.endsAt - now));
 
-/** A practice drive is over after its minutes, whether or not somebody says so. @param {import("../drive/store.js").State} state */
+/** A practice drive is over after its minutes, whether or not somebody says so. @param {import("../drive/features.js").State} state */
 const practiceLeft = ({ study, began, now }) => {
   const left = began === null ? Infinity : Math.max(0, began.at + study.minutes * 60 - now);
   return left <= PRACTICE_LAST ? left : null;
@@ -77,7 +77,7 @@ export const stopsOf = ({ checkpoints }, told) => {
   }));
 };
 
-/** Where the cue leads, as far as there is a place to lead to. @param {import("../drive/store.js").State} state @returns {{x: number, y: number, number: number | null} | null} */
+/** Where the cue leads, as far as there is a place to lead to. @param {import("../drive/features.js").State} state @returns {{x: number, y: number, number: number | null} | null} */
 export const targetOf = ({ told, study }) => {
   const leads = study?.kind === "task" && told && !told.outcome && told.cue !== "leave_station" && told.window !== "review";
   return leads && told.x !== null && told.y !== null ? { x: told.x, y: told.y, number: told.number } : null;

@@ -4,7 +4,7 @@
  */
 
 import { clockTime } from "../view/hud/dials.js";
-import { write } from "../view/hud/card_panel.js";
+import { write } from "../lib/dom.js";
 import { unixNow } from "../lib/clock.js";
 import { guideFor } from "./guide.js";
 import { AnnouncerQueue, roundLeft } from "./announcer_queue.js";
@@ -21,7 +21,7 @@ import { createDirectionArrow } from "./direction_arrow.js";
  * @param {(id: string) => HTMLElement} page.element
  * @param {import("../view/map/robot_map.js").RobotMap} page.map
  * @param {(action: string) => void} page.act
- * @returns {(state: import("../drive/store.js").State) => void}
+ * @returns {(state: import("../drive/features.js").State) => void}
  */
 export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   const announcerQueue = new AnnouncerQueue();
@@ -32,7 +32,7 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   ];
   let drawn = "";
 
-  /** @param {import("../drive/store.js").State} state */
+  /** @param {import("../drive/features.js").State} state */
   const showCourse = ({ study, told }) => {
     const marks = marksFor(study, told);
     const key = JSON.stringify(marks?.stops.map(({ status }) => status));
@@ -49,7 +49,7 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   };
 };
 
-/** What is read out. @param {import("../drive/store.js").State} state @param {import("../lib/words.js").Words} words @returns {string} */
+/** What is read out. @param {import("../drive/features.js").State} state @param {import("../lib/words.js").Words} words @returns {string} */
 const spoken = (state, words) => {
   const guide = guideFor(state);
   if (!guide) {

@@ -14,7 +14,7 @@ import { isUnderWay } from "../autonomy/robot_action.js";
  * @property {boolean} busy a picture, or an answer, is on its way
  */
 
-/** @param {import("../drive/store.js").State} state @returns {Window | null} */
+/** @param {import("../drive/features.js").State} state @returns {Window | null} */
 export const windowFor = ({ visit, told, snap, answer }) => {
   if (roleOf(visit) !== "driver" || !told || told.outcome || told.window === "shut") {
     return null;

@@ -1,6 +1,6 @@
 /** Shows the photo's window, and hands on what was pressed in it. */
 
-import { write } from "../view/hud/card_panel.js";
+import { backToDriving, write } from "../lib/dom.js";
 import { windowFor } from "./photo.js";
 import { Snapshots } from "./snapshots.js";
 
@@ -8,7 +8,7 @@ import { Snapshots } from "./snapshots.js";
  * @param {(id: string) => HTMLElement} element
  * @param {import("../lib/words.js").Words} words
  * @param {{list: string, act: (action: string) => void}} options
- * @returns {(state: import("../drive/store.js").State) => void}
+ * @returns {(state: import("../drive/features.js").State) => void}
  */
 export const createPhotoWindow = (element, words, { list, act }) => {
   const panel = element("photo");
@@ -25,7 +25,7 @@ export const createPhotoWindow = (element, words, { list, act }) => {
     button.addEventListener("click", () => {
       act(button.dataset.action ?? "");
       // The space bar is to stop the robot, and the arrows drive it.
-      element("viewport").focus({ preventScroll: true });
+      backToDriving(element);
     });
   }
   let shown = "";

@@ -15,7 +15,7 @@ const PERMISSIONS = ["camera", "microphone"];
 
 /**
  * @param {object} options
- * @param {() => import("../drive/store.js").State} options.get
+ * @param {() => import("../drive/features.js").State} options.get
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} options.report whether it was handed to the network
  * @param {() => number} options.now Unix seconds
  */
@@ -67,7 +67,7 @@ export const createRecorder = ({ get, report, now }) => {
     sayPermissions();
   };
 
-  /** The task's time begins with it: it is told until it is known. @param {import("../drive/store.js").State} state */
+  /** The task's time begins with it: it is told until it is known. @param {import("../drive/features.js").State} state */
   const sayFirstFrame = ({ told, playing, slow }) => {
     const unknown = framed === -Infinity || told?.cue === "wait_for_picture";
     if (playing && unknown && now() - framed > AGAIN_SECONDS && report("first_frame", { way: slow ? "server" : "direct" })) {
@@ -75,7 +75,7 @@ export const createRecorder = ({ get, report, now }) => {
     }
   };
 
-  /** @param {import("../drive/store.js").State} state */
+  /** @param {import("../drive/features.js").State} state */
   const show = (state) => {
     const at = now();
     if (isDriving() && state.visit.session !== session) {

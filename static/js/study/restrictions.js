@@ -3,7 +3,7 @@
  * the page was told about the study holds (experiments/tasks/page.py). Without a study everything is open.
  */
 
-/** @typedef {import("../drive/store.js").State} State */
+/** @typedef {import("../drive/features.js").State} State */
 
 /** What may steer, null when everything may. @param {State} state @returns {string[] | null} */
 export const controllersOf = ({ visit, study }) => (visit.terms ?? study)?.controllers ?? null;

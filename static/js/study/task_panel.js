@@ -1,7 +1,7 @@
 /** Shows the task: its sentence, the checkpoints, the time that is left; on a small screen one line that opens. */
 
 import { clockTime } from "../view/hud/dials.js";
-import { write } from "../view/hud/card_panel.js";
+import { write } from "../lib/dom.js";
 import { maySteer } from "./restrictions.js";
 import { guideFor } from "./guide.js";
 
@@ -10,7 +10,7 @@ const OURS = ["keyboard", "stick"]; // the controllers of this page
 /**
  * @param {(id: string) => HTMLElement} element
  * @param {import("../lib/words.js").Words} words
- * @returns {(state: import("../drive/store.js").State) => void}
+ * @returns {(state: import("../drive/features.js").State) => void}
  */
 export const createPanel = (element, words) => {
   const panel = element("task");
@@ -59,7 +59,7 @@ export const createPanel = (element, words) => {
 /** The sentence of a cue; a newer server's cue has a general one. @param {import("./guide.js").Guide} guide @param {import("../lib/words.js").Words} words */
 export const sentence = ({ cue, number }, words) => words.say(words.has(cue) ? cue : "cue.other", { number: number ?? "" });
 
-/** @param {import("../drive/store.js").State} state @param {import("../lib/words.js").Words} words @returns {string} which controllers are off, when some are */
+/** @param {import("../drive/features.js").State} state @param {import("../lib/words.js").Words} words @returns {string} which controllers are off, when some are */
 const noteOf = (state, words) => {
   return OURS.filter((method) => !maySteer(state, method)).map((method) => words.say(`off.${method}`)).join(" ");
 };

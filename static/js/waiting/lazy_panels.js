@@ -9,16 +9,8 @@ import { appOf, browserFor } from "../pages/check/in_app.js";
 import { askPermission, call, permission, prepare } from "./notification.js";
 import { createPractice } from "./practice.js";
 
-/**
- * @param {object} options
- * @param {ReturnType<typeof import("../drive/store.js").createStore>} options.store
- * @param {any} options.config
- * @param {import("../lib/words.js").Words} options.words
- * @param {(id: string) => HTMLElement} options.element
- * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} options.report
- * @param {() => void} options.begin opens the page's connection
- */
-export const createLazyPanels = ({ store, config, words, element, report, begin }) => {
+/** @param {import("../drive/registry.js").Page} page */
+export const createLazyPanels = ({ store, config, words, element, connection: { report }, begin }) => {
   const { visit } = store.get();
   const practice = createPractice({ store, address: config.practice, element, words, report });
   return {

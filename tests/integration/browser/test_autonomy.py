@@ -37,7 +37,7 @@ def on_the_map(visitor, x, y):
     return box["x"] + left, box["y"] + top
 
 
-def on_encoded_frame(visitor, x, y):
+def tap(visitor, x, y):
     visitor.page.mouse.click(*on_the_map(visitor, x, y))
 
 
@@ -86,10 +86,10 @@ def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explai
 def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
     ben = visitor("ben").drive()
     goal = (2.6, 4.2)
-    on_encoded_frame(ben, *goal)
+    tap(ben, *goal)
     keep_at_all_sizes(ben.page, "goal")
     assert giraff.truth().linear == 0.0, "a tap alone moves nothing"
-    on_encoded_frame(ben, *goal)
+    tap(ben, *goal)
     press(ben, "Go here")
     offer(ben, "task.goto")
     wait_for(lambda: abs(giraff.truth().linear) > 0.1, 15, "a drive")
@@ -128,7 +128,7 @@ def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor,
 
 def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, giraff):
     dan = visitor("dan").drive()
-    on_encoded_frame(dan, 6.0, -1.0)  # below the southernmost wall
+    tap(dan, 6.0, -1.0)  # below the southernmost wall
     press(dan, "Go here")
     offer(dan, "task.failed.goto")
     expect(dan.page.locator("#offer-detail")).to_contain_text("outside of its map")

@@ -18,7 +18,7 @@ import { menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { reasonFor } from "../../../static/js/autonomy/reasons.js";
 import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
-import { newState } from "../../../static/js/drive/store.js";
+import { newState } from "../../../static/js/drive/features.js";
 import {
   AGAIN_SECONDS,
   PATIENCE_SECONDS,
@@ -76,13 +76,13 @@ describe("a task", () => {
     const task = ask({ type: "undock" }, "a", 10);
     assert.equal(pass(task, 10 + AGAIN_SECONDS / 2).send, false);
     const again = pass(task, 10.1 + AGAIN_SECONDS);
-    assert.deepEqual([again.send, again.task.id], [true, "a"]);
-    assert.equal(pass(again.task, again.task.sentAt + AGAIN_SECONDS / 2).send, false);
+    assert.deepEqual([again.send, again.action.id], [true, "a"]);
+    assert.equal(pass(again.action, again.action.sentAt + AGAIN_SECONDS / 2).send, false);
     assert.equal(pass(heard(task, news("WAITING"), 11), 30).send, false);
   });
 
   test("that finds no answer has failed for that reason, and can be had again", () => {
-    const { task } = pass(
+    const { action: task } = pass(
       ask({ type: "goto", place: "sofa", title: "Sofa" }, "a", 10),
       10.1 + PATIENCE_SECONDS,
     );
@@ -136,10 +136,10 @@ describe("a task", () => {
 
   test("that ended can be read for a moment, and one that failed until the visitor acts", () => {
     const done = heard(going(), news("FINISHED"), 20);
-    assert.equal(pass(done, 20 + READING_SECONDS / 2).task, done);
-    assert.equal(pass(done, 20.1 + READING_SECONDS).task, null);
+    assert.equal(pass(done, 20 + READING_SECONDS / 2).action, done);
+    assert.equal(pass(done, 20.1 + READING_SECONDS).action, null);
     const failed = heard(going(), news("FAILED"), 20);
-    assert.equal(pass(failed, 2000).task, failed);
+    assert.equal(pass(failed, 2000).action, failed);
   });
 
   test("looking for its place is nothing that moves the robot", () => {

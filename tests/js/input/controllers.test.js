@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
 import { Arbiter } from "../../../static/js/input/arbiter.js";
-import { guard } from "../../../static/js/input/focus_loss.js";
+import { onFocusLoss } from "../../../static/js/input/focus_loss.js";
 import { Keyboard, direction } from "../../../static/js/input/keyboard.js";
 import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
 import { START, ramp } from "../../../static/js/input/ramp.js";
@@ -167,9 +167,9 @@ describe("keyboard", () => {
   });
 
   test("W A S D do what the arrows do, and opposite keys cancel out", () => {
-    assert.deepEqual(direction(["KeyW", "KeyA"]), { ahead: 1, left: 1 });
-    assert.deepEqual(direction(["ArrowUp", "KeyS"]), { ahead: 0, left: 0 });
-    assert.deepEqual(direction(["ArrowUp", "KeyW", "ArrowRight"]), { ahead: 1, left: -1 });
+    assert.deepEqual(direction(["forward", "left"]), { ahead: 1, left: 1 });
+    assert.deepEqual(direction(["forward", "backward"]), { ahead: 0, left: 0 });
+    assert.deepEqual(direction(["forward", "forward", "right"]), { ahead: 1, left: -1 });
   });
 
   test("a key with a modifier is the browser's, and lets go of all others", () => {
@@ -223,7 +223,7 @@ describe("guard", () => {
     const window = new EventTarget();
     const document = Object.assign(new EventTarget(), { visibilityState: "visible" });
     const why = [];
-    guard((reason) => why.push(reason), { window, document });
+    onFocusLoss((reason) => why.push(reason), { window, document });
     window.dispatchEvent(new Event("blur"));
     document.dispatchEvent(new Event("visibilitychange"));
     document.visibilityState = "hidden";

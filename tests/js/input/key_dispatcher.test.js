@@ -6,8 +6,7 @@ import { describe, test } from "node:test";
 
 import { Keyboard } from "../../../static/js/input/keyboard.js";
 import { KeyDispatcher, keyUse } from "../../../static/js/input/key_dispatcher.js";
-import { TalkKey } from "../../../static/js/presence/push_to_talk.js";
-import { stepOf } from "../../../static/js/presence/tilt.js";
+import { PushToTalk } from "../../../static/js/presence/push_to_talk.js";
 
 /** An element of a tag with attributes that answers the rule's selectors as a browser would. */
 const at = (tag, attributes = {}) => ({
@@ -44,8 +43,9 @@ const rig = () => {
     now: () => 0,
   });
   keyboard.enable();
-  new TalkKey({ keys, onTalk: (down) => log.push(down ? "talk" : "quiet") });
-  keys.add({ down: (event) => stepOf(event) && log.push("tilt") });
+  const tilt = { down: () => log.push("tilt") };
+  const talk = new PushToTalk((down) => log.push(down ? "talk" : "quiet"));
+  keys.addCommands({ talk, look_up: tilt, look_down: tilt });
   const send = (type, code, { on = BODY, ...more } = {}) => {
     const event = Object.assign(new Event(type, { cancelable: true }), {
       code,
@@ -225,7 +225,7 @@ describe("the page's keys", () => {
 test("whatever listens to keys asks the rule", () => {
   const root = new URL("../../../static/js/", import.meta.url);
   // a sign of presence, which hand it was, and Escape of a menu of a light page
-  const others = ["drive/activity.js", "view/overlay/feature.js", "pages/site.js"];
+  const others = ["drive/activity.js", "view/overlay/floor_press.js", "pages/site.js"];
   const heard = readdirSync(root, { recursive: true })
     .filter(
       (name) =>

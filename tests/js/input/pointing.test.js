@@ -21,7 +21,7 @@ import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { stuckFor } from "../../../static/js/view/hud/stuck.js";
 import { cuesFor } from "../../../static/js/view/overlay/cues.js";
 import { along } from "../../../static/js/view/overlay/transforms.js";
-import { newState } from "../../../static/js/drive/store.js";
+import { newState } from "../../../static/js/drive/features.js";
 
 const WORDS = new Set(
   Array.from(

@@ -6,7 +6,7 @@ import { appOf, browserFor } from "../../../static/js/pages/check/in_app.js";
 import { advice, forRecord, judge, overall } from "../../../static/js/pages/check/verdict.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { newVisit } from "../../../static/js/protocol/session.js";
-import { newState } from "../../../static/js/drive/store.js";
+import { newState } from "../../../static/js/drive/features.js";
 
 const TEMPLATE = readFileSync(
   new URL("../../../templates/sessions/_check_words.html", import.meta.url),

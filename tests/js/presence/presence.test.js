@@ -11,8 +11,8 @@ import {
   previewOf,
 } from "../../../static/js/presence/call.js";
 import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
-import { TalkKey } from "../../../static/js/presence/push_to_talk.js";
-import { Tilting, stepOf } from "../../../static/js/presence/tilt.js";
+import { PushToTalk } from "../../../static/js/presence/push_to_talk.js";
+import { Tilting } from "../../../static/js/presence/tilt.js";
 import { sceneFor } from "../../../static/js/pages/screen/scene.js";
 import { createVoice } from "../../../static/js/pages/screen/speech.js";
 
@@ -228,7 +228,7 @@ describe("push to talk", () => {
       root: { querySelectorAll: () => [] },
       watch: () => undefined,
     });
-    new TalkKey({ keys, onTalk: (down) => talk.push(down) });
+    keys.addCommands({ talk: new PushToTalk((down) => talk.push(down)) });
     target.dispatchEvent(key("keydown"));
     target.dispatchEvent(key("keydown", { repeat: true }));
     target.dispatchEvent(key("keyup"));
@@ -263,12 +263,6 @@ describe("the head", () => {
     tilting.take(0);
     assert.equal(tilting.shown(0.1, 1), 0.5);
     assert.equal(tilting.shown(0.45, 3), 0.45);
-  });
-
-  test("R looks up, F down", () => {
-    assert.ok(stepOf({ code: "KeyR" }) < 0);
-    assert.ok(stepOf({ code: "KeyF" }) > 0);
-    assert.equal(stepOf({ code: "KeyW" }), 0);
   });
 });
 

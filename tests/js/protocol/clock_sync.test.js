@@ -151,10 +151,10 @@ test("a link is given up when it fails, is not answered, finds no way, or stays 
 
 test("a picture that grows old is noticed within 0.1 s, and one that is always old is not", () => {
   const ageTrend = new AgeTrend();
-  const looks = (/** @type {number[]} */ ages) => ages.map((age) => ageTrend.look(age));
+  const looks = (/** @type {number[]} */ ages) => ages.map((age) => ageTrend.isRising(age));
   assert.ok(!looks([0.08, 0.05, 0.08, 0.11, 0.14]).some(Boolean));
   assert.deepEqual(looks([0.16, 0.3, 0.06]), [true, true, false]);
-  assert.ok(!ageTrend.look(null));
-  const late = Array.from({ length: 1000 }, () => ageTrend.look(0.25));
+  assert.ok(!ageTrend.isRising(null));
+  const late = Array.from({ length: 1000 }, () => ageTrend.isRising(0.25));
   assert.deepEqual([late[0], late.at(-1)], [true, false]);
 });

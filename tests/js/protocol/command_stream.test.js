@@ -245,12 +245,12 @@ describe("which way", () => {
   test("a dot takes the way that commands take, one way alone, and is never kept for later", () => {
     const dot = { session: "s1", epoch: 3, stamp: 1.15, at: [0.5, 0.25] };
     const one = rig();
-    one.router.sendPoint(1, dot);
+    one.router.sendPointer(1, dot);
     one.router.beat(1, null);
     echo(one, "datachannel", 0, 1.1);
     one.sent.length = 0;
-    one.router.sendPoint(1.15, dot);
-    one.router.sendPoint(1.65, dot);
+    one.router.sendPointer(1.15, dot);
+    one.router.sendPointer(1.65, dot);
     assert.deepEqual(
       one.sent.map(([way, frame, options]) => [way, frame.split("\n")[0], options]),
       [
@@ -261,7 +261,7 @@ describe("which way", () => {
     assert.deepEqual(JSON.parse(one.sent[0][1].split("\n")[1]), dot);
     const behind = rig({ linkOpen: false });
     behind.router.only = "datachannel";
-    behind.router.sendPoint(1, dot);
+    behind.router.sendPointer(1, dot);
     assert.deepEqual(behind.sent, []);
   });
 

@@ -10,7 +10,7 @@ const rig = () => {
   const log = [];
   const socket = new Socket({
     url: "ws://robot/",
-    onFrame: (frame) => log.push(`frame ${frame}`),
+    onPacket: (frame) => log.push(`frame ${frame}`),
     onOpen: () => log.push("open"),
     onLost: (code) => log.push(`lost ${code}`),
     connect: () => {

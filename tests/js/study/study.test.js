@@ -11,7 +11,7 @@ import { cardFor } from "../../../static/js/view/hud/card.js";
 import { menuFor } from "../../../static/js/autonomy/map_bar.js";
 import { can, offerFor } from "../../../static/js/autonomy/offer.js";
 import { createWords } from "../../../static/js/lib/words.js";
-import { newState } from "../../../static/js/drive/store.js";
+import { newState } from "../../../static/js/drive/features.js";
 import { ask, heard } from "../../../static/js/autonomy/robot_action.js";
 import { GO_ON_SECONDS, hasEnded } from "../../../static/js/study/end_cards.js";
 import { isAssistFixed, maySend, maySteer } from "../../../static/js/study/restrictions.js";
@@ -506,7 +506,7 @@ describe("a way of control that is fixed", () => {
         router.sendAction({ type: "photo" }, false);
         router.sendAction({ type: "photo" }, true);
         assert.deepEqual(sent, [only, only, only]);
-        assert.equal(router.way(1), only);
+        assert.equal(router.transport(1), only);
         sent.length = 0;
         router.stop(1, "stop");
         assert.deepEqual(sent, ["datachannel", "mqtt"]);

@@ -14,7 +14,7 @@ import {
   profileOf,
 } from "../../../static/js/view/display/profiles.js";
 import { recallProfile, rememberProfile } from "../../../static/js/drive/storage.js";
-import { newState } from "../../../static/js/drive/store.js";
+import { newState } from "../../../static/js/drive/features.js";
 import { Figures, pickMore, wayOf } from "../../../static/js/view/technical/figures.js";
 
 const ROBOT = {

@@ -8,7 +8,8 @@ import { cardFor } from "../../../static/js/view/hud/card.js";
 import { clockTime, contains, roomAt } from "../../../static/js/view/hud/dials.js";
 import { statusFor } from "../../../static/js/view/hud/status.js";
 import { createWords } from "../../../static/js/lib/words.js";
-import { createStore, newState } from "../../../static/js/drive/store.js";
+import { newState } from "../../../static/js/drive/features.js";
+import { createStore } from "../../../static/js/drive/store.js";
 
 const TEMPLATE = readFileSync(
   new URL("../../../templates/sessions/_words.html", import.meta.url),

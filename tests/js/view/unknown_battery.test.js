@@ -8,7 +8,7 @@ import { createWords } from "../../../static/js/lib/words.js";
 import { batteryOf } from "../../../static/js/pages/live/labels.js";
 import { readingsAt } from "../../../static/js/pages/replay/readings.js";
 import { decode } from "../../../static/js/protocol/robot_api.js";
-import { newState } from "../../../static/js/drive/store.js";
+import { newState } from "../../../static/js/drive/features.js";
 
 const TEMPLATE = readFileSync(
   new URL("../../../templates/sessions/_words.html", import.meta.url),

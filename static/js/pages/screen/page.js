@@ -5,7 +5,7 @@
 import { Link } from "../../protocol/link.js";
 import { Peer } from "../../protocol/peer.js";
 import { Socket } from "../../protocol/socket.js";
-import { write } from "../../view/hud/card_panel.js";
+import { write } from "../../lib/dom.js";
 import { unixNow } from "../../lib/clock.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
@@ -42,8 +42,8 @@ const pointers = createRemotePointers({
   own: "screen",
   hovers: false, // a mouse that lies about on a display points at nothing
   say: (dot) => {
-    const frame = encodePacket("command/point", dot);
-    return (link.live && link.send(frame)) || socket.send(frame, { droppable: true });
+    const packet = encodePacket("command/point", dot);
+    return (link.live && link.send(packet)) || socket.send(packet, { droppable: true });
   },
 });
 let announced = "";
@@ -58,7 +58,7 @@ const mediaSender = new MediaSender({ devices: new Devices({ onLost: (kind) => m
 
 const socket = new Socket({
   url: new URL(config.socket, location.href.replace(/^http/, "ws")).href,
-  onFrame: (frame) => receive(frame),
+  onPacket: (packet) => receive(packet),
   onOpen: () => undefined,
   onLost: (code) => {
     if (code === NOT_ALLOWED) {
@@ -73,7 +73,7 @@ const socket = new Socket({
 
 const link = new Link({
   makePeer: (role) =>
-    new Peer({ role, gives: true, onSignal: (message) => socket.send(encodePacket("signal", message)), onFrame: (frame) => receive(frame, true) }),
+    new Peer({ role, gives: true, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, true) }),
   onDropping: () => undefined,
   onOpening: (peer) => {
     video.srcObject = new MediaStream([peer.video.track]);
@@ -96,10 +96,10 @@ const open = () => {
   }
 };
 
-/** @param {unknown} frame @param {boolean} [direct] from the data channel */
-const receive = (frame, direct = false) => {
+/** @param {unknown} packet @param {boolean} [direct] from the data channel */
+const receive = (packet, direct = false) => {
   try {
-    const { suffix, message } = decodePacket(frame);
+    const { suffix, message } = decodePacket(packet);
     if (direct) {
       link.heard(unixNow());
     }

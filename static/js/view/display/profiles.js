@@ -27,18 +27,18 @@ const FIRST = "standard";
 /** @param {any} name */
 const known = (name) => (Object.hasOwn(PROFILES, name) ? name : FIRST);
 
-/** What somebody else has decided, null when nobody has. @param {import("../../drive/store.js").State} state @returns {string | null} */
+/** What somebody else has decided, null when nobody has. @param {import("../../drive/features.js").State} state @returns {string | null} */
 export const fixedProfile = ({ visit, study }) => (visit.terms ?? study)?.interface || null;
 
-/** The name of what is in force. One that a page does not know shows as the first, and is told as that. @param {import("../../drive/store.js").State} state @returns {string} */
+/** The name of what is in force. One that a page does not know shows as the first, and is told as that. @param {import("../../drive/features.js").State} state @returns {string} */
 export const nameOf = (state) => known(fixedProfile(state) ?? state.profile ?? state.suggested);
 
-/** @param {import("../../drive/store.js").State} state */
+/** @param {import("../../drive/features.js").State} state */
 export const profileOf = (state) => PROFILES[nameOf(state)];
 
 /**
  * What a drive begins with. One that only goes on keeps the assistance that the server knows of it.
- * @param {import("../../drive/store.js").State} state @param {boolean} again whether it goes on after the page was loaded anew
+ * @param {import("../../drive/features.js").State} state @param {boolean} again whether it goes on after the page was loaded anew
  * @returns {{step: number, assist: string | null}} assist null leaves it as it is
  */
 export const beginningOf = (state, again) => {

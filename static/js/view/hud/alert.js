@@ -13,7 +13,7 @@ const PUSHED_SECONDS = 3;
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
 
 /**
- * @param {import("../../drive/store.js").State} state
+ * @param {import("../../drive/features.js").State} state
  * @returns {{word: string, tone: "danger" | "busy" | "calm", values?: Record<string, string | number>} | null}
  */
 export const alertFor = (state) => {
@@ -32,7 +32,7 @@ export const alertFor = (state) => {
 /**
  * A part of the server, or the robot's computer, that does not do its work: which one, and what that means for who drives. Without a way
  * to the server what it last said may be over, and is not said.
- * @param {import("../../drive/store.js").State} state @returns {ReturnType<typeof alertFor>}
+ * @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>}
  */
 const faultAlert = ({ visit, faults, serverSilent, now }) => {
   const fault = faults.find(({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"));
@@ -45,13 +45,13 @@ const faultAlert = ({ visit, faults, serverSilent, now }) => {
   return { word: `fault.${fault.part}.${then}`, tone: then === "waits" ? "busy" : "danger", values: { seconds: left } };
 };
 
-/** @param {import("../../drive/store.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const diskAlert = ({ faults }) => {
   const fault = faults.find(({ then }) => then === "goes_on");
   return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
 };
 
-/** @param {import("../../drive/store.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const robotAlert = (state) => {
   const { visit, robot } = state;
   // While the robot itself talks to the page it is there, whatever the server believes.
@@ -67,7 +67,7 @@ const robotAlert = (state) => {
   return robot?.safety.collision ? { word: "alert.collision", tone: "busy" } : null;
 };
 
-/** @param {import("../../drive/store.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck, serverSilent }) => {
   const cutOff = visit.socket === "lost" || serverSilent;
   if (cutOff && visit.link !== "live" && visit.phase === "driving") {
@@ -88,7 +88,7 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck, serverSilent
   return visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS ? { word: "alert.slow", tone: "busy" } : null;
 };
 
-/** What keeps the robot from doing what its driver wants. @param {import("../../drive/store.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** What keeps the robot from doing what its driver wants. @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const helpAlert = (state) => {
   const { visit, robot, help, now, pushedAt, barred, said, stuck } = state;
   if (barred && now - barred.at < PUSHED_SECONDS) {
@@ -110,7 +110,7 @@ const helpAlert = (state) => {
   return robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
 };
 
-/** @param {import("../../drive/store.js").State} state @returns {ReturnType<typeof alertFor>} */
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const quietAlert = ({ visit, notice, now, slow, playing, told }) => {
   // A task says itself how much time is left.
   if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && visit.turnEnds - now < SOON_SECONDS) {

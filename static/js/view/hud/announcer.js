@@ -4,7 +4,8 @@
 
 import { alertFor } from "./alert.js";
 import { cardFor } from "./card.js";
-import { textOf, write } from "./card_panel.js";
+import { write } from "../../lib/dom.js";
+import { textOf } from "./card_panel.js";
 import { offerFor } from "../../autonomy/offer.js";
 
 /**
@@ -13,7 +14,7 @@ import { offerFor } from "../../autonomy/offer.js";
  */
 export const createAnnouncer = (element, words) => {
   let said = "";
-  return (/** @type {import("../../drive/store.js").State} */ state) => {
+  return (/** @type {import("../../drive/features.js").State} */ state) => {
     const card = cardFor(state);
     const alert = alertFor(state);
     const offer = offerFor(state);

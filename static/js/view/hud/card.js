@@ -42,12 +42,12 @@ const AFTER = /** @type {Record<string, {action: string, word: string}>} */ ({
   stopped_by_operator: HOME,
 });
 
-/** @param {import("../../drive/store.js").State} state @returns {Card | null} */
+/** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 export const cardFor = (state) => {
   return studyCard(state, usualCard(state));
 };
 
-/** @param {import("../../drive/store.js").State} state @returns {Card | null} */
+/** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 const usualCard = (state) => {
   if (state.visit.askedUntil !== null) {
     return { word: "idle", countdown: Math.max(0, Math.ceil(state.visit.askedUntil - state.now)), main: { action: "here", word: "do.here" }, quiet: true };
@@ -59,7 +59,7 @@ const usualCard = (state) => {
   return card ? card(state) : null;
 };
 
-/** @type {Record<string, (state: import("../../drive/store.js").State) => Card | null>} */
+/** @type {Record<string, (state: import("../../drive/features.js").State) => Card | null>} */
 const CARDS = {
   connecting: ({ finding }) => ({ word: "connecting", busy: true, detail: finding }),
   closed: (state) => closed(state),
@@ -84,7 +84,7 @@ const CARDS = {
   ended: ({ visit, finding }) => ({ ...ended(visit.reason), detail: BROKEN.has(visit.reason) ? finding : null }),
 };
 
-/** What one may do while one waits. @param {Pick<import("../../drive/store.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */
+/** What one may do while one waits. @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */
 const meanwhile = ({ practice, notifiable }) => {
   const tell = notifiable ? { action: "tell_me", word: "do.tell_me" } : undefined;
   if (practice === "starting") {
@@ -95,7 +95,7 @@ const meanwhile = ({ practice, notifiable }) => {
 
 const BROKEN = new Set(["connection_refused", "connection_lost"]);
 
-/** The page does nothing any more, or nothing yet. @param {import("../../drive/store.js").State} state @returns {Card} */
+/** The page does nothing any more, or nothing yet. @param {import("../../drive/features.js").State} state @returns {Card} */
 const closed = ({ visit, betterBrowser, copied }) => {
   const word = `closed.${visit.reason}`;
   if (visit.reason === "in_app") {
@@ -137,7 +137,7 @@ const ended = (reason) => {
   return { word: `ended.${reason in AFTER ? reason : "completed"}`, main, other: main === HOME ? undefined : HOME };
 };
 
-/** @param {import("../../drive/store.js").State} state @returns {Card} */
+/** @param {import("../../drive/features.js").State} state @returns {Card} */
 const lobby = ({ visit, room }) => {
   const watch = { action: "watch", word: "do.watch" };
   if (visit.socket !== "open") {
@@ -164,7 +164,7 @@ const lobby = ({ visit, room }) => {
  * Video has not begun: the link is made, or the camera starts, or why it does not. A link that is lost has its banner instead, so that the
  * last picture stays in sight, until it is known why.
  */
-const link = (/** @type {import("../../drive/store.js").State} */ state) => {
+const link = (/** @type {import("../../drive/features.js").State} */ state) => {
   const camera = state.robot?.cameraStatus;
   if (!roleOf(state.visit) || state.playing || (state.visit.link !== "connecting" && !state.finding && !camera)) {
     return null;

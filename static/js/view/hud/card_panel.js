@@ -2,6 +2,8 @@
  * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
  */
 
+import { write } from "../../lib/dom.js";
+
 export class CardPanel {
   /**
    * @param {object} options
@@ -74,10 +76,3 @@ export class CardPanel {
 /** @param {import("./card.js").Card} card @param {import("../../lib/words.js").Words} words @returns {string} */
 export const textOf = ({ word, values, detail }, words) =>
   [detail ? words.say(detail.word, detail.values) : "", words.say(`${word}.text`, values)].filter(Boolean).join(" ");
-
-/** Same words are not written again: screen readers would read them again. @param {HTMLElement} element @param {string} text */
-export const write = (element, text) => {
-  if (element.textContent !== text) {
-    element.textContent = text;
-  }
-};

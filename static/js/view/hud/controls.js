@@ -6,13 +6,13 @@
 import { roleOf } from "../../protocol/session.js";
 import { isAssistFixed } from "../../study/restrictions.js";
 import { offersAssist } from "../../autonomy/assistance.js";
-import { write } from "./card_panel.js";
+import { write } from "../../lib/dom.js";
 
 /**
  * @param {(id: string) => HTMLElement} element
  * @param {import("../../lib/words.js").Words} words
  * @param {(action: string) => void} act
- * @returns {(state: import("../../drive/store.js").State) => void}
+ * @returns {(state: import("../../drive/features.js").State) => void}
  */
 export const createControls = (element, words, act) => {
   const stop = /** @type {HTMLButtonElement} */ (element("stop"));

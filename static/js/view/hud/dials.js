@@ -2,7 +2,7 @@
  * Beside the map: which room, how fast, how far and for how long. Pure readings and their elements.
  */
 
-import { write } from "./card_panel.js";
+import { write } from "../../lib/dom.js";
 
 /**
  * Whether a point lies in a simple polygon (even-odd rule).
@@ -29,7 +29,7 @@ export const clockTime = (seconds) => `${Math.floor(seconds / 60)}:${String(Math
 /**
  * @param {(id: string) => HTMLElement} element
  * @param {string} language a BCP 47 tag
- * @returns {(state: import("../../drive/store.js").State) => void}
+ * @returns {(state: import("../../drive/features.js").State) => void}
  */
 export const createDials = (element, language) => {
   const one = new Intl.NumberFormat(language, { minimumFractionDigits: 1, maximumFractionDigits: 1 });

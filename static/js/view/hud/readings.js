@@ -4,7 +4,7 @@
 
 import { roleOf } from "../../protocol/session.js";
 import { alertFor } from "./alert.js";
-import { write } from "./card_panel.js";
+import { write } from "../../lib/dom.js";
 import { statusFor } from "./status.js";
 
 const LOW_BATTERY = 0.2;
@@ -12,7 +12,7 @@ const LOW_BATTERY = 0.2;
 /**
  * @param {(id: string) => HTMLElement} element
  * @param {import("../../lib/words.js").Words} words
- * @returns {(state: import("../../drive/store.js").State) => void}
+ * @returns {(state: import("../../drive/features.js").State) => void}
  */
 export const createReadings = (element, words) => {
   const parts = {
@@ -41,12 +41,12 @@ export const createReadings = (element, words) => {
     showBattery(parts, state, words);
     const trip = roleOf(state.visit) === "driver" ? state.roundTrip : null;
     parts.trip.hidden = trip === null;
-    parts.trip.dataset.way = state.way;
+    parts.trip.dataset.transport = state.transport;
     write(parts.tripText, trip === null ? "" : words.say("reading.round_trip", { ms: Math.round(trip * 1000) }));
   };
 };
 
-/** @param {HTMLElement} line @param {import("../../drive/store.js").State} state @param {import("../../lib/words.js").Words} words */
+/** @param {HTMLElement} line @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
 const showAlert = (line, state, words) => {
   const alert = alertFor(state);
   line.hidden = alert === null;
@@ -55,7 +55,7 @@ const showAlert = (line, state, words) => {
   write(line, alert ? words.say(alert.word, alert.values) : "");
 };
 
-/** @param {Record<string, HTMLElement>} parts @param {import("../../drive/store.js").State} state @param {import("../../lib/words.js").Words} words */
+/** @param {Record<string, HTMLElement>} parts @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
 const showPeople = (parts, { visit, room }, words) => {
   const others = Math.max(0, room.observers - (visit.phase === "watching" ? 1 : 0));
   const driver = visit.phase !== "driving" && room.driving && room.driver;
@@ -67,7 +67,7 @@ const showPeople = (parts, { visit, room }, words) => {
   write(parts.waitingText, room.waiting ? words.say("reading.waiting", { n: room.waiting }) : "");
 };
 
-/** @param {Record<string, HTMLElement>} parts @param {import("../../drive/store.js").State} state @param {import("../../lib/words.js").Words} words */
+/** @param {Record<string, HTMLElement>} parts @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
 const showBattery = (parts, { robot }, words) => {
   parts.battery.hidden = !robot;
   if (!robot) {

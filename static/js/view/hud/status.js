@@ -6,7 +6,7 @@ import { roleOf } from "../../protocol/session.js";
 
 const PLAYING = /** @type {Record<string, string>} */ ({ driving: "status.driving", watching: "status.watching" });
 
-/** @param {import("../../drive/store.js").State} state @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}} */
+/** @param {import("../../drive/features.js").State} state @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}} */
 export const statusFor = ({ visit, room, playing, slow }) => {
   if (roleOf(visit)) {
     if (!visit.online && !visit.serverBlind && visit.link !== "live") {

@@ -25,7 +25,7 @@ const REFUSALS = {
 /** @typedef {{word: string, values?: Record<string, string>}} Why */
 
 /**
- * @param {import("../../drive/store.js").State} state
+ * @param {import("../../drive/features.js").State} state
  * @param {{now: number, heardAt: number, movedAt: number}} times Unix seconds: when the robot was heard of last, and seen to move
  * @returns {Why | null} null when nothing is pressed, or the robot moves
  */

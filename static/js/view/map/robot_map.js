@@ -47,7 +47,7 @@ export class RobotMap {
     this.view = null;
     this.density = 1;
     /** what part of it is looked at */
-    this.look = ALL;
+    this.settings = ALL;
     this.drawn = ""; // the view that the still part was drawn for
     this.still = document.createElement("canvas");
     this.dirty = false;
@@ -107,23 +107,23 @@ export class RobotMap {
     return this.view && toWorld(this.view, px, py);
   }
 
-  /** @param {Partial<import("./pan_zoom.js").Look>} change */
-  setLook(change) {
-    this.look = { ...this.look, ...change };
+  /** @param {Partial<import("./pan_zoom.js").ViewSettings>} change */
+  setSettings(change) {
+    this.settings = { ...this.settings, ...change };
     this.#redraw();
   }
 
   /** Look nearer or from farther away. @param {number} factor @param {number} [px] what stays where it is, CSS pixels @param {number} [py] */
   zoom(factor, px, py) {
     if (this.view && this.site) {
-      this.setLook(zoomed(this.look, this.view, boundsOfSite(this.site), factor, px, py));
+      this.setSettings(zoomed(this.settings, this.view, boundsOfSite(this.site), factor, px, py));
     }
   }
 
   /** @param {number} dx CSS pixels that the map moves by @param {number} dy */
   pan(dx, dy) {
     if (this.view && this.site) {
-      this.setLook(moved(this.view, boundsOfSite(this.site), dx, dy));
+      this.setSettings(moved(this.view, boundsOfSite(this.site), dx, dy));
     }
   }
 
@@ -157,7 +157,7 @@ export class RobotMap {
 
   #viewNow() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    return this.site && width && height ? viewOf(this.look, boundsOfSite(this.site), this.pose, width, height, this.tools) : this.view;
+    return this.site && width && height ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, this.tools) : this.view;
   }
 
   /** @param {Record<string, string>} paint */

@@ -8,7 +8,7 @@ const STATION_WITHIN = 6; // m: without a task, the station is marked where it c
 const USUAL_RADIUS = 0.3; // m
 
 /**
- * @param {import("../../drive/store.js").State} state @param {import("./transforms.js").Moment} moment
+ * @param {import("../../drive/features.js").State} state @param {import("./transforms.js").Moment} moment
  * @returns {import("./drawing.js").Cue[]}
  */
 export const cuesFor = (state, moment) => {
@@ -26,10 +26,10 @@ export const cuesFor = (state, moment) => {
   return marked && (wanted || (!marked.hidden && Math.hypot(station.x - moment.x, station.y - moment.y) < STATION_WITHIN)) ? [marked] : [];
 };
 
-/** This robot's own. @param {import("../../drive/store.js").State} state @returns {{x: number, y: number} | null} */
+/** This robot's own. @param {import("../../drive/features.js").State} state @returns {{x: number, y: number} | null} */
 const stationOf = ({ plan, factsheet }) => plan?.docks?.find((/** @type {any} */ { type }) => type === factsheet?.series?.toLowerCase()) ?? null;
 
-/** @param {import("../../drive/store.js").State} state @param {import("./transforms.js").Moment} moment @param {{x: number, y: number}} place @param {number} radius @param {string} sign */
+/** @param {import("../../drive/features.js").State} state @param {import("./transforms.js").Moment} moment @param {{x: number, y: number}} place @param {number} radius @param {string} sign */
 const cue = ({ plan }, moment, { x, y }, radius, sign) => ({
   point: /** @type {[number, number]} */ ([x, y]),
   radius,

@@ -11,7 +11,7 @@ const SMOOTHED = 9; // samples of which the middle one counts, for what jumps
 /**
  * @typedef {object} Raw
  * @property {RTCPeerConnection | null} connection
- * @property {import("../../drive/store.js").State} state
+ * @property {import("../../drive/features.js").State} state
  * @property {{datachannel: number | null, mqtt: number | null}} trips seconds to the robot and back on each way
  * @property {number | null} glass seconds from the robot's camera to the screen, when the last frame was shown
  * @property {[number, number]} size pixels of the picture on the screen

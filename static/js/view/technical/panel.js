@@ -3,7 +3,7 @@
  * somebody wants to see it (view/display/feature.js).
  */
 
-import { write } from "../hud/card_panel.js";
+import { backToDriving, write } from "../../lib/dom.js";
 import { Figures } from "./figures.js";
 
 const PERIOD_MS = 500;
@@ -55,7 +55,7 @@ export const createTechnical = ({ element, words, raw }) => {
     const text = element("figures-copy-text");
     write(text, words.say(copied ? "do.copied" : "do.copy_failed"));
     setTimeout(() => write(text, words.say("do.copy")), COPIED_MS);
-    element("viewport").focus({ preventScroll: true });
+    backToDriving(element);
   });
 
   return (shown) => {
