@@ -32,46 +32,10 @@ const newSlice = () => ({
 
 /** @param {import("./registry.js").Page} page */
 const setUp = (page) => {
-  const { store, config, words, element, keys, emit } = page;
-  const title = document.title;
-  let sessionBefore = ""; // the session that this tab was in when it was loaded
-  let driven = ""; // the session that it drives
+  const { store, config, element, keys } = page;
+  const control = newControl(page);
+  const dispatch = newDispatch(page, control);
   let askedSince = 0;
-
-  /** @param {any} lease null when it is over */
-  const control = (lease) => {
-    if (!lease) {
-      store.update({ began: null });
-      emit("released");
-      return;
-    }
-    emit("granted", lease);
-    if (lease.session !== driven) {
-      driven = lease.session;
-      emit("began", lease.session === sessionBefore);
-    }
-    if (!keys.taken) {
-      backToDriving(element);
-    }
-  };
-
-  const effects = { ...newEffects(page), control: (/** @type {any} */ { lease }) => control(lease) };
-
-  /** @param {import("../protocol/session.js").Happening} happening */
-  const dispatch = (happening) => {
-    const before = store.get().visit;
-    const now = unixNow();
-    const { visit, effects: wanted } = reduce(before, { ...happening, now });
-    store.update({ visit, now });
-    document.title = titleOf(visit, words, title);
-    if (visit.phase !== before.phase) {
-      emit("phase", visit.phase, before.phase);
-      performance.mark(`drive:${visit.phase}`);
-    }
-    for (const effect of wanted) {
-      /** @type {any} */ (effects)[effect.type](effect);
-    }
-  };
 
   /** Somebody is there: said to the server now and then, for whoever only looks or writes is not away. */
   const giveSign = () => {
@@ -88,7 +52,7 @@ const setUp = (page) => {
       dispatch,
       /** @param {{session: string | null, takeover: boolean, go: boolean}} loaded how the page was loaded */
       begin: (loaded) => {
-        sessionBefore = loaded.session ?? "";
+        control.sessionBefore = loaded.session ?? "";
         dispatch({ type: "loaded", ...loaded });
       },
     },
@@ -109,6 +73,53 @@ const setUp = (page) => {
         lookAtTimes(page, now);
       },
     },
+  };
+};
+
+/** The lease comes and goes. @param {import("./registry.js").Page} page */
+const newControl = ({ store, element, keys, emit }) => {
+  let driven = ""; // the session that this tab drives
+  const control = {
+    sessionBefore: "", // that it was in when it was loaded
+    /** @param {any} lease null when it is over */
+    take: (lease) => {
+      if (!lease) {
+        store.update({ began: null });
+        emit("released");
+        return;
+      }
+      emit("granted", lease);
+      if (lease.session !== driven) {
+        driven = lease.session;
+        emit("began", lease.session === control.sessionBefore);
+      }
+      if (!keys.taken) {
+        backToDriving(element);
+      }
+    },
+  };
+  return control;
+};
+
+/** @param {import("./registry.js").Page} page @param {ReturnType<typeof newControl>} control */
+const newDispatch = (page, control) => {
+  const { store, words, emit } = page;
+  const title = document.title;
+  const effects = { ...newEffects(page), control: (/** @type {any} */ { lease }) => control.take(lease) };
+
+  return (/** @type {import("../protocol/session.js").Happening} */ happening) => {
+    const before = store.get().visit;
+    const now = unixNow();
+    const { visit, effects: wanted } = reduce(before, { ...happening, now });
+    store.update({ visit, now });
+    document.title = titleOf(visit, words, title);
+    if (visit.phase !== before.phase) {
+      emit("phase", visit.phase, before.phase);
+      performance.mark(`drive:${visit.phase}`);
+    }
+    for (const effect of wanted) {
+      /** @type {any} */ (effects)[effect.type](effect);
+    }
   };
 };
 

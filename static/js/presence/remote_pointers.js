@@ -1,5 +1,5 @@
 /**
- * Two dots over a video, one of each side, and the hand that draws one of them: what the drive page and the robot's own display have in
+ * Two pointers over a video, one of each side, and the hand that moves one of them: what the drive page and the robot's own display have in
  * common. The layer stands in the element that the video fills, and is laid just over the picture, without the bars beside it, so that a
  * share of the layer is a share of the picture.
  *
@@ -10,132 +10,138 @@ import { write } from "../lib/dom.js";
 import { unixNow } from "../lib/clock.js";
 import { RemotePointer, EVERY, Hand, frameOf, spotIn } from "./pointer_state.js";
 
-const LOOK = 100; // ms between two looks at whether a dot is to go
+const POLL_MS = 100; // between two looks at whether a pointer is to go
 
 /** @typedef {"driver" | "screen"} Side */
 
 /**
- * @param {object} options
- * @param {HTMLVideoElement} options.video
- * @param {HTMLElement} options.layer with a .dot of each side in it
- * @param {Side} options.own whose hand this is
- * @param {boolean} options.hovers whether a mouse points without being pressed
- * @param {(dot: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} options.say tell the other side
- * @param {() => void} [options.onLift] a press is over
+ * @typedef {object} Options
+ * @property {HTMLVideoElement} video
+ * @property {HTMLElement} layer with a .remote-pointer of each side in it
+ * @property {Side} own whose hand this is
+ * @property {boolean} hovers whether a mouse points without being pressed
+ * @property {(pointer: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} say tell the other side
+ * @property {() => void} [onLift] a press is over
  */
-export const createRemotePointers = ({ video, layer, own, hovers, say, onLift = () => undefined }) => {
-  const sides = {
-    driver: { dot: new RemotePointer(), element: /** @type {HTMLElement} */ (layer.querySelector(".dot--driver")) },
-    screen: { dot: new RemotePointer(), element: /** @type {HTMLElement} */ (layer.querySelector(".dot--screen")) },
-  };
-  const hand = new Hand();
-  let open = false;
-  /** @type {number | null} the pointer that is pressed */
-  let pressed = null;
-  /** @type {ReturnType<typeof setInterval> | undefined} while a hand is on the picture */
-  let saying;
-  /** @type {ReturnType<typeof setTimeout> | undefined} while a dot is shown */
-  let looking;
 
-  const place = () => {
-    const picture = { width: video.videoWidth, height: video.videoHeight };
+export class RemotePointers {
+  /** @param {Options} options */
+  constructor({ video, layer, own, hovers, say, onLift = () => undefined }) {
+    Object.assign(this, { video, layer, own, hovers, say, onLift });
+    const side = (/** @type {Side} */ name) => ({ pointer: new RemotePointer(), element: /** @type {HTMLElement} */ (layer.querySelector(`.remote-pointer--${name}`)) });
+    this.sides = { driver: side("driver"), screen: side("screen") };
+    this.hand = new Hand();
+    this.open = false;
+    /** @type {number | null} the pointer device that is pressed */
+    this.pressed = null;
+    /** @type {ReturnType<typeof setInterval> | undefined} while a hand is on the video */
+    this.telling = undefined;
+    /** @type {ReturnType<typeof setTimeout> | undefined} while a pointer is shown */
+    this.polling = undefined;
+    new ResizeObserver(() => this.place()).observe(video);
+    video.addEventListener("resize", () => this.place());
+    this.#listen();
+  }
+
+  /** The video lies elsewhere in its element, for a reason that is no size. */
+  place() {
+    const { video, layer } = this;
+    const size = { width: video.videoWidth, height: video.videoHeight };
     const [box, around] = [video, /** @type {Element} */ (layer.parentElement)].map((element) => element.getBoundingClientRect());
-    if (picture.width && picture.height && box.width) {
-      const { left, top, width, height } = frameOf(picture, box.width, box.height, getComputedStyle(video).objectFit);
+    if (size.width && size.height && box.width) {
+      const { left, top, width, height } = frameOf(size, box.width, box.height, getComputedStyle(video).objectFit);
       const from = { left: box.left - around.left + left, top: box.top - around.top + top };
       Object.assign(layer.style, { left: `${from.left}px`, top: `${from.top}px`, width: `${width}px`, height: `${height}px` });
     }
-  };
-  new ResizeObserver(place).observe(video);
-  video.addEventListener("resize", place);
+  }
 
-  const render = () => {
+  /** Whether pointers are shown and the hand is heard from now on. @param {boolean} may @param {string} name of the visitor, whose initial their pointer bears */
+  allow(may, name) {
+    write(this.sides.driver.element, (Array.from(name)[0] ?? "").toUpperCase());
+    if (may !== this.open) {
+      this.place();
+      if (!may) {
+        this.pressed = null;
+        this.#leave();
+      }
+      this.open = may;
+      this.layer.toggleAttribute("data-open", may);
+      this.#render();
+    }
+  }
+
+  /** A pointer of the other side. @param {{stamp: number, by: Side, at: import("./pointer_state.js").Spot | null}} message */
+  told(message) {
+    if (message.by !== this.own) {
+      this.sides[message.by].pointer.told(message, unixNow());
+      this.#render();
+    }
+  }
+
+  #listen() {
+    const { layer } = this;
+    layer.addEventListener("pointerdown", (event) => {
+      if (this.open && this.pressed === null && event.button === 0) {
+        this.pressed = event.pointerId;
+        layer.setPointerCapture(this.pressed);
+        this.#follow(event);
+      }
+    });
+    layer.addEventListener("pointermove", (event) => {
+      if (this.open && (this.pressed === null ? this.hovers && event.pointerType !== "touch" : this.pressed === event.pointerId)) {
+        this.#follow(event);
+      }
+    });
+    for (const name of /** @type {const} */ (["pointerup", "pointercancel"])) {
+      layer.addEventListener(name, (event) => {
+        if (this.pressed === event.pointerId) {
+          this.pressed = null;
+          this.#leave();
+          this.onLift();
+        }
+      });
+    }
+    layer.addEventListener("pointerleave", () => this.pressed === null && this.#leave());
+  }
+
+  #render() {
     const now = unixNow();
-    clearTimeout(looking);
-    for (const { dot, element } of Object.values(sides)) {
-      const at = open ? dot.at(now) : null;
+    clearTimeout(this.polling);
+    for (const { pointer, element } of Object.values(this.sides)) {
+      const at = this.open ? pointer.at(now) : null;
       element.toggleAttribute("data-on", at !== null);
       if (at) {
         Object.assign(element.style, { left: `${100 * at[0]}%`, top: `${100 * at[1]}%` });
-        looking = setTimeout(render, LOOK);
+        this.polling = setTimeout(() => this.#render(), POLL_MS);
       }
     }
-  };
+  }
 
   /** Whatever there is to say of the hand. */
-  const tell = () => {
+  #tell() {
     const now = unixNow();
-    const at = hand.take(now);
+    const at = this.hand.take(now);
     if (at !== undefined) {
-      sides[own].dot.told({ stamp: now, at }, now);
-      say({ stamp: now, at });
-      render();
+      this.sides[this.own].pointer.told({ stamp: now, at }, now);
+      this.say({ stamp: now, at });
+      this.#render();
     }
-  };
+  }
 
   /** @param {PointerEvent} event */
-  const follow = (event) => {
-    const at = spotIn(layer.getBoundingClientRect(), event);
-    hand.is(at, pressed !== null);
-    saying ??= setInterval(tell, 1000 * EVERY);
-    tell();
-    sides[own].dot.told({ stamp: unixNow(), at }, unixNow()); // under one's own hand at once, not fifteen times a second
-    render();
-  };
-
-  const leave = () => {
-    clearInterval(saying);
-    saying = undefined;
-    hand.is(null);
-    tell();
-  };
-
-  layer.addEventListener("pointerdown", (event) => {
-    if (open && pressed === null && event.button === 0) {
-      pressed = event.pointerId;
-      layer.setPointerCapture(pressed);
-      follow(event);
-    }
-  });
-  layer.addEventListener("pointermove", (event) => {
-    if (open && (pressed === null ? hovers && event.pointerType !== "touch" : pressed === event.pointerId)) {
-      follow(event);
-    }
-  });
-  for (const name of /** @type {const} */ (["pointerup", "pointercancel"])) {
-    layer.addEventListener(name, (event) => {
-      if (pressed === event.pointerId) {
-        pressed = null;
-        leave();
-        onLift();
-      }
-    });
+  #follow(event) {
+    const at = spotIn(this.layer.getBoundingClientRect(), event);
+    this.hand.is(at, this.pressed !== null);
+    this.telling ??= setInterval(() => this.#tell(), 1000 * EVERY);
+    this.#tell();
+    this.sides[this.own].pointer.told({ stamp: unixNow(), at }, unixNow()); // under one's own hand at once, not fifteen times a second
+    this.#render();
   }
-  layer.addEventListener("pointerleave", () => pressed === null && leave());
 
-  return {
-    /** The picture lies elsewhere in its element, for a reason that is no size. */
-    place,
-    /** Whether pointers are shown and the hand is heard from now on. @param {boolean} may @param {string} name of the visitor, whose initial their dot bears */
-    allow: (may, name) => {
-      write(sides.driver.element, (Array.from(name)[0] ?? "").toUpperCase());
-      if (may !== open) {
-        place();
-        if (!may) {
-          pressed = null;
-          leave();
-        }
-        open = may;
-        layer.toggleAttribute("data-open", open);
-        render();
-      }
-    },
-    /** A dot of the other side. @param {{stamp: number, by: Side, at: import("./pointer_state.js").Spot | null}} message */
-    told: (message) => {
-      if (message.by !== own) {
-        sides[message.by].dot.told(message, unixNow());
-        render();
-      }
-    },
-  };
-};
+  #leave() {
+    clearInterval(this.telling);
+    this.telling = undefined;
+    this.hand.is(null);
+    this.#tell();
+  }
+}

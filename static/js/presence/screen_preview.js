@@ -3,25 +3,25 @@
  * on it. Fetched when a screen is shown for the first time.
  */
 
-import { createRemotePointers } from "./remote_pointers.js";
+import { RemotePointers } from "./remote_pointers.js";
 
 /**
  * @param {object} page
  * @param {(id: string) => HTMLElement} page.element
- * @param {(dot: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} page.sendPointer
+ * @param {(pointer: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} page.sendPointer
  * @param {() => void} page.backToDriving
  */
 export const createPreview = ({ element, sendPointer, backToDriving }) => {
   const box = element("shared");
   const video = /** @type {HTMLVideoElement} */ (element("shared-video"));
-  const pointers = createRemotePointers({ video, layer: element("shared-dots"), own: "driver", hovers: true, say: sendPointer, onLift: backToDriving });
+  const pointers = new RemotePointers({ video, layer: element("shared-pointers"), own: "driver", hovers: true, say: sendPointer, onLift: backToDriving });
   /** @type {MediaStreamTrack | null} */
   let shown = null;
 
   box.addEventListener("pointerdown", (event) => event.stopPropagation()); // a press on the stage beneath would drive there
 
   return {
-    pointed: pointers.told,
+    pointed: (/** @type {any} */ message) => pointers.told(message),
     /** @param {{track: MediaStreamTrack | null, points: boolean, name: string}} what the screen that they see, null for none; whether pointers reach them; the visitor's name */
     show: ({ track, points, name }) => {
       box.hidden = track === null;

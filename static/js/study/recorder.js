@@ -30,24 +30,13 @@ export const createRecorder = ({ get, report, now }) => {
   let profile = "";
 
   /** @param {import("./page_events.js").Note | null} note */
-  const write = (note) => {
-    if (note) {
-      report(note.type, note.data);
-    }
-  };
+  const write = (note) => note && report(note.type, note.data);
   const isDriving = () => get().visit.phase === "driving";
-  const sayLayout = () => isDriving() && write(layout.hear({
-    interface: nameOf(get()), layout: layoutOf(innerWidth, innerHeight), width: innerWidth, height: innerHeight, screen_width: screen.width, screen_height: screen.height, density: devicePixelRatio, touch: matchMedia("(any-pointer: coarse)").matches,
-  }));
+  const sayLayout = () => isDriving() && write(layout.hear(layoutNow(get())));
 
   const sayPermissions = () => isDriving() && granted.forEach((state, name) => write(permissions.get(name)?.hear({ name, state }) ?? null));
 
-  /** @type {ReturnType<typeof setTimeout> | undefined} */
-  let timer;
-  addEventListener("resize", () => {
-    clearTimeout(timer);
-    timer = setTimeout(sayLayout, STEADY_MS);
-  });
+  onResized(sayLayout);
   document.addEventListener("visibilitychange", () => isDriving() && report("tab", { hidden: document.hidden }));
   addEventListener("pagehide", () => write(cue.hear("", null, now())));
   for (const name of PERMISSIONS) {
@@ -99,6 +88,28 @@ export const createRecorder = ({ get, report, now }) => {
 
   return { show, steered: (/** @type {string} */ method) => isDriving() && write(controller.hear({ method })) };
 };
+
+/** Once the window has its size. @param {() => void} tell */
+const onResized = (tell) => {
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  addEventListener("resize", () => {
+    clearTimeout(timer);
+    timer = setTimeout(tell, STEADY_MS);
+  });
+};
+
+/** How the page is laid out now. @param {import("../drive/features.js").State} state */
+const layoutNow = (state) => ({
+  interface: nameOf(state),
+  layout: layoutOf(innerWidth, innerHeight),
+  width: innerWidth,
+  height: innerHeight,
+  screen_width: screen.width,
+  screen_height: screen.height,
+  density: devicePixelRatio,
+  touch: matchMedia("(any-pointer: coarse)").matches,
+});
 
 /** What the browser has been allowed, now and whenever that changes. @param {string} name @param {(state: string) => unknown} tell */
 const watchPermission = async (name, tell) => {

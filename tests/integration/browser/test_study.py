@@ -77,7 +77,7 @@ def publish(site: Site, condition: str, *, short: bool) -> str:
     conditions = [one for one in study["conditions"] if one["key"] == condition]
     document = json.dumps(study | {"slug": slug, "conditions": conditions, "courses": [course]})
     site.django(
-        "from django.utils import timezone; from experiments import problems, publishing;"
+        "from django.utils import timezone; from experiments.definition import problems, publishing;"
         f"row = publishing.store(problems.parse({document!r}.encode()), timezone.now());"
         "publishing.publish(row, None, 'a test drives it', timezone.now())"
     )

@@ -22,245 +22,259 @@ const TOOL = "course-tool";
 const page = /** @type {HTMLElement | null} */ (document.getElementById("course"));
 const form = /** @type {HTMLFormElement} */ (document.getElementById("part"));
 
-/** @param {HTMLElement} page */
-const open = (page) => {
-  const words = page.dataset;
-  const svg = /** @type {any} */ (document.getElementById("course-map"));
-  const { plan: site, robot } = JSON.parse(/** @type {HTMLElement} */ (document.getElementById("course-ground")).textContent ?? "");
-  const viewBox = viewBoxOf(site);
-  // What is on top is hit first: checkpoints over the path over zones, however they came.
-  const layers = /** @type {Record<string, SVGElement>} */ ({ drawn: element("g"), corner: element("g"), point: element("g"), spot: element("g") });
-  svg.setAttribute("viewBox", viewBox.join(" "));
-  svg.append(ground(site, robot), ...Object.values(layers));
-  const shown = new Map();
-  let unreachable = /** @type {number[]} */ ([]);
+/** A field of the form. @param {string} name */
+const field = (name) => /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
 
-  const field = (/** @type {string} */ name) => /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
-  const write = (/** @type {string} */ name, /** @type {string} */ value) => {
-    const input = field(name);
-    if (input) {
-      input.value = value;
-      input.dispatchEvent(new Event("input", { bubbles: true }));
+/** @param {string} name @param {string} value */
+const write = (name, value) => {
+  const input = field(name);
+  if (input) {
+    input.value = value;
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+};
+
+const mayChange = () => !form.querySelector("fieldset")?.disabled;
+
+/** Shows which part of the form is chosen. @param {string} item */
+const mark = (item) => {
+  for (const part of form.querySelectorAll("[data-item]")) {
+    part.classList.toggle("is-chosen", /** @type {HTMLElement} */ (part).dataset.item === item);
+  }
+};
+
+/** @param {string} title of a checkpoint in general @returns {Handle[]} */
+const checkpoints = (title) => {
+  const found = [];
+  for (let n = 0; field(`checkpoints.${n}`); n += 1) {
+    const [x, y, radius] = ["x", "y", "radius"].map((key) => Number((field(`checkpoints.${n}.${key}`)?.value ?? "").replace(",", ".") || NaN));
+    if (Number.isFinite(x) && Number.isFinite(y)) {
+      found.push({
+        id: `c${n}`, kind: "spot", label: `${title} ${n}`, at: /** @type {Point} */ ([x, y]), number: String(n), item: `checkpoints.${n}`,
+        radius: Number.isFinite(radius) ? radius : 0.6, remove: null,
+        move: (/** @type {Point} */ at) => ["x", "y"].forEach((key, axis) => write(`checkpoints.${n}.${key}`, String(rounded(at[axis])))),
+      });
     }
-  };
-  const mayChange = () => !form.querySelector("fieldset")?.disabled;
+  }
+  return found;
+};
 
-  /** @returns {Handle[]} */
-  const checkpoints = () => {
-    const found = [];
-    for (let n = 0; field(`checkpoints.${n}`); n += 1) {
-      const [x, y, radius] = ["x", "y", "radius"].map((key) => Number((field(`checkpoints.${n}.${key}`)?.value ?? "").replace(",", ".") || NaN));
-      if (Number.isFinite(x) && Number.isFinite(y)) {
-        found.push({
-          id: `c${n}`, kind: "spot", label: `${words.wordsCheckpoint} ${n}`, at: /** @type {Point} */ ([x, y]), number: String(n), item: `checkpoints.${n}`,
-          radius: Number.isFinite(radius) ? radius : 0.6, remove: null,
-          move: (/** @type {Point} */ at) => ["x", "y"].forEach((key, axis) => write(`checkpoints.${n}.${key}`, String(rounded(at[axis])))),
-        });
+/** @param {string} name @param {string} kind @param {number} least @param {string} [item] @returns {Handle[]} */
+const pointsOf = (name, kind, least, item) => {
+  const points = parsePoints(field(name)?.value ?? "") ?? [];
+  const label = field(name)?.labels?.[0]?.textContent?.trim() ?? name;
+  return points.map((at, n) => ({
+    id: `${name}${n}`, kind, label: `${label} ${n + 1}`, at, item,
+    move: (to) => write(name, formatPoints(withMoved(points, n, to))),
+    remove: () => write(name, formatPoints(without(points, n, least))),
+  }));
+};
+
+/** @returns {Handle[]} */
+const corners = () => {
+  const found = [];
+  for (let n = 0; field(`zones.${n}`); n += 1) {
+    found.push(...pointsOf(`zones.${n}.polygon`, "corner", 3, `zones.${n}`));
+  }
+  return found;
+};
+
+/** Zones and path. @returns {SVGElement[]} */
+const lines = () => {
+  const found = [];
+  for (let n = 0; field(`zones.${n}`); n += 1) {
+    const zone = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
+    found.push(...(zone ? [element("polygon", { class: "course__zone", points: pointList(zone), "stroke-width": 2 })] : []));
+  }
+  const path = parsePoints(field("path")?.value ?? "");
+  return [...found, ...(path ? [element("polyline", { class: "course__path", points: pointList(path), "stroke-width": 5 })] : [])];
+};
+
+/** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
+const drawn = (handle, pixel) => {
+  const parts = [];
+  if (handle.kind === "spot") {
+    parts.push(element("circle", { class: "course__near", r: (handle.radius ?? 0.6) * UNIT, "stroke-width": 1.5 }));
+    parts.push(element("circle", { class: "course__spot", r: 12 * pixel }));
+    const number = element("text", { class: "course__number", "font-size": 14 * pixel });
+    number.textContent = handle.number ?? "";
+    parts.push(number);
+  } else {
+    parts.push(element("circle", { class: `course__${handle.kind}`, r: 5 * pixel, "stroke-width": 2 * pixel }));
+  }
+  const size = handle.kind === "spot" ? GRIP : GRIP / 2;
+  parts.push(element("circle", { class: "course__ring", r: 15 * pixel, "stroke-width": 3 * pixel }));
+  parts.push(element("circle", { class: "course__grip", r: size * pixel }));
+  return element("g", {}, parts);
+};
+
+class CourseMap {
+  /** @param {HTMLElement} page */
+  constructor(page) {
+    this.page = page;
+    this.words = page.dataset;
+    this.svg = /** @type {any} */ (document.getElementById("course-map"));
+    const { plan: site, robot } = JSON.parse(/** @type {HTMLElement} */ (document.getElementById("course-ground")).textContent ?? "");
+    this.viewBox = viewBoxOf(site);
+    // What is on top is hit first: checkpoints over the path over zones, however they came.
+    this.layers = /** @type {Record<string, SVGElement>} */ ({ drawn: element("g"), corner: element("g"), point: element("g"), spot: element("g") });
+    this.svg.setAttribute("viewBox", this.viewBox.join(" "));
+    this.svg.append(ground(site, robot), ...Object.values(this.layers));
+    /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
+    this.shown = new Map();
+    this.unreachable = /** @type {number[]} */ ([]);
+    this.waiting = 0;
+    this.asked = new AbortController();
+    this.#chooseTool();
+    this.svg.addEventListener("click", (/** @type {MouseEvent} */ event) => this.#add(event));
+    form.addEventListener("input", (event) => this.#changed(event));
+    new ResizeObserver(() => this.draw()).observe(this.svg);
+    this.draw();
+    if (mayChange()) {
+      void this.check();
+    }
+  }
+
+  draw() {
+    this.layers.drawn.replaceChildren(...lines());
+    const pixel = this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
+    const handles = [...corners(), ...pointsOf("path", "point", 0), ...checkpoints(this.words.wordsCheckpoint ?? "")];
+    const ids = new Set(handles.map((handle) => handle.id));
+    for (const [id, { group }] of this.shown) {
+      if (!ids.has(id)) {
+        group.remove();
+        this.shown.delete(id);
       }
     }
-    return found;
-  };
-
-  /** @param {string} name @param {string} kind @param {number} least @param {string} [item] @returns {Handle[]} */
-  const pointsOf = (name, kind, least, item) => {
-    const points = parsePoints(field(name)?.value ?? "") ?? [];
-    const label = field(name)?.labels?.[0]?.textContent?.trim() ?? name;
-    return points.map((at, n) => ({
-      id: `${name}${n}`, kind, label: `${label} ${n + 1}`, at, item,
-      move: (to) => write(name, formatPoints(withMoved(points, n, to))),
-      remove: () => write(name, formatPoints(without(points, n, least))),
-    }));
-  };
-
-  /** @returns {Handle[]} */
-  const corners = () => {
-    const found = [];
-    for (let n = 0; field(`zones.${n}`); n += 1) {
-      found.push(...pointsOf(`zones.${n}.polygon`, "corner", 3, `zones.${n}`));
+    for (const handle of handles) {
+      const group = this.shown.get(handle.id)?.group ?? this.#attached(handle);
+      this.shown.set(handle.id, { group, handle });
+      const [x, y] = toUnits(handle.at);
+      group.setAttribute("transform", `translate(${x} ${y})`);
+      group.setAttribute("aria-label", `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`);
+      group.classList.toggle("is-unreachable", handle.kind === "spot" && this.unreachable.includes(Number(handle.number)));
+      group.replaceChildren(drawn(handle, pixel));
+      if (!group.isConnected) {
+        this.layers[handle.kind].append(group);
+      }
     }
-    return found;
-  };
+  }
 
-  const drawLines = () => {
-    const lines = [];
-    for (let n = 0; field(`zones.${n}`); n += 1) {
-      const zone = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
-      lines.push(...(zone ? [element("polygon", { class: "course__zone", points: pointList(zone), "stroke-width": 2 })] : []));
+  /** Ask the server what it says of the course. */
+  async check() {
+    this.asked.abort();
+    this.asked = new AbortController();
+    const place = /** @type {HTMLElement} */ (document.getElementById("course-check"));
+    try {
+      const answer = await fetch(this.words.check ?? "", { method: "POST", body: new FormData(form), signal: this.asked.signal });
+      if (!answer.ok) {
+        throw new TypeError(String(answer.status));
+      }
+      const { problems, checkpoints: wrong } = await answer.json();
+      this.unreachable = wrong;
+      const list = document.createElement("ul");
+      list.append(...problems.map((/** @type {string} */ problem) => Object.assign(document.createElement("li"), { textContent: problem })));
+      place.replaceChildren(...(problems.length ? [list] : [this.words.wordsFree ?? ""]));
+      this.draw();
+    } catch (error) {
+      if (/** @type {Error} */ (error).name !== "AbortError") {
+        place.textContent = this.words.wordsAway ?? "";
+      }
     }
-    const path = parsePoints(field("path")?.value ?? "");
-    lines.push(...(path ? [element("polyline", { class: "course__path", points: pointList(path), "stroke-width": 5 })] : []));
-    layers.drawn.replaceChildren(...lines);
-  };
-
-  // --- handles ---
-
-  /** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
-  const drawn = (handle, pixel) => {
-    const parts = [];
-    if (handle.kind === "spot") {
-      parts.push(element("circle", { class: "course__near", r: (handle.radius ?? 0.6) * UNIT, "stroke-width": 1.5 }));
-      parts.push(element("circle", { class: "course__spot", r: 12 * pixel }));
-      const number = element("text", { class: "course__number", "font-size": 14 * pixel });
-      number.textContent = handle.number ?? "";
-      parts.push(number);
-    } else {
-      parts.push(element("circle", { class: `course__${handle.kind}`, r: 5 * pixel, "stroke-width": 2 * pixel }));
-    }
-    const size = handle.kind === "spot" ? GRIP : GRIP / 2;
-    parts.push(element("circle", { class: "course__ring", r: 15 * pixel, "stroke-width": 3 * pixel }));
-    parts.push(element("circle", { class: "course__grip", r: size * pixel }));
-    return element("g", {}, parts);
-  };
+  }
 
   /** @param {Handle} handle */
-  const attached = (handle) => {
+  #attached({ id, item }) {
     const group = element("g", { class: "course__handle", tabindex: 0, role: "button" });
-    group.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0 || !mayChange()) {
-        return;
-      }
-      event.preventDefault();
-      group.focus();
-      group.setPointerCapture(event.pointerId);
-      const grip = worldAt(event);
-      const from = shown.get(handle.id).handle.at;
-      const follow = (/** @type {PointerEvent} */ moved) => {
-        const to = worldAt(moved);
-        shown.get(handle.id).handle.move([from[0] + to[0] - grip[0], from[1] + to[1] - grip[1]]);
-      };
-      group.addEventListener("pointermove", follow);
-      for (const end of ["pointerup", "pointercancel"]) {
-        group.addEventListener(end, () => group.removeEventListener("pointermove", follow), { once: true });
-      }
-    });
+    const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
+    group.addEventListener("pointerdown", (event) => this.#drag(event, group, now));
     group.addEventListener("keydown", (event) => {
-      const { handle: now } = shown.get(handle.id);
       const step = stepOf(event.key, event.shiftKey);
       if (!mayChange() || isShortcut(event) || (!step && event.key !== "Delete")) {
         return;
       }
       event.preventDefault();
+      const handle = now();
       if (step) {
-        now.move([now.at[0] + step[0], now.at[1] + step[1]]);
+        handle.move([handle.at[0] + step[0], handle.at[1] + step[1]]);
       } else {
-        now.remove?.();
+        handle.remove?.();
       }
     });
-    group.addEventListener("focus", () => mark(handle.item ?? ""));
+    group.addEventListener("focus", () => mark(item ?? ""));
     return group;
-  };
+  }
 
-  /** @param {string} item shows which part of the form is chosen */
-  const mark = (item) => {
-    for (const part of form.querySelectorAll("[data-item]")) {
-      part.classList.toggle("is-chosen", /** @type {HTMLElement} */ (part).dataset.item === item);
-    }
-  };
-
-  const draw = () => {
-    drawLines();
-    const pixel = viewBox[2] / Math.max(svg.clientWidth, 1);
-    const handles = [...corners(), ...pointsOf("path", "point", 0), ...checkpoints()];
-    const ids = new Set(handles.map((handle) => handle.id));
-    for (const [id, { group }] of shown) {
-      if (!ids.has(id)) {
-        group.remove();
-        shown.delete(id);
-      }
-    }
-    for (const handle of handles) {
-      const group = shown.get(handle.id)?.group ?? attached(handle);
-      shown.set(handle.id, { group, handle });
-      const [x, y] = toUnits(handle.at);
-      group.setAttribute("transform", `translate(${x} ${y})`);
-      group.setAttribute("aria-label", `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`);
-      group.classList.toggle("is-unreachable", handle.kind === "spot" && unreachable.includes(Number(handle.number)));
-      group.replaceChildren(drawn(handle, pixel));
-      if (!group.isConnected) {
-        layers[handle.kind].append(group);
-      }
-    }
-  };
-
-  // --- the map itself ---
-
-  /** @param {MouseEvent} event @returns {Point} m */
-  const worldAt = (event) => {
-    const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
-    return [point.x / UNIT, -point.y / UNIT];
-  };
-
-  const tool = () => /** @type {HTMLInputElement | null} */ (page.querySelector(`[name="${TOOL}"]:checked`))?.value ?? "move";
-  const showTool = () => svg.classList.toggle("is-adding", tool() !== "move");
-
-  svg.addEventListener("click", (/** @type {MouseEvent} */ event) => {
-    if (tool() === "move" || !mayChange() || /** @type {Element} */ (event.target).closest(".course__handle")) {
+  /** @param {PointerEvent} event @param {SVGElement} group @param {() => Handle} now */
+  #drag(event, group, now) {
+    if (event.button !== 0 || !mayChange()) {
       return;
     }
-    const at = worldAt(event);
-    if (tool() === "path") {
+    event.preventDefault();
+    group.focus();
+    group.setPointerCapture(event.pointerId);
+    const grip = this.#worldAt(event);
+    const from = now().at;
+    const follow = (/** @type {PointerEvent} */ moved) => {
+      const to = this.#worldAt(moved);
+      now().move([from[0] + to[0] - grip[0], from[1] + to[1] - grip[1]]);
+    };
+    group.addEventListener("pointermove", follow);
+    for (const end of ["pointerup", "pointercancel"]) {
+      group.addEventListener(end, () => group.removeEventListener("pointermove", follow), { once: true });
+    }
+  }
+
+  /** @param {MouseEvent} event @returns {Point} m */
+  #worldAt(event) {
+    const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.svg.getScreenCTM().inverse());
+    return [point.x / UNIT, -point.y / UNIT];
+  }
+
+  get #tool() {
+    return /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"]:checked`))?.value ?? "move";
+  }
+
+  /** The tool that was used last. */
+  #chooseTool() {
+    const last = /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"][value="${sessionStorage.getItem(TOOL) ?? "move"}"]`));
+    if (last) {
+      last.checked = true;
+    }
+    this.#showTool();
+  }
+
+  #showTool() {
+    this.svg.classList.toggle("is-adding", this.#tool !== "move");
+  }
+
+  /** @param {MouseEvent} event */
+  #add(event) {
+    if (this.#tool === "move" || !mayChange() || /** @type {Element} */ (event.target).closest(".course__handle")) {
+      return;
+    }
+    const at = this.#worldAt(event);
+    if (this.#tool === "path") {
       write("path", formatPoints(withPoint(parsePoints(field("path")?.value ?? "") ?? [], at)));
       return;
     }
     write("at", `${rounded(at[0])} ${rounded(at[1])}`);
-    const button = form.querySelector(`[data-add="${tool()}"]`);
-    form.requestSubmit(/** @type {HTMLElement} */ (button));
-  });
+    form.requestSubmit(/** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.#tool}"]`)));
+  }
 
-  // --- what the server says of it ---
-
-  const told = /** @type {HTMLElement} */ (document.getElementById("course-check"));
-  let waiting = 0;
-  let asked = new AbortController();
-
-  /** @param {string[]} problems */
-  const tell = (problems) => {
-    const list = document.createElement("ul");
-    list.append(...problems.map((problem) => Object.assign(document.createElement("li"), { textContent: problem })));
-    told.replaceChildren(...(problems.length ? [list] : [words.wordsFree ?? ""]));
-  };
-
-  const check = async () => {
-    asked.abort();
-    asked = new AbortController();
-    try {
-      const answer = await fetch(words.check ?? "", { method: "POST", body: new FormData(form), signal: asked.signal });
-      if (!answer.ok) {
-        throw new TypeError(String(answer.status));
-      }
-      const { problems, checkpoints: wrong } = await answer.json();
-      unreachable = wrong;
-      tell(problems);
-      draw();
-    } catch (error) {
-      if (/** @type {Error} */ (error).name !== "AbortError") {
-        told.textContent = words.wordsAway ?? "";
-      }
-    }
-  };
-
-  form.addEventListener("input", (event) => {
-    if (/** @type {HTMLInputElement} */ (event.target).name === TOOL) {
-      sessionStorage.setItem(TOOL, tool());
-      showTool();
+  /** @param {Event} event */
+  #changed({ target }) {
+    if (/** @type {HTMLInputElement} */ (target).name === TOOL) {
+      sessionStorage.setItem(TOOL, this.#tool);
+      this.#showTool();
       return;
     }
-    draw();
-    clearTimeout(waiting);
-    waiting = window.setTimeout(check, PAUSE);
-  });
-  new ResizeObserver(draw).observe(svg);
-  const last = page.querySelector(`[name="${TOOL}"][value="${sessionStorage.getItem(TOOL) ?? "move"}"]`);
-  if (last) {
-    /** @type {HTMLInputElement} */ (last).checked = true;
+    this.draw();
+    clearTimeout(this.waiting);
+    this.waiting = window.setTimeout(() => void this.check(), PAUSE);
   }
-  showTool();
-  draw();
-  if (mayChange()) {
-    check();
-  }
-};
+}
 
 if (page) {
-  open(page);
+  new CourseMap(page);
 }

@@ -18,93 +18,100 @@ const words = readWords(element("words"), document.documentElement.lang);
 const [stage, strips, now, slider, playing, speed, clock] = ["replay", "strips", "strips-now", "slider", "play", "speed", "clock"].map(element);
 const sources = new Set(["task", "server", "robot", "page"]);
 
-/** @param {import("./record.js").Record} record */
-const show = (record) => {
-  const map = new ReplayMap(element("replay-map"), config.site, record, config.footprint);
-  loadImage(map);
-  let player = newPlayer(record.duration, asked(location.search, record.duration));
-  const list = createEventList(element("events"), record, config.photos, words, (t) => update(seek(player, t)));
-  const readings = createReadings(element, record, words);
-  let drawnAt = 0;
-  let spoken = "";
+class ReplayPage {
+  /** @param {import("./record.js").Record} record */
+  constructor(record) {
+    this.record = record;
+    this.map = new ReplayMap(element("replay-map"), config.site, record, config.footprint);
+    loadImage(this.map);
+    this.player = newPlayer(record.duration, asked(location.search, record.duration));
+    this.list = createEventList(element("events"), record, config.photos, words, (t) => this.update(seek(this.player, t)));
+    this.readings = createReadings(element, record, words);
+    this.tickedAt = 0;
+    this.spoken = "";
+    this.drawnWidth = 0;
+    slider.max = String(record.duration);
+    this.#listen();
+    new ResizeObserver(() => strips.clientWidth === this.drawnWidth || this.redraw()).observe(strips); // it tells of the first size, too
+    stage.dataset.state = record.states.t.length ? "ready" : "empty";
+    this.redraw();
+    requestAnimationFrame(() => performance.mark("replay:drawn"));
+  }
 
   /** @param {import("./player.js").Player} next */
-  const update = (next) => {
-    const begins = next.playing && !player.playing;
-    player = next;
-    render();
+  update(next) {
+    const begins = next.playing && !this.player.playing;
+    this.player = next;
+    this.#render();
     if (begins) {
-      drawnAt = performance.now();
-      requestAnimationFrame(tick);
+      this.tickedAt = performance.now();
+      requestAnimationFrame((at) => this.#tick(at));
     }
-  };
+  }
 
-  const render = () => {
+  redraw() {
+    const { say } = words;
+    this.drawnWidth = strips.clientWidth;
+    const method = (/** @type {string} */ name) => (words.has(`method.${name}`) ? say(`method.${name}`) : name);
+    drawStrips(strips, this.record, { speed: say("speed"), trip: say("trip"), fps: say("fps"), loss: say("loss"), method }, sources);
+    this.#render();
+  }
+
+  #render() {
+    const { player, record } = this;
     const { t } = player;
-    map.draw(momentAt(record.states, t), t);
+    this.map.draw(momentAt(record.states, t), t);
     now.style.translate = `${xOf(t, record.duration, strips.clientWidth)}px 0`;
     slider.value = String(t);
     const text = written(t);
-    if (text !== spoken) {
-      spoken = text;
+    if (text !== this.spoken) {
+      this.spoken = text;
       slider.setAttribute("aria-valuetext", words.say("moment", { t: text, all: written(record.duration) }));
     }
     clock.textContent = `${written(t, true)} / ${written(record.duration)}`;
     playing.dataset.playing = String(player.playing);
     playing.setAttribute("aria-label", words.say(player.playing ? "pause" : "play"));
     speed.value = String(player.speed);
-    readings(t);
-    list.mark(t);
+    this.readings(t);
+    this.list.mark(t);
     stage.dataset.t = t.toFixed(3);
-  };
+  }
 
   /** @param {number} at ms */
-  const tick = (at) => {
-    update(advance(player, Math.max(0, at - drawnAt) / 1000));
-    drawnAt = at;
-    if (player.playing) {
-      requestAnimationFrame(tick);
+  #tick(at) {
+    this.update(advance(this.player, Math.max(0, at - this.tickedAt) / 1000));
+    this.tickedAt = at;
+    if (this.player.playing) {
+      requestAnimationFrame((next) => this.#tick(next));
     }
-  };
-
-  const redraw = () => {
-    const { say } = words;
-    drawnWidth = strips.clientWidth;
-    const method = (/** @type {string} */ name) => (words.has(`method.${name}`) ? say(`method.${name}`) : name);
-    drawStrips(strips, record, { speed: say("speed"), trip: say("trip"), fps: say("fps"), loss: say("loss"), method }, sources);
-    render();
-  };
-
-  slider.max = String(record.duration);
-  slider.addEventListener("input", () => update(seek(player, Number(slider.value))));
-  playing.addEventListener("click", () => update(toggle(player)));
-  speed.addEventListener("change", () => update(setSpeed(player, Number(speed.value))));
-  scrub(strips, (x) => update(seek(player, timeAt(x, record.duration, strips.clientWidth))));
-  document.addEventListener("keydown", (event) => {
-    const target = /** @type {Element} */ (event.target);
-    if (isShortcut(event) || openHolder(document) || target.closest("select, button, a, summary, textarea, input:not([type=range])")) {
-      return;
-    }
-    const next = pressed(player, event.key, event.shiftKey);
-    if (next !== player) {
-      event.preventDefault();
-      update(next);
-    }
-  });
-  for (const box of document.querySelectorAll("[data-source]")) {
-    box.addEventListener("change", () => {
-      const { checked, dataset } = /** @type {HTMLInputElement} */ (box);
-      sources[checked ? "add" : "delete"](dataset.source ?? "");
-      list.show(sources);
-      redraw();
-    });
   }
-  let drawnWidth = 0;
-  new ResizeObserver(() => strips.clientWidth === drawnWidth || redraw()).observe(strips); // it tells of the first size, too
-  stage.dataset.state = record.states.t.length ? "ready" : "empty";
-  redraw();
-  requestAnimationFrame(() => performance.mark("replay:drawn"));
-};
+
+  #listen() {
+    slider.addEventListener("input", () => this.update(seek(this.player, Number(slider.value))));
+    playing.addEventListener("click", () => this.update(toggle(this.player)));
+    speed.addEventListener("change", () => this.update(setSpeed(this.player, Number(speed.value))));
+    scrub(strips, (x) => this.update(seek(this.player, timeAt(x, this.record.duration, strips.clientWidth))));
+    document.addEventListener("keydown", (event) => {
+      const target = /** @type {Element} */ (event.target);
+      if (isShortcut(event) || openHolder(document) || target.closest("select, button, a, summary, textarea, input:not([type=range])")) {
+        return;
+      }
+      const next = pressed(this.player, event.key, event.shiftKey);
+      if (next !== this.player) {
+        event.preventDefault();
+        this.update(next);
+      }
+    });
+    for (const box of document.querySelectorAll("[data-source]")) {
+      box.addEventListener("change", () => {
+        const { checked, dataset } = /** @type {HTMLInputElement} */ (box);
+        sources[checked ? "add" : "delete"](dataset.source ?? "");
+        this.list.show(sources);
+        this.redraw();
+      });
+    }
+  }
+}
 
 /** Pointer, pen and finger on the strips. @param {HTMLElement} target @param {(x: number) => void} moved CSS pixels from its left edge */
 const scrub = (target, moved) => {
@@ -135,7 +142,7 @@ const load = async () => {
     if (!answer.ok) {
       throw new Error(`replay: ${answer.status}`);
     }
-    show(await answer.json());
+    new ReplayPage(await answer.json());
   } catch (error) {
     stage.dataset.state = "failed";
     element("failed-again").addEventListener("click", () => location.reload());

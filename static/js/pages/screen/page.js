@@ -10,7 +10,7 @@ import { unixNow } from "../../lib/clock.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
 import { Devices } from "../../presence/devices.js";
-import { createRemotePointers } from "../../presence/remote_pointers.js";
+import { RemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
 import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
 import { MediaSender } from "./media_sender.js";
@@ -36,13 +36,13 @@ const voice = createVoice();
 
 /** @type {import("./scene.js").Told} */
 const told = { keyed: /** @type {any} */ (null), screen: null, state: null, heardAt: 0, online: true, stop: null };
-const pointers = createRemotePointers({
+const pointers = new RemotePointers({
   video,
-  layer: element("dots"),
+  layer: element("pointers"),
   own: "screen",
   hovers: false, // a mouse that lies about on a display points at nothing
-  say: (dot) => {
-    const packet = encodePacket("command/point", dot);
+  say: (pointer) => {
+    const packet = encodePacket("command/point", pointer);
     return (link.live && link.send(packet)) || socket.send(packet, { droppable: true });
   },
 });
