@@ -39,7 +39,7 @@ new PerformanceObserver((list) => {
   longTasks.push(...list.getEntries().map(({ duration }) => duration));
 }).observe({ type: 'longtask' });"""
 TASKS = {"RunTask", "ThreadControllerImpl::RunTask"}
-PLAYING = "#cockpit[data-playing][data-link=live]"
+PLAYING = "#drive-page[data-playing][data-link=live]"
 
 
 def shares(profile: dict[str, Any]) -> tuple[float, float]:

@@ -31,8 +31,8 @@
   const giveUp = () => {
     keep(0);
     show(true);
-    document.getElementById("boot")?.removeAttribute("hidden");
-    document.getElementById("boot-again")?.addEventListener("click", () => location.reload());
+    document.getElementById("load-failed")?.removeAttribute("hidden");
+    document.getElementById("load-failed-reload")?.addEventListener("click", () => location.reload());
     addEventListener("online", () => location.reload());
   };
 

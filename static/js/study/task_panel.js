@@ -36,9 +36,9 @@ export const createPanel = (element, words) => {
   return (state) => {
     const guide = guideFor(state);
     panel.hidden = guide === null;
-    element("cockpit").toggleAttribute("data-guided", guide !== null);
+    element("drive-page").toggleAttribute("data-guided", guide !== null);
     for (const method of OURS) {
-      element("cockpit").toggleAttribute(`data-no-${method}`, !maySteer(state, method));
+      element("drive-page").toggleAttribute(`data-no-${method}`, !maySteer(state, method));
     }
     if (!guide) {
       return;

@@ -59,7 +59,7 @@ const createProfiles = ({ element, words }, choose) => {
     const [name, fixed] = [nameOf(state), fixedProfile(state) !== null];
     if (`${name} ${fixed}` !== shown) {
       shown = `${name} ${fixed}`;
-      element("cockpit").dataset.profile = name;
+      element("drive-page").dataset.profile = name;
       buttons.forEach((button) => {
         button.disabled = fixed;
         button.setAttribute("aria-pressed", String(button.value === name));

@@ -51,7 +51,7 @@ export const createControls = (element, words, act) => {
     sound.setAttribute("aria-pressed", String(state.sound));
     write(element("sound-text"), words.say(state.sound ? "do.sound_off" : "do.sound_on"));
     map.setAttribute("aria-expanded", String(state.mapOpen));
-    element("cockpit").toggleAttribute("data-map-closed", !state.mapOpen);
+    element("drive-page").toggleAttribute("data-map-closed", !state.mapOpen);
     write(element("map-toggle-text"), words.say(state.mapOpen ? "do.map_hide" : "do.map_show"));
     speeds.forEach((button, step) => {
       button.disabled = state.visit.phase !== "driving";

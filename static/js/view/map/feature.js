@@ -59,14 +59,14 @@ const setUp = (page) => {
         }
       });
       element("map-tools").hidden = !mapOpen;
-      element("cockpit").dataset.map = mapOpen ? mapSize : "small";
+      element("drive-page").dataset.map = mapOpen ? mapSize : "small";
     },
   };
 };
 
 /** @param {import("../../drive/registry.js").Page} page @param {RobotMap} map */
 const load = ({ config, store, element }, map) => {
-  const showNone = () => element("cockpit").setAttribute("data-no-map", "");
+  const showNone = () => element("drive-page").setAttribute("data-no-map", "");
   if (!config.floorplan) {
     showNone();
     return;

@@ -60,7 +60,7 @@ export const createTechnical = ({ element, words, raw }) => {
 
   return (shown) => {
     panel.hidden = !shown;
-    element("cockpit").toggleAttribute("data-figures", shown);
+    element("drive-page").toggleAttribute("data-figures", shown);
     clearInterval(timer);
     if (shown) {
       void show();
