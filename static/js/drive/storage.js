@@ -1,6 +1,7 @@
 /**
- * What a browser remembers: of a tab its visit, over a reload, and of a person the profile of the page. Another tab of the same visitor does not see it; a duplicated tab gets a copy, but
- * never one that says "this very page has just been left", which is what allows to take the visit back without asking.
+ * What a browser remembers: of a tab its session, over a reload, and of a person the profile and the keys of the page. Another tab of the
+ * same visitor does not see the session; a duplicated tab gets a copy, but never one that says "this very page has just been left", which
+ * is what allows to take the session back without asking.
  */
 
 /** @param {string} robot */
@@ -45,9 +46,6 @@ export const recallKeys = (who) => {
   const isList = (/** @type {unknown} */ keys) => Array.isArray(keys) && keys.every((key) => typeof key === "string");
   return Object.fromEntries(Object.entries(own).filter(([, keys]) => isList(keys)));
 };
-
-/** @param {string} who @param {Record<string, string[]>} keys */
-export const rememberKeys = (who, keys) => attempt(() => localStorage.setItem(`keys:${who}`, JSON.stringify(keys)));
 
 /** @param {string} robot @returns {{session: string | null, left: boolean}} */
 const read = (robot) => {

@@ -3,7 +3,7 @@
  * this alone.
  */
 
-export const LEAST_DRAG = 16; // CSS pixels; below that a drag is a shaky finger
+const LEAST_DRAG = 16; // CSS pixels; below that a drag is a shaky finger
 
 /**
  * @param {[number, number]} start CSS pixels @param {[number, number]} end

@@ -94,11 +94,11 @@ export class Gamepads {
   #run() {
     if (!this.running && this.enabled && this.index !== null) {
       this.running = true;
-      this.frame(() => this.#look());
+      this.frame(() => this.#poll());
     }
   }
 
-  #look() {
+  #poll() {
     this.running = false;
     const pad = this.index === null ? null : this.list()[this.index];
     if (!pad || !this.enabled) {

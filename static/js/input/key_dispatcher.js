@@ -58,9 +58,9 @@ export class KeyDispatcher {
    * @param {Keymap} [options.keymap]
    * @param {EventTarget} [options.target] where keys are heard
    * @param {any} [options.root] the document
-   * @param {(look: () => void) => void} [options.watch] calls when something of the page is shown or hidden
+   * @param {(onChange: () => void) => void} [options.watch] calls when something of the page is shown or hidden
    */
-  constructor({ keymap = USUAL, target = window, root = document, watch = (look) => watchShown(root, look) } = {}) {
+  constructor({ keymap = USUAL, target = window, root = document, watch = (onChange) => watchShown(root, onChange) } = {}) {
     this.keymap = keymap;
     this.root = root;
     /** @type {Set<KeyHandler>} */
@@ -75,7 +75,7 @@ export class KeyDispatcher {
     target.addEventListener("blur", () => this.letGo()); // a release that is not seen would drive, or leave the microphone open
     target.addEventListener("focusin", (event) => keyUse(event, null) === "text" && this.letGo());
     target.addEventListener("pointerdown", (event) => this.#pressBeside(event), { capture: true });
-    watch(() => this.#look());
+    watch(() => this.#watchHolder());
   }
 
   /** @param {KeyHandler} user */
@@ -142,7 +142,7 @@ export class KeyDispatcher {
     this.users.forEach((user) => user.up?.(event));
   }
 
-  #look() {
+  #watchHolder() {
     const isOpen = openHolder(this.root) !== null;
     if (isOpen && !this.wasOpen) {
       this.letGo();
@@ -159,5 +159,5 @@ export class KeyDispatcher {
   }
 }
 
-/** @param {Node} root @param {() => void} look */
-const watchShown = (root, look) => new MutationObserver(look).observe(root, { subtree: true, attributes: true, attributeFilter: ["hidden", "open", "data-holds-keys"] });
+/** @param {Node} root @param {() => void} onChange */
+const watchShown = (root, onChange) => new MutationObserver(onChange).observe(root, { subtree: true, attributes: true, attributeFilter: ["hidden", "open", "data-holds-keys"] });

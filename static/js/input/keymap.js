@@ -37,7 +37,7 @@ export const labelOf = (key) => SIGNS[key] ?? key.replace(/^(?:Key|Digit|Numpad)
 export class Keymap {
   /** @param {Record<string, string[]>} [own] the visitor's keys, by command; the rest keep theirs, unless they were taken */
   constructor(own = {}) {
-    const taken = new Set(Object.values(own).flat());
+    const taken = new Set(Object.keys(DEFAULTS).flatMap((command) => own[command] ?? []));
     const keysOf = (/** @type {[string, readonly string[]]} */ [command, keys]) => [command, own[command] ?? keys.filter((key) => !taken.has(key))];
     /** @type {Record<string, readonly string[]>} */
     this.keys = Object.fromEntries(Object.entries(DEFAULTS).map(/** @type {any} */ (keysOf)));

@@ -6,7 +6,7 @@
  */
 
 export const HOLD_SECONDS = 0.7;
-export const STEADY = 10; // CSS pixels; a hand that moves further is still aiming
+const STEADY = 10; // CSS pixels; a hand that moves further is still aiming
 
 /** @typedef {{px: number, py: number, method: "mouse" | "touch"}} Press CSS pixels of the picture's element */
 

@@ -8,15 +8,15 @@
 import { robotFromMap, mapFromRobot } from "../view/overlay/transforms.js";
 import { arcSteps, sweep } from "../view/overlay/swept_path.js";
 
-export const ARRIVED = 0.12; // m
+const ARRIVED = 0.12; // m
 export const SIDE_TURN = 0.6; // rad that a press at a side of the picture turns
 export const BACK_OUT = 0.55; // m backwards out of the dock: then there is room to turn
-const ASIDE = 0.9; // rad; a point further aside is turned to on the spot
+const TURN_FIRST_BEARING = 0.9; // rad; a point further aside is turned to on the spot
 const SHARPEST = 2; // 1/m
 const BACK_SPEED = 0.15; // m/s
 const LEAST_WAY = 0.3; // m; less is not worth driving
 const FARTHEST = 8; // m; what is farther is a thin line under the horizon
-const LOOKING = 0.05; // rad
+const BEARING_TOLERANCE = 0.05; // rad
 const LEAST_TURN = 0.15; // rad/s, which every robot can do
 const STAND_OFF = 0.15; // m that are left before what stands in the way
 
@@ -31,10 +31,10 @@ export const towards = (robot, goal, full, braking) => {
   const [x, y] = robotFromMap(robot, goal);
   const [distance, bearing] = [Math.hypot(x, y), Math.atan2(y, x)];
   // A point that was just missed is not hunted for in circles.
-  if (distance < ARRIVED || (distance < 3 * ARRIVED && Math.abs(bearing) > ASIDE)) {
+  if (distance < ARRIVED || (distance < 3 * ARRIVED && Math.abs(bearing) > TURN_FIRST_BEARING)) {
     return null;
   }
-  if (Math.abs(bearing) > ASIDE) {
+  if (Math.abs(bearing) > TURN_FIRST_BEARING) {
     return { linear: 0, angular: Math.sign(bearing) * Math.min(full.angular, Math.abs(bearing)) };
   }
   const curvature = Math.max(-SHARPEST, Math.min(SHARPEST, (2 * y) / (distance * distance)));
@@ -50,7 +50,7 @@ export const towards = (robot, goal, full, braking) => {
 export const turnTo = (robot, point, full) => {
   const [x, y] = robotFromMap(robot, point);
   const bearing = Math.atan2(y, x);
-  return Math.abs(bearing) < LOOKING ? null : { linear: 0, angular: Math.sign(bearing) * Math.min(full.angular, Math.max(LEAST_TURN, Math.abs(bearing))) };
+  return Math.abs(bearing) < BEARING_TOLERANCE ? null : { linear: 0, angular: Math.sign(bearing) * Math.min(full.angular, Math.max(LEAST_TURN, Math.abs(bearing))) };
 };
 
 /**
@@ -63,7 +63,7 @@ export const lookingAt = (robot, turn) => mapFromRobot(robot, [Math.cos(turn), M
 export const wayTo = (robot, goal) => {
   const [x, y] = robotFromMap(robot, goal);
   const [distance, bearing] = [Math.hypot(x, y), Math.atan2(y, x)];
-  const rest = Math.max(-ASIDE, Math.min(ASIDE, bearing));
+  const rest = Math.max(-TURN_FIRST_BEARING, Math.min(TURN_FIRST_BEARING, bearing));
   const length = Math.abs(rest) < 1e-3 ? distance : (distance * rest) / Math.sin(rest);
   return arcSteps({ ...robot, theta: robot.theta + bearing - rest }, (2 * Math.sin(rest)) / (distance || 1), length);
 };

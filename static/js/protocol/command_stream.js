@@ -1,9 +1,9 @@
 /**
- * What is sent to make the robot move, and to make it stop. Pure: it makes messages, console.js carries them.
+ * What is sent to make the robot move, and to make it stop. Pure: it makes messages, transport_router.js carries them.
  *
  * Velocities: at once when the visitor begins, lets go or reverses, and twenty times a second while the robot is being driven. After
  * letting go a few zeros, because a message may be lost, then silence. Stop and e-stop: repeated every 50 ms until the robot echoes
- * them, and nothing else is said meanwhile. One counter numbers all of it, whichever way a message takes.
+ * them, and nothing else is said meanwhile. One counter numbers all of it, whichever transport a message takes.
  */
 
 export const TICK_SECONDS = 0.05;

@@ -3,7 +3,7 @@
  * on the data channel tells in a second and a half.
  */
 
-export const SILENCE_SECONDS = 1.5;
+const SILENCE_SECONDS = 1.5;
 const ANSWER_SECONDS = 5;
 const CONNECT_SECONDS = 10;
 const FIRST_BEAT_SECONDS = 3;

@@ -1,6 +1,6 @@
 /**
  * The visit: what this page is to the robot, from the first connection to the last word. Pure: `reduce` takes a visit and something
- * that happened and returns the next visit and what is to be done about it; console.js does it.
+ * that happened and returns the next visit and what is to be done about it; drive/session.js does it.
  *
  *   connecting → lobby → taking → driving → ended
  *                      ↘ queued → turn ↗

@@ -1,6 +1,6 @@
 /**
  * What the page adds to the record of a drive: how it was laid out, what was hidden, which sentences were shown for how long, and which
- * controller was taken up. Pure: it says what to write down, wiring.js sends it. Times are Unix seconds by the page's clock.
+ * controller was taken up. Pure: it says what to write down, recorder.js sends it. Times are Unix seconds by the page's clock.
  */
 
 const LEAST_SHOWN = 0.3; // s; what flickers by was not read

@@ -1,5 +1,5 @@
 /**
- * Watches the page for what belongs into the record of a drive (page_record.js), and sends it. Works with and without a study.
+ * Watches the page for what belongs into the record of a drive (page_events.js), and sends it. Works with and without a study.
  */
 
 import { alertFor } from "../view/hud/alert.js";

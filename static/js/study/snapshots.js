@@ -26,13 +26,13 @@ export class Snapshots {
     if (actionId !== this.wanted) {
       this.wanted = actionId;
       if (actionId) {
-        void this.#look(actionId, FIRST);
+        void this.#poll(actionId, FIRST);
       }
     }
   }
 
   /** @param {string} actionId @param {number} pause s */
-  async #look(actionId, pause) {
+  async #poll(actionId, pause) {
     const url = await this.#address(actionId);
     if (actionId !== this.wanted) {
       return;
@@ -40,7 +40,7 @@ export class Snapshots {
     if (url) {
       this.onFound(actionId, url);
     } else {
-      this.later(() => actionId === this.wanted && void this.#look(actionId, Math.min(SLOWEST, pause * 1.5)), pause * 1000);
+      this.later(() => actionId === this.wanted && void this.#poll(actionId, Math.min(SLOWEST, pause * 1.5)), pause * 1000);
     }
   }
 

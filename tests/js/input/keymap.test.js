@@ -25,9 +25,9 @@ describe("the keymap", () => {
   });
 
   test("takes a visitor's own keys, from whatever had them", () => {
-    const keymap = new Keymap({ talk: ["KeyF"], unknown: ["KeyZ"] });
-    const commands = ["KeyF", "KeyT", "KeyW", "KeyZ"].map((code) => keymap.commandOf({ code }));
-    assert.deepEqual(commands, ["talk", "", "forward", ""]);
+    const keymap = new Keymap({ talk: ["KeyF"], unknown: ["KeyW"] });
+    const commands = ["KeyF", "KeyT", "KeyW"].map((code) => keymap.commandOf({ code }));
+    assert.deepEqual(commands, ["talk", "", "forward"]);
     const { key_talk, key_look_down, key_forward } = keymap.labels();
     assert.deepEqual([key_talk, key_look_down, key_forward], ["F", "–", "↑"]);
   });

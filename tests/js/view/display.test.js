@@ -15,7 +15,7 @@ import {
 } from "../../../static/js/view/display/profiles.js";
 import { recallProfile, rememberProfile } from "../../../static/js/drive/storage.js";
 import { newState } from "../../../static/js/drive/features.js";
-import { Figures, pickMore, wayOf } from "../../../static/js/view/technical/figures.js";
+import { Figures, pickMore, pathKindOf } from "../../../static/js/view/technical/figures.js";
 
 const ROBOT = {
   safety: { estop: false, inhibited: null, collision: false },
@@ -377,7 +377,7 @@ describe("the connection in figures", () => {
 
   test("a path is direct, by a relay, or through the server", () => {
     assert.deepEqual(
-      ["host/udp", "srflx/udp", "relay/tcp", "server/jpeg", "", undefined].map(wayOf),
+      ["host/udp", "srflx/udp", "relay/tcp", "server/jpeg", "", undefined].map(pathKindOf),
       ["direct", "direct", "relay", "server", "", ""],
     );
   });

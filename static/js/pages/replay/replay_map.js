@@ -13,7 +13,7 @@ const SMALLEST = 8; // CSS pixels from the robot's middle to its tip
 const HUES = { from: [118, 214, 200], to: [255, 138, 60] }; // petrol at the beginning, apricot at the end
 
 /** @param {number} share of the time @returns {string} */
-export const shade = (share) => {
+const shade = (share) => {
   const step = Math.round(Math.min(Math.max(share, 0), 1) * (SHADES - 1)) / (SHADES - 1);
   return `rgb(${HUES.from.map((from, i) => Math.round(from + step * (HUES.to[i] - from))).join(" ")})`;
 };

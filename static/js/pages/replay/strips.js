@@ -14,7 +14,7 @@ const HEADROOM = 1.3; // room for the legend
 const METHODS = 6; // --strip-method-0 … -5
 const SOURCES = ["task", "server", "robot", "page"];
 
-export const HEIGHT = Object.values(ROWS).reduce((sum, each) => sum + each);
+const HEIGHT = Object.values(ROWS).reduce((sum, each) => sum + each);
 
 /** @typedef {{context: CanvasRenderingContext2D, width: number, top: number, height: number, colour: (name: string) => string, duration: number}} Row */
 

@@ -6,7 +6,7 @@
 /** @typedef {import("../../presence/devices.js").Kind} Kind */
 
 const AGAIN = 5; // s
-/** The line of a peer for each; see peer.js. @type {Record<Kind, number>} */
+/** The line of a peer for each; see protocol/peer.js. @type {Record<Kind, number>} */
 const LINES = { audio: 0, video: 2 };
 
 /** @param {RTCRtpTransceiver | undefined} line */

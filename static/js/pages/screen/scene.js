@@ -5,7 +5,7 @@
 /** s without a state after which the robot counts as out of reach */
 export const STALE = 4;
 /** s after which a stop that the robot has not echoed is worth a word */
-export const UNCONFIRMED = 2;
+const UNCONFIRMED = 2;
 
 /**
  * @typedef {object} Told

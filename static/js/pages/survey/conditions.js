@@ -6,7 +6,7 @@
 /** @typedef {{ item: string, is: (string | number)[], at_least: number | null, at_most: number | null }} Condition */
 
 /** @param {Condition} condition @param {string[]} said what the controls of the question send; nothing is no answer */
-export const answerFits = (condition, said) => {
+const answerFits = (condition, said) => {
   const values = said.filter((value) => value !== "" && !value.startsWith("~"));
   if (values.length === 0) return false;
   if (condition.is.length > 0) return values.some((value) => condition.is.some((one) => sameValue(one, value)));

@@ -1,6 +1,6 @@
 /**
  * The card in the middle of the picture: what this visit is waiting for, asks, or ended with, and one thing to do about it. Pure: which
- * words and buttons; dialog.js shows them.
+ * words and buttons; card_panel.js shows them.
  */
 
 import { roleOf } from "../../protocol/session.js";

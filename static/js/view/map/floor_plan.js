@@ -1,6 +1,6 @@
 /**
  * Draws a floor plan: rooms, walls, doors, furniture and docks from its plan, or, for a site that has only a map_server image, that
- * image. Everything static; map.js keeps the result and draws the robot over it.
+ * image. Everything static; robot_map.js keeps the result and draws the robot over it.
  */
 
 import { boundsOf, imageTransform, toScreen } from "./transform.js";

@@ -28,7 +28,7 @@ export const pickMore = (report) => {
 };
 
 /** Where pictures and commands go: `host/udp` is direct. @param {string | undefined} path @returns {"direct" | "relay" | "server" | ""} */
-export const wayOf = (path) => {
+export const pathKindOf = (path) => {
   const kind = path?.split("/")[0] ?? "";
   return kind === "server" || kind === "relay" ? kind : kind && "direct";
 };
@@ -43,9 +43,9 @@ const ms = (seconds) => (seconds === null || seconds === undefined ? "–" : Str
 const format = (language, digits) => new Intl.NumberFormat(language, { minimumFractionDigits: digits, maximumFractionDigits: digits, useGrouping: false });
 
 export class Figures {
-  /** @param {(path: "direct" | "relay" | "server") => string} nameOfWay in the visitor's language @param {string} language a BCP 47 tag */
-  constructor(nameOfWay, language) {
-    this.nameOfWay = nameOfWay;
+  /** @param {(path: "direct" | "relay" | "server") => string} nameOfPathKind in the visitor's language @param {string} language a BCP 47 tag */
+  constructor(nameOfPathKind, language) {
+    this.nameOfPathKind = nameOfPathKind;
     const [whole, tenth] = [format(language, 0), format(language, 1)];
     this.whole = (/** @type {number | undefined} */ value) => (value === undefined ? "–" : whole.format(value));
     this.tenth = (/** @type {number | undefined} */ value) => (value === undefined ? "–" : tenth.format(value));
@@ -82,8 +82,8 @@ export class Figures {
   /** @param {Raw} raw @param {any} second @param {ReturnType<typeof pickMore> | null} more @returns {Figure[]} */
   #rows({ state, trips, size }, second, more) {
     const refused = Object.values(state.robot?.refused ?? {}).reduce((sum, one) => sum + Number(one), 0);
-    const way = wayOf(second.path);
-    const path = way ? [this.nameOfWay(way), second.path.split("/")[1]].join(", ") : "–";
+    const kind = pathKindOf(second.path);
+    const path = kind ? [this.nameOfPathKind(kind), second.path.split("/")[1]].join(", ") : "–";
     return [
       { key: "fps", value: this.whole(second.fps), unit: "/s" },
       { key: "glass", value: ms(middle(this.glass)), unit: "ms" },
