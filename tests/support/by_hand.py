@@ -22,7 +22,7 @@ from sessions import protocol
 from tests.support.first_time_user import Keys, Mind
 
 DT = 0.02
-START, RISE = 0.35, 0.9  # static/js/input/ramp.js
+START, RISE = 0.35, 0.9  # static/js/input/speeds.js
 STEPS = {"Slow": 0.4, "Normal": 0.7}  # static/js/input/speeds.js
 
 

@@ -4,7 +4,7 @@
  * Which keys come here, and when all of them count as released, is decided in input/key_dispatcher.js.
  */
 
-import { ramp } from "./ramp.js";
+import { ramp } from "./speeds.js";
 
 const DIRECTIONS = /** @type {Record<string, [string, number]>} */ ({ forward: ["ahead", 1], backward: ["ahead", -1], left: ["left", 1], right: ["left", -1] });
 const STEPS = /** @type {Record<string, number>} */ ({ faster: 1, slower: -1 });

@@ -1,5 +1,6 @@
 /**
- * How fast "full speed" is: the least of robot and lease, times the step that the visitor chose. Pure.
+ * How fast the robot is to go: what "full speed" is, the least of robot and lease, times the step that the visitor chose; and from a held
+ * key to a share of it, a gentle start and then more, so that a short press is a small move. Pure.
  */
 
 export const STEPS = [0.4, 0.7, 1];
@@ -34,3 +35,20 @@ export const toVelocity = ({ ahead, left }, full) => ({
 
 /** Tenths of a millimetre a second; and no -0, which JSON would show. @param {number} value */
 const round = (value) => Math.round(value * 1e4) / 1e4 + 0;
+
+export const START = 0.35;
+const RISE = 0.9; // shares of full speed a second
+
+/**
+ * @param {number} current share of full speed, -1 to 1
+ * @param {number} direction -1, 0 or 1: what the keys say
+ * @param {number} dt seconds
+ * @returns {number} the next share; letting go and turning round take effect at once
+ */
+export const ramp = (current, direction, dt) => {
+  if (direction === 0) {
+    return 0;
+  }
+  const held = Math.sign(current) === direction ? Math.abs(current) : 0;
+  return direction * Math.min(1, Math.max(START, held + (held ? RISE * dt : 0)));
+};

@@ -5,8 +5,7 @@ import { Arbiter } from "../../../static/js/input/arbiter.js";
 import { onFocusLoss } from "../../../static/js/input/focus_loss.js";
 import { Keyboard, direction } from "../../../static/js/input/keyboard.js";
 import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
-import { START, ramp } from "../../../static/js/input/ramp.js";
-import { STEPS, fullSpeeds, toVelocity } from "../../../static/js/input/speeds.js";
+import { START, STEPS, fullSpeeds, ramp, toVelocity } from "../../../static/js/input/speeds.js";
 import { sharesOf } from "../../../static/js/input/stick.js";
 
 const AHEAD = { linear: 0.4, angular: 0 };

@@ -62,7 +62,7 @@ BESIDE = {
     "map-tools",
     "technical",
     "practice",
-    "boot",
+    "load-failed",
     "speed",
     "assist",
     "profiles",
