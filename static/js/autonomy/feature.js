@@ -130,7 +130,7 @@ const createMarks = ({ map, element }) => {
     const { task, aim, help } = state;
     const goal = isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined ? goalOf(task) : null;
     const chosen = aim !== null && aim.x !== null ? aim : null;
-    map.setMarks({ aim: chosen ?? goal, minded: help.point, laser: showsLaser(state) });
+    map.setMarks({ aim: chosen ?? goal, obstacle: help.point, laser: showsLaser(state) });
     // The buttons never lie over the point that they are about.
     element("aim").toggleAttribute("data-high", chosen !== null && map.isLow(chosen));
   };

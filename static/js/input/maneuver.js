@@ -6,7 +6,7 @@
 
 import { wrap } from "../view/overlay/transforms.js";
 import { sweep } from "../view/overlay/swept_path.js";
-import { backOut, towards, turnTo, wayTo } from "./pure_pursuit.js";
+import { backOut, towards, turnTo, arcTo } from "./pure_pursuit.js";
 
 const STALE = 0.7; // s without news of where the robot is
 const JUMP = 0.6; // m between two looks: it found itself somewhere else
@@ -108,6 +108,6 @@ export class Maneuver {
 /** @param {import("../view/overlay/transforms.js").Moment} moment @param {[number, number]} goal @param {World} world */
 const isBlocked = (moment, goal, { limits, footprint, seen }) => {
   const brakes = (moment.linear * moment.linear) / (2 * limits.linearBraking) + LOOK_AHEAD;
-  const sweptPath = sweep(wayTo(moment, goal), footprint, seen);
+  const sweptPath = sweep(arcTo(moment, goal), footprint, seen);
   return sweptPath !== null && sweptPath.blocked && sweptPath.length < brakes;
 };

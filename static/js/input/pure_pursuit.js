@@ -14,7 +14,7 @@ export const BACK_OUT = 0.55; // m backwards out of the dock: then there is room
 const TURN_FIRST_BEARING = 0.9; // rad; a point further aside is turned to on the spot
 const SHARPEST = 2; // 1/m
 const BACK_SPEED = 0.15; // m/s
-const LEAST_WAY = 0.3; // m; less is not worth driving
+const LEAST_DISTANCE = 0.3; // m; less is not worth driving
 const FARTHEST = 8; // m; what is farther is a thin line under the horizon
 const BEARING_TOLERANCE = 0.05; // rad
 const LEAST_TURN = 0.15; // rad/s, which every robot can do
@@ -59,8 +59,8 @@ export const turnTo = (robot, point, full) => {
  */
 export const lookingAt = (robot, turn) => mapFromRobot(robot, [Math.cos(turn), Math.sin(turn)]);
 
-/** The way that `towards` takes. @param {import("../view/overlay/transforms.js").Place} robot @param {Point} goal @returns {import("../view/overlay/swept_path.js").Step[]} */
-export const wayTo = (robot, goal) => {
+/** The arc that `towards` takes. @param {import("../view/overlay/transforms.js").Place} robot @param {Point} goal @returns {import("../view/overlay/swept_path.js").Step[]} */
+export const arcTo = (robot, goal) => {
   const [x, y] = robotFromMap(robot, goal);
   const [distance, bearing] = [Math.hypot(x, y), Math.atan2(y, x)];
   const rest = Math.max(-TURN_FIRST_BEARING, Math.min(TURN_FIRST_BEARING, bearing));
@@ -84,21 +84,21 @@ export const backOut = (robot, from, full) =>
  */
 export const reach = (robot, point, footprint, seen) => {
   const share = Math.min(1, FARTHEST / Math.hypot(...point));
-  const steps = wayTo(robot, mapFromRobot(robot, [share * point[0], share * point[1]]));
+  const steps = arcTo(robot, mapFromRobot(robot, [share * point[0], share * point[1]]));
   const sweptPath = sweep(steps, footprint, seen);
   if (sweptPath?.blocked) {
     const free = cut(steps, sweptPath.length - STAND_OFF);
     const last = free.at(-1);
-    return sweptPath.length - STAND_OFF < LEAST_WAY || !last ? { no: "close" } : { goal: [last.x, last.y], sweptPath };
+    return sweptPath.length - STAND_OFF < LEAST_DISTANCE || !last ? { no: "close" } : { goal: [last.x, last.y], sweptPath };
   }
   return sweptPath?.slices.length ? { goal: [sweptPath.end.x, sweptPath.end.y], sweptPath } : { no: "close" };
 };
 
-/** The first steps of a way. @param {import("../view/overlay/swept_path.js").Step[]} steps @param {number} length m */
+/** The first steps of a path. @param {import("../view/overlay/swept_path.js").Step[]} steps @param {number} length m */
 const cut = (steps, length) => {
-  let way = 0;
+  let distance = 0;
   return steps.filter((step, i) => {
-    way += i === 0 ? 0 : Math.hypot(step.x - steps[i - 1].x, step.y - steps[i - 1].y);
-    return way <= length;
+    distance += i === 0 ? 0 : Math.hypot(step.x - steps[i - 1].x, step.y - steps[i - 1].y);
+    return distance <= length;
   });
 };

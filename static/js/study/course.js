@@ -36,7 +36,7 @@ export const drawGround = (context, view, { zones, path }, paint) => {
   }
   context.globalAlpha = 0.55;
   context.lineWidth = 2;
-  context.strokeStyle = paint.way;
+  context.strokeStyle = paint.route;
   context.setLineDash([1, 7]);
   trace(context, view, path);
   context.stroke();

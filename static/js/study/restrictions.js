@@ -14,8 +14,8 @@ export const maySteer = (state, method) => controllersOf(state)?.includes(method
 /** Whether the robot may be asked for this type of action. @param {State} state @param {string} type */
 export const mayAsk = ({ visit, study }, type) => (visit.terms ?? study)?.actions?.includes(type) ?? true;
 
-/** Whether the robot is sent by places, or by a point of the map: to the robot both are the same. @param {State} state @param {"places" | "map"} way */
-export const maySend = ({ study }, way) => study?.ownActions.includes(way) ?? true;
+/** Whether the robot is sent by places, or by a point of the map: to the robot both are the same. @param {State} state @param {"places" | "map"} by */
+export const maySend = ({ study }, by) => study?.ownActions.includes(by) ?? true;
 
 /** Whether somebody else has chosen how much the robot helps. @param {State} state */
 export const isAssistFixed = ({ visit, study }) => Boolean((visit.terms ?? study)?.assist);

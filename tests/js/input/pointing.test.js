@@ -15,7 +15,7 @@ import {
   reach,
   towards,
   turnTo,
-  wayTo,
+  arcTo,
 } from "../../../static/js/input/pure_pursuit.js";
 import { alertFor } from "../../../static/js/view/hud/alert.js";
 import { stuckFor } from "../../../static/js/view/hud/stuck.js";
@@ -50,7 +50,7 @@ describe("driving to a point", () => {
   for (const goal of [[3, 0], [3, 1.5], [2, -1.6], [0.6, 0.2], [-1, 2]]) {
     test(`a robot comes to (${goal}) on the way that was shown, and stands there`, () => {
       let place = { ...HOME };
-      const shown = wayTo(HOME, goal);
+      const shown = arcTo(HOME, goal);
       let far = 0;
       let ticks = 0;
       for (let velocity; (velocity = towards(place, goal, FULL, 0.4)); ticks += 1) {

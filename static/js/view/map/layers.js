@@ -107,7 +107,7 @@ export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
 };
 
 /** What the assistance minds: a cross in a ring, so that it is not told by its colour alone. @param {CanvasRenderingContext2D} context @param {import("./transform.js").View} view @param {[number, number]} point of the map @param {string} colour */
-export const drawMinded = (context, view, [x, y], colour) => {
+export const drawObstacle = (context, view, [x, y], colour) => {
   const [px, py] = toScreen(view, x, y);
   context.beginPath();
   context.arc(px, py, 6, 0, 2 * Math.PI);

@@ -8,7 +8,7 @@
  */
 
 import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
-import { compose, drawAim, drawMinded, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
+import { compose, drawAim, drawObstacle, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
 import { Trail } from "./trail.js";
 import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
 import { toScreen, toWorld } from "./transform.js";
@@ -42,7 +42,7 @@ export class RobotMap {
     /** @type {Record<"below" | "above", (context: CanvasRenderingContext2D, view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a study adds */
     this.course = null;
     /** @type {[number, number] | null} what the assistance minds, in the robot's frame */
-    this.minded = null;
+    this.obstacle = null;
     /** @type {import("./transform.js").View | null} */
     this.view = null;
     this.density = 1;
@@ -88,10 +88,10 @@ export class RobotMap {
     this.#redraw();
   }
 
-  /** @param {{aim: import("./layers.js").Aim | null, minded: [number, number] | null, laser: boolean}} marks */
-  setMarks({ aim, minded, laser }) {
-    if (aim !== this.aim || minded !== this.minded || laser !== this.laser) {
-      Object.assign(this, { aim, minded, laser });
+  /** @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null, laser: boolean}} marks */
+  setMarks({ aim, obstacle, laser }) {
+    if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
+      Object.assign(this, { aim, obstacle, laser });
       this.#redraw();
     }
   }
@@ -185,12 +185,12 @@ export class RobotMap {
       trail: colour("trail"),
       path: colour("path"),
       laser: colour("laser"),
-      minded: colour("minded"),
+      obstacle: colour("obstacle"),
       robot: colour("robot"),
       lost: colour("lost"),
       edge: colour("edge"),
       zone: colour("zone"),
-      way: colour("way"),
+      route: colour("route"),
       next: colour("next"),
       passed: colour("passed"),
       font: `600 12px ${style.fontFamily}`,
@@ -233,8 +233,8 @@ export class RobotMap {
     if (this.aim) {
       drawAim(context, this.view, this.aim, paint.path, paint.edge);
     }
-    if (this.minded && this.pose?.localized) {
-      drawMinded(context, this.view, compose(this.pose, ...this.minded), paint.minded);
+    if (this.obstacle && this.pose?.localized) {
+      drawObstacle(context, this.view, compose(this.pose, ...this.obstacle), paint.obstacle);
     }
   }
 

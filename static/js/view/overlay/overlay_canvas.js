@@ -3,7 +3,7 @@
  */
 
 import { isMoving } from "../../autonomy/robot_action.js";
-import { wayTo } from "../../input/pure_pursuit.js";
+import { arcTo } from "../../input/pure_pursuit.js";
 import { roleOf } from "../../protocol/session.js";
 import { cuesFor } from "./cues.js";
 import { drawScene } from "./drawing.js";
@@ -60,7 +60,7 @@ export class OverlayCanvas {
       return "goal" in target ? { ...NOTHING, ...target } : NOTHING;
     }
     if (maneuver.now?.kind === "goal") {
-      return { ...NOTHING, goal: maneuver.now.point, sweptPath: sweep(wayTo(robot, maneuver.now.point), footprint, this.around.seen) };
+      return { ...NOTHING, goal: maneuver.now.point, sweptPath: sweep(arcTo(robot, maneuver.now.point), footprint, this.around.seen) };
     }
     if (isMoving(task)) {
       return { ...NOTHING, committed: true, sweptPath: sweep(lineSteps(robot, this.around.path), footprint, []) };
