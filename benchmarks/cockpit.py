@@ -25,6 +25,7 @@ import django
 from playwright.async_api import Browser, CDPSession, Page, async_playwright
 
 from benchmarks.table import Figure, keep
+from telepresence_site.web.module_graph import modules_of
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
 
@@ -32,13 +33,13 @@ ROOT = Path(__file__).parents[1]
 SAMPLE_MICROSECONDS = 250
 STROKE_SECONDS = 2.0  # of each key in turn
 KEYS = ("ArrowUp", "ArrowLeft", "ArrowDown", "ArrowRight")
-SHOWN = re.compile(r"/static/js/(hud|overlay|map|task|technical)/")
+SHOWN = re.compile(r"/static/js/(view|autonomy|study)/")
 WATCH = """window.longTasks = [];
 new PerformanceObserver((list) => {
   longTasks.push(...list.getEntries().map(({ duration }) => duration));
 }).observe({ type: 'longtask' });"""
 TASKS = {"RunTask", "ThreadControllerImpl::RunTask"}
-PLAYING = "#cockpit[data-playing][data-link=live]"
+PLAYING = "#drive-page[data-playing][data-link=live]"
 
 
 def shares(profile: dict[str, Any]) -> tuple[float, float]:
@@ -68,12 +69,9 @@ def script_bytes() -> int:
     """Return how many bytes of script the drive page is sent at once, each file compressed as they
     are collected.
     """
-    names = re.findall(
-        r"static 'js/([^']+)'", (ROOT / "templates/sessions/_modules.html").read_text()
-    )
     return sum(
-        len(gzip.compress((ROOT / "static/js" / name).read_bytes()))
-        for name in [*names, "console.js", "boot.js"]
+        len(gzip.compress((ROOT / "static" / name).read_bytes()))
+        for name in [*modules_of("js/drive/page.js"), "js/drive/load_retry.js"]
     )
 
 

@@ -55,7 +55,7 @@ def driver(browser: Browser, site: Site, way: str) -> Visitor:
     someone.context.add_init_script(HOOKS % ("true" if way == "mqtt" else "false"))
     someone.page = someone.new_page()
     someone.drive()
-    wait_for(lambda: someone.cockpit("way") == way, 20, f"the way {way}")
+    wait_for(lambda: someone.page_data("transport") == way, 20, f"the way {way}")
     return someone
 
 

@@ -26,7 +26,7 @@ WITHIN = 400.0  # seconds, on a machine with nothing else to do
 WIDE = {"viewport": {"width": 1280, "height": 800}}
 TABLET = {"viewport": {"width": 820, "height": 1180}, "has_touch": True, "is_mobile": True}
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
-PLAYING = "#cockpit[data-playing][data-link=live]"
+PLAYING = "#drive-page[data-playing][data-link=live]"
 
 
 def by_hand(hands: Callable[[Page], Any]) -> Callable[[Any, Any], float]:

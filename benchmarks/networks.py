@@ -216,13 +216,13 @@ def look(visitor: Visitor) -> tuple[float, str]:
     that settled.
     """
     page = visitor.page
-    wait_for(lambda: page.locator("#cockpit[data-playing]").count(), PATIENCE, "a picture")
+    wait_for(lambda: page.locator("#drive-page[data-playing]").count(), PATIENCE, "a picture")
     first = float(page.evaluate(SINCE))
-    live = page.locator("#cockpit[data-playing][data-link=live]:not([data-slow])")
+    live = page.locator("#drive-page[data-playing][data-link=live]:not([data-slow])")
     try:
         pair = wait_for(lambda: live.count() and page.evaluate(PAIR), LATE, "live video")
     except AssertionError:
-        return first, "server" if page.locator("#cockpit[data-slow]").count() else NOTHING
+        return first, "server" if page.locator("#drive-page[data-slow]").count() else NOTHING
     return min(first, float(page.evaluate(FIRST_FRAME))), way_of(pair)
 
 

@@ -1,5 +1,5 @@
 """Which profile of the drive page somebody is offered first. What each shows stands in
-static/js/hud/profiles.js, under the same names.
+static/js/view/display/profiles.js, under the same names.
 
 `standard` is the page as a robot's owner has set it up: what a study compares with, and what a
 visitor gets of whom nothing is known. This app knows no questionnaires; one above it that does

@@ -2,8 +2,8 @@
 answers.
 
 A question that is hidden counts as unanswered for those that depend on it.
-static/js/survey/conditions.js says the same for questions on the page in front of the visitor;
-tests/golden/survey_conditions.json binds the two.
+static/js/pages/survey/conditions.js says the same for questions on the page in front of the
+visitor; tests/golden/survey_conditions.json binds the two.
 """
 
 from collections.abc import Iterable, Mapping

@@ -31,21 +31,6 @@ from sessions.models import Session
 
 BROKER_PATIENCE_SECONDS = 1.0
 LIVE, ACTS = Attempts("live", limit=240), Attempts("live-act", limit=60)
-# Everything that replay.js needs, so that the browser fetches it at once and not one after the
-# other.
-REPLAY_MODULES = (
-    "replay/event_list",
-    "replay/map",
-    "replay/player",
-    "replay/readings",
-    "replay/record",
-    "replay/strips",
-    "replay/timeline",
-    "map/floor_plan",
-    "map/overlay",
-    "map/transform",
-    "lib/words",
-)
 
 # --- live -----------------------------------------------------------------------------------------
 
@@ -187,7 +172,6 @@ def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         "outcome": _outcome(row, drive),
         "condition": _condition(drive) if drive is not None else "",
         "config": _config(row, shown),
-        "modules": [f"js/{name}.js" for name in REPLAY_MODULES],
     }
     return render(request, "experiments/research/replay.html", context)
 

@@ -23,4 +23,7 @@ class HashedModules(CompressedManifestStaticFilesStorage):
     tested (docs/explanation/decisions.md).
     """
 
+    # A name is known once the names of all that the module imports are: a pass for each module of
+    # the longest chain, if they come in the worst order.
+    max_post_process_passes = 50
     patterns = (*CompressedManifestStaticFilesStorage.patterns, ("*.js", IMPORTS))

@@ -22,8 +22,8 @@ from sessions import protocol
 from tests.support.first_time_user import Keys, Mind
 
 DT = 0.02
-START, RISE = 0.35, 0.9  # static/js/controllers/ramp.js
-STEPS = {"Slow": 0.4, "Normal": 0.7}  # static/js/controllers/speeds.js
+START, RISE = 0.35, 0.9  # static/js/input/speeds.js
+STEPS = {"Slow": 0.4, "Normal": 0.7}  # static/js/input/speeds.js
 
 
 @dataclass

@@ -85,7 +85,7 @@ class People:
                     return time.monotonic() - began
                 visitor.page.wait_for_timeout(100)
             visitor.page.keyboard.up("ArrowLeft")
-        state = {name: visitor.cockpit(name) for name in ("phase", "link", "way")}
+        state = {name: visitor.page_data(name) for name in ("phase", "link", "transport")}
         raise AssertionError(
             f"no turn within {within} s: {state}; the demo said: {self.demo.said()}"
         )
@@ -135,12 +135,12 @@ class People:
         self.cy_sees_the_practice_robot()
 
     def cy_sees_the_practice_robot(self) -> None:
-        expect(self._frame.locator("#cockpit[data-playing]")).to_be_visible(
+        expect(self._frame.locator("#drive-page[data-playing]")).to_be_visible(
             timeout=patient(40) * 1000
         )
 
     def cy_sees_no_practice_robot(self) -> None:
-        expect(self._frame.locator("#cockpit:not([data-playing])")).to_be_visible(
+        expect(self._frame.locator("#drive-page:not([data-playing])")).to_be_visible(
             timeout=patient(20) * 1000
         )
 

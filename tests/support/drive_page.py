@@ -44,7 +44,7 @@ async def opened(
 
 
 async def driving(page: Page) -> None:
-    await page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=40_000)
+    await page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=40_000)
 
 
 async def until(condition: Callable[[], Any], seconds: float = 10.0) -> Any:

@@ -81,11 +81,11 @@ class Visitor:
         self.wait_for_picture()
         return self
 
-    def cockpit(self, name: str) -> str:
-        return self.page.locator("#cockpit").get_attribute(f"data-{name}") or ""
+    def page_data(self, name: str) -> str:
+        return self.page.locator("#drive-page").get_attribute(f"data-{name}") or ""
 
     def wait_for(self, name: str, value: str, within: float = 15.0) -> None:
-        expect(self.page.locator("#cockpit")).to_have_attribute(
+        expect(self.page.locator("#drive-page")).to_have_attribute(
             f"data-{name}", value, timeout=patient(within) * 1000
         )
 
@@ -94,7 +94,7 @@ class Visitor:
         wait_for(
             lambda: self.frames() > 3,
             within,
-            f"a picture (phase {self.cockpit('phase')}, link {self.cockpit('link')})",
+            f"a picture (phase {self.page_data('phase')}, link {self.page_data('link')})",
         )
 
     def hold(self, key: str, reached: Callable[[], Any], within: float, what: str) -> None:
@@ -110,8 +110,8 @@ class Visitor:
                     return
                 self.page.wait_for_timeout(50)
             assert time.monotonic() < deadline, (
-                f"{what} did not come within {within} s (link {self.cockpit('link')}, way"
-                f" {self.cockpit('way')})"
+                f"{what} did not come within {within} s (link {self.page_data('link')}, way"
+                f" {self.page_data('transport')})"
             )
             self.page.keyboard.up(key)
 
@@ -146,6 +146,6 @@ class Visitor:
         not wait.
         """
         with contextlib.suppress(PlaywrightError):
-            if self.page.locator("#cockpit").count() and self.cockpit("phase") == "driving":
+            if self.page.locator("#drive-page").count() and self.page_data("phase") == "driving":
                 self.leave()
         self.context.close()

@@ -6,15 +6,16 @@
 /**
  * @param {Map<string, string>} sentences
  * @param {string} language a BCP 47 tag
+ * @param {Record<string, string>} [always] values that every sentence may have
  */
-export const createWords = (sentences, language) => {
+export const createWords = (sentences, language, always = {}) => {
   const plurals = new Intl.PluralRules(language);
 
   /** @param {string} key @param {Record<string, string | number>} values */
   const say = (key, values = {}) => {
     const counted = "n" in values ? `${key}.${plurals.select(Number(values.n))}` : key;
     const sentence = sentences.get(counted) ?? sentences.get(`${key}.other`) ?? sentences.get(key) ?? "";
-    return sentence.replace(/\{(\w+)\}/g, (whole, name) => (name in values ? String(values[name]) : whole));
+    return sentence.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? always[name] ?? whole));
   };
 
   return { say, has: (/** @type {string} */ key) => sentences.has(key) };
@@ -25,9 +26,10 @@ export const createWords = (sentences, language) => {
 /**
  * @param {HTMLTemplateElement} template
  * @param {string} language
+ * @param {Record<string, string>} [always]
  */
-export const readWords = (template, language) => {
+export const readWords = (template, language, always) => {
   const elements = template.content.querySelectorAll("[data-word]");
   const sentences = Array.from(elements, (element) => [element.getAttribute("data-word") ?? "", (element.textContent ?? "").trim()]);
-  return createWords(new Map(/** @type {[string, string][]} */ (sentences)), language);
+  return createWords(new Map(/** @type {[string, string][]} */ (sentences)), language, always);
 };

@@ -1,13 +1,9 @@
 /**
- * The robot's head by a slider and by R and F: what angle to ask for, and when. Pure but for the clock that it is given.
+ * The robot's head by a slider and by keys: what angle to ask for, and when. Pure but for the clock that it is given.
  */
 
 export const STEP = 0.1; // rad a press of a key
-const PAUSE = 0.15; // s between two orders while the slider is drawn
-const KEYS = /** @type {Record<string, number>} */ ({ KeyR: -STEP, KeyF: STEP });
-
-/** The change of angle that a key means, 0 for none; positive looks down. @param {{code: string}} event a keydown of the page's own */
-export const stepOf = ({ code }) => KEYS[code] ?? 0;
+const PAUSE = 0.15; // s between two actions while the slider is drawn
 
 export class Tilting {
   constructor() {

@@ -3,13 +3,13 @@
  * it. When the turn comes the frame goes, and leaves its robot.
  */
 
-import { write } from "../hud/dialog.js";
+import { write } from "../lib/dom.js";
 
 const AGAIN = 1.5; // s between two questions while a robot is being made ready
 
 /**
  * @param {object} options
- * @param {ReturnType<typeof import("../state.js").createStore>} options.store
+ * @param {import("../drive/store.js").Store} options.store
  * @param {string | null} options.address where to ask for a robot, null where there is none
  * @param {(id: string) => HTMLElement} options.element
  * @param {import("../lib/words.js").Words} options.words

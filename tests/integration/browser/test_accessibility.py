@@ -165,7 +165,7 @@ def test_a_researchers_pages(opened):
 
 
 def driving(page: Page) -> None:
-    page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=PATIENCE)
+    page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=PATIENCE)
 
 
 def test_the_drive_page_before_while_and_after_driving(browser):
@@ -185,7 +185,7 @@ def test_the_drive_page_before_while_and_after_driving(browser):
         page.get_by_role("button", name="Leave").click()
         found += faults(page, "leaving")
         site.end("turn_over")
-        page.wait_for_selector("#cockpit[data-phase=ended]", timeout=PATIENCE)
+        page.wait_for_selector("#drive-page[data-phase=ended]", timeout=PATIENCE)
         found += faults(page, "ended")
         page.goto(site.screen_url)
         page.wait_for_selector("#face[data-scene]", timeout=PATIENCE)

@@ -107,11 +107,11 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
     own = {
         "js/pages/site.js",
         "js/pages/robots.js",
-        "js/check/page.js",
-        "js/live/live.js",
-        "js/replay/replay.js",
-        "js/admin/copy.js",
-        "js/admin/course.js",
+        "js/pages/check/page.js",
+        "js/pages/live/page.js",
+        "js/pages/replay/page.js",
+        "js/pages/admin/copy.js",
+        "js/pages/admin/course.js",
     }
     complaints.check(*own)
     ran |= own
@@ -125,7 +125,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
             page.goto(walker.url())
         walker.do()
     page.goto(walker.url())
-    complaints.check(*(own := {"js/survey/survey.js", "js/pages/copy.js"}))
+    complaints.check(*(own := {"js/pages/survey/page.js", "js/pages/copy.js"}))
     ran |= own
 
     for site in (PresentRobotPage(), FakeRobotPage(study=guide())):
@@ -137,10 +137,18 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
             if site.study is None:
                 page.goto(site.screen_url)
                 page.wait_for_selector("#face[data-scene]", timeout=patient(20) * 1000)
-                complaints.check(*(own := {"js/boot.js", "js/console.js", "js/screen/screen.js"}))
+                complaints.check(
+                    *(
+                        own := {
+                            "js/drive/load_retry.js",
+                            "js/drive/page.js",
+                            "js/pages/screen/page.js",
+                        }
+                    )
+                )
                 ran |= own
             page.context.close()
-            complaints.check("js/console.js")
+            complaints.check("js/drive/page.js")
 
     assert ran == entries(), "a script that no page of this test runs"
 
@@ -159,4 +167,4 @@ def test_the_course_map_of_the_study_builder_is_drawn(opened):
         expect(rooms.first).to_be_visible()
         expect(page.locator("#course-map .course__name")).to_have_count(rooms.count())
         expect(page.locator("#course-map .course__wall").first).to_be_attached()
-    complaints.check("js/admin/course.js", "js/admin/course_ground.js")
+    complaints.check("js/pages/admin/course.js", "js/pages/admin/course_ground.js")

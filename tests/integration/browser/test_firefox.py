@@ -39,7 +39,8 @@ def test_firefox_plays_the_video_and_drives_with_keys_and_by_a_press_on_the_floo
         # A page that is held up for half a second drives by the other way meanwhile.
         wait_for(
             lambda: (
-                browser.evaluate("document.getElementById('cockpit').dataset.way") == "datachannel"
+                browser.evaluate("document.getElementById('drive-page').dataset.transport")
+                == "datachannel"
             ),
             10,
             "the direct way",

@@ -57,7 +57,7 @@ def test_where_no_datagram_passes_live_video_and_driving_go_through_the_relay(
         anna.wait_for("link", "live", within=30)
         anna.wait_for_picture(within=20)
         expect(anna.page.locator("#slow")).to_be_hidden()
-        anna.wait_for("way", "datachannel")
+        anna.wait_for("transport", "datachannel")
         before = giraff.truth()
         anna.hold("ArrowLeft", lambda: abs(giraff.truth().theta - before.theta) > 0.1, 10, "a turn")
         anna.page.keyboard.up("ArrowLeft")

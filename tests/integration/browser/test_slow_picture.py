@@ -78,7 +78,7 @@ def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(sit
     )
     expect(anna.page.locator("#alert")).to_contain_text("without sound")
     expect(anna.page.locator("#sound")).to_be_hidden()
-    assert anna.cockpit("way") == "mqtt"
+    assert anna.page_data("transport") == "mqtt"
     before = giraff.truth()
     anna.hold(
         "ArrowUp",
@@ -137,7 +137,9 @@ def test_firefox_without_a_direct_way_drives_by_the_slow_picture_as_well(site, g
         )
         browser.evaluate("document.getElementById('card-main').click()")
         wait_for(
-            lambda: browser.evaluate("document.getElementById('cockpit').dataset.phase") == "ended",
+            lambda: (
+                browser.evaluate("document.getElementById('drive-page').dataset.phase") == "ended"
+            ),
             10,
             "the end of the visit",
         )
@@ -218,7 +220,7 @@ def test_a_restart_of_the_web_server_stands_the_robot_still_and_the_picture_come
     site.stop("web")
     wait_for(lambda: abs(giraff.truth().angular) < 0.01, 5, "a standing robot")
     wait_for(
-        lambda: eva.page.locator("#cockpit[data-frozen]").count(),
+        lambda: eva.page.locator("#drive-page[data-frozen]").count(),
         10,
         "a picture that is marked as old",
     )
@@ -226,7 +228,7 @@ def test_a_restart_of_the_web_server_stands_the_robot_still_and_the_picture_come
     site.start("web")
     wait_for(site.web_answers, 40, "the web server")
     wait_for(
-        lambda: eva.page.locator("#cockpit[data-slow][data-playing]").count(),
+        lambda: eva.page.locator("#drive-page[data-slow][data-playing]").count(),
         30,
         "a picture of the present",
     )
@@ -256,9 +258,11 @@ def test_behind_a_firewall_the_slow_picture_lasts_until_a_direct_way_opens(
         computer.open_udp()
         cora.wait_for("link", "live", within=60)
         cora.wait_for_picture()
-        expect(cora.page.locator("#cockpit")).not_to_have_attribute("data-slow", "", timeout=40_000)
+        expect(cora.page.locator("#drive-page")).not_to_have_attribute(
+            "data-slow", "", timeout=40_000
+        )
         expect(cora.page.locator("#slow")).to_be_hidden()
-        cora.wait_for("way", "datachannel")
+        cora.wait_for("transport", "datachannel")
         before = giraff.truth()
         cora.hold("ArrowLeft", lambda: abs(giraff.truth().theta - before.theta) > 0.1, 10, "a turn")
         cora.page.keyboard.up("ArrowLeft")

@@ -9,12 +9,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from django.template import Context, Template
 
+from telepresence_site.web import module_graph
 from tests.support.paths import ROOT
 
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 IMPORTED = re.compile(r"(?:from|import)\s*\(?\s*[\"'](\.[^\"']+)[\"']")
 HASH = re.compile(r"\.[0-9a-f]{12}(?=\.js)")
+STATIC_IMPORT = re.compile(r"^(?:import|export)[^()]*?\bfrom \"([^\"]+)\";$", re.MULTILINE)
 LARGEST = 150_000  # bytes of script that the drive page is sent
 pytestmark = pytest.mark.long
 
@@ -89,14 +92,36 @@ def test_every_script_lies_there_compressed(collected):
         assert not copy.exists() or gzip.decompress(copy.read_bytes()) == path.read_bytes()
 
 
-def test_the_drive_pages_script_stays_small(collected):
-    wanted = re.findall(
-        r"static 'js/([^']+)'", (ROOT / "templates" / "sessions" / "_modules.html").read_text()
+@pytest.mark.parametrize(
+    ("template", "entry"),
+    [
+        ("sessions/drive.html", "js/drive/page.js"),
+        ("experiments/research/replay.html", "js/pages/replay/page.js"),
+    ],
+)
+def test_a_page_preloads_all_modules_but_those_fetched_when_needed_and_no_others(
+    collected, template, entry
+):
+    tag = f'{{% modulepreload "{entry}" %}}'
+    assert tag in (ROOT / "templates" / template).read_text()
+    links = Template("{% load modules %}" + tag).render(Context())
+    preloaded = HASH.sub("", links)
+    files = {path.resolve(): plain for plain, path in modules_of(collected).items()}
+    reached = [path for path, plain in files.items() if plain == entry]
+    for path in reached:
+        for target in STATIC_IMPORT.findall(path.read_text()):
+            imported = (path.parent / target).resolve()
+            reached += [imported] if imported not in reached else []
+    assert sorted(re.findall(r'href="/static/([^"]+)"', preloaded)) == sorted(
+        files[path] for path in reached
     )
+
+
+def test_the_drive_pages_script_stays_small(collected):
     modules = modules_of(collected)
     size = sum(
-        len(gzip.compress(modules[f"js/{name}"].read_bytes()))
-        for name in [*wanted, "console.js", "boot.js"]
+        len(gzip.compress(modules[name].read_bytes()))
+        for name in [*module_graph.modules_of("js/drive/page.js"), "js/drive/load_retry.js"]
     )
     assert LARGEST / 2 < size < LARGEST, f"{size} bytes"
 

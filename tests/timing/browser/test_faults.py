@@ -180,8 +180,8 @@ def turns(someone: Visitor, giraff: Onlooker, within: float = 30) -> None:
     deadline = time.monotonic() + patient(within)
     while abs(giraff.truth().theta - before) < 0.1:
         assert time.monotonic() < deadline, (
-            f"no turn within {within} s (link {someone.cockpit('link')}, way"
-            f" {someone.cockpit('way')})"
+            f"no turn within {within} s (link {someone.page_data('link')}, way"
+            f" {someone.page_data('transport')})"
         )
         someone.page.keyboard.down("ArrowLeft")
         someone.page.wait_for_timeout(1500)
@@ -349,7 +349,8 @@ def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_th
     assert states[0]["stamp"] < since
     wait_for(
         lambda: (
-            someone.page.evaluate("document.getElementById('cockpit').dataset.phase") == "driving"
+            someone.page.evaluate("document.getElementById('drive-page').dataset.phase")
+            == "driving"
         ),
         20,
         "the page's visit",

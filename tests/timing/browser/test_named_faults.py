@@ -67,7 +67,7 @@ def test_the_page_says_within_two_seconds_what_fails(site, driver, part, number)
         else:
             for process in stopped:
                 process.resume()
-    wait_for(lambda: word(driver) == "" and driver.cockpit("link") == "live", 40, "the end of it")
+    wait_for(lambda: word(driver) == "" and driver.page_data("link") == "live", 40, "the end of it")
 
 
 def test_the_page_says_within_two_seconds_that_nobody_can_write_into_the_database(site, driver):

@@ -39,7 +39,7 @@ async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the
 
 
 @pytest.mark.parametrize(
-    "missing", ["**/js/connection/peer.*.js", "**/js/console.*.js", "**/css/drive.*.css"]
+    "missing", ["**/js/protocol/peer.*.js", "**/js/drive/page.*.js", "**/css/drive.*.css"]
 )
 async def test_a_page_of_which_a_part_did_not_arrive_loads_itself_again(browser, site, missing):
     page = await (await browser.new_context()).new_page()
@@ -51,11 +51,11 @@ async def test_a_page_of_which_a_part_did_not_arrive_loads_itself_again(browser,
 
 async def test_a_page_that_cannot_be_loaded_says_so_and_offers_to_try_again(browser, site):
     page = await (await browser.new_context()).new_page()
-    await page.route("**/js/connection/peer.*.js", lambda route: route.abort("connectionreset"))
+    await page.route("**/js/protocol/peer.*.js", lambda route: route.abort("connectionreset"))
     await page.goto(site.url)
     again = page.get_by_role("button", name="Load it again")
     await again.wait_for(timeout=40_000)
-    await page.unroute("**/js/connection/peer.*.js")
+    await page.unroute("**/js/protocol/peer.*.js")
     await again.click()
     await page.click("text=Drive Giraff")
     await driving(page)
@@ -170,14 +170,14 @@ async def test_a_silent_link_is_replaced_and_the_old_picture_is_marked_meanwhile
         await driving(page)
         site.muted = True
         site.answers.clear()
-        await page.wait_for_selector("#cockpit[data-frozen]")
+        await page.wait_for_selector("#drive-page[data-frozen]")
         assert await page.inner_text("#alert") == "Reconnecting… the robot has stopped."
         assert await page.is_visible("#still")
         assert await page.evaluate(COLOURS) > 20
         site.muted = False
         site.answers.set()
         await driving(page)
-        await page.wait_for_selector("#cockpit:not([data-frozen])")
+        await page.wait_for_selector("#drive-page:not([data-frozen])")
         assert len([signal for signal in site.said("signal") if hasattr(signal, "sdp")]) >= 2
         count = len(site.applied)
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
@@ -220,7 +220,9 @@ async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_mean
         await second.wait_for_selector("text=Ana is driving Giraff")
         await second.click("text=Wait for my turn")
         await second.wait_for_selector("text=You are next")
-        await second.wait_for_selector("#cockpit[data-playing][data-role=observer]", timeout=40_000)
+        await second.wait_for_selector(
+            "#drive-page[data-playing][data-role=observer]", timeout=40_000
+        )
         await second.keyboard.press("ArrowUp")
         await first.wait_for_selector("#waiting:not([hidden])")
         assert site.said("command/velocity") == []
@@ -326,7 +328,7 @@ async def test_on_every_screen_everything_is_in_reach_and_nothing_covers_the_sto
             else:
                 site.end("timed_out")
                 await page.click("#card-other")
-                await page.wait_for_selector("#cockpit[data-phase=ended]")
+                await page.wait_for_selector("#drive-page[data-phase=ended]")
             assert await page.evaluate(SEEN) == {
                 "over": [0, 0],
                 "free": True,
@@ -348,7 +350,7 @@ async def test_nothing_moves_on_the_page_when_the_picture_comes(browser, site):
     async with opened(browser, site) as page:
         await page.click("#card-main")
         await page.wait_for_selector(
-            "#cockpit[data-phase=driving]:not([data-playing]) #card[data-card=link]"
+            "#drive-page[data-phase=driving]:not([data-playing]) #card[data-card=link]"
         )
         before = await page.evaluate(PLACES)
         site.answers.set()

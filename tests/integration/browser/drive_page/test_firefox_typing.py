@@ -26,7 +26,7 @@ def test_firefox_writes_what_is_typed_at_once_after_write_and_does_not_drive_by_
         browser.goto(f"{site.url}?go=1")
         wait_for(
             lambda: browser.evaluate(
-                "document.querySelector('#cockpit').matches('[data-playing][data-link=live]')"
+                "document.querySelector('#drive-page').matches('[data-playing][data-link=live]')"
             ),
             40,
             "a picture in Firefox",

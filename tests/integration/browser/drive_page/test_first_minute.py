@@ -134,7 +134,7 @@ async def test_a_browser_without_live_video_drives_with_a_slow_picture(browser, 
     await page.click("#card-main")
     await page.wait_for_selector("#card[data-card=lobby]")
     await page.click("#card-main")
-    await page.wait_for_selector("#cockpit[data-playing][data-slow]")
+    await page.wait_for_selector("#drive-page[data-playing][data-slow]")
     await hold(
         page,
         "ArrowLeft",

@@ -33,7 +33,9 @@ async def until(condition):
 
 
 async def driving(page: Page) -> None:
-    await page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=1000 * PATIENCE)
+    await page.wait_for_selector(
+        "#drive-page[data-playing][data-link=live]", timeout=1000 * PATIENCE
+    )
 
 
 async def place(page: Page, across: float, down: float) -> tuple[float, float]:
@@ -197,7 +199,7 @@ async def test_the_map_is_looked_around_on_swapped_and_made_large_and_the_keys_s
                 await page.locator("#video").bounding_box()
             )["width"]
             await page.click("[data-action=map_large]")
-            await page.wait_for_selector("#cockpit[data-map=large]")
+            await page.wait_for_selector("#drive-page[data-map=large]")
             assert await page.is_visible("#video")
             await hold(
                 page, "ArrowLeft", lambda: [c for _, c in site.applied if c.angular > 0.1], PATIENCE

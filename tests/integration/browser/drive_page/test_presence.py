@@ -282,12 +282,12 @@ PLACE = f"""([video, [x, y]]) => {{
 LAID = f"""() => {{
   {PICTURE}
   const picture = pictureOf(document.querySelector("#shared-video"));
-  const layer = document.querySelector("#shared-dots").getBoundingClientRect();
+  const layer = document.querySelector("#shared-pointers").getBoundingClientRect();
   return Math.abs(layer.width - picture.width) + Math.abs(layer.height - picture.height);
 }}"""
 NEAR = 0.02  # of the picture
 SMALL, LARGE = "#shared-video", "#video"
-LAYERS = {SMALL: "#shared-dots", LARGE: "#dots"}
+LAYERS = {SMALL: "#shared-pointers", LARGE: "#pointers"}
 
 
 async def place(page: Page, video: str, at: tuple[float, float]) -> tuple[float, float]:
@@ -307,7 +307,7 @@ async def point(
         await page.mouse.move(x + step % 2, y)
         await asyncio.sleep(0.1)
         found = [
-            await one.evaluate(SPOT, [over, f"{LAYERS[over]} .dot--{side}"])
+            await one.evaluate(SPOT, [over, f"{LAYERS[over]} .remote-pointer--{side}"])
             for one, over in ((page, video), *others)
         ]
         if all(spot and max(abs(spot[0] - at[0]), abs(spot[1] - at[1])) < NEAR for spot in found):
@@ -317,7 +317,7 @@ async def point(
 
 async def no_dot(page: Page, side: str) -> None:
     await page.wait_for_selector(
-        f".dot--{side}:not([data-on])", state="attached", timeout=patient(15) * 1000
+        f".remote-pointer--{side}:not([data-on])", state="attached", timeout=patient(15) * 1000
     )
 
 
@@ -342,8 +342,8 @@ async def shown(
     await page.click("#presence-share")
     await page.wait_for_selector("text=They see your screen.")
     await page.click("#presence-volumes")
-    await page.wait_for_selector("#shared-dots[data-open]", timeout=patient(15) * 1000)
-    await screen.wait_for_selector("#dots[data-open]", timeout=patient(15) * 1000)
+    await page.wait_for_selector("#shared-pointers[data-open]", timeout=patient(15) * 1000)
+    await screen.wait_for_selector("#pointers[data-open]", timeout=patient(15) * 1000)
     for one, video in ((page, SMALL), (screen, LARGE)):
         await evaluated(
             one, f"() => document.querySelector('{video}').videoWidth", lambda width: width > 0
@@ -367,8 +367,8 @@ async def test_what_either_side_points_at_is_seen_at_the_same_place_at_both_ends
     for at in [(0.25, 0.7), (0.9, 0.1)]:
         await point(page, SMALL, "driver", at, (screen, LARGE))
     assert (
-        await screen.text_content("#dots .dot--driver")
-        == await page.text_content("#shared-dots .dot--driver")
+        await screen.text_content("#pointers .remote-pointer--driver")
+        == await page.text_content("#shared-pointers .remote-pointer--driver")
         == "A"
     )
     await no_dot(screen, "driver")
@@ -428,7 +428,7 @@ async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until
     # Who shows nothing any more points at nothing.
     await page.click("#presence-hang-up")
     await page.wait_for_selector("#shared", state="hidden")
-    await screen.wait_for_selector("#dots:not([data-open])", state="attached")
+    await screen.wait_for_selector("#pointers:not([data-open])", state="attached")
     assert complaints == []
 
 

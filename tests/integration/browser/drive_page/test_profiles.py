@@ -91,7 +91,7 @@ async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_
     await page.set_viewport_size({"width": 1280, "height": 800})
     await page.goto(site.url)
     await until_page(
-        page, "() => document.getElementById('cockpit').dataset.profile === 'technical'"
+        page, "() => document.getElementById('drive-page').dataset.profile === 'technical'"
     )
     await _in_a_study(page, site)
 

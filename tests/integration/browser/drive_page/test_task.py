@@ -30,7 +30,7 @@ async def until(condition):
 
 
 async def driving(page: Page) -> None:
-    await page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=PATIENCE)
+    await page.wait_for_selector("#drive-page[data-playing][data-link=live]", timeout=PATIENCE)
 
 
 def written(site: FakeRobotPage, kind: str) -> list[dict]:

@@ -62,7 +62,7 @@ BESIDE = {
     "map-tools",
     "technical",
     "practice",
-    "boot",
+    "load-failed",
     "speed",
     "assist",
     "profiles",
@@ -258,7 +258,7 @@ async def test_who_writes_when_the_link_to_the_robot_breaks_goes_on_writing(page
     await page.keyboard.type(TEXT[:8])
     site.muted = True
     await page.wait_for_selector(
-        "#cockpit[data-frozen]:not([data-playing])", timeout=patient(20) * 1000
+        "#drive-page[data-frozen]:not([data-playing])", timeout=patient(20) * 1000
     )
     await page.keyboard.type(TEXT[8:])
     assert await page.input_value("#talk-field") == TEXT

@@ -14,7 +14,7 @@ from robots.agent.media.peers.bitrate import BitrateAdapter
 RATES = tuple(tier.bitrate for tier in LAYERS)
 BESIDE = 150_000.0  # bit/s of sound and words
 STEP = 0.05
-# s older than at its best, from which on a page says it more often (static/js/rounds.js)
+# s older than at its best, from which on a page says it more often (static/js/drive/scheduler.js)
 HURRY = 0.1
 
 

@@ -1,0 +1,207 @@
+/**
+ * What the robot does by itself, on the drive page: its actions, places and points of the map, the level of assistance and what the robot
+ * says about it. What to do is decided in robot_action.js and the other pure modules beside it.
+ */
+
+import { Aiming } from "../input/aiming.js";
+import { unixNow } from "../lib/clock.js";
+import { freshId } from "../lib/ids.js";
+import { roleOf } from "../protocol/session.js";
+import { maySend } from "../study/restrictions.js";
+import { wrap } from "../view/overlay/transforms.js";
+import { HeldHelp, NO_HELP, helpFrom } from "./assistance.js";
+import { createMapBar, showsLaser } from "./map_bar.js";
+import { can } from "./offer.js";
+import { createOfferPanel } from "./offer_panel.js";
+import { ask, heard, isUnderWay, pass, wishOf } from "./robot_action.js";
+
+const ASSIST_PATIENCE = 3; // s until a level of assistance that does not come into force counts as refused
+const PUSH_PERIOD = 0.5; // s between two notes that the visitor presses forward
+
+const newSlice = () => ({
+  /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
+  task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
+  /** a point being chosen on the map, to go to or to say where the robot is; x is null before the first press */
+  aim: /** @type {{kind: "goal" | "pose", x: number | null, y: number | null, theta: number | null} | null} */ (null),
+  /** whether the menu of places is open */
+  placesOpen: false,
+  /** whether laser points are drawn; null leaves it to the level of assistance */
+  laser: /** @type {boolean | null} */ (null),
+  /** why the robot does not do quite what its driver asks: assistance.js */
+  help: NO_HELP,
+  /** the level of assistance that was asked for and is not yet in force, and when; null when there is none */
+  assistAsked: /** @type {{level: string, at: number} | null} */ (null),
+});
+
+/** Millimetres and milliradians are enough. @param {number} value */
+const round = (value) => Math.round(value * 1000) / 1000;
+
+/** A point can be chosen where that means something. @param {import("../drive/features.js").State} state */
+const mayAim = (state) => roleOf(state.visit) === "driver" && ((can(state, "goto") && maySend(state, "map")) || state.aim?.kind === "pose");
+
+/** @param {import("../drive/registry.js").Page} page */
+const setUp = (page) => {
+  const { store, words, element, keys, act, map } = page;
+  const held = new HeldHelp();
+  const renders = [createOfferPanel(element, words, act), createMapBar(element, words, act, keys), createMarks(page)];
+  const aiming = new Aiming({
+    canvas: element("map"),
+    toWorld: (px, py) => map.worldAt(px, py),
+    onAim: (x, y, theta) => {
+      const kind = store.get().aim?.kind ?? "goal";
+      store.update({ aim: { kind, x: round(x), y: round(y), theta: theta === null ? null : round(wrap(theta - (map.view?.turn ?? 0))) }, placesOpen: false });
+    },
+  });
+
+  /** @param {ReturnType<typeof helpFrom>} help */
+  const showHelp = (help) => {
+    if (help !== store.get().help) {
+      store.update({ help });
+    }
+  };
+  const hearHelp = (/** @type {any} */ { assistWhy, assistPoint }) => showHelp(held.hear(helpFrom(assistWhy, assistPoint), unixNow()));
+
+  /** @param {string} level */
+  const assist = (level) => {
+    store.update({ assistAsked: { level, at: unixNow() } });
+    page.connection.send("session/assist", { level });
+  };
+
+  return {
+    api: {
+      assist,
+      mayAim: () => mayAim(store.get()),
+      forgetAim: () => {
+        aiming.letGo();
+        store.update({ aim: null });
+      },
+    },
+    handlers: {
+      state: hearHelp,
+      pose: hearHelp,
+      action: (/** @type {Parameters<typeof heard>[1]} */ message) => {
+        const { task, visit } = store.get();
+        if (visit.phase === "driving") {
+          store.update({ task: heard(task, message, unixNow()) });
+        }
+      },
+    },
+    actions: { ...newActions(page), assist },
+    on: { ...newListeners(page), poll: (/** @type {number} */ now) => {
+      pursue(page, now);
+      showHelp(held.tick(now));
+    } },
+    render: (/** @type {any} */ state) => {
+      renders.forEach((render) => render(state));
+      if (mayAim(state)) {
+        aiming.enable();
+      } else {
+        aiming.disable();
+      }
+    },
+  };
+};
+
+/** What time does to the robot's action. @param {import("../drive/registry.js").Page} page @param {number} now */
+const pursue = ({ store, driving }, now) => {
+  const { action, send } = pass(store.get().task, now);
+  if (action !== store.get().task) {
+    store.update({ task: action });
+  }
+  if (send && action) {
+    driving.sendAction(action);
+  }
+};
+
+/** The marks of goal and obstacle on the map. @param {import("../drive/registry.js").Page} page */
+const createMarks = ({ map, element }) => {
+  /** the goal of the last action that was asked for: the same object while it is the same goal */
+  let last = { id: "", aim: /** @type {any} */ (null) };
+
+  /** @param {import("./robot_action.js").RobotAction} action */
+  const goalOf = ({ id, fields }) => {
+    if (last.id !== id) {
+      last = { id, aim: { kind: "goal", x: fields.x, y: fields.y, theta: fields.theta ?? null } };
+    }
+    return last.aim;
+  };
+
+  return (/** @type {import("../drive/features.js").State} */ state) => {
+    const { task, aim, help } = state;
+    const goal = isUnderWay(task) && task?.type === "goto" && task.fields.x !== undefined ? goalOf(task) : null;
+    const chosen = aim !== null && aim.x !== null ? aim : null;
+    map.setMarks({ aim: chosen ?? goal, obstacle: help.point, laser: showsLaser(state) });
+    // The buttons never lie over the point that they are about.
+    element("aim").toggleAttribute("data-high", chosen !== null && map.isLow(chosen));
+  };
+};
+
+/** @param {import("../drive/registry.js").Page} page @returns {Record<string, (argument: string) => void>} */
+const newActions = ({ store, driving }) => {
+  /** Ask the robot to do something by itself. @param {Parameters<typeof ask>[0]} wish */
+  const start = (wish) => {
+    if (roleOf(store.get().visit) === "driver") {
+      const task = ask(wish, freshId("act-"), unixNow());
+      store.update({ task, aim: null, placesOpen: false });
+      driving.sendAction(task);
+    }
+  };
+
+  /** With what is chosen on the map, if something is. @param {Parameters<typeof ask>[0]} wish */
+  const startAimed = (wish) => {
+    const { x, y, theta } = store.get().aim ?? { x: null, y: null, theta: null };
+    if (x !== null && y !== null) {
+      start({ ...wish, x, y, ...(theta === null ? {} : { theta }) });
+    }
+  };
+
+  return {
+    places: () => store.update({ placesOpen: !store.get().placesOpen }),
+    undock: () => start({ type: "undock" }),
+    go_home: () => start({ type: "dock" }),
+    go_to: (place) => {
+      const { title = place } = store.get().plan?.places?.find((/** @type {any} */ { name }) => name === place) ?? {};
+      start({ type: "goto", place, title });
+    },
+    go_here: () => startAimed({ type: "goto" }),
+    search: () => start({ type: "relocalize" }),
+    show_pose: () => store.update({ aim: { kind: "pose", x: null, y: null, theta: null }, placesOpen: false, mapOpen: true }),
+    // Without a drag it looks where it looked.
+    set_pose: () => startAimed({ type: "relocalize", theta: store.get().robot?.pose.theta ?? 0 }),
+    aim_cancel: () => store.update({ aim: null }),
+    task_again: () => {
+      const { task } = store.get();
+      if (task) {
+        start(wishOf(task));
+      }
+    },
+    task_dismiss: () => store.update({ task: null }),
+    laser: () => store.update({ laser: !showsLaser(store.get()) }),
+  };
+};
+
+/** @param {import("../drive/registry.js").Page} page */
+const newListeners = ({ store }) => ({
+  /** Nothing of a session that is over is left. */
+  released: () => store.update({ task: null, aim: null, placesOpen: false, help: NO_HELP, assistAsked: null }),
+  newRobotState: (/** @type {{assist: string}} */ { assist }) => {
+    const asked = store.get().assistAsked;
+    if (asked && (asked.level === assist || unixNow() - asked.at > ASSIST_PATIENCE)) {
+      store.update({ assistAsked: null });
+    }
+  },
+  /** Whoever drives has read what failed; and pressing forward at the dock wants a word. */
+  steered: (/** @type {{linear: number, angular: number}} */ { linear, angular }) => {
+    const { task, pushedAt } = store.get();
+    if ((linear !== 0 || angular !== 0) && task?.status === "FAILED") {
+      store.update({ task: null });
+    }
+    const now = unixNow();
+    if (linear > 0 && now - pushedAt > PUSH_PERIOD) {
+      store.update({ pushedAt: now, now });
+    }
+  },
+});
+
+/** @type {import("../drive/registry.js").Feature} */
+export const autonomy = { name: "autonomy", state: newSlice, setUp };

@@ -1,0 +1,107 @@
+/**
+ * What stands on the map: the menu of places and of other things the robot can do, and the two buttons for a point that was chosen.
+ */
+
+import { roleOf } from "../protocol/session.js";
+import { maySend } from "../study/restrictions.js";
+import { write } from "../lib/dom.js";
+import { can } from "./offer.js";
+import { profileOf } from "../view/display/profiles.js";
+
+/**
+ * What the menu holds. Pure.
+ * @param {import("../drive/features.js").State} state
+ * @returns {{action: string, title?: string, word?: string, pressed?: boolean}[]} a place has its title, everything else its word
+ */
+export const menuFor = (state) => {
+  const drives = roleOf(state.visit) === "driver";
+  const places = drives && can(state, "goto") && maySend(state, "places") ? state.plan?.places ?? [] : [];
+  const goes = places.length > 0 || (drives && can(state, "dock"));
+  if (state.study && !goes) {
+    return []; // who is asked to drive finds nothing else to do on the map; a lost robot asks by itself
+  }
+  return [
+    ...(drives && can(state, "dock") && !state.robot?.docked ? [{ action: "go_home", word: "do.go_home" }] : []),
+    ...places.map((/** @type {any} */ { name, title }) => ({ action: `go_to:${name}`, title: title || name })),
+    ...(drives && can(state, "relocalize") ? [{ action: "show_pose", word: "do.show_pose_menu" }] : []),
+    ...(drives && can(state, "scan") ? [{ action: "laser", word: "do.laser", pressed: showsLaser(state) }] : []),
+  ];
+};
+
+/** Whether laser points are drawn: as the visitor chose, else as the profile says, else while the robot assists. @param {import("../drive/features.js").State} state */
+export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? (state.robot !== null && state.robot.assist !== "off");
+
+/**
+ * @param {(id: string) => HTMLElement} element
+ * @param {import("../lib/words.js").Words} words
+ * @param {(action: string) => void} act
+ * @param {import("../input/key_dispatcher.js").KeyDispatcher} keys
+ * @returns {(state: import("../drive/features.js").State) => void}
+ */
+export const createMapBar = (element, words, act, keys) => {
+  const [toggle, menu, bar] = [element("places-toggle"), element("places"), element("aim")];
+  const viewport = element("viewport");
+  let drawn = "";
+  const close = () => {
+    act("places");
+    viewport.focus({ preventScroll: true });
+  };
+  keys.closes(menu, close, () => act("places"));
+  toggle.addEventListener("click", (event) => {
+    act("places");
+    if (!menu.hidden) {
+      menu.focus({ preventScroll: true });
+    } else if (event.detail > 0) {
+      toggle.blur();
+    }
+  });
+  for (const part of [menu, bar]) {
+    part.addEventListener("click", ({ target }) => {
+      const button = target instanceof Element ? target.closest("button") : null;
+      if (button) {
+        act(button.dataset.action ?? "");
+        viewport.focus({ preventScroll: true });
+      }
+    });
+  }
+
+  /** @param {ReturnType<typeof menuFor>} entries */
+  const fill = (entries) => {
+    const key = JSON.stringify(entries);
+    if (key !== drawn) {
+      drawn = key;
+      menu.replaceChildren(...entries.map((entry) => menuButton(entry, words)));
+    }
+  };
+
+  return (state) => {
+    const entries = menuFor(state);
+    fill(entries);
+    const open = state.placesOpen && entries.length > 0 && state.mapOpen;
+    toggle.hidden = entries.length === 0 || !state.mapOpen || state.aim !== null;
+    toggle.setAttribute("aria-expanded", String(open));
+    menu.hidden = !open;
+    bar.hidden = state.aim === null || !state.mapOpen;
+    bar.dataset.kind = state.aim?.kind ?? "";
+    const kind = state.aim?.kind === "pose" ? "pose" : "goal";
+    const chosen = state.aim !== null && state.aim.x !== null;
+    write(element("aim-text"), words.say(chosen ? `aim.${kind}` : "aim.pose_first"));
+    const main = /** @type {HTMLButtonElement} */ (element("aim-main"));
+    main.dataset.action = kind === "pose" ? "set_pose" : "go_here";
+    main.hidden = !chosen;
+    write(main, words.say(kind === "pose" ? "do.set_pose" : "do.go_here"));
+  };
+};
+
+/** @param {ReturnType<typeof menuFor>[number]} entry @param {import("../lib/words.js").Words} words */
+const menuButton = ({ action, title, word, pressed }, words) => {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.className = "places__entry";
+  button.dataset.action = action;
+  if (pressed !== undefined) {
+    button.setAttribute("aria-pressed", String(pressed));
+  }
+  write(button, title ?? words.say(word ?? ""));
+  return button;
+};

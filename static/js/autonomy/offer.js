@@ -1,0 +1,81 @@
+/**
+ * The panel at the foot of the picture: what the robot does by itself, or could do now, with the buttons for it. Pure: which words and
+ * buttons; offer_panel.js shows them. It is small, and the way ahead stays in sight.
+ */
+
+import { roleOf } from "../protocol/session.js";
+import { isMoving, isUnderWay } from "./robot_action.js";
+import { mayAsk } from "../study/restrictions.js";
+import { reasonFor } from "./reasons.js";
+
+/**
+ * @typedef {object} Offer
+ * @property {string} word its sentence
+ * @property {Record<string, string>} [values]
+ * @property {{word: string, values?: Record<string, string>} | null} [detail] a second sentence
+ * @property {"calm" | "busy" | "danger"} tone
+ * @property {number | null} [progress] 0 to 1
+ * @property {{action: string, word: string}} [main]
+ * @property {{action: string, word: string}} [other]
+ */
+
+const STOP = { action: "stop", word: "do.stop" };
+const AGAIN = { action: "task_again", word: "do.task_again" };
+const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
+
+/** Whether the robot says it can do something, and the visitor may ask for it. @param {import("../drive/features.js").State} state @param {string} capability */
+export const can = (state, capability) => Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
+
+/** Whether it is offered to this visitor now: only who drives can ask for it. @param {import("../drive/features.js").State} state @param {string} capability */
+export const isOffered = (state, capability) => roleOf(state.visit) === "driver" && can(state, capability);
+
+/** @param {import("../drive/features.js").State} state @returns {Offer | null} */
+export const offerFor = (state) => {
+  const { visit, robot, task } = state;
+  if (roleOf(visit) !== "driver" || !robot || !state.playing || state.leaving || (visit.link === "lost" && !state.slow)) {
+    return null;
+  }
+  if (isUnderWay(task)) {
+    return underWay(/** @type {import("./robot_action.js").RobotAction} */ (task));
+  }
+  if (task?.status === "FAILED") {
+    return { word: `task.failed.${known(task)}`, detail: reasonFor(task.reason), tone: "danger", main: AGAIN, other: SELF };
+  }
+  if (state.maneuver === "back") {
+    return { word: "task.undock", detail: { word: "task.take_over" }, tone: "calm", main: STOP };
+  }
+  if (robot.docked) {
+    return { word: "dock.here", tone: "calm", main: { action: can(state, "undock") ? "undock" : "back_out", word: "do.undock" } };
+  }
+  if (state.aim?.kind === "pose") {
+    return null; // the map asks
+  }
+  if (!robot.pose.localized && can(state, "relocalize")) {
+    return { word: "lost.what", tone: "busy", main: { action: "show_pose", word: "do.show_pose" }, other: { action: "search", word: "do.search" } };
+  }
+  return task ? ended(task) : null;
+};
+
+/** @param {import("./robot_action.js").RobotAction} task @returns {string} */
+const known = ({ type, title }) => (type === "goto" && title ? "place" : { goto: "goto", follow: "goto", dock: "dock", undock: "undock" }[type] ?? "relocalize");
+
+/** @param {import("./robot_action.js").RobotAction} task @returns {Offer} */
+const underWay = (task) => {
+  const moving = isMoving(task);
+  return {
+    word: `task.${known(task)}`,
+    values: { place: task.title },
+    detail: task.reason ? reasonFor(task.reason) : { word: moving ? "task.take_over" : "task.drive_a_little" },
+    tone: "calm",
+    progress: moving ? task.progress : null,
+    main: moving ? STOP : undefined,
+  };
+};
+
+/** @param {import("./robot_action.js").RobotAction} task @returns {Offer | null} */
+const ended = (task) => {
+  if (task.status === "FINISHED") {
+    return { word: `task.done.${known(task)}`, values: { place: task.title }, tone: "calm" };
+  }
+  return { word: task.reason === "manual" ? "task.yours" : "task.stopped", tone: "calm" };
+};

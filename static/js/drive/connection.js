@@ -1,0 +1,181 @@
+/**
+ * The page's connections: the WebSocket to the server, the media link to the robot, and which of them a packet takes. It hands on what
+ * they bring, and watches over them.
+ */
+
+import { unixNow } from "../lib/clock.js";
+import { freshId } from "../lib/ids.js";
+import { ClockSync } from "../protocol/clock_sync.js";
+import { CommandStream } from "../protocol/command_stream.js";
+import { Link } from "../protocol/link.js";
+import { createNetworkReport } from "../protocol/network_report.js";
+import { Peer } from "../protocol/peer.js";
+import { ON_DATA_CHANNEL, Rejection, decodePacket, encodePacket } from "../protocol/robot_api.js";
+import { roleOf } from "../protocol/session.js";
+import { Socket } from "../protocol/socket.js";
+import { TransportRouter } from "../protocol/transport_router.js";
+
+const SERVER_SILENCE = 1.5; // s without any packet on a WebSocket, which brings one a second, after which the visitor is told
+const SOCKET_SILENCE = 3; // and after which another one is opened
+
+const newSlice = () => ({
+  /** what fails, as the server says: sessions/protocol.py Fault; `at` is the Unix time until which the robot still drives */
+  faults: /** @type {{part: string, then: "waits" | "stops" | "stopped" | "goes_on", at: number | null}[]} */ ([]),
+  /** whether a WebSocket that is open brings nothing any more */
+  serverSilent: false,
+  /** seconds from the page to the robot and back on the transport that commands take, null while unknown */
+  roundTrip: /** @type {number | null} */ (null),
+  /** the transport that commands take now */
+  transport: /** @type {import("../protocol/clock_sync.js").Transport} */ ("mqtt"),
+  /** the last second of the connection: protocol/link_stats.js */
+  network: /** @type {any} */ (null),
+});
+
+/** @param {import("./registry.js").Page} page */
+const setUp = (page) => {
+  const { store, handle } = page;
+  const clockSync = new ClockSync();
+  const rejected = new Map();
+  let serverAt = Infinity; // when the server last sent anything
+  let grantedAt = -Infinity; // when the robot was given to this page
+
+  const count = (/** @type {string} */ what) => rejected.set(what, (rejected.get(what) ?? 0) + 1);
+
+  /** @param {unknown} packet @param {import("../protocol/clock_sync.js").Transport} transport */
+  const receive = (packet, transport) => {
+    try {
+      const { suffix, message } = decodePacket(packet);
+      if (transport === "mqtt") {
+        serverAt = unixNow();
+      }
+      if ((transport === "mqtt" || ON_DATA_CHANNEL.has(suffix)) && !handle(suffix, message, transport)) {
+        page.session.dispatch({ type: suffix, message });
+      }
+    } catch (error) {
+      if (!(error instanceof Rejection)) {
+        throw error;
+      }
+      count(error.reason);
+    }
+  };
+
+  const socket = newSocket(page, receive, () => (serverAt = unixNow()));
+  const commands = new CommandStream({ freshId: () => freshId("stop-") });
+  const link = newLink(page, socket, receive);
+  const router = new TransportRouter({ socket, link, clockSync, commands });
+  const network = createNetworkReport({ store, socket, link, video: () => page.video });
+
+  return {
+    api: { socket, link, router, clockSync, commands, ...senders(store, socket), grantedAt: () => grantedAt },
+    handlers: {
+      ...handlers(page, clockSync, link),
+      denied: (/** @type {any} */ message) => {
+        count(`${message.suffix} ${message.reason}`);
+        page.session.dispatch({ type: "denied", message });
+      },
+      event: () => undefined, // for the record that others keep
+    },
+    on: {
+      granted: () => (grantedAt = unixNow()),
+      linkOpening: () => {
+        clockSync.reset("datachannel");
+        network.begin();
+      },
+      tick: (/** @type {number} */ now) => {
+        link.watch(now);
+        router.repeatStop(now);
+      },
+      poll: (/** @type {number} */ now) => store.update(poll(page, now, socket.isOpen ? now - serverAt : 0)),
+      second: (/** @type {number} */ now) => void network.second(now),
+    },
+  };
+};
+
+/** Heartbeats, and the state of the transports. @param {import("./registry.js").Page} page @param {number} now @param {number} silence s */
+const poll = ({ store, video, connection }, now, silence) => {
+  const { router, clockSync, socket } = connection;
+  const { visit } = store.get();
+  if (visit.phase === "driving") {
+    router.beat(now, video.frameAge(now));
+  }
+  router.tellDirect(now);
+  // A WebSocket may die without a word, and so may the process at its other end.
+  if (roleOf(visit) && silence > SOCKET_SILENCE) {
+    socket.redial();
+  }
+  const transport = router.transport(now);
+  return { transport, roundTrip: visit.phase === "driving" ? clockSync.roundTrip(transport) : null, serverSilent: silence > SERVER_SILENCE };
+};
+
+/** @param {import("./registry.js").Page} page @param {(packet: unknown, transport: any) => void} receive @param {() => void} heard */
+const newSocket = (page, receive, heard) =>
+  new Socket({
+    url: new URL(page.config.socket, location.href.replace(/^http/, "ws")).href,
+    onPacket: (packet) => receive(packet, "mqtt"),
+    onOpen: () => {
+      performance.mark("drive:socket");
+      page.connection.router.direct = false;
+      heard();
+      page.emit("socketOpen");
+      page.store.update({ faults: [] });
+      page.session.dispatch({ type: "socket_open" });
+    },
+    onLost: (code) => page.session.dispatch({ type: "socket_closed", code }),
+  });
+
+/** @param {import("./registry.js").Page} page @param {Socket} socket @param {(packet: unknown, transport: any) => void} receive */
+const newLink = (page, socket, receive) => {
+  const link = new Link({
+    makePeer: (role) =>
+      new Peer({ role, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, "datachannel") }),
+    onDropping: () => page.emit("linkDropping"),
+    onOpening: (peer) => page.emit("linkOpening", peer),
+    onLive: () => {
+      performance.mark("drive:link");
+      page.session.dispatch({ type: "link_live" });
+    },
+    onLost: (why) => {
+      page.connection.report("link_lost", { why });
+      page.emit("linkLost");
+      page.session.dispatch({ type: "link_lost" });
+    },
+  });
+  window.addEventListener("online", () => link.hurry());
+  return link;
+};
+
+/** @param {import("./store.js").Store} store @param {Socket} socket */
+const senders = (store, socket) => ({
+  send: (/** @type {string} */ suffix, /** @type {object} */ message, /** @type {{droppable?: boolean}} */ options = {}) =>
+    socket.send(encodePacket(suffix, message), options),
+  /**
+   * Something for the record of the session.
+   * @param {string} type @param {Record<string, string | number | boolean | null>} [data]
+   * @param {number} [stamp] when it was so, Unix seconds
+   * @returns {boolean} whether it is on its way
+   */
+  report: (type, data = {}, stamp = unixNow()) =>
+    Boolean(store.get().visit.session) && socket.send(encodePacket("page/event", { stamp, type, data })),
+});
+
+/** @param {import("./registry.js").Page} page @param {ClockSync} clockSync @param {Link} link */
+const handlers = (page, clockSync, link) => ({
+  heartbeat: (/** @type {any} */ message, /** @type {import("../protocol/clock_sync.js").Transport} */ transport) => {
+    const now = unixNow();
+    clockSync.heard(transport, message, page.store.get().visit.peer, now);
+    if (transport === "datachannel") {
+      link.heard(now);
+    }
+  },
+  "server/status": (/** @type {any} */ { faults }) => {
+    const now = unixNow();
+    page.store.update({ faults: faults.map((/** @type {any} */ { part, then, seconds }) => ({ part, then, at: seconds === null ? null : now + seconds })) });
+  },
+  "signal/reply": (/** @type {any} */ message) => {
+    page.session.dispatch({ type: "signal/reply", message });
+    void link.signal(message);
+  },
+});
+
+/** @type {import("./registry.js").Feature} */
+export const connection = { name: "connection", state: newSlice, setUp };

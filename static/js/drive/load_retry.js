@@ -1,0 +1,63 @@
+/**
+ * A classic script that runs before the drive page's modules: when one of them, or a style sheet, does not arrive, because the phone has
+ * just changed its network for instance, the page is loaded anew, and after some attempts says so. Modules cannot do this: the one that
+ * is missing keeps all of them from running.
+ */
+
+(() => {
+  const KEY = "reloads";
+  const PAUSES = [300, 1000, 3000]; // ms before each attempt
+  let failed = false;
+
+  const attempts = () => {
+    try {
+      return Number(sessionStorage.getItem(KEY) ?? 0) || 0;
+    } catch {
+      return PAUSES.length; // without a memory it would reload for ever
+    }
+  };
+
+  const keep = (/** @type {number} */ count) => {
+    try {
+      sessionStorage.setItem(KEY, String(count));
+    } catch {
+      // As above.
+    }
+  };
+
+  /** A page that will be loaded anew takes no click, which would be lost. */
+  const show = (/** @type {boolean} */ shown) => (document.documentElement.style.visibility = shown ? "" : "hidden");
+
+  const giveUp = () => {
+    keep(0);
+    show(true);
+    document.getElementById("load-failed")?.removeAttribute("hidden");
+    document.getElementById("load-failed-reload")?.addEventListener("click", () => location.reload());
+    addEventListener("online", () => location.reload());
+  };
+
+  const retry = () => {
+    const count = attempts();
+    if (count >= PAUSES.length) {
+      giveUp();
+      return;
+    }
+    keep(count + 1);
+    setTimeout(() => location.reload(), PAUSES[count]);
+  };
+
+  const isNeeded = (/** @type {EventTarget | null} */ target) =>
+    (target instanceof HTMLScriptElement && target.type === "module") || (target instanceof HTMLLinkElement && target.relList.contains("stylesheet"));
+
+  // Failures to load do not bubble; they are seen on the way down only.
+  addEventListener(
+    "error",
+    ({ target }) => {
+      if (!isNeeded(target)) return;
+      failed = true;
+      show(false);
+    },
+    true,
+  );
+  addEventListener("load", () => (failed ? retry() : keep(0)));
+})();

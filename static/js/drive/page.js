@@ -1,0 +1,78 @@
+/**
+ * The drive page: registers its features and begins. What to do is decided in pure modules; each feature carries their decisions to the
+ * browser.
+ */
+
+import { KeyDispatcher } from "../input/key_dispatcher.js";
+import { Keymap } from "../input/keymap.js";
+import { isSupported } from "../protocol/link.js";
+import { readWords } from "../lib/words.js";
+import { FEATURES, newState } from "./features.js";
+import { Registry } from "./registry.js";
+import { createScheduler } from "./scheduler.js";
+import { recall, recallKeys } from "./storage.js";
+import { createStore } from "./store.js";
+
+const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const config = JSON.parse(element("config").textContent ?? "{}");
+const keymap = new Keymap(recallKeys(config.who ?? ""));
+const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang, keymap.labels());
+const registry = new Registry();
+const given = { factsheet: config.factsheet ?? null, study: config.study ?? null, practice: config.practice ? "off" : "none" };
+const store = createStore({ ...newState(), ...given });
+
+/** @type {import("./registry.js").Page} */
+const page = {
+  config,
+  words,
+  element,
+  store,
+  keys: new KeyDispatcher({ keymap }),
+  handle: registry.handle.bind(registry),
+  emit: registry.emit.bind(registry),
+  /** @param {string} action a feature's, or something that happens to the session */
+  act: (action) => {
+    if (!registry.act(action)) {
+      page.session.dispatch({ type: action });
+    }
+    store.flush();
+  },
+  /** Opens the page's connection. */
+  begin: () => begin(),
+};
+
+for (const feature of FEATURES) {
+  const parts = feature.setUp(page);
+  page[feature.name] = parts.api;
+  registry.add(parts);
+  page.keys.addCommands(parts.keys ?? {});
+}
+keymap.writeHints(document);
+store.subscribe((state) => registry.render(state));
+
+const begin = () => {
+  const address = new URL(location.href);
+  const go = address.searchParams.get("go") === "1";
+  if (go) {
+    // Leaving and coming back by the browser's own buttons must not take the robot again.
+    address.searchParams.delete("go");
+    history.replaceState(null, "", address);
+  }
+  const { session, left } = recall(config.robot);
+  page.session.begin({ session, takeover: left, go });
+  page.connection.socket.open();
+  createScheduler(page).begin();
+};
+
+window.addEventListener("pageshow", (event) => {
+  // A page that comes back out of the browser's cache has lost its connections and its timers: begin again.
+  if (event.persisted) {
+    location.reload();
+  }
+});
+
+if (isSupported()) {
+  begin();
+} else {
+  page.waiting.lazyPanels(({ explain }) => explain());
+}

@@ -1,0 +1,74 @@
+/**
+ * What the features of the drive page bring: handlers for messages, actions for buttons, keys, a render function and listeners for what
+ * happens on the page. page.js registers them; nothing else knows which there are.
+ */
+
+/**
+ * @typedef {object} Feature one part of the drive page
+ * @property {string} name under which the others find what it offers: `page[name]`
+ * @property {() => object} [state] its slice of the store
+ * @property {(page: Page) => Parts} setUp
+ *
+ * @typedef {object} Parts all of them may be left out
+ * @property {object} [api] what it offers to other features
+ * @property {Record<string, (message: any, transport: import("../protocol/clock_sync.js").Transport) => void>} [handlers] by a message's suffix
+ * @property {Record<string, (argument: string) => void>} [actions] by the name in `data-action`
+ * @property {Record<string, import("../input/key_dispatcher.js").KeyHandler>} [keys] by the command of input/keymap.js
+ * @property {(state: any) => void} [render] state into the page's elements, once a frame
+ * @property {Record<string, (...values: any[]) => void>} [on] by the name of what happens
+ *
+ * @typedef {any} Page what every feature is given: store, config, words, element, keys, act, emit, and the `api` of each feature
+ */
+
+export class Registry {
+  constructor() {
+    /** @type {Map<string, Required<Parts>["handlers"][string][]>} */
+    this.handlers = new Map();
+    /** @type {Map<string, (argument: string) => void>} */
+    this.actions = new Map();
+    /** @type {((state: any) => void)[]} */
+    this.renders = [];
+    /** @type {Map<string, ((...values: any[]) => void)[]>} */
+    this.listeners = new Map();
+  }
+
+  /** @param {Parts} parts */
+  add({ handlers = {}, actions = {}, render, on = {} }) {
+    Object.entries(handlers).forEach(([suffix, handler]) => append(this.handlers, suffix, handler));
+    Object.entries(on).forEach(([name, listener]) => append(this.listeners, name, listener));
+    Object.entries(actions).forEach(([name, action]) => this.actions.set(name, action));
+    if (render) {
+      this.renders.push(render);
+    }
+  }
+
+  /** @param {string} suffix @param {any} message @param {any} transport @returns {boolean} whether a feature takes such messages */
+  handle(suffix, message, transport) {
+    const handlers = this.handlers.get(suffix);
+    handlers?.forEach((handler) => handler(message, transport));
+    return handlers !== undefined;
+  }
+
+  /** An action, or one with an argument: `speed-2`, `go_to:kitchen`. @param {string} action @returns {boolean} whether a feature has it */
+  act(action) {
+    const [, name, argument] = this.actions.has(action) ? ["", action, ""] : (/^([^:-]+)[:-](.*)$/.exec(action) ?? []);
+    const run = this.actions.get(name ?? "");
+    run?.(argument ?? "");
+    return run !== undefined;
+  }
+
+  /** @param {string} name @param {any[]} values */
+  emit(name, ...values) {
+    this.listeners.get(name)?.forEach((listener) => listener(...values));
+  }
+
+  /** @param {any} state */
+  render(state) {
+    this.renders.forEach((render) => render(state));
+  }
+}
+
+/** @template T @param {Map<string, T[]>} lists @param {string} name @param {T} one */
+const append = (lists, name, one) => {
+  lists.set(name, [...(lists.get(name) ?? []), one]);
+};

@@ -1,0 +1,195 @@
+/**
+ * The session on the drive page: carries out what protocol/session.js decides, and keeps what is known of the robot and of who else is
+ * here.
+ */
+
+import { backToDriving } from "../lib/dom.js";
+import { unixNow } from "../lib/clock.js";
+import { awaitsAnswer, isSigning, newVisit, reduce } from "../protocol/session.js";
+import { watchActivity } from "./activity.js";
+import { forget, remember, rememberLeaving } from "./storage.js";
+
+const ANSWER_PATIENCE = 3; // s until a question that the server has not answered is asked again
+
+const newSlice = () => ({
+  /** what this page is to the robot: protocol/session.js */
+  visit: newVisit(),
+  /** who else is here; `driver` is null when nobody drives */
+  room: { driver: /** @type {string | null} */ (null), driving: false, observers: 0, waiting: 0 },
+  /** the robot's last state, null before the first; robots.api.messages.State */
+  robot: /** @type {any} */ (null),
+  /** the robot's factsheet, null while unknown; robots.api.messages.Factsheet */
+  factsheet: /** @type {any} */ (null),
+  /** when this page began to drive, and the robot's odometer then; null before */
+  began: /** @type {{at: number, distance: number} | null} */ (null),
+  /** the operator's last sentence */
+  notice: "",
+  /** whether the visitor is being asked if they mean to leave */
+  leaving: false,
+  /** Unix time, for count-downs; changes once a second */
+  now: 0,
+});
+
+/** @param {import("./registry.js").Page} page */
+const setUp = (page) => {
+  const { store, config, element, keys } = page;
+  const control = newControl(page);
+  const dispatch = newDispatch(page, control);
+  let askedSince = 0;
+
+  /** Somebody is there: said to the server now and then, for whoever only looks or writes is not away. */
+  const giveSign = () => {
+    if (store.get().visit.phase === "driving") {
+      page.connection.report("here");
+      dispatch({ type: "here" });
+    }
+  };
+  watchActivity({ target: window, clock: unixNow, isAsked: () => store.get().visit.askedUntil !== null, onSign: giveSign });
+  keys.closes(element("card"), () => page.act(store.get().leaving ? "stay" : "here"));
+
+  return {
+    api: {
+      dispatch,
+      /** @param {{session: string | null, takeover: boolean, go: boolean}} loaded how the page was loaded */
+      begin: (loaded) => {
+        control.sessionBefore = loaded.session ?? "";
+        dispatch({ type: "loaded", ...loaded });
+      },
+    },
+    handlers: newHandlers(page),
+    actions: { ...newActions(page), here: giveSign },
+    on: {
+      focusLost: (/** @type {string} */ why) => {
+        if (why === "pagehide") {
+          config.practising ? dispatch({ type: "leave" }) : rememberLeaving(config.robot);
+        }
+      },
+      second: (/** @type {number} */ now) => {
+        askedSince = awaitsAnswer(store.get().visit) ? askedSince || now : 0;
+        if (askedSince && now - askedSince > ANSWER_PATIENCE) {
+          askedSince = now;
+          dispatch({ type: "no_answer" });
+        }
+        lookAtTimes(page, now);
+      },
+    },
+  };
+};
+
+/** The lease comes and goes. @param {import("./registry.js").Page} page */
+const newControl = ({ store, element, keys, emit }) => {
+  let driven = ""; // the session that this tab drives
+  const control = {
+    sessionBefore: "", // that it was in when it was loaded
+    /** @param {any} lease null when it is over */
+    take: (lease) => {
+      if (!lease) {
+        store.update({ began: null });
+        emit("released");
+        return;
+      }
+      emit("granted", lease);
+      if (lease.session !== driven) {
+        driven = lease.session;
+        emit("began", lease.session === control.sessionBefore);
+      }
+      if (!keys.taken) {
+        backToDriving(element);
+      }
+    },
+  };
+  return control;
+};
+
+/** @param {import("./registry.js").Page} page @param {ReturnType<typeof newControl>} control */
+const newDispatch = (page, control) => {
+  const { store, words, emit } = page;
+  const title = document.title;
+  const effects = { ...newEffects(page), control: (/** @type {any} */ { lease }) => control.take(lease) };
+
+  return (/** @type {import("../protocol/session.js").Happening} */ happening) => {
+    const before = store.get().visit;
+    const now = unixNow();
+    const { visit, effects: wanted } = reduce(before, { ...happening, now });
+    store.update({ visit, now });
+    document.title = titleOf(visit, words, title);
+    if (visit.phase !== before.phase) {
+      emit("phase", visit.phase, before.phase);
+      performance.mark(`drive:${visit.phase}`);
+    }
+    for (const effect of wanted) {
+      /** @type {any} */ (effects)[effect.type](effect);
+    }
+  };
+};
+
+/** The tab's name, which calls as well; said at once, because a page out of sight draws nothing. @param {import("../protocol/session.js").Visit} visit @param {import("../lib/words.js").Words} words @param {string} title */
+const titleOf = ({ phase, askedUntil }, words, title) => {
+  const word = askedUntil !== null ? "idle.title" : phase === "turn" ? "turn.title" : "";
+  return word ? `${words.say(word)} · ${title}` : title;
+};
+
+/** @param {import("./registry.js").Page} page @param {number} now */
+const lookAtTimes = ({ store, session, connection }, now) => {
+  const { visit } = store.get();
+  if (visit.phase === "turn" && visit.startBy !== null && now > visit.startBy) {
+    session.dispatch({ type: "turn_missed" });
+  }
+  if (isSigning(visit, now)) {
+    connection.report("here"); // until the server says that it has one: its own connections may be broken for a moment
+  }
+};
+
+/** What protocol/session.js wants to be done. @param {import("./registry.js").Page} page @returns {Record<string, (effect: any) => void>} */
+const newEffects = (page) => ({
+  send: ({ suffix, message }) => page.connection.send(suffix, message),
+  prepare_link: ({ role }) => page.connection.link.prepare(role),
+  open_link: ({ role, iceServers, attempt }) => page.connection.link.open(role, iceServers, attempt),
+  close_link: () => {
+    page.connection.link.close();
+    page.emit("linkClosed");
+  },
+  remember: ({ session }) => remember(page.config.robot, session),
+  forget: () => forget(page.config.robot),
+  call: ({ word }) => page.waiting.lazyPanels((/** @type {any} */ { call }) => call(word)),
+  close_socket: () => page.connection.socket.close(),
+});
+
+/** @param {import("./registry.js").Page} page */
+const newHandlers = ({ store, emit }) => ({
+  state: (/** @type {any} */ message) => {
+    const { robot: known, visit, began } = store.get();
+    if (!known || known.boot !== message.boot || known.seq < message.seq) {
+      store.update({ robot: message });
+      emit("newRobotState", message);
+    }
+    if (began === null && visit.phase === "driving" && message.session === visit.session) {
+      store.update({ began: { at: unixNow(), distance: message.distance } });
+    }
+  },
+  factsheet: (/** @type {any} */ factsheet) => {
+    store.update({ factsheet });
+    emit("factsheet", factsheet);
+  },
+  room: (/** @type {any} */ room) => store.update({ room }),
+  "session/operator_message": (/** @type {{text: string}} */ { text }) => store.update({ notice: text }),
+});
+
+/** @param {import("./registry.js").Page} page @returns {Record<string, () => void>} */
+const newActions = (page) => ({
+  home: () => (page.config.practising && parent !== window ? parent.postMessage("practice_over", location.origin) : page.element("home").click()),
+  sign_in: () => location.reload(), // the page's address itself asks for it, and leads back here
+  reload: () => location.reload(),
+  stay: () => {
+    page.store.update({ leaving: false });
+    backToDriving(page.element);
+  },
+  leave: () => (page.store.get().visit.phase === "driving" ? page.store.update({ leaving: true }) : page.act("leave_now")),
+  leave_now: () => {
+    page.store.update({ leaving: false, notice: "" });
+    page.session.dispatch({ type: "leave" });
+  },
+});
+
+/** @type {import("./registry.js").Feature} */
+export const session = { name: "session", state: newSlice, setUp };

@@ -1,0 +1,39 @@
+/**
+ * A small store: changes are merged, and subscribers hear of them once a frame. What is in it stands in the features, a slice each.
+ * @template {object} State
+ * @param {State} initial
+ * @param {(callback: () => void) => unknown} [frame]
+ */
+export const createStore = (initial, frame = (callback) => requestAnimationFrame(callback)) => {
+  let state = initial;
+  let scheduled = false;
+  /** @type {((state: State) => void)[]} */
+  const subscribers = [];
+
+  const publish = () => {
+    if (scheduled) {
+      scheduled = false;
+      subscribers.forEach((subscriber) => subscriber(state));
+    }
+  };
+
+  return {
+    get: () => state,
+    /** @param {Partial<State>} changes */
+    update: (changes) => {
+      state = { ...state, ...changes };
+      if (!scheduled) {
+        scheduled = true;
+        frame(publish);
+      }
+    },
+    /** Show now what has changed: what a visitor opens is open before their next key. */
+    flush: publish,
+    /** @param {(state: State) => void} subscriber */
+    subscribe: (subscriber) => {
+      subscribers.push(subscriber);
+    },
+  };
+};
+
+/** @typedef {{get: () => any, update: (changes: object) => void, flush: () => void, subscribe: (subscriber: (state: any) => void) => void}} Store */

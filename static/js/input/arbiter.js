@@ -1,0 +1,47 @@
+/**
+ * Which controller steers: the one that was taken up last. An older one that is still held does not come back by itself when the newer
+ * one lets go; it has to be let go and taken up again, so that nothing moves that nobody has just asked for.
+ */
+
+const STILL = Object.freeze({ linear: 0, angular: 0 });
+
+export class Arbiter {
+  /** @param {(intent: import("../protocol/command_stream.js").Intent) => void} emit */
+  constructor(emit) {
+    this.emit = emit;
+    this.holder = "";
+    /** @type {Set<string>} controllers that are held but lost to a newer one */
+    this.outdone = new Set();
+  }
+
+  /** @param {string} method @param {{linear: number, angular: number}} intent */
+  offer(method, { linear, angular }) {
+    const still = linear === 0 && angular === 0;
+    if (still) {
+      this.outdone.delete(method);
+    }
+    if (method === this.holder) {
+      this.holder = still ? "" : method;
+      this.emit({ linear, angular, method });
+    } else if (!still && !this.outdone.has(method)) {
+      this.#outdo(method);
+      this.emit({ linear, angular, method });
+    }
+  }
+
+  /** Nobody steers; what is held has to be taken up anew. @param {string[]} held */
+  release(held = []) {
+    const method = this.holder || "keyboard";
+    this.outdone = new Set(held);
+    this.holder = "";
+    this.emit({ ...STILL, method });
+  }
+
+  /** @param {string} method */
+  #outdo(method) {
+    if (this.holder) {
+      this.outdone.add(this.holder);
+    }
+    this.holder = method;
+  }
+}

@@ -1,0 +1,124 @@
+/**
+ * Driving by hand: the controllers, the velocities that they ask for, and what stops the robot.
+ */
+
+import { unixNow } from "../lib/clock.js";
+import { TICK_SECONDS } from "../protocol/command_stream.js";
+import { roleOf } from "../protocol/session.js";
+import { messageOf } from "../autonomy/robot_action.js";
+import { controllersOf } from "../study/restrictions.js";
+import { onFocusLoss } from "./focus_loss.js";
+import { Steering } from "./steering.js";
+
+const STOP_PATIENCE = 3; // s a stop is repeated after the session is over
+
+const newSlice = () => ({
+  /** index into input/speeds.js STEPS */
+  speedStep: 1,
+  /** a controller that the visitor tried though the study keeps it off, and when; null for none */
+  barred: /** @type {{method: string, at: number} | null} */ (null),
+  /** whether a stop is on its way and not yet echoed */
+  stopping: false,
+  /** whether the robot has not echoed a stop for longer than it should */
+  stopUnconfirmed: false,
+});
+
+/** @param {import("../drive/registry.js").Page} page */
+const setUp = (page) => {
+  const { store, element, emit } = page;
+  const { commands, router } = page.connection;
+  const sendVelocity = () => router.sendVelocity(unixNow(), page.video.frameStamp());
+
+  const stop = () => {
+    if (roleOf(store.get().visit)) {
+      router.stop(unixNow(), "stop");
+      store.update({ stopping: true });
+    }
+  };
+
+  /** Everything counts as lifted, and the robot stops. */
+  const brake = () => {
+    steering.letGo();
+    stop();
+  };
+
+  const steering = new Steering({
+    keys: page.keys,
+    pad: element("stick"),
+    knob: element("stick-knob"),
+    onIntent: (intent) => {
+      if (commands.intend(intent)) {
+        sendVelocity();
+      }
+      emit("steered", intent);
+    },
+    onBarred: (method) => store.update({ barred: { method, at: unixNow() }, now: unixNow() }),
+    onStop: brake,
+    onStep: (speedStep) => store.update({ speedStep }),
+  });
+  steering.robotLimits = page.config.factsheet?.limits ?? null;
+
+  onFocusLoss((why) => {
+    if (steering.enabled) {
+      brake();
+      page.connection.report(why);
+    }
+    emit("focusLost", why);
+  });
+
+  return {
+    api: { steering, brake, sendVelocity, standStill: newStandStill(store, brake), ...senders(page) },
+    handlers: {
+      state: (/** @type {any} */ message) => commands.heardState(message),
+      action: (/** @type {any} */ message) => commands.heardAction(message),
+    },
+    actions: { stop: brake, speed: (/** @type {string} */ step) => steering.setStep(Number(step)) },
+    on: newListeners(page, steering),
+  };
+};
+
+/** Nobody drives by video that is not there: what the page says then, that the robot has stopped, is true. @param {import("../drive/store.js").Store} store @param {() => void} brake */
+const newStandStill = (store, brake) => () => {
+  store.update({ playing: false });
+  brake();
+};
+
+/** @param {import("../drive/registry.js").Page} page */
+const senders = ({ connection: { commands, router } }) => ({
+  /** @param {import("../autonomy/robot_action.js").RobotAction} action */
+  sendAction: (action) => {
+    if (commands.binding) {
+      const now = unixNow();
+      router.sendAction(messageOf(action, commands.binding, now), now - action.askedAt > TICK_SECONDS);
+    }
+  },
+  /** @param {{stamp: number, at: [number, number] | null}} pointer */
+  sendPointer: (pointer) => commands.binding && router.sendPointer(pointer.stamp, { ...commands.binding, ...pointer }),
+});
+
+/** @param {import("../drive/registry.js").Page} page @param {Steering} steering */
+const newListeners = ({ store, connection: { commands, router } }, steering) => ({
+  granted: (/** @type {any} */ lease) => {
+    commands.bind(lease);
+    steering.leaseLimits = lease.limits;
+    steering.allow(controllersOf(store.get()));
+    router.only = store.get().visit.terms?.controlWay ?? "any";
+    steering.enable();
+  },
+  released: () => {
+    steering.disable();
+    commands.unbind();
+  },
+  factsheet: (/** @type {any} */ { limits }) => {
+    steering.robotLimits = limits;
+  },
+  poll: (/** @type {number} */ now) => {
+    if (commands.pending && !roleOf(store.get().visit) && now - commands.pending.since > STOP_PATIENCE) {
+      commands.giveUp();
+    }
+    store.update({ stopping: commands.pending !== null, stopUnconfirmed: commands.isUnconfirmed(now) });
+  },
+});
+
+/** @type {import("../drive/registry.js").Feature} */
+export const driving = { name: "driving", state: newSlice, setUp };

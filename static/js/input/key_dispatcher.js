@@ -1,0 +1,163 @@
+/**
+ * The keys of the drive page, and the one rule about them: no key drives, tilts, talks or changes anything while a text field, a dialog or a
+ * menu is open. Whatever listens to keys is added here; the rule stands in `keyUse` alone.
+ *
+ * - Keys that make text are the field's. Keys with Ctrl, Alt or Meta are the browser's, keys of a letter in the making the input method's.
+ * - What opens takes the keys: those that are down count as released, so the robot stops. After it has closed, a key that is still down
+ *   means nothing until it is pressed anew.
+ * - The space bar stops the robot all the same, unless it types or ticks.
+ * - Escape closes what is open. A press beside a menu closes it, too.
+ *
+ * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every dialog element and open <details> has them too.
+ */
+
+import { Keymap } from "./keymap.js";
+
+const HOLDERS = "[data-holds-keys], dialog[open], details[open]";
+const OWN = "input, [data-own-keys]"; // sliders, boxes and the map: what they do with a key is not driving
+const TICKED = "input[type='checkbox'], input[type='radio']";
+const USUAL = new Keymap();
+const TYPED = `input:not([type='range'], [type='checkbox'], [type='radio']), textarea, select, [contenteditable]:not([contenteditable='false'])`;
+
+/** Whose a key is that goes with others, or is part of a letter that is being composed (229: browsers that do not say so). @param {any} event */
+export const isShortcut = (event) => Boolean(event.ctrlKey || event.metaKey || event.altKey || event.isComposing || event.keyCode === 229);
+
+/** What is open and takes the keys: the last one in the page, null for none. @param {ParentNode} root @returns {Element | null} */
+export const openHolder = (root) => Array.from(root.querySelectorAll(HOLDERS)).filter(isShown).at(-1) ?? null;
+
+/** @param {Element} element */
+const isShown = (element) => element.closest("[hidden]") === null && (element.checkVisibility?.() ?? true);
+
+/**
+ * Whose a pressed key is: the page's (`free`), the page's to stop the robot (`stop`), or somebody else's.
+ * @param {any} event keydown @param {Element | null} holder what is open @param {Keymap} [keymap]
+ * @returns {"free" | "stop" | "text" | "shortcut" | "own" | "held"}
+ */
+export const keyUse = (event, holder, keymap = USUAL) => {
+  const on = (/** @type {string} */ selector) => Boolean(event.target?.closest?.(selector));
+  if (on(TYPED)) {
+    return "text";
+  }
+  if (isShortcut(event)) {
+    return "shortcut";
+  }
+  if (keymap.commandOf(event) === "stop" && !on(TICKED)) {
+    return "stop";
+  }
+  if (holder) {
+    return "held";
+  }
+  return on(OWN) ? "own" : "free";
+};
+
+/** @typedef {{down: (event: KeyboardEvent) => void, up?: (event: KeyboardEvent) => void, letGo?: () => void}} KeyHandler */
+
+export class KeyDispatcher {
+  /**
+   * @param {object} [options]
+   * @param {Keymap} [options.keymap]
+   * @param {EventTarget} [options.target] where keys are heard
+   * @param {any} [options.root] the document
+   * @param {(onChange: () => void) => void} [options.watch] calls when something of the page is shown or hidden
+   */
+  constructor({ keymap = USUAL, target = window, root = document, watch = (onChange) => watchShown(root, onChange) } = {}) {
+    this.keymap = keymap;
+    this.root = root;
+    /** @type {Set<KeyHandler>} */
+    this.users = new Set();
+    /** @type {Map<Element, {close: () => void, beside: (() => void) | null}>} */
+    this.closers = new Map();
+    /** @type {Set<string>} codes of the keys that went to the users and are down */
+    this.down = new Set();
+    this.wasOpen = false;
+    target.addEventListener("keydown", (event) => this.#press(/** @type {KeyboardEvent} */ (event)));
+    target.addEventListener("keyup", (event) => this.#release(/** @type {KeyboardEvent} */ (event)));
+    target.addEventListener("blur", () => this.letGo()); // a release that is not seen would drive, or leave the microphone open
+    target.addEventListener("focusin", (event) => keyUse(event, null) === "text" && this.letGo());
+    target.addEventListener("pointerdown", (event) => this.#pressBeside(event), { capture: true });
+    watch(() => this.#watchHolder());
+  }
+
+  /** @param {KeyHandler} user */
+  add(user) {
+    this.users.add(user);
+  }
+
+  /** Hear of keys by what they mean. @param {Record<string, KeyHandler>} commands */
+  addCommands(commands) {
+    const handlerOf = (/** @type {KeyboardEvent} */ event) => commands[this.keymap.commandOf(event)];
+    if (Object.keys(commands).length) {
+      this.add({
+        down: (event) => handlerOf(event)?.down(event),
+        up: (event) => handlerOf(event)?.up?.(event),
+        letGo: () => Object.values(commands).forEach((handler) => handler.letGo?.()),
+      });
+    }
+  }
+
+  /** @param {KeyHandler} user */
+  remove(user) {
+    this.users.delete(user);
+  }
+
+  /**
+   * How something that takes the keys is closed.
+   * @param {Element} holder @param {() => void} close for Escape, gives the focus back @param {(() => void) | null} [beside] for a press beside it
+   */
+  closes(holder, close, beside = null) {
+    this.closers.set(holder, { close, beside });
+  }
+
+  /** Whether the page's keys belong to something that is open, or to a field that is written in. */
+  get taken() {
+    return openHolder(this.root) !== null || keyUse({ target: this.root.activeElement }, null) === "text";
+  }
+
+  /** Every key counts as released. */
+  letGo() {
+    this.down.clear();
+    this.users.forEach((user) => user.letGo?.());
+  }
+
+  /** @param {KeyboardEvent} event */
+  #press(event) {
+    const holder = openHolder(this.root);
+    if (event.key === "Escape" && holder && !isShortcut(event)) {
+      this.closers.get(holder)?.close();
+      return;
+    }
+    const use = keyUse(event, holder, this.keymap);
+    if (use === "shortcut") {
+      this.letGo(); // it may hide the others' release
+    }
+    if ((use === "free" || use === "stop") && (!event.repeat || this.down.has(event.code))) {
+      this.down.add(event.code);
+      this.users.forEach((user) => user.down(event));
+    }
+  }
+
+  /** @param {KeyboardEvent} event */
+  #release(event) {
+    this.down.delete(event.code);
+    this.users.forEach((user) => user.up?.(event));
+  }
+
+  #watchHolder() {
+    const isOpen = openHolder(this.root) !== null;
+    if (isOpen && !this.wasOpen) {
+      this.letGo();
+    }
+    this.wasOpen = isOpen;
+  }
+
+  /** @param {any} event */
+  #pressBeside({ target }) {
+    const holder = openHolder(this.root);
+    if (holder && !holder.contains(target) && !target.closest?.(`[aria-controls~="${holder.id}"]`)) {
+      this.closers.get(holder)?.beside?.();
+    }
+  }
+}
+
+/** @param {Node} root @param {() => void} onChange */
+const watchShown = (root, onChange) => new MutationObserver(onChange).observe(root, { subtree: true, attributes: true, attributeFilter: ["hidden", "open", "data-holds-keys"] });

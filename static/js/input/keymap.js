@@ -1,0 +1,77 @@
+/**
+ * The keys of the drive page: which command each one gives. This list is what drives, what the hints on the page are written from, and
+ * what a visitor's own keys take the place of. A key is a place on the keyboard (KeyboardEvent.code), so that it works on every layout,
+ * or, where it has to be what is printed on it, a character (KeyboardEvent.key).
+ */
+
+/** @type {Readonly<Record<string, readonly string[]>>} a line a command; the hints show the first key */
+export const DEFAULTS = Object.freeze({
+  forward: ["ArrowUp", "KeyW"],
+  left: ["ArrowLeft", "KeyA"],
+  backward: ["ArrowDown", "KeyS"],
+  right: ["ArrowRight", "KeyD"],
+  stop: ["Space"],
+  faster: ["Equal", "NumpadAdd", "BracketRight"],
+  slower: ["Minus", "NumpadSubtract", "Slash"],
+  talk: ["KeyT"],
+  look_up: ["KeyR"],
+  look_down: ["KeyF"],
+});
+
+/** While the map has the focus. */
+export const MAP_DEFAULTS = Object.freeze({
+  map_up: ["ArrowUp"],
+  map_down: ["ArrowDown"],
+  map_left: ["ArrowLeft"],
+  map_right: ["ArrowRight"],
+  map_in: ["+"],
+  map_out: ["-"],
+  map_all: ["0"],
+});
+
+const SIGNS = /** @type {Record<string, string>} */ ({ ArrowUp: "↑", ArrowLeft: "←", ArrowDown: "↓", ArrowRight: "→", Equal: "+", Minus: "−", Space: "␣" });
+
+/** What is printed on a key, as far as that is the same everywhere. @param {string} key */
+export const labelOf = (key) => SIGNS[key] ?? key.replace(/^(?:Key|Digit|Numpad)/, "");
+
+export class Keymap {
+  /** @param {Record<string, string[]>} [own] the visitor's keys, by command; the rest keep theirs, unless they were taken */
+  constructor(own = {}) {
+    const taken = new Set(Object.keys(DEFAULTS).flatMap((command) => own[command] ?? []));
+    const keysOf = (/** @type {[string, readonly string[]]} */ [command, keys]) => [command, own[command] ?? keys.filter((key) => !taken.has(key))];
+    /** @type {Record<string, readonly string[]>} */
+    this.keys = Object.fromEntries(Object.entries(DEFAULTS).map(/** @type {any} */ (keysOf)));
+    this.commands = invert(this.keys);
+    this.mapCommands = invert(MAP_DEFAULTS);
+  }
+
+  /** @param {{code: string, key?: string}} event @returns {string} nothing for a key of no command */
+  commandOf({ code, key = "" }) {
+    return this.commands.get(code) ?? this.commands.get(key) ?? "";
+  }
+
+  /** The same while the map has the focus. @param {{code: string, key: string}} event */
+  mapCommandOf({ code, key }) {
+    return this.mapCommands.get(code) ?? this.mapCommands.get(key) ?? "";
+  }
+
+  /** `key_talk` and so on, for sentences. @returns {Record<string, string>} */
+  labels() {
+    return Object.fromEntries(Object.entries(this.keys).map(([command, keys]) => [`key_${command}`, keys.length ? labelOf(keys[0]) : "–"]));
+  }
+
+  /** Write the keys into the page: `data-keys` names commands, `data-keys-title` is a title with `{key_…}` in it. @param {ParentNode} root */
+  writeHints(root) {
+    const labels = this.labels();
+    for (const hint of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-keys]"))) {
+      const keys = (hint.dataset.keys ?? "").split(" ").map((command) => this.keys[command][0] ?? "");
+      hint.replaceChildren(...keys.map((key) => Object.assign(document.createElement("kbd"), { textContent: (key === "Space" && hint.dataset.space) || labelOf(key) })));
+    }
+    for (const titled of /** @type {NodeListOf<HTMLElement>} */ (root.querySelectorAll("[data-keys-title]"))) {
+      titled.title = (titled.dataset.keysTitle ?? "").replace(/\{(\w+)\}/g, (whole, name) => labels[name] ?? whole);
+    }
+  }
+}
+
+/** @param {Record<string, readonly string[]>} keys @returns {Map<string, string>} */
+const invert = (keys) => new Map(Object.entries(keys).flatMap(([command, list]) => list.map((key) => /** @type {[string, string]} */ ([key, command]))));

@@ -1,0 +1,280 @@
+/**
+ * The map of a course in the study builder. The fields of the form are the state: what is dragged or moved by keys writes into them, and
+ * what is written into them moves on the map. What makes a new checkpoint or zone is the form's own button, told where.
+ */
+
+import { isShortcut } from "../../input/key_dispatcher.js";
+import { formatPoints, parsePoints, rounded, stepOf, withMoved, without, withPoint } from "./course_points.js";
+import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_ground.js";
+
+/** @typedef {[number, number]} Point */
+/**
+ * @typedef {object} Handle something on the map that can be moved
+ * @property {string} id @property {string} kind spot, point or corner @property {string} label @property {Point} at m
+ * @property {(at: Point) => void} move @property {(() => void) | null} remove @property {string} [number] @property {number} [radius] m
+ * @property {string} [item] the part of the form that it belongs to
+ */
+
+const PAUSE = 500; // ms without a change before the server is asked
+const GRIP = 22; // CSS px: half of what a finger hits
+const TOOL = "course-tool";
+
+const page = /** @type {HTMLElement | null} */ (document.getElementById("course"));
+const form = /** @type {HTMLFormElement} */ (document.getElementById("part"));
+
+/** A field of the form. @param {string} name */
+const field = (name) => /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
+
+/** @param {string} name @param {string} value */
+const write = (name, value) => {
+  const input = field(name);
+  if (input) {
+    input.value = value;
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+};
+
+const mayChange = () => !form.querySelector("fieldset")?.disabled;
+
+/** Shows which part of the form is chosen. @param {string} item */
+const mark = (item) => {
+  for (const part of form.querySelectorAll("[data-item]")) {
+    part.classList.toggle("is-chosen", /** @type {HTMLElement} */ (part).dataset.item === item);
+  }
+};
+
+/** @param {string} title of a checkpoint in general @returns {Handle[]} */
+const checkpoints = (title) => {
+  const found = [];
+  for (let n = 0; field(`checkpoints.${n}`); n += 1) {
+    const [x, y, radius] = ["x", "y", "radius"].map((key) => Number((field(`checkpoints.${n}.${key}`)?.value ?? "").replace(",", ".") || NaN));
+    if (Number.isFinite(x) && Number.isFinite(y)) {
+      found.push({
+        id: `c${n}`, kind: "spot", label: `${title} ${n}`, at: /** @type {Point} */ ([x, y]), number: String(n), item: `checkpoints.${n}`,
+        radius: Number.isFinite(radius) ? radius : 0.6, remove: null,
+        move: (/** @type {Point} */ at) => ["x", "y"].forEach((key, axis) => write(`checkpoints.${n}.${key}`, String(rounded(at[axis])))),
+      });
+    }
+  }
+  return found;
+};
+
+/** @param {string} name @param {string} kind @param {number} least @param {string} [item] @returns {Handle[]} */
+const pointsOf = (name, kind, least, item) => {
+  const points = parsePoints(field(name)?.value ?? "") ?? [];
+  const label = field(name)?.labels?.[0]?.textContent?.trim() ?? name;
+  return points.map((at, n) => ({
+    id: `${name}${n}`, kind, label: `${label} ${n + 1}`, at, item,
+    move: (to) => write(name, formatPoints(withMoved(points, n, to))),
+    remove: () => write(name, formatPoints(without(points, n, least))),
+  }));
+};
+
+/** @returns {Handle[]} */
+const corners = () => {
+  const found = [];
+  for (let n = 0; field(`zones.${n}`); n += 1) {
+    found.push(...pointsOf(`zones.${n}.polygon`, "corner", 3, `zones.${n}`));
+  }
+  return found;
+};
+
+/** Zones and path. @returns {SVGElement[]} */
+const lines = () => {
+  const found = [];
+  for (let n = 0; field(`zones.${n}`); n += 1) {
+    const zone = parsePoints(field(`zones.${n}.polygon`)?.value ?? "");
+    found.push(...(zone ? [element("polygon", { class: "course__zone", points: pointList(zone), "stroke-width": 2 })] : []));
+  }
+  const path = parsePoints(field("path")?.value ?? "");
+  return [...found, ...(path ? [element("polyline", { class: "course__path", points: pointList(path), "stroke-width": 5 })] : [])];
+};
+
+/** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
+const drawn = (handle, pixel) => {
+  const parts = [];
+  if (handle.kind === "spot") {
+    parts.push(element("circle", { class: "course__near", r: (handle.radius ?? 0.6) * UNIT, "stroke-width": 1.5 }));
+    parts.push(element("circle", { class: "course__spot", r: 12 * pixel }));
+    const number = element("text", { class: "course__number", "font-size": 14 * pixel });
+    number.textContent = handle.number ?? "";
+    parts.push(number);
+  } else {
+    parts.push(element("circle", { class: `course__${handle.kind}`, r: 5 * pixel, "stroke-width": 2 * pixel }));
+  }
+  const size = handle.kind === "spot" ? GRIP : GRIP / 2;
+  parts.push(element("circle", { class: "course__ring", r: 15 * pixel, "stroke-width": 3 * pixel }));
+  parts.push(element("circle", { class: "course__grip", r: size * pixel }));
+  return element("g", {}, parts);
+};
+
+class CourseMap {
+  /** @param {HTMLElement} page */
+  constructor(page) {
+    this.page = page;
+    this.words = page.dataset;
+    this.svg = /** @type {any} */ (document.getElementById("course-map"));
+    const { plan: site, robot } = JSON.parse(/** @type {HTMLElement} */ (document.getElementById("course-ground")).textContent ?? "");
+    this.viewBox = viewBoxOf(site);
+    // What is on top is hit first: checkpoints over the path over zones, however they came.
+    this.layers = /** @type {Record<string, SVGElement>} */ ({ drawn: element("g"), corner: element("g"), point: element("g"), spot: element("g") });
+    this.svg.setAttribute("viewBox", this.viewBox.join(" "));
+    this.svg.append(ground(site, robot), ...Object.values(this.layers));
+    /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
+    this.shown = new Map();
+    this.unreachable = /** @type {number[]} */ ([]);
+    this.waiting = 0;
+    this.asked = new AbortController();
+    this.#chooseTool();
+    this.svg.addEventListener("click", (/** @type {MouseEvent} */ event) => this.#add(event));
+    form.addEventListener("input", (event) => this.#changed(event));
+    new ResizeObserver(() => this.draw()).observe(this.svg);
+    this.draw();
+    if (mayChange()) {
+      void this.check();
+    }
+  }
+
+  draw() {
+    this.layers.drawn.replaceChildren(...lines());
+    const pixel = this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
+    const handles = [...corners(), ...pointsOf("path", "point", 0), ...checkpoints(this.words.wordsCheckpoint ?? "")];
+    const ids = new Set(handles.map((handle) => handle.id));
+    for (const [id, { group }] of this.shown) {
+      if (!ids.has(id)) {
+        group.remove();
+        this.shown.delete(id);
+      }
+    }
+    for (const handle of handles) {
+      const group = this.shown.get(handle.id)?.group ?? this.#attached(handle);
+      this.shown.set(handle.id, { group, handle });
+      const [x, y] = toUnits(handle.at);
+      group.setAttribute("transform", `translate(${x} ${y})`);
+      group.setAttribute("aria-label", `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`);
+      group.classList.toggle("is-unreachable", handle.kind === "spot" && this.unreachable.includes(Number(handle.number)));
+      group.replaceChildren(drawn(handle, pixel));
+      if (!group.isConnected) {
+        this.layers[handle.kind].append(group);
+      }
+    }
+  }
+
+  /** Ask the server what it says of the course. */
+  async check() {
+    this.asked.abort();
+    this.asked = new AbortController();
+    const place = /** @type {HTMLElement} */ (document.getElementById("course-check"));
+    try {
+      const answer = await fetch(this.words.check ?? "", { method: "POST", body: new FormData(form), signal: this.asked.signal });
+      if (!answer.ok) {
+        throw new TypeError(String(answer.status));
+      }
+      const { problems, checkpoints: wrong } = await answer.json();
+      this.unreachable = wrong;
+      const list = document.createElement("ul");
+      list.append(...problems.map((/** @type {string} */ problem) => Object.assign(document.createElement("li"), { textContent: problem })));
+      place.replaceChildren(...(problems.length ? [list] : [this.words.wordsFree ?? ""]));
+      this.draw();
+    } catch (error) {
+      if (/** @type {Error} */ (error).name !== "AbortError") {
+        place.textContent = this.words.wordsAway ?? "";
+      }
+    }
+  }
+
+  /** @param {Handle} handle */
+  #attached({ id, item }) {
+    const group = element("g", { class: "course__handle", tabindex: 0, role: "button" });
+    const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
+    group.addEventListener("pointerdown", (event) => this.#drag(event, group, now));
+    group.addEventListener("keydown", (event) => {
+      const step = stepOf(event.key, event.shiftKey);
+      if (!mayChange() || isShortcut(event) || (!step && event.key !== "Delete")) {
+        return;
+      }
+      event.preventDefault();
+      const handle = now();
+      if (step) {
+        handle.move([handle.at[0] + step[0], handle.at[1] + step[1]]);
+      } else {
+        handle.remove?.();
+      }
+    });
+    group.addEventListener("focus", () => mark(item ?? ""));
+    return group;
+  }
+
+  /** @param {PointerEvent} event @param {SVGElement} group @param {() => Handle} now */
+  #drag(event, group, now) {
+    if (event.button !== 0 || !mayChange()) {
+      return;
+    }
+    event.preventDefault();
+    group.focus();
+    group.setPointerCapture(event.pointerId);
+    const grip = this.#worldAt(event);
+    const from = now().at;
+    const follow = (/** @type {PointerEvent} */ moved) => {
+      const to = this.#worldAt(moved);
+      now().move([from[0] + to[0] - grip[0], from[1] + to[1] - grip[1]]);
+    };
+    group.addEventListener("pointermove", follow);
+    for (const end of ["pointerup", "pointercancel"]) {
+      group.addEventListener(end, () => group.removeEventListener("pointermove", follow), { once: true });
+    }
+  }
+
+  /** @param {MouseEvent} event @returns {Point} m */
+  #worldAt(event) {
+    const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.svg.getScreenCTM().inverse());
+    return [point.x / UNIT, -point.y / UNIT];
+  }
+
+  get #tool() {
+    return /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"]:checked`))?.value ?? "move";
+  }
+
+  /** The tool that was used last. */
+  #chooseTool() {
+    const last = /** @type {HTMLInputElement | null} */ (this.page.querySelector(`[name="${TOOL}"][value="${sessionStorage.getItem(TOOL) ?? "move"}"]`));
+    if (last) {
+      last.checked = true;
+    }
+    this.#showTool();
+  }
+
+  #showTool() {
+    this.svg.classList.toggle("is-adding", this.#tool !== "move");
+  }
+
+  /** @param {MouseEvent} event */
+  #add(event) {
+    if (this.#tool === "move" || !mayChange() || /** @type {Element} */ (event.target).closest(".course__handle")) {
+      return;
+    }
+    const at = this.#worldAt(event);
+    if (this.#tool === "path") {
+      write("path", formatPoints(withPoint(parsePoints(field("path")?.value ?? "") ?? [], at)));
+      return;
+    }
+    write("at", `${rounded(at[0])} ${rounded(at[1])}`);
+    form.requestSubmit(/** @type {HTMLElement} */ (form.querySelector(`[data-add="${this.#tool}"]`)));
+  }
+
+  /** @param {Event} event */
+  #changed({ target }) {
+    if (/** @type {HTMLInputElement} */ (target).name === TOOL) {
+      sessionStorage.setItem(TOOL, this.#tool);
+      this.#showTool();
+      return;
+    }
+    this.draw();
+    clearTimeout(this.waiting);
+    this.waiting = window.setTimeout(() => void this.check(), PAUSE);
+  }
+}
+
+if (page) {
+  new CourseMap(page);
+}

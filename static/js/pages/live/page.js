@@ -1,0 +1,180 @@
+/**
+ * The live view's page: asks every two seconds while somebody looks, and changes only what changed.
+ */
+
+import { readWords } from "../../lib/words.js";
+import { RobotMap } from "../../view/map/robot_map.js";
+import { batteryOf, doorsOf, driverOf, lasted, networkOf, queueOf, stateOf, taskOf, timeOf } from "./labels.js";
+
+const PERIOD_MS = 2000;
+const PATIENCE_MS = 5000;
+const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
+const config = JSON.parse(element("config").textContent);
+const words = readWords(element("words"), document.documentElement.lang);
+/** @type {Map<string, {card: HTMLElement, parts: Record<string, any>, map: RobotMap, session: string | null}>} */
+const cards = new Map();
+let freshAt = Date.now() / 1000;
+let timer = 0;
+
+/** Write only a change: each write is read out by a screen reader. @param {HTMLElement} place @param {string} text */
+const say = (place, text) => {
+  if (place.textContent !== text) {
+    place.textContent = text;
+  }
+};
+
+// --- robots ---------------------------------------------------------------------------------------------------------
+
+/** @param {any} robot */
+const cardOf = (robot) => {
+  const known = cards.get(robot.name);
+  if (known) {
+    return known;
+  }
+  const card = element("robot").content.firstElementChild.cloneNode(true);
+  const parts = Object.fromEntries(Array.from(card.querySelectorAll("[data-part]"), (part) => [part.dataset.part, part]));
+  card.dataset.robot = robot.name;
+  element("robots").append(card);
+  const made = { card, parts, map: new RobotMap({ canvas: parts.map }), session: null };
+  cards.set(robot.name, made);
+  const site = config.sites[robot.name];
+  parts.map.parentElement.hidden = !site;
+  if (site) {
+    showSite(made.map, site);
+  }
+  parts.form?.addEventListener("submit", (/** @type {SubmitEvent} */ event) => act(event, robot.name));
+  return made;
+};
+
+/** @param {RobotMap} map @param {any} site */
+const showSite = (map, site) => {
+  map.show(site, null);
+  if (!site.plan?.rooms?.length && site.image) {
+    const image = new Image();
+    image.addEventListener("load", () => map.show(site, image));
+    image.src = site.image;
+  }
+};
+
+/** @param {any} robot @param {any} drive or null @param {string[]} queue */
+const showRobot = (robot, drive, queue) => {
+  const shown = cardOf(robot);
+  const { card, parts, map } = shown;
+  if (shown.session !== (drive?.session ?? null)) {
+    shown.session = drive?.session ?? null;
+    map.trail.pieces = []; // another visitor's path
+    map.trail.length = 0;
+  }
+  const newest = drive?.pose && drive.stamp >= (robot.stamp ?? 0) ? drive : robot;
+  if (newest.pose) {
+    map.setPose({ covariance: null, localized: true, ...newest.pose }, newest.stamp);
+  }
+  card.dataset.driven = String(Boolean(drive));
+  say(parts.title, robot.title);
+  say(parts.state, stateOf(robot, drive, words));
+  say(parts.driver, driverOf(drive, words));
+  say(parts.task, taskOf(drive, words));
+  say(parts.remaining, lasted(drive?.task?.remaining));
+  say(parts.speed, drive?.speed === null || drive?.speed === undefined ? "–" : `${drive.speed.toFixed(2)} m/s`);
+  say(parts.network, networkOf(drive?.network, words));
+  say(parts.battery, batteryOf(robot, words));
+  say(parts.queue, queueOf(queue, words));
+  say(parts.doors, doorsOf(robot, drive, words));
+  showLinks(parts, robot, drive);
+};
+
+/** @param {Record<string, any>} parts @param {any} robot @param {any} drive or null */
+const showLinks = (parts, robot, drive) => {
+  parts.watch.hidden = !config.watch[robot.name];
+  parts.watch.href = config.watch[robot.name] ?? "";
+  parts.replay.hidden = !drive;
+  parts.replay.href = drive ? config.replay.replace("00000000-0000-0000-0000-000000000000", drive.session) : "";
+  for (const button of parts.form?.querySelectorAll("button") ?? []) {
+    const wanted = { message: drive, end: drive, hold: !robot.held, release: robot.held }[/** @type {"message"} */ (button.value)];
+    button.disabled = !wanted;
+  }
+};
+
+/** @param {SubmitEvent} event @param {string} name */
+const act = async (event, name) => {
+  event.preventDefault();
+  const form = /** @type {HTMLFormElement} */ (event.target);
+  const { parts, session } = /** @type {any} */ (cards.get(name));
+  const body = new FormData(form, event.submitter);
+  if (body.get("act") === "end" && !confirm(words.say("end"))) {
+    return;
+  }
+  body.set("robot", name);
+  body.set("session", session ?? "");
+  try {
+    const answer = await fetch(config.act, { method: "POST", body, credentials: "same-origin", signal: AbortSignal.timeout(PATIENCE_MS) });
+    const { problem } = answer.headers.get("Content-Type")?.startsWith("application/json") ? await answer.json() : { problem: words.say("failed") };
+    say(parts.said, problem || words.say("done"));
+    if (!problem) {
+      form.reset();
+    }
+  } catch {
+    say(parts.said, words.say("failed"));
+  }
+  refresh();
+};
+
+// --- people ---------------------------------------------------------------------------------------------------------
+
+/** @param {any[]} people */
+const showPeople = (people) => {
+  element("no-people").hidden = people.length > 0;
+  const rows = people.map((person) => {
+    const row = document.createElement("tr");
+    const kind = words.say(person.kind);
+    const cells = [kind ? `${person.code} (${kind})` : person.code, person.step, lasted(person.since), String(person.visit), person.condition, lasted(person.seen)];
+    row.append(...cells.map((text, i) => Object.assign(document.createElement(i ? "td" : "th"), { textContent: text || "–" })));
+    return row;
+  });
+  element("people").replaceChildren(...rows);
+};
+
+// --- asking ---------------------------------------------------------------------------------------------------------
+
+/** @param {any} news */
+const show = (news) => {
+  freshAt = news.stamp;
+  const drives = new Map(news.drives.map((/** @type {any} */ drive) => [drive.robot, drive]));
+  element("no-robots").hidden = news.robots.length > 0;
+  news.robots.forEach((/** @type {any} */ robot) => showRobot(robot, drives.get(robot.name) ?? null, news.queues[robot.name] ?? []));
+  for (const [name, { card }] of cards) {
+    card.hidden = !news.robots.some((/** @type {any} */ robot) => robot.name === name);
+  }
+  showPeople(news.participants);
+  element("stale").hidden = true;
+  element("fresh").textContent = words.say("fresh", { t: timeOf(news.stamp) });
+  element("live").dataset.state = "fresh";
+};
+
+/** @param {string} word */
+const showStale = (word) => {
+  element("live").dataset.state = "stale";
+  say(element("stale"), words.say(word, { t: timeOf(freshAt) }));
+  element("stale").hidden = false;
+};
+
+const refresh = async () => {
+  clearTimeout(timer);
+  try {
+    const answer = await fetch(config.data, { credentials: "same-origin", headers: { Accept: "application/json" }, signal: AbortSignal.timeout(PATIENCE_MS) });
+    if (answer.ok && answer.headers.get("Content-Type")?.startsWith("application/json")) {
+      show(await answer.json());
+    } else {
+      showStale(answer.status === 404 ? "refused" : "stale");
+    }
+  } catch {
+    showStale("stale");
+  }
+  clearTimeout(timer);
+  if (!document.hidden) {
+    timer = setTimeout(refresh, PERIOD_MS);
+  }
+};
+
+document.addEventListener("visibilitychange", () => (document.hidden ? clearTimeout(timer) : refresh()));
+refresh();

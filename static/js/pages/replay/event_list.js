@@ -1,0 +1,79 @@
+/**
+ * Events and photos in order, each a button that leads to its moment.
+ */
+
+import { lastBefore } from "./record.js";
+import { written } from "./timeline.js";
+
+/** @param {string} type @returns {string} */
+const plain = (type) => type.replaceAll("_", " ");
+
+/** @param {string} tag @param {string} name @param {string} [text] */
+const make = (tag, name, text = "") => {
+  const made = document.createElement(tag);
+  made.className = name;
+  made.textContent = text;
+  return made;
+};
+
+/** @typedef {{t: number, source: string, type: string, detail: string, photo: string}} Entry */
+
+/**
+ * @param {HTMLElement} list @param {import("./record.js").Record} record @param {{t: number, url: string}[]} photos
+ * @param {import("../../lib/words.js").Words} words @param {(t: number) => void} go
+ */
+export const createEventList = (list, record, photos, words, go) => {
+  /** @type {Entry[]} */
+  const entries = [
+    ...record.events.map(([t, source, type, detail]) => ({ t, source, type, detail, photo: "" })),
+    ...photos.map(({ t, url }) => ({ t, source: "robot", type: "photo", detail: "", photo: url })),
+  ].sort((one, other) => one.t - other.t);
+  const rows = entries.map((entry) => rowOf(entry, words, go));
+  list.replaceChildren(...rows);
+  const times = entries.map(({ t }) => t);
+  let marked = -1;
+
+  return {
+    /** Mark what happened last. @param {number} t */
+    mark: (t) => {
+      const index = lastBefore(times, t);
+      if (index !== marked) {
+        rows[marked]?.removeAttribute("aria-current");
+        rows[index]?.setAttribute("aria-current", "true");
+        marked = index;
+        reveal(list, rows[index]);
+      }
+    },
+    /** @param {Set<string>} sources */
+    show: (sources) => rows.forEach((row, i) => row.toggleAttribute("hidden", !sources.has(entries[i].source))),
+  };
+};
+
+/** Scroll the list, and nothing but the list. @param {HTMLElement} list @param {HTMLElement | undefined} row */
+const reveal = (list, row) => {
+  if (row && list.scrollHeight > list.clientHeight) {
+    list.scrollTop = row.offsetTop - list.offsetTop - list.clientHeight / 2;
+  }
+};
+
+/** @param {Entry} entry @param {import("../../lib/words.js").Words} words @param {(t: number) => void} go */
+const rowOf = ({ t, source, type, detail, photo }, words, go) => {
+  const row = make("li", "replay-event");
+  row.dataset.source = source;
+  const button = make("button", "replay-event__button");
+  button.setAttribute("type", "button");
+  const name = words.has(`event.${type}`) ? words.say(`event.${type}`) : plain(type);
+  button.append(make("span", "replay-event__time numbers", written(t, true)), make("span", "replay-event__source", words.say(`source.${source}`)));
+  button.append(make("span", "replay-event__name", name));
+  if (detail) {
+    button.append(make("span", "replay-event__detail", plain(detail)));
+  }
+  if (photo) {
+    const picture = document.createElement("img");
+    Object.assign(picture, { src: photo, alt: name, loading: "lazy", className: "replay-event__photo" });
+    button.append(picture);
+  }
+  button.addEventListener("click", () => go(t));
+  row.append(button);
+  return row;
+};

@@ -1,0 +1,303 @@
+/**
+ * The page of a robot's own display: the one place that wires it. What to show is decided in scene.js.
+ */
+
+import { Link } from "../../protocol/link.js";
+import { Peer } from "../../protocol/peer.js";
+import { Socket } from "../../protocol/socket.js";
+import { write } from "../../lib/dom.js";
+import { unixNow } from "../../lib/clock.js";
+import { freshId } from "../../lib/ids.js";
+import { readWords } from "../../lib/words.js";
+import { Devices } from "../../presence/devices.js";
+import { RemotePointers } from "../../presence/remote_pointers.js";
+import { lineOf } from "../../presence/message_line.js";
+import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
+import { MediaSender } from "./media_sender.js";
+import { exchangeKey } from "./key.js";
+import { sceneFor } from "./scene.js";
+import { createVoice } from "./speech.js";
+
+const TICK = 0.1; // s
+const BEAT = 2; // s; tells the robot that this display lives while nobody speaks
+const RELOAD_AFTER = 3000; // ms
+const NOT_ALLOWED = 4403;
+const MOST_LINES = 30;
+
+const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const config = JSON.parse(element("config").textContent ?? "{}");
+const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang);
+const video = /** @type {HTMLVideoElement} */ (element("video"));
+video.addEventListener("resize", () => show());
+const audio = /** @type {HTMLAudioElement} */ (element("audio"));
+const volume = /** @type {HTMLInputElement} */ (element("volume"));
+const field = /** @type {HTMLInputElement} */ (element("field"));
+const voice = createVoice();
+
+/** @type {import("./scene.js").Told} */
+const told = { keyed: /** @type {any} */ (null), screen: null, state: null, heardAt: 0, online: true, stop: null };
+const pointers = new RemotePointers({
+  video,
+  layer: element("pointers"),
+  own: "screen",
+  hovers: false, // a mouse that lies about on a display points at nothing
+  say: (pointer) => {
+    const packet = encodePacket("command/point", pointer);
+    return (link.live && link.send(packet)) || socket.send(packet, { droppable: true });
+  },
+});
+let announced = "";
+let beatAt = 0;
+let beats = 0;
+let attempt = 0;
+
+/** @type {MediaSender} */
+const mediaSender = new MediaSender({ devices: new Devices({ onLost: (kind) => mediaSender.lost(kind) }), onChange: () => show() });
+
+// --- the ways --------------------------------------------------------------------------------------------------------
+
+const socket = new Socket({
+  url: new URL(config.socket, location.href.replace(/^http/, "ws")).href,
+  onPacket: (packet) => receive(packet),
+  onOpen: () => undefined,
+  onLost: (code) => {
+    if (code === NOT_ALLOWED) {
+      told.keyed = false;
+      link.close();
+      socket.close();
+    }
+    told.online = false;
+    show();
+  },
+});
+
+const link = new Link({
+  makePeer: (role) =>
+    new Peer({ role, gives: true, onSignal: (message) => socket.send(encodePacket("signal", message)), onPacket: (packet) => receive(packet, true) }),
+  onDropping: () => undefined,
+  onOpening: (peer) => {
+    video.srcObject = new MediaStream([peer.video.track]);
+    audio.srcObject = new MediaStream([peer.audio.track]);
+    void hear();
+  },
+  onLive: () => {
+    attempt = 0;
+    if (link.peer) {
+      void mediaSender.to(link.peer);
+    }
+    show();
+  },
+  onLost: () => open(),
+});
+
+const open = () => {
+  if (told.screen) {
+    link.open("observer", /** @type {any} */ (told.screen).iceServers, attempt++);
+  }
+};
+
+/** @param {unknown} packet @param {boolean} [direct] from the data channel */
+const receive = (packet, direct = false) => {
+  try {
+    const { suffix, message } = decodePacket(packet);
+    if (direct) {
+      link.heard(unixNow());
+    }
+    (HANDLERS[suffix] ?? (() => undefined))(message);
+  } catch (error) {
+    if (!(error instanceof Rejection)) {
+      throw error;
+    }
+  }
+};
+
+/** @type {Record<string, (message: any) => void>} */
+const HANDLERS = {
+  hello: ({ online }) => {
+    Object.assign(told, { keyed: true, online });
+    attempt = 0;
+    show();
+  },
+  screen: (message) => {
+    const first = told.screen === null || !link.peer;
+    if (message.session !== told.screen?.session) {
+      element("messages").replaceChildren();
+      voice.hush();
+    }
+    told.screen = message;
+    if (first) {
+      open();
+    }
+    show();
+  },
+  robot: ({ online }) => {
+    told.online = online;
+    show();
+  },
+  state: (message) => {
+    if (!told.state || told.state.boot !== message.boot || told.state.seq < message.seq) {
+      Object.assign(told, { state: message, heardAt: unixNow(), online: true });
+      if (told.stop && message.safety.estop) {
+        told.stop = null;
+      }
+      show();
+    }
+  },
+  words: (message) => {
+    const list = element("messages");
+    list.append(lineOf({ who: message.by === "screen" ? words.say("you") : message.who || words.say("somebody"), text: message.text, own: message.by === "screen" }));
+    while (list.children.length > MOST_LINES) {
+      list.firstElementChild?.remove();
+    }
+    list.scrollTop = list.scrollHeight;
+    if (message.aloud) {
+      voice.speak(message.text, message.language || document.documentElement.lang, loudness());
+    }
+  },
+  pointer: (message) => pointers.told(message),
+  "signal/reply": (message) => void link.signal(message),
+};
+
+// --- what the people here do -----------------------------------------------------------------------------------------
+
+/** @param {string} type @param {object} [fields] @param {string} [actionId] */
+const act = (type, fields = {}, actionId = freshId("screen-")) => socket.send(encodePacket("command/action", { type, actionId, stamp: unixNow(), ...fields }));
+
+const stop = () => {
+  told.stop = { id: freshId("stop-"), since: unixNow() };
+  repeatStop();
+  show();
+};
+
+/** On both ways, until the robot's state says so. */
+const repeatStop = () => {
+  if (told.stop) {
+    act("estop", {}, told.stop.id);
+    link.send(encodePacket("command/action", { type: "estop", actionId: told.stop.id, stamp: unixNow() }));
+  }
+};
+
+/** @param {string} text */
+const say = (text) => {
+  if (text.trim()) {
+    act("say", { text: text.trim().slice(0, 500), language: document.documentElement.lang, aloud: false });
+  }
+};
+
+const loudness = () => Number(volume.value) / 100;
+
+/** Browsers play sound only where somebody has touched the page, or where the display's owner has allowed it. */
+const hear = async () => {
+  try {
+    await audio.play();
+    element("hear").hidden = true;
+  } catch (error) {
+    if (!(error instanceof DOMException)) {
+      throw error;
+    }
+    element("hear").hidden = error.name !== "NotAllowedError";
+  }
+};
+
+// At the moment of pressing, not of lifting: a stop is not to be thought over.
+element("stop").addEventListener("pointerdown", (event) => {
+  event.preventDefault();
+  stop();
+});
+element("stop").addEventListener("click", (event) => {
+  if (event.detail === 0) {
+    stop();
+  }
+});
+element("accept").addEventListener("click", () => act("answer_call", { accept: true }));
+element("decline").addEventListener("click", () => act("answer_call", { accept: false }));
+element("hang-up").addEventListener("click", () => act("answer_call", { accept: false }));
+element("release").addEventListener("click", () => act("clear_estop"));
+element("hear").addEventListener("click", () => void hear());
+volume.addEventListener("input", () => show());
+element("quick").addEventListener("click", ({ target }) => {
+  if (target instanceof HTMLButtonElement) {
+    say(target.textContent ?? "");
+  }
+});
+element("form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  say(field.value);
+  field.value = "";
+});
+document.addEventListener("pointerdown", () => void hear(), { once: true });
+
+// --- what they see ---------------------------------------------------------------------------------------------------
+
+const show = () => {
+  const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, stopped } = sceneFor(told, unixNow());
+  const shownName = name || words.say("somebody");
+  const face = element("face");
+  face.dataset.scene = scene;
+  face.toggleAttribute("data-live", link.live);
+  write(element("title"), words.say(`${scene}.title`, { name: shownName }));
+  write(element("text"), words.say(`${scene}.text`, { name: shownName }));
+  write(element("initial"), ["visiting", "speaking", "ringing"].includes(scene) ? Array.from(shownName)[0].toUpperCase() : "");
+  element("answers").hidden = scene !== "ringing";
+  element("name").hidden = scene !== "seen";
+  write(element("name-text"), words.say("visiting.title", { name: shownName }));
+  element("notice").hidden = !study;
+  element("trouble").hidden = mediaSender.trouble === "";
+  write(element("trouble"), mediaSender.trouble && words.say(mediaSender.trouble === "refused" ? "give.refused" : "give.missing"));
+  // A face may lose its edges to fill the display; a screen that is shown has to be read to them.
+  const isWhole = whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2;
+  if (isWhole !== video.hasAttribute("data-whole")) {
+    video.toggleAttribute("data-whole", isWhole);
+    pointers.place();
+  }
+  pointers.allow(canPoint, shownName);
+  audio.volume = Math.min(1, sound * loudness());
+  audio.muted = sound === 0;
+  for (const part of ["quick", "form"]) {
+    element(part).hidden = !canWrite;
+  }
+  element("hang-up").hidden = !canHangUp;
+  element("stopped").hidden = stopped === "";
+  write(element("stopped"), stopped && words.say(`stopped.${stopped}`));
+  element("release").hidden = stopped !== "ours";
+  announce(scene, shownName);
+};
+
+/** Somebody who stands with their back to the robot hears that it rings. @param {string} scene @param {string} name */
+const announce = (scene, name) => {
+  const next = scene === "ringing" ? `${told.screen?.session}` : "";
+  if (next && next !== announced) {
+    voice.speak(words.say("ringing.title", { name }), document.documentElement.lang, loudness());
+  }
+  announced = next;
+};
+
+const tick = () => {
+  const now = unixNow();
+  link.watch(now);
+  repeatStop();
+  if (now - beatAt > BEAT) {
+    beatAt = now;
+    link.send(encodePacket("command/heartbeat", { n: (beats += 1), stamp: now }));
+    show();
+  }
+};
+
+const begin = async () => {
+  try {
+    told.keyed = (await exchangeKey(config)) ? /** @type {any} */ (null) : false;
+  } catch (error) {
+    if (!(error instanceof TypeError)) {
+      throw error;
+    }
+    setTimeout(() => location.reload(), RELOAD_AFTER); // no network yet: a display is switched on before its router
+    return;
+  }
+  show();
+  if (told.keyed !== false) {
+    socket.open();
+    setInterval(tick, TICK * 1000);
+  }
+};
+
+void begin();

@@ -1,0 +1,78 @@
+/**
+ * What a robot's own display shows, from what it was told: decisions only.
+ */
+
+/** s without a state after which the robot counts as out of reach */
+export const STALE = 4;
+/** s after which a stop that the robot has not echoed is worth a word */
+const UNCONFIRMED = 2;
+
+/**
+ * @typedef {object} Told
+ * @property {boolean} keyed whether the server let this display in; null while unknown
+ * @property {{title: string, session: string | null, visitor: string | null, study: boolean} | null} screen
+ * @property {any} state the robot's last one
+ * @property {number} heardAt when it came, Unix seconds
+ * @property {boolean} online what the server says of the robot
+ * @property {{id: string, since: number} | null} stop the stop that was pressed here and is not echoed
+ */
+
+/**
+ * @param {Told} told @param {number} now
+ * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
+ *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
+ */
+export const sceneFor = (told, now) => {
+  const { screen, state } = told;
+  const call = state?.call ?? null;
+  const through = call?.status === "accepted";
+  const name = screen?.visitor ?? "";
+  const visited = screen?.visitor != null;
+  const scene = sceneOf(told, call, now);
+  const shares = Boolean(call?.shares);
+  return {
+    scene,
+    name,
+    study: visited && Boolean(screen?.study),
+    sound: visited && through && call.audio ? call.volume : 0,
+    whole: shares,
+    canPoint: scene === "seen" && shares,
+    canWrite: visited,
+    canHangUp: visited && through && (call.audio || call.video),
+    stopped: stoppedBy(told, now),
+  };
+};
+
+/** @param {Told} told @param {any} call @param {number} now */
+const sceneOf = ({ keyed, screen, state, heardAt, online }, call, now) => {
+  if (keyed === false) {
+    return "no_key";
+  }
+  if (!screen) {
+    return "starting";
+  }
+  if (!online || (state && now - heardAt > STALE)) {
+    return "offline";
+  }
+  if (screen.visitor === null) {
+    return "idle";
+  }
+  if (call?.status === "ringing" || call?.status === "unanswered") {
+    return "ringing";
+  }
+  if (call?.status !== "accepted") {
+    return "visiting";
+  }
+  return call.video ? "seen" : call.audio ? "speaking" : "visiting";
+};
+
+/** @param {Told} told @param {number} now */
+const stoppedBy = ({ state, stop }, now) => {
+  if (stop) {
+    return now - stop.since > UNCONFIRMED ? "unconfirmed" : "wait";
+  }
+  if (!state?.safety?.estop) {
+    return "";
+  }
+  return (state.safety.estopSource ?? "").split(":")[0] === "screen" ? "ours" : "other";
+};

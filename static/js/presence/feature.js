@@ -1,0 +1,94 @@
+/**
+ * Being there, on the drive page: voice and video to the robot, messages both ways, the head, and photos to keep. What to do is decided in
+ * the pure modules beside it. Nothing here is needed to drive, and whatever fails leaves driving as it is.
+ */
+
+import { backToDriving } from "../lib/dom.js";
+import { roleOf } from "../protocol/session.js";
+import { callOf, newOwn } from "./call.js";
+import { CallMedia } from "./call_media.js";
+import { createCallView } from "./call_view.js";
+import { createHead } from "./head.js";
+import { KeptPhoto } from "./kept_photo.js";
+import { createMessages } from "./messages.js";
+
+const newSlice = () => ({
+  /** what the visitor sends to the robot: call.js */
+  own: newOwn(),
+  /** the panel that is open */
+  panel: /** @type {"" | "talk" | "volumes"} */ (""),
+  /** whether the field of the talk panel is open, which takes the keys */
+  writing: false,
+  /** messages from the robot's side that have not been shown */
+  unread: 0,
+  /** the photo that the visitor takes for themselves, and its address once it is there */
+  keptPhoto: /** @type {import("../autonomy/robot_action.js").RobotAction | null} */ (null),
+  keptPhotoUrl: "",
+});
+
+/** @param {import("../drive/registry.js").Page} page */
+const setUp = (page) => {
+  const { store, element } = page;
+  const media = new CallMedia(page);
+  const photo = new KeptPhoto(page);
+  const messages = createMessages(page);
+  const head = createHead(page);
+  const callView = createCallView(page, media);
+  setUpButtons(page, { ...media.clicks, ...messages.clicks, ...photo.clicks, "presence-volumes": () => toggleVolumes(page, messages) });
+  page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
+  const renders = [callView.render, messages.render, head.render, photo.render];
+
+  return {
+    api: { media },
+    handlers: {
+      action: (/** @type {any} */ message) => photo.heard(message),
+      words: messages.received,
+      pointer: (/** @type {any} */ message) => media.preview?.pointed(message),
+    },
+    keys: { talk: media.talkKey, ...head.keys },
+    on: {
+      linkOpening: (/** @type {import("../protocol/peer.js").Peer} */ peer) => media.attachTo(peer),
+      poll: (/** @type {number} */ now) => {
+        media.poll(now);
+        head.poll(now);
+        photo.poll(now);
+      },
+    },
+    render: (/** @type {import("../drive/features.js").State} */ { visit, own, panel, keptPhoto }) => {
+      if (roleOf(visit) !== "driver" && (callOf(own) || panel || keptPhoto)) {
+        media.endAll();
+        photo.close();
+        store.update({ panel: "", writing: false });
+      }
+      const state = store.get();
+      // Who writes goes on writing while the video is away: a field that goes would leave the next letters to the robot.
+      element("presence").hidden = roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes");
+      renders.forEach((render) => render(state));
+    },
+  };
+};
+
+/** @param {import("../drive/registry.js").Page} page @param {ReturnType<typeof createMessages>} messages */
+const toggleVolumes = ({ store, element }, messages) => {
+  messages.show(store.get().panel === "volumes" ? "" : "volumes");
+  element("volumes").focus({ preventScroll: true }); // not the button, which the space bar would press again
+};
+
+/** @param {import("../drive/registry.js").Page} page @param {Record<string, () => void>} clicks by the button's id */
+const setUpButtons = ({ element, keys }, clicks) => {
+  for (const [id, click] of Object.entries(clicks)) {
+    element(id).addEventListener("click", () => {
+      click();
+      if (!keys.taken) {
+        backToDriving(element); // the space bar is to stop the robot, not to press this again
+      }
+    });
+  }
+  const [here, audio] = [/** @type {HTMLInputElement} */ (element("volume-here")), /** @type {HTMLAudioElement} */ (element("audio"))];
+  here.addEventListener("input", () => {
+    audio.volume = Number(here.value) / 100;
+  });
+};
+
+/** @type {import("../drive/registry.js").Feature} */
+export const presence = { name: "presence", state: newSlice, setUp };

@@ -1,0 +1,147 @@
+/**
+ * Two pointers over a video, one of each side, and the hand that moves one of them: what the drive page and the robot's own display have in
+ * common. The layer stands in the element that the video fills, and is laid just over the picture, without the bars beside it, so that a
+ * share of the layer is a share of the picture.
+ *
+ * It takes presses and nothing else: who cannot point has words and voice, and no key leads here that would have to lead out again.
+ */
+
+import { write } from "../lib/dom.js";
+import { unixNow } from "../lib/clock.js";
+import { RemotePointer, EVERY, Hand, frameOf, spotIn } from "./pointer_state.js";
+
+const POLL_MS = 100; // between two looks at whether a pointer is to go
+
+/** @typedef {"driver" | "screen"} Side */
+
+/**
+ * @typedef {object} Options
+ * @property {HTMLVideoElement} video
+ * @property {HTMLElement} layer with a .remote-pointer of each side in it
+ * @property {Side} own whose hand this is
+ * @property {boolean} hovers whether a mouse points without being pressed
+ * @property {(pointer: {stamp: number, at: import("./pointer_state.js").Spot | null}) => void} say tell the other side
+ * @property {() => void} [onLift] a press is over
+ */
+
+export class RemotePointers {
+  /** @param {Options} options */
+  constructor({ video, layer, own, hovers, say, onLift = () => undefined }) {
+    Object.assign(this, { video, layer, own, hovers, say, onLift });
+    const side = (/** @type {Side} */ name) => ({ pointer: new RemotePointer(), element: /** @type {HTMLElement} */ (layer.querySelector(`.remote-pointer--${name}`)) });
+    this.sides = { driver: side("driver"), screen: side("screen") };
+    this.hand = new Hand();
+    this.open = false;
+    /** @type {number | null} the pointer device that is pressed */
+    this.pressed = null;
+    /** @type {ReturnType<typeof setInterval> | undefined} while a hand is on the video */
+    this.telling = undefined;
+    /** @type {ReturnType<typeof setTimeout> | undefined} while a pointer is shown */
+    this.polling = undefined;
+    new ResizeObserver(() => this.place()).observe(video);
+    video.addEventListener("resize", () => this.place());
+    this.#listen();
+  }
+
+  /** The video lies elsewhere in its element, for a reason that is no size. */
+  place() {
+    const { video, layer } = this;
+    const size = { width: video.videoWidth, height: video.videoHeight };
+    const [box, around] = [video, /** @type {Element} */ (layer.parentElement)].map((element) => element.getBoundingClientRect());
+    if (size.width && size.height && box.width) {
+      const { left, top, width, height } = frameOf(size, box.width, box.height, getComputedStyle(video).objectFit);
+      const from = { left: box.left - around.left + left, top: box.top - around.top + top };
+      Object.assign(layer.style, { left: `${from.left}px`, top: `${from.top}px`, width: `${width}px`, height: `${height}px` });
+    }
+  }
+
+  /** Whether pointers are shown and the hand is heard from now on. @param {boolean} may @param {string} name of the visitor, whose initial their pointer bears */
+  allow(may, name) {
+    write(this.sides.driver.element, (Array.from(name)[0] ?? "").toUpperCase());
+    if (may !== this.open) {
+      this.place();
+      if (!may) {
+        this.pressed = null;
+        this.#leave();
+      }
+      this.open = may;
+      this.layer.toggleAttribute("data-open", may);
+      this.#render();
+    }
+  }
+
+  /** A pointer of the other side. @param {{stamp: number, by: Side, at: import("./pointer_state.js").Spot | null}} message */
+  told(message) {
+    if (message.by !== this.own) {
+      this.sides[message.by].pointer.told(message, unixNow());
+      this.#render();
+    }
+  }
+
+  #listen() {
+    const { layer } = this;
+    layer.addEventListener("pointerdown", (event) => {
+      if (this.open && this.pressed === null && event.button === 0) {
+        this.pressed = event.pointerId;
+        layer.setPointerCapture(this.pressed);
+        this.#follow(event);
+      }
+    });
+    layer.addEventListener("pointermove", (event) => {
+      if (this.open && (this.pressed === null ? this.hovers && event.pointerType !== "touch" : this.pressed === event.pointerId)) {
+        this.#follow(event);
+      }
+    });
+    for (const name of /** @type {const} */ (["pointerup", "pointercancel"])) {
+      layer.addEventListener(name, (event) => {
+        if (this.pressed === event.pointerId) {
+          this.pressed = null;
+          this.#leave();
+          this.onLift();
+        }
+      });
+    }
+    layer.addEventListener("pointerleave", () => this.pressed === null && this.#leave());
+  }
+
+  #render() {
+    const now = unixNow();
+    clearTimeout(this.polling);
+    for (const { pointer, element } of Object.values(this.sides)) {
+      const at = this.open ? pointer.at(now) : null;
+      element.toggleAttribute("data-on", at !== null);
+      if (at) {
+        Object.assign(element.style, { left: `${100 * at[0]}%`, top: `${100 * at[1]}%` });
+        this.polling = setTimeout(() => this.#render(), POLL_MS);
+      }
+    }
+  }
+
+  /** Whatever there is to say of the hand. */
+  #tell() {
+    const now = unixNow();
+    const at = this.hand.take(now);
+    if (at !== undefined) {
+      this.sides[this.own].pointer.told({ stamp: now, at }, now);
+      this.say({ stamp: now, at });
+      this.#render();
+    }
+  }
+
+  /** @param {PointerEvent} event */
+  #follow(event) {
+    const at = spotIn(this.layer.getBoundingClientRect(), event);
+    this.hand.is(at, this.pressed !== null);
+    this.telling ??= setInterval(() => this.#tell(), 1000 * EVERY);
+    this.#tell();
+    this.sides[this.own].pointer.told({ stamp: unixNow(), at }, unixNow()); // under one's own hand at once, not fifteen times a second
+    this.#render();
+  }
+
+  #leave() {
+    clearInterval(this.telling);
+    this.telling = undefined;
+    this.hand.is(null);
+    this.#tell();
+  }
+}

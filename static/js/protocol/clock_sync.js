@@ -1,0 +1,126 @@
+/**
+ * Heartbeats: five a second on each transport, with echoes. They say how far the robot's clock is from the page's, how long a round trip
+ * takes, and which transport is alive. Pure: times are Unix seconds of the page, given by the caller.
+ *
+ * The two transports share the robot's echo, so a beat's number says on which transport it left: even on the data channel, odd on the WebSocket.
+ */
+
+/** @typedef {"datachannel" | "mqtt"} Transport */
+/** @typedef {{n: number, stamp: number, echoes: {peer: string, n: number, stamp: number, received: number}[]}} RobotHeartbeat */
+
+export const BEAT_SECONDS = 0.2;
+export const HASTY_SECONDS = BEAT_SECONDS / 2; // while they say what cannot wait
+const LATE_SECONDS = 0.1; // by which a picture is older than at its best
+const FORGOTTEN = 0.0005; // s by which the best may be worse at the next look
+const FRESH_SECONDS = 0.5;
+const SAMPLES = 10;
+const LONGEST_ROUND_TRIP = 10;
+const PARITY = { datachannel: 0, mqtt: 1 };
+
+/** @param {number} n @returns {Transport} */
+const transportOf = (n) => (n % 2 === 0 ? "datachannel" : "mqtt");
+
+/** Whether pictures have become older of late; look often. */
+export class AgeTrend {
+  constructor() {
+    this.best = Infinity;
+  }
+
+  /** @param {number | null} age seconds since the picture on the screen was taken */
+  isRising(age) {
+    this.best = age === null ? this.best : Math.min(this.best + FORGOTTEN, age);
+    return age !== null && age - this.best > LATE_SECONDS;
+  }
+}
+
+const newTransport = () => ({
+  beats: 0,
+  heardAt: -Infinity, // when the robot was last heard on this transport
+  echoedAt: -Infinity, // when the robot last proved that it hears us on this transport
+  echoed: -1, // the newest of our beats that it proved it with
+  roundTrips: /** @type {number[]} */ ([]),
+  last: /** @type {{n: number, stamp: number, received: number} | null} */ (null),
+});
+
+export class ClockSync {
+  constructor() {
+    /** @type {Record<Transport, ReturnType<typeof newTransport>>} */
+    this.transports = { datachannel: newTransport(), mqtt: newTransport() };
+    /** @type {{roundTrip: number, offset: number}[]} */
+    this.samples = [];
+  }
+
+  /** A new data channel has heard nothing yet. @param {Transport} transport */
+  reset(transport) {
+    this.transports[transport] = { ...newTransport(), beats: this.transports[transport].beats, echoed: this.transports[transport].echoed };
+  }
+
+  /**
+   * The next beat to send on a transport.
+   * @param {Transport} transport @param {number} now @param {number | null} frameAge seconds since the picture on the screen was taken
+   */
+  beat(transport, now, frameAge = null) {
+    const { last } = this.transports[transport];
+    const n = 2 * this.transports[transport].beats++ + PARITY[transport];
+    const echo = last && { peer: "robot", n: last.n, stamp: last.stamp, received: last.received };
+    return { n, stamp: now, echo: echo ?? undefined, frameAge: frameAge === null ? undefined : Math.max(0, frameAge) };
+  }
+
+  /**
+   * The robot's beat, heard on a transport.
+   * @param {Transport} transport @param {RobotHeartbeat} beat @param {string | null} peer this page's id @param {number} now
+   */
+  heard(transport, beat, peer, now) {
+    const heard = this.transports[transport];
+    heard.heardAt = now;
+    heard.last = { n: beat.n, stamp: beat.stamp, received: now };
+    for (const echo of beat.echoes) {
+      if (echo.peer === peer) {
+        this.#echoed(transport, echo, beat.stamp, now);
+      }
+    }
+  }
+
+  /** @param {Transport} transport @param {{n: number, stamp: number, received: number}} echo @param {number} sent @param {number} now */
+  #echoed(transport, echo, sent, now) {
+    const outward = this.transports[transportOf(echo.n)];
+    if (echo.n <= outward.echoed || echo.n >= 2 * outward.beats + 2) {
+      return;
+    }
+    outward.echoed = echo.n;
+    outward.echoedAt = now;
+    const roundTrip = now - echo.stamp - (sent - echo.received);
+    if (!(roundTrip >= -0.001 && roundTrip <= LONGEST_ROUND_TRIP)) {
+      return;
+    }
+    // The Network Time Protocol's estimate (RFC 5905, section 8); its error is at most half the round trip.
+    this.samples.push({ roundTrip, offset: (echo.received - echo.stamp + (sent - now)) / 2 });
+    this.samples.splice(0, this.samples.length - SAMPLES);
+    if (transport === transportOf(echo.n)) {
+      outward.roundTrips.push(Math.max(0, roundTrip));
+      outward.roundTrips.splice(0, outward.roundTrips.length - SAMPLES);
+    }
+  }
+
+  /** Robot's clock minus the page's, in seconds, by the least round trip of the last ten; null while unknown. */
+  get offset() {
+    const best = this.samples.reduce((least, one) => (least && least.roundTrip <= one.roundTrip ? least : one), /** @type {any} */ (null));
+    return best ? /** @type {number} */ (best.offset) : null;
+  }
+
+  /** Whether the robot has just proved that it hears us on this transport. @param {Transport} transport @param {number} now */
+  isFresh(transport, now) {
+    return now - this.transports[transport].echoedAt < FRESH_SECONDS;
+  }
+
+  /** Seconds since the robot was heard on a transport. @param {Transport} transport @param {number} now */
+  silence(transport, now) {
+    return now - this.transports[transport].heardAt;
+  }
+
+  /** Median of the last round trips on a transport, in seconds; null while unknown. @param {Transport} transport */
+  roundTrip(transport) {
+    const sorted = [...this.transports[transport].roundTrips].sort((a, b) => a - b);
+    return sorted.length ? sorted[sorted.length >> 1] : null;
+  }
+}

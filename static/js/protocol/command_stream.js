@@ -1,0 +1,155 @@
+/**
+ * What is sent to make the robot move, and to make it stop. Pure: it makes messages, transport_router.js carries them.
+ *
+ * Velocities: at once when the visitor begins, lets go or reverses, and twenty times a second while the robot is being driven. After
+ * letting go a few zeros, because a message may be lost, then silence. Stop and e-stop: repeated every 50 ms until the robot echoes
+ * them, and nothing else is said meanwhile. One counter numbers all of it, whichever transport a message takes.
+ */
+
+export const TICK_SECONDS = 0.05;
+const ZEROS = 3;
+const UNCONFIRMED_SECONDS = 1;
+const EAGER_SECONDS = 10; // how long a stop is repeated with every tick; afterwards once a second, because nobody seems to hear it
+const PATIENT_SECONDS = 1;
+
+/** @typedef {{linear: number, angular: number, method: string}} Intent m/s, rad/s, and the controller's name */
+/** @typedef {{session: string, epoch: number}} Binding */
+
+const NONE = Object.freeze({ linear: 0, angular: 0, method: "keyboard" });
+
+export class CommandStream {
+  /** @param {{freshId: () => string}} options */
+  constructor({ freshId }) {
+    this.freshId = freshId;
+    /** @type {Binding | null} */
+    this.binding = null;
+    this.seq = 0;
+    /** @type {Intent} */
+    this.intent = NONE;
+    this.zeros = 0;
+    /** @type {{message: Record<string, any>, since: number, sentAt: number} | null} */
+    this.pending = null;
+  }
+
+  /** Take up a lease; its numbers begin at 1, and go on when it is the same as before. @param {Binding} binding */
+  bind(binding) {
+    if (binding.epoch !== this.binding?.epoch || binding.session !== this.binding?.session) {
+      this.seq = 0;
+      this.#rest();
+    }
+    this.binding = { session: binding.session, epoch: binding.epoch };
+  }
+
+  unbind() {
+    this.binding = null;
+    this.#rest();
+  }
+
+  /**
+   * The visitor wants this now.
+   * @param {Intent} intent
+   * @returns {boolean} whether it should be sent at once instead of with the next tick
+   */
+  intend(intent) {
+    if (!this.binding || this.pending) {
+      return false;
+    }
+    const before = this.intent;
+    this.intent = intent;
+    if (isZero(intent)) {
+      this.zeros = isZero(before) ? this.zeros : ZEROS;
+      return !isZero(before);
+    }
+    this.zeros = 0;
+    return isZero(before) || Math.sign(before.linear) !== Math.sign(intent.linear) || Math.sign(before.angular) !== Math.sign(intent.angular);
+  }
+
+  /**
+   * The velocity to send now, or null for silence.
+   * @param {number} now @param {number | null} frame capture stamp of the picture on the screen
+   */
+  velocity(now, frame) {
+    if (!this.binding || this.pending || (isZero(this.intent) && this.zeros === 0)) {
+      return null;
+    }
+    if (isZero(this.intent)) {
+      this.zeros -= 1;
+    }
+    const { linear, angular, method } = this.intent;
+    return { ...this.binding, seq: this.#next(), stamp: now, linear, angular, method, frame: frame ?? undefined };
+  }
+
+  /**
+   * Brake. Works without a lease too: anybody may stop a robot.
+   * @param {number} now @param {"stop" | "estop"} [type]
+   * @returns {Record<string, any>} the first copy of the action; `repeat` gives the others
+   */
+  stop(now, type = "stop") {
+    this.#rest();
+    if (this.pending && !(type === "estop" && this.pending.message.type === "stop")) {
+      return this.#copy(now);
+    }
+    const message = { type, actionId: this.freshId(), ...this.binding, ...(type === "stop" ? { seq: this.#next() } : {}) };
+    this.pending = { message, since: now, sentAt: now };
+    return this.#copy(now);
+  }
+
+  /** The stop to send again now, or null when none is pending. @param {number} now */
+  repeat(now) {
+    if (!this.pending || (now - this.pending.since > EAGER_SECONDS && now - this.pending.sentAt < PATIENT_SECONDS)) {
+      return null;
+    }
+    this.pending.sentAt = now;
+    return this.#copy(now);
+  }
+
+  /** Nobody is left who could echo a stop. */
+  giveUp() {
+    this.pending = null;
+  }
+
+  /** Whether a stop has been on its way for longer than it should. @param {number} now */
+  isUnconfirmed(now) {
+    return this.pending !== null && now - this.pending.since > UNCONFIRMED_SECONDS;
+  }
+
+  /**
+   * A state of the robot: does it echo the stop?
+   * @param {{epoch: number, safety: {estop: boolean, stopId: string | null, stopSeq: number | null}}} state
+   */
+  heardState({ epoch, safety }) {
+    const message = this.pending?.message;
+    if (!message) {
+      return;
+    }
+    const echoed = message.type === "estop" ? safety.estop : safety.stopSeq === message.seq && epoch === message.epoch;
+    if (echoed || safety.stopId === message.actionId) {
+      this.pending = null;
+    }
+  }
+
+  /** @param {{actionId: string, status: string}} action */
+  heardAction({ actionId, status }) {
+    if (actionId === this.pending?.message.actionId && status === "FINISHED") {
+      this.pending = null;
+    }
+  }
+
+  #rest() {
+    this.intent = NONE;
+    this.zeros = 0;
+  }
+
+  #next() {
+    this.seq += 1;
+    return this.seq;
+  }
+
+  /** @param {number} now */
+  #copy(now) {
+    return { ...this.pending?.message, stamp: now };
+  }
+}
+
+/** @param {Intent} intent */
+const isZero = ({ linear, angular }) => linear === 0 && angular === 0;

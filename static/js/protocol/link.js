@@ -1,0 +1,172 @@
+/**
+ * The media link to the robot, from the visit's wish to have one to the peer connection that it is: prepared early, opened after a
+ * pause that grows, judged twenty times a second, given up when it is silent.
+ */
+
+import { backoff } from "../lib/backoff.js";
+import { unixNow } from "../lib/clock.js";
+import { isStuck, judge } from "./link_health.js";
+
+export class Link {
+  /**
+   * @param {object} options
+   * @param {(role: "driver" | "observer", link: Link) => import("./peer.js").Peer} options.makePeer
+   * @param {(peer: import("./peer.js").Peer) => void} options.onOpening a new peer is about to offer
+   * @param {() => void} options.onDropping its picture is about to go black
+   * @param {() => void} options.onLive
+   * @param {(why: string) => void} options.onLost
+   */
+  constructor({ makePeer, onOpening, onDropping, onLive, onLost }) {
+    this.makePeer = makePeer;
+    this.onOpening = onOpening;
+    this.onDropping = onDropping;
+    this.onLive = onLive;
+    this.onLost = onLost;
+    /** @type {import("./peer.js").Peer | null} */
+    this.peer = null;
+    /** @type {import("./peer.js").Peer | null} made but not yet offered */
+    this.prepared = null;
+    this.live = false;
+    /** @type {number | null} Unix seconds since which a link is wanted and not there */
+    this.lookingSince = null;
+    /** whether the last peer that got so far had nothing to connect */
+    this.barren = false;
+    /** whether the visitor has a picture meanwhile, so that attempts may be rarer */
+    this.patient = false;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+    /** @type {(() => void) | undefined} the attempt of now, or the one to come */
+    this.next = undefined;
+  }
+
+  /** Spend the time until the server's answer on making an offer. @param {"driver" | "observer"} role */
+  prepare(role) {
+    if (isSupported() && this.prepared?.role !== role) {
+      this.prepared?.close();
+      this.prepared = this.makePeer(role, this);
+    }
+  }
+
+  /** @param {"driver" | "observer"} role @param {RTCIceServer[]} iceServers @param {number} attempt 0 opens at once */
+  open(role, iceServers, attempt) {
+    clearTimeout(this.timer);
+    this.lookingSince ??= unixNow();
+    if (!isSupported()) {
+      this.barren = true; // pictures come through the server, and nothing else ever will
+      return;
+    }
+    this.next = () => this.#open(role, iceServers);
+    if (attempt === 0) {
+      this.next();
+    } else {
+      const pause = backoff(attempt - 1, this.patient ? { first: 2, most: 30 } : { first: 0.5 });
+      this.timer = setTimeout(this.next, pause * 1000);
+    }
+  }
+
+  /** The network has changed: try now what was to be tried later, or what began before the change. */
+  hurry() {
+    if (this.lookingSince !== null && this.patient && this.next) {
+      clearTimeout(this.timer);
+      this.next();
+    }
+  }
+
+  /** Whether it is time to ask for pictures through the server. @param {number} now */
+  isStuck(now) {
+    this.barren = this.peer?.isBarren(now) ?? this.barren;
+    return isStuck(this, now);
+  }
+
+  close() {
+    clearTimeout(this.timer);
+    this.lookingSince = null;
+    this.barren = false;
+    this.next = undefined;
+    this.#drop();
+    this.prepared?.close();
+    this.prepared = null;
+  }
+
+  /** @param {any} message a Robot API signal @returns {Promise<void>} */
+  async signal(message) {
+    const { peer } = this;
+    if (!peer) {
+      return;
+    }
+    try {
+      const outcome = await peer.signal(message);
+      if (peer === this.peer && (outcome === "bye" || outcome === "unexpected")) {
+        this.#lose(outcome === "bye" ? `bye_${message.reason}` : "unexpected_answer");
+      }
+    } catch (error) {
+      // A description or candidate that the browser cannot use, or one that came after the end.
+      if (peer === this.peer && error instanceof DOMException) {
+        this.#lose("unusable_answer");
+      } else if (!(error instanceof DOMException)) {
+        throw error;
+      }
+    }
+  }
+
+  /** The robot was heard on the data channel. @param {number} now */
+  heard(now) {
+    if (this.peer) {
+      this.peer.heardAt = now;
+    }
+  }
+
+  /** @param {string} packet @returns {boolean} */
+  send(packet) {
+    return this.peer?.send(packet) ?? false;
+  }
+
+  /** Look after the link; call often. @param {number} now */
+  watch(now) {
+    if (!this.peer) {
+      return;
+    }
+    const { connection, offeredAt, answeredAt, openedAt, heardAt } = this.peer;
+    const verdict = judge({ state: connection.connectionState, offeredAt, answeredAt, openedAt, heardAt }, now);
+    if (verdict === "live" && !this.live) {
+      this.live = true;
+      this.lookingSince = null;
+      this.onLive();
+    } else if (verdict !== "live" && verdict !== "waiting") {
+      this.#lose(verdict);
+    }
+  }
+
+  /** @param {"driver" | "observer"} role @param {RTCIceServer[]} iceServers */
+  #open(role, iceServers) {
+    this.#drop();
+    const peer = this.prepared?.role === role ? this.prepared : this.makePeer(role, this);
+    this.prepared = null;
+    this.peer = peer;
+    this.onOpening(peer);
+    peer.start(iceServers).catch(() => {
+      if (peer === this.peer) {
+        this.#lose("no_offer");
+      }
+    });
+  }
+
+  /** @param {string} why */
+  #lose(why) {
+    this.#drop();
+    this.onLost(why);
+  }
+
+  #drop() {
+    if (this.peer) {
+      this.onDropping();
+      this.peer.close();
+    }
+    this.peer = null;
+    this.live = false;
+  }
+}
+
+/** Whether this browser can carry a picture at all. */
+export const isSupported = () => typeof RTCPeerConnection === "function";
+

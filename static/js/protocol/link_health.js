@@ -1,0 +1,48 @@
+/**
+ * When a media link has to be given up and opened anew. WebRTC itself notices a dead peer after half a minute; the robot's heartbeat
+ * on the data channel tells in a second and a half.
+ */
+
+const SILENCE_SECONDS = 1.5;
+const ANSWER_SECONDS = 5;
+const CONNECT_SECONDS = 10;
+const FIRST_BEAT_SECONDS = 3;
+/** How long a direct way is looked for before pictures are asked for through the server; with no address to try, that is known at once. */
+const LOOKING_SECONDS = 7;
+const BARREN_SECONDS = 1;
+
+/**
+ * @param {object} link times in Unix seconds, null for what has not happened
+ * @param {string} link.state of the RTCPeerConnection
+ * @param {number | null} link.offeredAt
+ * @param {number | null} link.answeredAt
+ * @param {number | null} link.openedAt when the data channel opened
+ * @param {number} link.heardAt when the robot was last heard on it
+ * @param {number} now
+ * @returns {"live" | "waiting" | "failed" | "no_answer" | "no_way" | "silent"}
+ */
+export const judge = (link, now) => {
+  if (link.state === "failed" || link.state === "closed") {
+    return "failed";
+  }
+  if (link.offeredAt !== null && link.answeredAt === null) {
+    return now - link.offeredAt > ANSWER_SECONDS ? "no_answer" : "waiting";
+  }
+  if (link.openedAt === null) {
+    return link.offeredAt !== null && now - link.offeredAt > CONNECT_SECONDS ? "no_way" : "waiting";
+  }
+  if (link.heardAt < link.openedAt) {
+    return now - link.openedAt > FIRST_BEAT_SECONDS ? "silent" : "waiting";
+  }
+  return now - link.heardAt > SILENCE_SECONDS ? "silent" : "live";
+};
+
+/**
+ * Whether to stop waiting for a direct way to the robot, though not to stop looking for one.
+ *
+ * @param {object} link
+ * @param {number | null} link.lookingSince when the page began to want a link that it does not have, Unix seconds
+ * @param {boolean} link.barren there is nothing to connect; a browser without candidates may still reach a robot, which then is quick
+ * @param {number} now
+ */
+export const isStuck = ({ lookingSince, barren }, now) => lookingSince !== null && now - lookingSince > (barren ? BARREN_SECONDS : LOOKING_SECONDS);

@@ -1,0 +1,112 @@
+/**
+ * The page's WebSocket: connects for ever, with back-off and jitter, at once when the browser says that the network is back. It knows
+ * packets, not their meaning.
+ */
+
+import { backoff } from "../lib/backoff.js";
+
+const MOST_BUFFERED = 64 * 1024;
+
+export class Socket {
+  /**
+   * @param {object} options
+   * @param {string} options.url
+   * @param {(packet: unknown) => void} options.onPacket
+   * @param {() => void} options.onOpen
+   * @param {(code: number) => void} options.onLost
+   * @param {(url: string) => WebSocket} [options.connect]
+   */
+  constructor({ url, onPacket, onOpen, onLost, connect = (address) => new WebSocket(address) }) {
+    this.url = url;
+    this.onPacket = onPacket;
+    this.onOpen = onOpen;
+    this.onLost = onLost;
+    this.connect = connect;
+    this.attempt = 0;
+    this.closed = false;
+    /** @type {WebSocket | null} */
+    this.socket = null;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+    this.wake = () => this.#hurry();
+  }
+
+  open() {
+    globalThis.addEventListener?.("online", this.wake);
+    this.#dial();
+  }
+
+  /** For good. */
+  close() {
+    this.closed = true;
+    globalThis.removeEventListener?.("online", this.wake);
+    clearTimeout(this.timer);
+    this.socket?.close();
+  }
+
+  /** Give up a connection that is suspected to be dead, and dial again. */
+  redial() {
+    const dead = this.socket;
+    if (!dead || this.closed) {
+      return;
+    }
+    this.socket = null;
+    dead.close();
+    this.#lost(1006);
+  }
+
+  get isOpen() {
+    return this.socket?.readyState === 1;
+  }
+
+  /**
+   * @param {string} packet
+   * @param {{droppable?: boolean}} [options] droppable packets are too old to be of use when they would have to wait
+   * @returns {boolean} whether it was handed to the network
+   */
+  send(packet, { droppable = false } = {}) {
+    if (!this.socket || !this.isOpen || (droppable && this.socket.bufferedAmount > MOST_BUFFERED)) {
+      return false;
+    }
+    this.socket.send(packet);
+    return true;
+  }
+
+  #dial() {
+    const socket = this.connect(this.url);
+    this.socket = socket;
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.attempt = 0;
+      this.onOpen();
+    };
+    socket.onmessage = (event) => {
+      if (socket === this.socket) {
+        this.onPacket(event.data);
+      }
+    };
+    socket.onclose = (event) => {
+      if (socket === this.socket) {
+        this.socket = null;
+        this.#lost(event.code);
+      }
+    };
+  }
+
+  /** @param {number} code */
+  #lost(code) {
+    this.onLost(code);
+    if (!this.closed) {
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.#dial(), backoff(this.attempt++) * 1000);
+    }
+  }
+
+  #hurry() {
+    if (!this.socket && !this.closed) {
+      clearTimeout(this.timer);
+      this.attempt = 0;
+      this.#dial();
+    }
+  }
+}

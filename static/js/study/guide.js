@@ -1,0 +1,84 @@
+/**
+ * What a participant is shown of the task: the sentence of the cue, the checkpoints, the time that is left, and where to go next. Pure.
+ * The session manager decides all of it (`session/task`); the sentences stand in the page.
+ */
+
+import { roleOf } from "../protocol/session.js";
+
+/**
+ * @typedef {object} Told what the session manager said last
+ * @property {string} session
+ * @property {string} cue
+ * @property {number | null} number the checkpoint that the cue speaks of, 0 is the charging station
+ * @property {number | null} x where that is, m
+ * @property {number | null} y
+ * @property {number[]} passed
+ * @property {number | null} remaining seconds, in the last minutes alone
+ * @property {"shut" | "open" | "review"} window of the photo
+ * @property {string} photo the action that took it, or nothing
+ * @property {string} outcome nothing while the task goes on
+ * @property {string[]} doors
+ * @property {number | null} endsAt Unix time by the page's clock, from `remaining`
+ *
+ * @typedef {{number: number, title: string, status: "passed" | "next" | "later"}} Stop
+ *
+ * @typedef {object} Guide
+ * @property {string} cue the word of the sentence
+ * @property {number | null} number
+ * @property {string} place the name of what it speaks of, or nothing
+ * @property {Stop[]} stops in the order in which they are passed; the station, 0, is the last
+ * @property {number | null} left seconds, null while there is plenty
+ */
+
+const PRACTICE_LAST = 60; // s: a practice drive says how long it goes on when it is about to end
+
+/** Keep what was said, with the time at which it ends. @param {Omit<Told, "endsAt">} message @param {number} now @returns {Told} */
+export const hear = (message, now) => ({ ...message, endsAt: message.remaining === null ? null : now + message.remaining });
+
+/** @param {import("../drive/features.js").State} state @returns {Guide | null} null when there is nothing to guide */
+export const guideFor = (state) => {
+  const { study, visit, told } = state;
+  if (!study || roleOf(visit) !== "driver") {
+    return null;
+  }
+  if (study.kind === "practice") {
+    return { cue: "cue.practice", number: null, place: "", stops: [], left: leftOf(state) ?? practiceLeft(state) };
+  }
+  const number = told?.number ?? null;
+  return {
+    cue: `cue.${told?.cue ?? "wait_for_picture"}`,
+    number,
+    place: study.checkpoints.find((/** @type {any} */ stop) => stop.number === number)?.title ?? "",
+    stops: stopsOf(study, told),
+    left: leftOf(state),
+  };
+};
+
+/** @param {import("../drive/features.js").State} state */
+const leftOf = ({ told, now }) => (told === null || told.endsAt === null || told.outcome ? null : Math.max(0, told.endsAt - now));
+
+/** A practice drive is over after its minutes, whether or not somebody says so. @param {import("../drive/features.js").State} state */
+const practiceLeft = ({ study, began, now }) => {
+  const left = began === null ? Infinity : Math.max(0, began.at + study.minutes * 60 - now);
+  return left <= PRACTICE_LAST ? left : null;
+};
+
+/** @param {any} study @param {Told | null} told @returns {Stop[]} */
+export const stopsOf = ({ checkpoints }, told) => {
+  const passed = new Set(told?.passed ?? []);
+  const [station, ...others] = checkpoints;
+  // While a photo is asked for, the way home has not begun.
+  const home = told !== null && told.window !== "shut" ? null : station;
+  const next = others.find((/** @type {any} */ { number }) => !passed.has(number)) ?? home;
+  return [...others, ...(station ? [station] : [])].map(({ number, title }) => ({
+    number,
+    title,
+    status: (number === 0 ? told?.outcome === "completed" : passed.has(number)) ? "passed" : number === next?.number ? "next" : "later",
+  }));
+};
+
+/** Where the cue leads, as far as there is a place to lead to. @param {import("../drive/features.js").State} state @returns {{x: number, y: number, number: number | null} | null} */
+export const targetOf = ({ told, study }) => {
+  const leads = study?.kind === "task" && told && !told.outcome && told.cue !== "leave_station" && told.window !== "review";
+  return leads && told.x !== null && told.y !== null ? { x: told.x, y: told.y, number: told.number } : null;
+};

@@ -1,0 +1,54 @@
+/** Shows the photo's window, and hands on what was pressed in it. */
+
+import { backToDriving, write } from "../lib/dom.js";
+import { windowFor } from "./photo.js";
+import { Snapshots } from "./snapshots.js";
+
+/**
+ * @param {(id: string) => HTMLElement} element
+ * @param {import("../lib/words.js").Words} words
+ * @param {{list: string, act: (action: string) => void}} options
+ * @returns {(state: import("../drive/features.js").State) => void}
+ */
+export const createPhotoWindow = (element, words, { list, act }) => {
+  const panel = element("photo");
+  const image = /** @type {HTMLImageElement} */ (element("photo-picture"));
+  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(panel.querySelectorAll("button")));
+  const snapshots = new Snapshots({
+    list,
+    onFound: (_, url) => {
+      image.src = url;
+      image.hidden = false;
+    },
+  });
+  for (const button of buttons) {
+    button.addEventListener("click", () => {
+      act(button.dataset.action ?? "");
+      // The space bar is to stop the robot, and the arrows drive it.
+      backToDriving(element);
+    });
+  }
+  let shown = "";
+
+  return (state) => {
+    const what = windowFor(state);
+    panel.hidden = what === null;
+    panel.dataset.mode = what?.mode ?? "";
+    panel.toggleAttribute("data-busy", what?.busy ?? false);
+    write(element("photo-text"), what ? photoSentence(what, words) : "");
+    for (const button of buttons) {
+      button.hidden = !(button.dataset.in ?? "").split(" ").includes(what?.mode ?? "");
+      button.disabled = what?.busy ?? true;
+    }
+    snapshots.want(what?.photo ?? "");
+    if (shown !== (what?.photo ?? "")) {
+      shown = what?.photo ?? "";
+      image.hidden = true;
+      image.removeAttribute("src");
+    }
+    element("photo-wait").hidden = what?.mode !== "review" || !image.hidden;
+  };
+};
+
+/** A newer server's cue has a general sentence. @param {import("./photo.js").Window} what @param {import("../lib/words.js").Words} words */
+export const photoSentence = ({ word }, words) => words.say(words.has(word) ? word : "photo.other");

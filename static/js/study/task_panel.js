@@ -1,0 +1,81 @@
+/** Shows the task: its sentence, the checkpoints, the time that is left; on a small screen one line that opens. */
+
+import { clockTime } from "../view/hud/dials.js";
+import { write } from "../lib/dom.js";
+import { maySteer } from "./restrictions.js";
+import { guideFor } from "./guide.js";
+
+const OURS = ["keyboard", "stick"]; // the controllers of this page
+
+/**
+ * @param {(id: string) => HTMLElement} element
+ * @param {import("../lib/words.js").Words} words
+ * @returns {(state: import("../drive/features.js").State) => void}
+ */
+export const createPanel = (element, words) => {
+  const panel = element("task");
+  const line = /** @type {HTMLButtonElement} */ (element("task-line"));
+  const list = element("task-stops");
+  let drawn = "";
+  // On a wide screen all of it is shown, and there is nothing to open.
+  const small = matchMedia("(max-width: 999px), (max-height: 540px)");
+  const fit = () => {
+    line.disabled = !small.matches;
+    line.setAttribute("aria-expanded", String(!small.matches || panel.hasAttribute("data-open")));
+  };
+  fit();
+  small.addEventListener("change", fit);
+  line.addEventListener("click", (event) => {
+    panel.toggleAttribute("data-open");
+    fit();
+    if (event.detail > 0) {
+      line.blur();
+    }
+  });
+
+  return (state) => {
+    const guide = guideFor(state);
+    panel.hidden = guide === null;
+    element("drive-page").toggleAttribute("data-guided", guide !== null);
+    for (const method of OURS) {
+      element("drive-page").toggleAttribute(`data-no-${method}`, !maySteer(state, method));
+    }
+    if (!guide) {
+      return;
+    }
+    panel.dataset.cue = guide.cue;
+    write(element("task-cue"), sentence(guide, words));
+    write(element("task-place"), guide.place);
+    write(element("task-time"), guide.left === null ? "" : words.say("reading.left", { time: clockTime(Math.ceil(guide.left)) }));
+    write(element("task-note"), noteOf(state, words));
+    const key = JSON.stringify(guide.stops);
+    if (key !== drawn) {
+      drawn = key;
+      list.replaceChildren(...guide.stops.map((stop) => stopItem(stop, words)));
+    }
+  };
+};
+
+/** The sentence of a cue; a newer server's cue has a general one. @param {import("./guide.js").Guide} guide @param {import("../lib/words.js").Words} words */
+export const sentence = ({ cue, number }, words) => words.say(words.has(cue) ? cue : "cue.other", { number: number ?? "" });
+
+/** @param {import("../drive/features.js").State} state @param {import("../lib/words.js").Words} words @returns {string} which controllers are off, when some are */
+const noteOf = (state, words) => {
+  return OURS.filter((method) => !maySteer(state, method)).map((method) => words.say(`off.${method}`)).join(" ");
+};
+
+/** @param {import("./guide.js").Stop} stop @param {import("../lib/words.js").Words} words */
+const stopItem = ({ number, title, status }, words) => {
+  const item = document.createElement("li");
+  item.className = "task__stop";
+  item.dataset.status = status;
+  item.title = title;
+  const sign = document.createElement("span");
+  sign.setAttribute("aria-hidden", "true");
+  sign.textContent = status === "passed" ? "✓" : number === 0 ? "ϟ" : String(number);
+  const said = document.createElement("span");
+  said.className = "visually-hidden";
+  said.textContent = words.say(`stop.${number === 0 ? "station" : "checkpoint"}.${status}`, { number });
+  item.append(sign, said);
+  return item;
+};

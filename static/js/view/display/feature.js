@@ -1,0 +1,98 @@
+/**
+ * How the page is looked at: its profile, the whole screen, and a screen that stays lit. What a profile is stands in profiles.js.
+ */
+
+import { recallProfile, rememberProfile } from "../../drive/storage.js";
+import { write } from "../../lib/dom.js";
+import { createFullScreen } from "./full_screen.js";
+import { beginningOf, fixedProfile, nameOf } from "./profiles.js";
+import { createWakeLock } from "./wake_lock.js";
+
+const newSlice = () => ({
+  /** the profile that the visitor chose, null as long as it is not: profiles.js */
+  profile: /** @type {string | null} */ (null),
+  /** the profile that is offered first, null for none: sessions/interfaces.py */
+  suggested: /** @type {string | null} */ (null),
+});
+
+/** @param {import("../../drive/registry.js").Page} page */
+const setUp = (page) => {
+  const { store, config } = page;
+  const who = config.who ?? "";
+  const keepAwake = createWakeLock({ document, locks: navigator.wakeLock });
+  store.update({ profile: recallProfile(who), suggested: config.suggested ?? null });
+
+  /** @param {boolean} again whether this very session went on before the page was loaded */
+  const begin = (again) => {
+    const { step, assist } = beginningOf(store.get(), again);
+    page.driving.steering.setStep(step);
+    if (assist !== null) {
+      page.autonomy.assist(assist);
+    }
+  };
+
+  const renders = [
+    createProfiles(page, (name) => {
+      rememberProfile(who, name);
+      store.update({ profile: name });
+      begin(false);
+    }),
+    createFullScreenButton(page),
+  ];
+  return {
+    on: { began: begin },
+    render: (/** @type {import("../../drive/features.js").State} */ state) => {
+      renders.forEach((render) => render(state));
+      keepAwake(state.visit.phase === "driving");
+    },
+  };
+};
+
+/** @param {import("../../drive/registry.js").Page} page @param {(name: string) => void} choose */
+const createProfiles = ({ element, words }, choose) => {
+  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(element("profiles").querySelectorAll("button")));
+  for (const button of buttons) {
+    button.addEventListener("click", () => choose(button.value));
+  }
+  let shown = "";
+  return (/** @type {import("../../drive/features.js").State} */ state) => {
+    const [name, fixed] = [nameOf(state), fixedProfile(state) !== null];
+    if (`${name} ${fixed}` !== shown) {
+      shown = `${name} ${fixed}`;
+      element("drive-page").dataset.profile = name;
+      buttons.forEach((button) => {
+        button.disabled = fixed;
+        button.setAttribute("aria-pressed", String(button.value === name));
+      });
+      write(element("profile-text"), words.say(fixed ? "view.fixed" : `view.${name}`));
+    }
+  };
+};
+
+/** @param {import("../../drive/registry.js").Page} page */
+const createFullScreenButton = ({ element, words, store, connection, driving }) => {
+  const button = element("full-screen");
+  const screen = createFullScreen({
+    document,
+    onLeft: (byButton) => {
+      if (!byButton) {
+        driving.brake();
+      }
+      connection.report("full_screen", { on: false });
+      store.update({});
+    },
+  });
+  button.addEventListener("click", () => {
+    if (!screen.isOn()) {
+      connection.report("full_screen", { on: true });
+    }
+    screen.toggle();
+  });
+  return () => {
+    button.hidden = !screen.exists;
+    write(element("full-screen-text"), words.say(screen.isOn() ? "view.less" : "view.full"));
+  };
+};
+
+/** @type {import("../../drive/registry.js").Feature} */
+export const display = { name: "display", state: newSlice, setUp };

@@ -1,0 +1,41 @@
+/**
+ * Keeps the screen lit: a telephone that goes dark hides the page, which stops the robot. The browser takes the lock away with every hiding,
+ * and may refuse it (a low battery); then it is asked for again when the page is next seen.
+ */
+
+/**
+ * @param {{document: Document, locks: WakeLock | undefined}} browser
+ * @returns {(wanted: boolean) => void}
+ */
+export const createWakeLock = ({ document, locks }) => {
+  let wanted = false;
+  let asking = false;
+  /** @type {WakeLockSentinel | null} */
+  let lock = null;
+
+  const settle = async () => {
+    if (!locks || asking) {
+      return;
+    }
+    if (!wanted) {
+      const held = lock;
+      lock = null;
+      await held?.release();
+    } else if ((lock === null || lock.released) && document.visibilityState === "visible") {
+      asking = true;
+      lock = await locks.request("screen").catch(() => null);
+      asking = false;
+      if (!wanted) {
+        await settle(); // the drive ended meanwhile
+      }
+    }
+  };
+
+  document.addEventListener("visibilitychange", () => void settle());
+  return (now) => {
+    if (now !== wanted) {
+      wanted = now;
+      void settle();
+    }
+  };
+};

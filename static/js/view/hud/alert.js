@@ -1,0 +1,124 @@
+/**
+ * The one line over the picture that matters most now. Pure: which words and how urgent; readings.js shows it.
+ */
+
+import { roleOf } from "../../protocol/session.js";
+import { mayAsk } from "../../study/restrictions.js";
+import { wordOf } from "../../autonomy/assistance.js";
+import { profileOf } from "../display/profiles.js";
+
+const SLOW_SECONDS = 0.4;
+const SOON_SECONDS = 120;
+const PUSHED_SECONDS = 3;
+const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
+
+/**
+ * @param {import("../../drive/features.js").State} state
+ * @returns {{word: string, tone: "danger" | "busy" | "calm", values?: Record<string, string | number>} | null}
+ */
+export const alertFor = (state) => {
+  const { visit, robot } = state;
+  if (state.stopUnconfirmed) {
+    return { word: "alert.stop_unconfirmed", tone: "danger" };
+  }
+  if (!roleOf(visit)) {
+    const asks = visit.phase !== "lobby" && visit.phase !== "closed";
+    const lost = visit.socket === "lost" || state.serverSilent;
+    return !asks ? null : lost ? { word: "alert.server", tone: "busy" } : ["taking", "queued", "turn"].includes(visit.phase) ? faultAlert(state) : null;
+  }
+  return robotAlert(state) ?? faultAlert(state) ?? linkAlert(state) ?? (robot ? helpAlert(state) ?? diskAlert(state) ?? quietAlert(state) : null);
+};
+
+/**
+ * A part of the server, or the robot's computer, that does not do its work: which one, and what that means for who drives. Without a way
+ * to the server what it last said may be over, and is not said.
+ * @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>}
+ */
+const faultAlert = ({ visit, faults, serverSilent, now }) => {
+  const fault = faults.find(({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"));
+  if (!fault || visit.socket === "lost" || serverSilent) {
+    return null;
+  }
+  // What goes through the broker stops with it; what goes straight to the robot lives as long as the lease.
+  const left = fault.at === null || (fault.part === "broker" && visit.link !== "live") ? 0 : Math.ceil(fault.at - now);
+  const then = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
+  return { word: `fault.${fault.part}.${then}`, tone: then === "waits" ? "busy" : "danger", values: { seconds: left } };
+};
+
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const diskAlert = ({ faults }) => {
+  const fault = faults.find(({ then }) => then === "goes_on");
+  return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
+};
+
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const robotAlert = (state) => {
+  const { visit, robot } = state;
+  // While the robot itself talks to the page it is there, whatever the server believes.
+  if (!visit.online && visit.link !== "live") {
+    return faultAlert(state) ?? (visit.serverBlind ? { word: "alert.server", tone: "busy" } : { word: "alert.robot_offline", tone: "danger" });
+  }
+  if (robot?.safety.estop) {
+    return { word: "alert.estop", tone: "danger" };
+  }
+  if (robot?.safety.inhibited === "fault") {
+    return { word: "alert.fault", tone: "danger" };
+  }
+  return robot?.safety.collision ? { word: "alert.collision", tone: "busy" } : null;
+};
+
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck, serverSilent }) => {
+  const cutOff = visit.socket === "lost" || serverSilent;
+  if (cutOff && visit.link !== "live" && visit.phase === "driving") {
+    return { word: "alert.server_driver", tone: "danger" };
+  }
+  if (visit.link === "lost" && !(slow && playing)) {
+    return { word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
+  }
+  if (robot?.cameraStatus?.reason && playing) {
+    return { word: "alert.camera", tone: "danger" };
+  }
+  if (stuck) {
+    return null;
+  }
+  if (cutOff || !visit.online) {
+    return { word: visit.link === "live" ? "alert.server_only" : "alert.server", tone: "busy" };
+  }
+  return visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS ? { word: "alert.slow", tone: "busy" } : null;
+};
+
+/** What keeps the robot from doing what its driver wants. @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const helpAlert = (state) => {
+  const { visit, robot, help, now, pushedAt, barred, said, stuck } = state;
+  if (barred && now - barred.at < PUSHED_SECONDS) {
+    return { word: `off.${barred.method}`, tone: "busy" };
+  }
+  if (visit.phase === "driving" && robot.docked && now - pushedAt < PUSHED_SECONDS) {
+    return { word: mayAsk(state, "undock") ? "alert.docked_forward" : "alert.docked_forward_yourself", tone: "busy" };
+  }
+  if (said && now - said.at < PUSHED_SECONDS) {
+    return { word: said.word, tone: "calm" };
+  }
+  const word = visit.phase === "driving" ? wordOf(help) : "";
+  if (word && (profileOf(state).explains || NEEDED.has(help.why))) {
+    return { word, tone: help.why === "blind" ? "busy" : "calm" };
+  }
+  if (stuck) {
+    return { ...stuck, tone: "busy" };
+  }
+  return robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
+};
+
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const quietAlert = ({ visit, notice, now, slow, playing, told }) => {
+  // A task says itself how much time is left.
+  if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && visit.turnEnds - now < SOON_SECONDS) {
+    const left = Math.max(0, Math.ceil(visit.turnEnds - now));
+    return { word: "alert.turn_ends", tone: "busy", values: { time: `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}` } };
+  }
+  if (notice) {
+    return { word: "alert.notice", tone: "calm", values: { text: notice } };
+  }
+  return slow && playing ? { word: visit.phase === "driving" ? "alert.slow_picture" : "alert.slow_picture_observer", tone: "calm" } : null;
+};

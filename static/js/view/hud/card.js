@@ -1,0 +1,176 @@
+/**
+ * The card in the middle of the picture: what this visit is waiting for, asks, or ended with, and one thing to do about it. Pure: which
+ * words and buttons; card_panel.js shows them.
+ */
+
+import { roleOf } from "../../protocol/session.js";
+import { studyCard } from "../../study/end_cards.js";
+import { reasonFor } from "../../autonomy/reasons.js";
+
+/**
+ * @typedef {object} Card
+ * @property {string} word the sentences are `<word>.title` and `<word>.text`
+ * @property {Record<string, string | number>} [values] for the sentences
+ * @property {{word: string, values?: Record<string, string | number>} | null} [detail] a sentence in front of the text
+ * @property {boolean} [busy] something is under way
+ * @property {{action: string, word: string}} [main]
+ * @property {{action: string, word: string}} [other]
+ * @property {{action: string, word: string}} [extra] something that one may do meanwhile
+ * @property {number} [countdown] seconds
+ * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must not answer
+ */
+
+const HOME = { action: "home", word: "do.home" };
+const AGAIN = { action: "drive", word: "do.again" };
+const BACK = { action: "back", word: "do.back" };
+const TAKE_OVER = { action: "take_over", word: "do.take_over" };
+const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
+const SIGN_IN = { action: "sign_in", word: "do.sign_in" };
+
+/** The ends that have words of their own, and what a visitor may do then. */
+const AFTER = /** @type {Record<string, {action: string, word: string}>} */ ({
+  moved: TAKE_OVER,
+  turn_missed: AGAIN,
+  idle: AGAIN,
+  timed_out: AGAIN,
+  completed: AGAIN,
+  cancelled: AGAIN,
+  left: AGAIN,
+  connection_lost: AGAIN,
+  connection_refused: AGAIN,
+  robot_fault: BACK,
+  stopped_by_operator: HOME,
+});
+
+/** @param {import("../../drive/features.js").State} state @returns {Card | null} */
+export const cardFor = (state) => {
+  return studyCard(state, usualCard(state));
+};
+
+/** @param {import("../../drive/features.js").State} state @returns {Card | null} */
+const usualCard = (state) => {
+  if (state.visit.askedUntil !== null) {
+    return { word: "idle", countdown: Math.max(0, Math.ceil(state.visit.askedUntil - state.now)), main: { action: "here", word: "do.here" }, quiet: true };
+  }
+  if (state.leaving) {
+    return { word: "leaving", main: { action: "leave_now", word: "do.leave" }, other: { action: "stay", word: "do.stay" }, quiet: true };
+  }
+  const card = CARDS[state.visit.phase];
+  return card ? card(state) : null;
+};
+
+/** @type {Record<string, (state: import("../../drive/features.js").State) => Card | null>} */
+const CARDS = {
+  connecting: ({ finding }) => ({ word: "connecting", busy: true, detail: finding }),
+  closed: (state) => closed(state),
+  lobby: (state) => lobby(state),
+  taking: ({ visit }) => (visit.socket === "open" ? { word: "taking", busy: true } : { word: "connecting", busy: true }),
+  queued: ({ visit, ...state }) => ({
+    ...queued(visit),
+    values: { place: visit.place, minutes: Math.max(1, Math.ceil(visit.minutes)) },
+    ...meanwhile(state),
+    other: { action: "leave_now", word: "do.leave_queue" },
+  }),
+  turn: ({ visit, now }) => ({
+    word: "turn",
+    countdown: Math.max(0, Math.ceil((visit.startBy ?? now) - now)),
+    main: { action: "start", word: "do.start" },
+    other: { action: "leave_now", word: "do.not_now" },
+  }),
+  driving: (state) => link(state),
+  watching: (state) => link(state),
+  elsewhere: () => ({ word: "elsewhere", main: TAKE_OVER, other: HOME }),
+  refused: ({ visit }) => ({ word: `refused.${visit.reason}`, main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME }),
+  ended: ({ visit, finding }) => ({ ...ended(visit.reason), detail: BROKEN.has(visit.reason) ? finding : null }),
+};
+
+/** What one may do while one waits. @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */
+const meanwhile = ({ practice, notifiable }) => {
+  const tell = notifiable ? { action: "tell_me", word: "do.tell_me" } : undefined;
+  if (practice === "starting") {
+    return { busy: true, detail: { word: "practice.starting" }, extra: tell };
+  }
+  return practice === "off" ? { main: { action: "practise", word: "do.practise" }, extra: tell } : { main: tell };
+};
+
+const BROKEN = new Set(["connection_refused", "connection_lost"]);
+
+/** The page does nothing any more, or nothing yet. @param {import("../../drive/features.js").State} state @returns {Card} */
+const closed = ({ visit, betterBrowser, copied }) => {
+  const word = `closed.${visit.reason}`;
+  if (visit.reason === "in_app") {
+    const main = { action: "copy_link", word: copied ? "do.link_copied" : "do.copy_link" };
+    return { word, values: { browser: betterBrowser }, main, extra: GO_SLOW, other: HOME };
+  }
+  if (visit.reason === "unsupported") {
+    return { word, main: GO_SLOW, other: HOME };
+  }
+  return { word, main: visit.reason === "signed_out" ? SIGN_IN : HOME };
+};
+
+const PAUSES = new Set(["returning", "charging", "paused"]);
+const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
+const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
+const UNFIT = new Set(["no_picture", "network"]);
+
+/** How the robot keeps the queue waiting when nobody drives it. @param {import("../../protocol/session.js").Visit} visit @returns {Card} */
+const queued = ({ place, pause }) => {
+  const [why, reason] = [pause.split(":")[0], pause.split(":").slice(1).join(":").trim()];
+  if (why === "start") {
+    return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
+  }
+  if (!PAUSES.has(why)) {
+    return { word: place <= 1 ? "queued.next" : "queued" };
+  }
+  if (reason === "offline" || reason === "estop") {
+    return { word: `queued.${reason}` };
+  }
+  if (why === "paused") {
+    return { word: UNFIT.has(reason) ? "queued.unfit" : "queued.paused", detail: reasonFor(reason) };
+  }
+  return { word: why === "returning" && CHECKS.has(reason) ? "queued.checked" : `queued.${why}` };
+};
+
+/** A newer server may know more ends: for those there are general words. @param {string} reason @returns {Card} */
+const ended = (reason) => {
+  const main = AFTER[reason] ?? HOME;
+  return { word: `ended.${reason in AFTER ? reason : "completed"}`, main, other: main === HOME ? undefined : HOME };
+};
+
+/** @param {import("../../drive/features.js").State} state @returns {Card} */
+const lobby = ({ visit, room }) => {
+  const watch = { action: "watch", word: "do.watch" };
+  if (visit.socket !== "open") {
+    return { word: "connecting", busy: true };
+  }
+  if (visit.liveElsewhere && visit.mayDrive) {
+    return { word: "elsewhere", main: TAKE_OVER, other: HOME };
+  }
+  if (!visit.online) {
+    return { word: "lobby.offline", busy: true, other: HOME };
+  }
+  if (!visit.mayDrive) {
+    return visit.mayObserve ? { word: "lobby.watch_only", main: watch, other: HOME } : { word: "refused.not_invited", main: HOME };
+  }
+  const other = visit.mayObserve ? watch : undefined;
+  if (room.driving || room.driver !== null) {
+    const word = room.driver ? "lobby.busy" : "lobby.busy_unnamed";
+    return { word, values: { driver: room.driver ?? "", place: room.waiting + 1 }, main: { action: "drive", word: "do.queue" }, other };
+  }
+  return { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
+};
+
+/**
+ * Video has not begun: the link is made, or the camera starts, or why it does not. A link that is lost has its banner instead, so that the
+ * last picture stays in sight, until it is known why.
+ */
+const link = (/** @type {import("../../drive/features.js").State} */ state) => {
+  const camera = state.robot?.cameraStatus;
+  if (!roleOf(state.visit) || state.playing || (state.visit.link !== "connecting" && !state.finding && !camera)) {
+    return null;
+  }
+  if (camera?.reason) {
+    return { word: "camera", busy: true, detail: { word: "camera.reason", values: { reason: camera.reason } } };
+  }
+  return { word: "link", busy: true, detail: camera ? null : state.finding };
+};

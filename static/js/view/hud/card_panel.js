@@ -1,0 +1,78 @@
+/**
+ * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
+ */
+
+import { write } from "../../lib/dom.js";
+
+export class CardPanel {
+  /**
+   * @param {object} options
+   * @param {HTMLElement} options.element with #card-title, #card-text, #card-main, #card-extra, #card-other, #card-count in it
+   * @param {import("../../lib/words.js").Words} options.words
+   * @param {(action: string) => void} options.onAction
+   */
+  constructor({ element, words, onAction }) {
+    const part = (/** @type {string} */ id) => /** @type {HTMLElement} */ (element.querySelector(`#card-${id}`));
+    this.element = element;
+    this.words = words;
+    this.title = part("title");
+    this.text = part("text");
+    this.count = part("count");
+    this.main = /** @type {HTMLButtonElement} */ (part("main"));
+    this.extra = /** @type {HTMLButtonElement} */ (part("extra"));
+    this.other = /** @type {HTMLButtonElement} */ (part("other"));
+    this.shown = "";
+    for (const button of [this.main, this.extra, this.other]) {
+      button.addEventListener("click", () => onAction(button.dataset.action ?? ""));
+    }
+  }
+
+  /** @param {import("./card.js").Card | null} card */
+  show(card) {
+    this.element.hidden = card === null;
+    if (card === null) {
+      this.shown = "";
+      return;
+    }
+    const { word, values = {}, detail = null, busy = false, main, extra, other, countdown, quiet = false } = card;
+    this.element.toggleAttribute("data-busy", busy);
+    this.element.toggleAttribute("data-holds-keys", !busy); // one that asks nothing but for patience leaves the keys alone
+    this.element.dataset.card = word;
+    write(this.title, this.words.say(`${word}.title`, values));
+    write(this.text, textOf({ word, values, detail }, this.words));
+    write(this.count, countdown === undefined ? "" : String(countdown));
+    this.#button(this.main, main);
+    this.#button(this.extra, extra);
+    this.#button(this.other, other);
+    if (word !== this.shown) {
+      const first = this.shown === "";
+      this.shown = word;
+      if (quiet) {
+        this.title.focus({ preventScroll: true });
+      } else if (!first || !busy) {
+        this.#takeFocus();
+      }
+    }
+  }
+
+  /** @param {HTMLButtonElement} button @param {{action: string, word: string} | undefined} what */
+  #button(button, what) {
+    button.hidden = !what;
+    button.dataset.action = what?.action ?? "";
+    write(button, what ? this.words.say(what.word) : "");
+  }
+
+  /** Whoever pressed the button of the last card finds the focus on this one's, and not on the bare page. */
+  #takeFocus() {
+    const active = document.activeElement;
+    const lost = active === null || active === document.body || (active instanceof HTMLElement && active.hidden) || active === this.main || active === this.extra || active === this.other;
+    if (lost) {
+      const target = [this.main, this.extra, this.other].find((button) => !button.hidden) ?? this.title;
+      target.focus({ preventScroll: true });
+    }
+  }
+}
+
+/** @param {import("./card.js").Card} card @param {import("../../lib/words.js").Words} words @returns {string} */
+export const textOf = ({ word, values, detail }, words) =>
+  [detail ? words.say(detail.word, detail.values) : "", words.say(`${word}.text`, values)].filter(Boolean).join(" ");

@@ -1,0 +1,44 @@
+/**
+ * Beside the map: which room, how fast, how far and for how long. Pure readings and their elements.
+ */
+
+import { write } from "../../lib/dom.js";
+
+/**
+ * Whether a point lies in a simple polygon (even-odd rule).
+ * @param {[number, number][]} polygon @param {number} x @param {number} y
+ */
+export const contains = (polygon, x, y) => {
+  let inside = false;
+  polygon.forEach(([ax, ay], i) => {
+    const [bx, by] = polygon[(i + 1) % polygon.length];
+    if (ay > y !== by > y && x < ax + ((y - ay) / (by - ay)) * (bx - ax)) {
+      inside = !inside;
+    }
+  });
+  return inside;
+};
+
+/** @param {any} plan @param {{x: number, y: number} | undefined} pose @returns {string} the room's title, or nothing */
+export const roomAt = (plan, pose) =>
+  (pose && plan?.rooms?.find((/** @type {any} */ room) => contains(room.polygon, pose.x, pose.y))?.title) || "";
+
+/** @param {number} seconds @returns {string} */
+export const clockTime = (seconds) => `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
+
+/**
+ * @param {(id: string) => HTMLElement} element
+ * @param {string} language a BCP 47 tag
+ * @returns {(state: import("../../drive/features.js").State) => void}
+ */
+export const createDials = (element, language) => {
+  const one = new Intl.NumberFormat(language, { minimumFractionDigits: 1, maximumFractionDigits: 1 });
+  const two = new Intl.NumberFormat(language, { minimumFractionDigits: 2, maximumFractionDigits: 2 });
+  return ({ robot, plan, visit, began, now }) => {
+    const drives = visit.phase === "driving" && began !== null;
+    write(element("dial-room"), roomAt(plan, robot?.pose) || "–");
+    write(element("dial-speed"), robot ? two.format(Math.abs(robot.velocity.linear)) : "–");
+    write(element("dial-distance"), drives && robot ? one.format(Math.max(0, robot.distance - began.distance)) : "–");
+    write(element("dial-time"), drives ? clockTime(Math.max(0, now - began.at)) : "–");
+  };
+};

@@ -1,0 +1,39 @@
+/**
+ * The connection in one word. Pure.
+ */
+
+import { roleOf } from "../../protocol/session.js";
+
+const PLAYING = /** @type {Record<string, string>} */ ({ driving: "status.driving", watching: "status.watching" });
+
+/** @param {import("../../drive/features.js").State} state @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}} */
+export const statusFor = ({ visit, room, playing, slow }) => {
+  if (roleOf(visit)) {
+    if (!visit.online && !visit.serverBlind && visit.link !== "live") {
+      return { word: "status.offline", tone: "danger" };
+    }
+    if (slow && playing) {
+      return { word: "status.slow", tone: "slow" };
+    }
+    if (visit.link === "lost") {
+      return { word: "status.reconnecting", tone: "busy" };
+    }
+    if (visit.link === "live" && playing) {
+      return { word: PLAYING[visit.phase] ?? "status.waiting", tone: "ok" };
+    }
+    return { word: "status.connecting", tone: "busy" };
+  }
+  if (visit.phase === "closed") {
+    return { word: "status.closed", tone: "off" };
+  }
+  if (visit.socket !== "open") {
+    return { word: visit.socket === "lost" ? "status.reconnecting" : "status.connecting", tone: "busy" };
+  }
+  if (visit.phase === "queued" || visit.phase === "turn") {
+    return { word: "status.waiting", tone: "busy" };
+  }
+  if (visit.online && room.driver !== null) {
+    return { word: "status.busy", tone: "busy" };
+  }
+  return visit.online ? { word: "status.ready", tone: "ok" } : { word: "status.offline", tone: "off" };
+};

@@ -1,0 +1,108 @@
+/**
+ * The map on the drive page: the floor plan with the robot on it, its buttons, and how large it is.
+ */
+
+import { loadFloorPlan, RobotMap } from "./robot_map.js";
+import { addGestures } from "./gestures.js";
+import { FOLLOWING, ZOOM_STEP } from "./pan_zoom.js";
+
+const TOOLS = 48; // CSS pixels that the buttons at the map's upper edge take
+
+const newSlice = () => ({
+  /** whether the map is open; on small screens it can be put away */
+  mapOpen: true,
+  /** whether the map stands in its own place, in that of the video, or as large as can be */
+  mapSize: /** @type {"small" | "swapped" | "large"} */ ("small"),
+  /** whether the robot stays in the middle of the map */
+  mapFollows: false,
+  /** whether the map is turned so that the robot looks up */
+  mapTurns: false,
+  /** the plan of the place, null without one; robots.api.floorplan.FloorPlan */
+  plan: /** @type {any} */ (null),
+});
+
+/** @param {import("../../drive/registry.js").Page} page */
+const setUp = (page) => {
+  const { store, element } = page;
+  const map = new RobotMap({ canvas: /** @type {HTMLCanvasElement} */ (element("map")), tools: TOOLS });
+  const actions = newActions(store, map);
+  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(element("map-tools").querySelectorAll("button")));
+  addGestures(element("map"), {
+    keymap: page.keys.keymap,
+    actions,
+    zoom: (...how) => map.zoom(...how),
+    pan: (dx, dy) => {
+      map.pan(dx, dy);
+      showSettings(store, map);
+    },
+    mayAim: () => page.autonomy.mayAim(),
+    forgetAim: () => page.autonomy.forgetAim(),
+  });
+  load(page, map);
+
+  const setPose = (/** @type {any} */ { pose, stamp }) => map.setPose(pose, stamp);
+  return {
+    api: map,
+    handlers: {
+      state: setPose,
+      pose: setPose,
+      path: (/** @type {any} */ { points }) => map.setPath(points),
+      scan: (/** @type {any} */ message) => map.setScan(message, store.get().factsheet?.laser ?? null),
+    },
+    actions,
+    render: (/** @type {any} */ { mapFollows, mapTurns, mapSize, mapOpen }) => {
+      const pressed = /** @type {Record<string, boolean>} */ ({ map_follow: mapFollows, map_turn: mapTurns, map_swap: mapSize === "swapped", map_large: mapSize === "large" });
+      buttons.forEach((button) => {
+        const action = button.dataset.action ?? "";
+        if (action in pressed) {
+          button.setAttribute("aria-pressed", String(pressed[action]));
+        }
+      });
+      element("map-tools").hidden = !mapOpen;
+      element("drive-page").dataset.map = mapOpen ? mapSize : "small";
+    },
+  };
+};
+
+/** @param {import("../../drive/registry.js").Page} page @param {RobotMap} map */
+const load = ({ config, store, element }, map) => {
+  const showNone = () => element("drive-page").setAttribute("data-no-map", "");
+  if (!config.floorplan) {
+    showNone();
+    return;
+  }
+  loadFloorPlan(config.floorplan).then(({ site, image }) => {
+    map.show(site, image);
+    store.update({ plan: site.plan ?? null });
+  }, showNone);
+};
+
+/** @param {import("../../drive/store.js").Store} store @param {RobotMap} map */
+const showSettings = (store, { settings }) => store.update({ mapFollows: settings.follows, mapTurns: settings.turns });
+
+/** @param {import("../../drive/store.js").Store} store @param {RobotMap} map @returns {Record<string, () => void>} */
+const newActions = (store, map) => {
+  /** @param {Partial<import("./pan_zoom.js").ViewSettings>} change */
+  const set = (change) => {
+    map.setSettings(change);
+    showSettings(store, map);
+  };
+  /** @param {"swapped" | "large"} size */
+  const toggle = (size) => () => store.update({ mapSize: store.get().mapSize === size ? "small" : size, mapOpen: true });
+  return {
+    map: () => store.update({ mapOpen: !store.get().mapOpen }),
+    map_in: () => map.zoom(ZOOM_STEP),
+    map_out: () => map.zoom(1 / ZOOM_STEP),
+    map_all: () => set({ zoom: 1, x: null, y: null, follows: false }),
+    map_follow: () => {
+      const { follows, zoom } = map.settings;
+      set({ follows: !follows, ...(follows ? { x: map.view?.x ?? null, y: map.view?.y ?? null } : { zoom: Math.max(FOLLOWING, zoom) }) });
+    },
+    map_turn: () => set({ turns: !map.settings.turns }),
+    map_swap: toggle("swapped"),
+    map_large: toggle("large"),
+  };
+};
+
+/** @type {import("../../drive/registry.js").Feature} */
+export const map = { name: "map", state: newSlice, setUp };

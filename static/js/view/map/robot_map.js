@@ -1,0 +1,313 @@
+/**
+ * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where it shall go. Two canvases in one: the still
+ * part is drawn once a view into a picture of its own, the robot over it whenever it moves. Sharp at any density of the screen and any zoom:
+ * nothing is scaled, everything is drawn anew.
+ *
+ * The canvas tells where it drew the marker, for whoever wants to check: data-marker-x and -y in CSS pixels from its corner,
+ * data-marker-stamp the stamp of that pose, data-view-x, -y, -scale, -turn the transform of transform.js.
+ */
+
+import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
+import { compose, drawAim, drawObstacle, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
+import { Trail } from "./trail.js";
+import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
+import { toScreen, toWorld } from "./transform.js";
+
+/** @typedef {{x: number, y: number, theta: number, localized: boolean, covariance?: number[] | null}} Pose */
+
+const CLOCK_STEP = 5; // s
+const SMALLEST_ROBOT = 9; // CSS pixels from the marker's middle to its tip
+
+export class RobotMap {
+  /** @param {{canvas: HTMLCanvasElement, tools?: number, frame?: (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that buttons take */
+  constructor({ canvas, tools = 0, frame = (callback) => requestAnimationFrame(callback) }) {
+    this.canvas = canvas;
+    this.tools = tools;
+    this.frame = frame;
+    this.trail = new Trail();
+    /** @type {import("./floor_plan.js").FloorPlan | null} */
+    this.site = null;
+    /** @type {CanvasImageSource | null} */
+    this.image = null;
+    /** @type {Pose | null} */
+    this.pose = null;
+    this.stamp = 0;
+    /** @type {[number, number][]} what the robot follows by itself */
+    this.path = [];
+    /** @type {[number, number][]} what the laser saw last, in the map */
+    this.seen = [];
+    this.laser = false;
+    /** @type {import("./layers.js").Aim | null} where the robot is to go, or is said to be */
+    this.aim = null;
+    /** @type {Record<"below" | "above", (context: CanvasRenderingContext2D, view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a study adds */
+    this.course = null;
+    /** @type {[number, number] | null} what the assistance minds, in the robot's frame */
+    this.obstacle = null;
+    /** @type {import("./transform.js").View | null} */
+    this.view = null;
+    this.density = 1;
+    /** what part of it is looked at */
+    this.settings = ALL;
+    this.drawn = ""; // the view that the still part was drawn for
+    this.still = document.createElement("canvas");
+    this.dirty = false;
+    new ResizeObserver(() => this.#resize()).observe(canvas);
+    this.#watchDensity();
+  }
+
+  /** @param {import("./floor_plan.js").FloorPlan} site @param {CanvasImageSource | null} image */
+  show(site, image) {
+    this.site = site;
+    this.image = image;
+    this.#resize();
+  }
+
+  /** @param {Pose} pose @param {number} stamp */
+  setPose(pose, stamp) {
+    // Two ways bring the same poses; much older means that the robot's clock was set.
+    if (stamp < this.stamp && this.stamp - stamp < CLOCK_STEP) {
+      return;
+    }
+    this.pose = pose;
+    this.stamp = stamp;
+    if (pose.localized) {
+      this.trail.add(pose.x, pose.y);
+    }
+    this.#redraw();
+  }
+
+  /** @param {[number, number][]} points */
+  setPath(points) {
+    this.path = points;
+    this.#redraw();
+  }
+
+  /** @param {Parameters<typeof scanPoints>[0]} scan @param {{x: number, y?: number, theta?: number} | null} mount null draws none */
+  setScan(scan, mount) {
+    this.seen = this.pose?.localized && mount ? scanPoints(scan, mount, this.pose) : [];
+    this.#redraw();
+  }
+
+  /** @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null, laser: boolean}} marks */
+  setMarks({ aim, obstacle, laser }) {
+    if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
+      Object.assign(this, { aim, obstacle, laser });
+      this.#redraw();
+    }
+  }
+
+  /** What a study adds, below and above the path that was driven. @param {RobotMap["course"]} course */
+  setCourse(course) {
+    this.course = course;
+    this.#redraw();
+  }
+
+  /** @param {number} px CSS pixels from the canvas's corner @param {number} py @returns {[number, number] | null} metres; null before there is a map */
+  worldAt(px, py) {
+    return this.view && toWorld(this.view, px, py);
+  }
+
+  /** @param {Partial<import("./pan_zoom.js").ViewSettings>} change */
+  setSettings(change) {
+    this.settings = { ...this.settings, ...change };
+    this.#redraw();
+  }
+
+  /** Look nearer or from farther away. @param {number} factor @param {number} [px] what stays where it is, CSS pixels @param {number} [py] */
+  zoom(factor, px, py) {
+    if (this.view && this.site) {
+      this.setSettings(zoomed(this.settings, this.view, boundsOfSite(this.site), factor, px, py));
+    }
+  }
+
+  /** @param {number} dx CSS pixels that the map moves by @param {number} dy */
+  pan(dx, dy) {
+    if (this.view && this.site) {
+      this.setSettings(moved(this.view, boundsOfSite(this.site), dx, dy));
+    }
+  }
+
+  /** Whether a point lies in the lower half of what is shown. @param {{x: number, y: number}} point m @returns {boolean} */
+  isLow({ x, y }) {
+    return this.view !== null && toScreen(this.view, x, y)[1] > this.view.height / 2;
+  }
+
+  #watchDensity() {
+    const query = matchMedia(`(resolution: ${devicePixelRatio}dppx)`);
+    query.addEventListener("change", () => {
+      this.#resize();
+      this.#watchDensity();
+    }, { once: true });
+  }
+
+  #resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!this.site || !width || !height) {
+      return;
+    }
+    this.density = devicePixelRatio;
+    this.drawn = "";
+    this.view = this.#viewNow();
+    for (const canvas of [this.canvas, this.still]) {
+      canvas.width = Math.round(width * this.density);
+      canvas.height = Math.round(height * this.density);
+    }
+    this.#redraw();
+  }
+
+  #viewNow() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return this.site && width && height ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, this.tools) : this.view;
+  }
+
+  /** @param {Record<string, string>} paint */
+  #drawStill(paint) {
+    const context = this.still.getContext("2d");
+    const key = JSON.stringify(this.view);
+    if (context && this.view && this.site && key !== this.drawn) {
+      this.drawn = key;
+      context.setTransform(1, 0, 0, 1, 0, 0);
+      context.clearRect(0, 0, this.still.width, this.still.height);
+      drawFloorPlan(context, this.view, this.density, this.site, this.image, paint);
+    }
+  }
+
+  #paint() {
+    const style = getComputedStyle(this.canvas);
+    const colour = (/** @type {string} */ name) => style.getPropertyValue(`--map-${name}`).trim();
+    return {
+      floor: colour("floor"),
+      wall: colour("wall"),
+      furniture: colour("furniture"),
+      door: colour("door"),
+      dock: colour("dock"),
+      name: colour("name"),
+      trail: colour("trail"),
+      path: colour("path"),
+      laser: colour("laser"),
+      obstacle: colour("obstacle"),
+      robot: colour("robot"),
+      lost: colour("lost"),
+      edge: colour("edge"),
+      zone: colour("zone"),
+      route: colour("route"),
+      next: colour("next"),
+      passed: colour("passed"),
+      font: `600 12px ${style.fontFamily}`,
+    };
+  }
+
+  #redraw() {
+    if (!this.dirty) {
+      this.dirty = true;
+      this.frame(() => this.#draw());
+    }
+  }
+
+  #draw() {
+    this.dirty = false;
+    const context = this.canvas.getContext("2d");
+    if (!context || !this.view) {
+      return;
+    }
+    const paint = this.#paint();
+    this.view = this.#viewNow() ?? this.view;
+    this.#drawStill(paint);
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    context.drawImage(this.still, 0, 0);
+    context.setTransform(this.density, 0, 0, this.density, 0, 0);
+    context.lineJoin = "round";
+    context.lineCap = "round";
+    this.course?.below(context, this.view, paint);
+    this.trail.pieces.forEach((piece) => this.#line(context, piece, paint.trail, 2.5, []));
+    this.#line(context, this.path, paint.path, 3, [6, 5]);
+    this.course?.above(context, this.view, paint);
+    if (this.laser) {
+      drawPoints(context, this.view, this.seen, paint.laser);
+    }
+    if (this.pose) {
+      drawUncertainty(context, this.view, this.pose, this.pose.localized ? paint.robot : paint.lost);
+    }
+    this.#marker(context, paint);
+    if (this.aim) {
+      drawAim(context, this.view, this.aim, paint.path, paint.edge);
+    }
+    if (this.obstacle && this.pose?.localized) {
+      drawObstacle(context, this.view, compose(this.pose, ...this.obstacle), paint.obstacle);
+    }
+  }
+
+  /**
+   * @param {CanvasRenderingContext2D} context @param {[number, number][]} points
+   * @param {string} colour @param {number} width @param {number[]} dash
+   */
+  #line(context, points, colour, width, dash) {
+    if (points.length < 2 || !this.view) {
+      return;
+    }
+    context.beginPath();
+    for (const [x, y] of points) {
+      context.lineTo(...toScreen(this.view, x, y));
+    }
+    context.setLineDash(dash);
+    context.lineWidth = width;
+    context.strokeStyle = colour;
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  /** @param {CanvasRenderingContext2D} context @param {Record<string, string>} paint */
+  #marker(context, paint) {
+    if (!this.pose || !this.view) {
+      return;
+    }
+    const [x, y] = toScreen(this.view, this.pose.x, this.pose.y);
+    const size = Math.max(SMALLEST_ROBOT, 0.34 * this.view.scale);
+    context.save();
+    context.translate(x, y);
+    context.rotate(-this.pose.theta - (this.view.turn ?? 0));
+    context.beginPath();
+    context.moveTo(1.25 * size, 0);
+    context.lineTo(-0.85 * size, 0.8 * size);
+    context.lineTo(-0.45 * size, 0);
+    context.lineTo(-0.85 * size, -0.8 * size);
+    context.closePath();
+    context.fillStyle = this.pose.localized ? paint.robot : paint.lost;
+    context.strokeStyle = paint.edge;
+    context.lineWidth = 2;
+    context.stroke();
+    context.fill();
+    context.restore();
+    Object.assign(this.canvas.dataset, {
+      markerX: x.toFixed(3),
+      markerY: y.toFixed(3),
+      markerTheta: this.pose.theta.toFixed(4),
+      markerStamp: String(this.stamp),
+      viewX: String(this.view.x),
+      viewY: String(this.view.y),
+      viewScale: String(this.view.scale),
+      viewTurn: String(this.view.turn ?? 0),
+    });
+  }
+}
+
+/**
+ * Fetch a floor plan and, when it has no plan of rooms, its image.
+ * @param {string} url
+ * @returns {Promise<{site: import("./floor_plan.js").FloorPlan, image: HTMLImageElement | null}>}
+ */
+export const loadFloorPlan = async (url) => {
+  const response = await fetch(url, { credentials: "same-origin" });
+  if (!response.ok) {
+    throw new Error(`floor plan: ${response.status}`);
+  }
+  const site = await response.json();
+  if (site.plan?.rooms?.length || !site.image) {
+    return { site, image: null };
+  }
+  const image = new Image();
+  image.src = site.image;
+  await image.decode();
+  return { site, image };
+};

@@ -1,0 +1,138 @@
+/**
+ * The video as a place to drive by: what is drawn on it, pressing on it, the gamepad, and what the page drives by itself for who pressed
+ * once. What to do is decided in the pure modules beside it, in input/ and in view/hud/stuck.js.
+ */
+
+import { Gamepads } from "../../input/gamepad.js";
+import { unixNow } from "../../lib/clock.js";
+import { stuckFor } from "../hud/stuck.js";
+import { scanPoints } from "../map/layers.js";
+import { FloorPress } from "./floor_press.js";
+import { OverlayCanvas } from "./overlay_canvas.js";
+import { Track } from "./transforms.js";
+
+const SCAN_SECONDS = 1; // an older sweep says nothing of the present
+const MOVING = 0.01; // m/s or rad/s
+
+const newSlice = () => ({
+  /** when the visitor last pressed forward, Unix seconds */
+  pushedAt: -Infinity,
+  /** since when the visitor presses something that ought to move the robot, null while nothing is pressed */
+  pressing: /** @type {{since: number} | null} */ (null),
+  /** why it does not move although the visitor presses: view/hud/stuck.js */
+  stuck: /** @type {import("../hud/stuck.js").Why | null} */ (null),
+  /** an answer to what the visitor has just tried, its word and when */
+  said: /** @type {{word: string, at: number} | null} */ (null),
+  /** what the page drives by itself for who pressed once: to a goal, a turn, or back out of the dock */
+  maneuver: /** @type {import("../../input/maneuver.js").Kind | null} */ (null),
+});
+
+/** What is known of the robot's surroundings, for all parts of the overlay. */
+export class Surroundings {
+  constructor() {
+    this.track = new Track();
+    /** what the laser saw last, m, of the map @type {{points: [number, number][], at: number}} */
+    this.scan = { points: [], at: -Infinity };
+    /** @type {[number, number][]} what the robot follows by itself */
+    this.path = [];
+    this.heardAt = -Infinity;
+    this.movedAt = -Infinity;
+  }
+
+  /** @param {any} message `state` or `pose` */
+  moved(message) {
+    this.track.add(message);
+    this.heardAt = unixNow();
+    if (Math.abs(message.velocity.linear) > MOVING || Math.abs(message.velocity.angular) > MOVING) {
+      this.movedAt = this.heardAt;
+    }
+  }
+
+  /** @returns {[number, number][]} */
+  get seen() {
+    return unixNow() - this.scan.at < SCAN_SECONDS ? this.scan.points : [];
+  }
+}
+
+/** @param {import("../../drive/registry.js").Page} page */
+const setUp = (page) => {
+  const { store } = page;
+  const around = new Surroundings();
+  const press = new FloorPress(page, around);
+  const canvas = new OverlayCanvas(page, around, press);
+  press.onChange = () => canvas.refresh();
+  [press.maneuver, press.pointing, newGamepads(page, press)].forEach((controller) => page.driving.steering.add(controller));
+
+  return {
+    handlers: newHandlers(store, around, canvas),
+    actions: {
+      /** Where the robot may not be sent, the page drives it out of its dock. */
+      back_out: () => press.backOut(),
+    },
+    on: {
+      frameShown: () => canvas.refresh(),
+      steered: (/** @type {import("../../protocol/command_stream.js").Intent} */ intent) => {
+        const { pressing } = store.get();
+        const presses = intent.linear !== 0 || intent.angular !== 0;
+        if (presses !== (pressing !== null)) {
+          store.update({ pressing: presses ? { since: unixNow() } : null });
+        }
+        canvas.intent = intent;
+        canvas.refresh();
+      },
+      tick: () => {
+        press.tick();
+        const why = stuckFor(store.get(), { now: unixNow(), heardAt: around.heardAt, movedAt: around.movedAt });
+        if (why?.word !== store.get().stuck?.word) {
+          store.update({ stuck: why });
+        }
+      },
+    },
+    render: (/** @type {any} */ { maneuver }) => {
+      if (maneuver && !press.maneuver.now) {
+        store.update({ maneuver: null });
+      }
+      canvas.refresh();
+    },
+  };
+};
+
+/** @param {import("../../drive/store.js").Store} store @param {Surroundings} around @param {OverlayCanvas} canvas */
+const newHandlers = (store, around, canvas) => {
+  const moved = (/** @type {any} */ message) => {
+    around.moved(message);
+    canvas.refresh();
+  };
+  return {
+    state: moved,
+    pose: moved,
+    path: (/** @type {{points: [number, number][]}} */ { points }) => {
+      around.path = points;
+      canvas.refresh();
+    },
+    scan: (/** @type {any} */ message) => {
+      const [laser, moment] = [store.get().factsheet?.laser, around.track.at(message.stamp)];
+      if (laser && moment) {
+        around.scan = { points: scanPoints(message, laser, moment), at: unixNow() };
+        canvas.refresh();
+      }
+    },
+  };
+};
+
+/** @param {import("../../drive/registry.js").Page} page @param {FloorPress} press */
+const newGamepads = ({ driving, connection }, press) => {
+  const { steering } = driving;
+  return new Gamepads({
+    emit: (shares) => steering.steer("gamepad", shares),
+    stop: driving.brake,
+    step: (change) => steering.setStep(steering.step + change),
+    onPad: ({ there, stick, standard }) => {
+      press.say(!standard ? "pad.unknown" : there ? `pad.${stick}` : "pad.gone");
+      connection.report("gamepad", { there, stick });
+    },
+  });
+};
+
+/** @type {import("../../drive/registry.js").Feature} */
+export const overlay = { name: "overlay", state: newSlice, setUp };

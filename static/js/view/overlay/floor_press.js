@@ -1,0 +1,191 @@
+/**
+ * Pressing on the video: where on the floor that is, and the maneuver that the page then drives for the visitor.
+ */
+
+import { Maneuver } from "../../input/maneuver.js";
+import { Pointing } from "../../input/pointing.js";
+import { SIDE_TURN, lookingAt, reach } from "../../input/pure_pursuit.js";
+import { unixNow } from "../../lib/clock.js";
+import { roleOf } from "../../protocol/session.js";
+import { boxOf, fromElement, sideOf, toFloor } from "./camera_model.js";
+import { mapFromRobot, robotFromMap } from "./transforms.js";
+import { hidesWall, isBehind } from "./visibility.js";
+
+/** @typedef {{no: string} | {turn: [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press means */
+
+export class FloorPress {
+  /** @param {import("../../drive/registry.js").Page} page @param {import("./feature.js").Surroundings} around */
+  constructor({ store, element, driving, video }, around) {
+    this.store = store;
+    this.around = around;
+    this.video = video;
+    this.steering = driving.steering;
+    this.stage = element("viewport");
+    this.onChange = () => {};
+    /** @type {Target | null} what the present press means */
+    this.target = null;
+    this.hand = "mouse";
+    /** the size of the stage, and how the video is fitted into it */
+    this.size = { width: 0, height: 0, fit: "contain" };
+    this.maneuver = new Maneuver({
+      offer: (method, velocity) => this.steering.drive(method, velocity),
+      onEnd: (end, kind) => this.#ended(end, kind),
+    });
+    this.pointing = new Pointing({
+      stage: this.stage,
+      onAim: (press) => this.#aim(press),
+      onGo: (press) => this.#go(this.#targetOf(press), press.method),
+      onHold: (press) => this.#hold(press),
+      onEnd: (wasHeld) => this.#lifted(wasHeld),
+      allowed: (method) => this.steering.mayUse(method),
+      barred: (method) => store.update({ barred: { method, at: unixNow() }, now: unixNow() }),
+      stop: driving.brake,
+    });
+    this.#watchHand();
+  }
+
+  /** @param {string} word */
+  say(word) {
+    this.store.update({ said: { word, at: unixNow() }, now: unixNow() });
+  }
+
+  get footprint() {
+    return this.store.get().factsheet?.footprint ?? [];
+  }
+
+  /** Whose frame is on the screen: camera, where the robot was, and where the frame lies; null while that is not known. */
+  get eye() {
+    const { camera, tilt } = this.store.get().factsheet ?? {};
+    const { width, height, fit } = this.size;
+    const moment = this.around.track.at(this.video.frameStamp());
+    const isAimed = moment?.aimed || !tilt; // where a head looks that nobody knows the angle of, nothing can be drawn
+    return camera && moment && isAimed && width ? { camera, moment, box: boxOf(camera, width, height, fit) } : null;
+  }
+
+  tick() {
+    this.pointing.tick();
+    this.#drive();
+  }
+
+  /** Out of the dock, by the hand that pressed the button, or else by one that may steer. */
+  backOut() {
+    const robot = this.around.track.newest;
+    const method = this.steering.mayUse(this.hand) ? this.hand : (this.steering.allowed?.[0] ?? this.hand);
+    if (robot && roleOf(this.store.get().visit) === "driver") {
+      this.#start("back", [robot.x, robot.y], method);
+    }
+  }
+
+  /** @param {{px: number, py: number}} press @returns {Target} */
+  #targetOf({ px, py }) {
+    const [eye, robot, { plan }] = [this.eye, this.around.track.newest, this.store.get()];
+    if (!eye || !robot) {
+      return { no: "lost" };
+    }
+    const side = sideOf(eye.box, eye.camera, px);
+    if (side && !this.store.get().robot?.docked) {
+      return { turn: lookingAt(robot, side * SIDE_TURN) };
+    }
+    const [u, v] = fromElement(eye.box, [px, py]);
+    const isInside = u >= 0 && v >= 0 && u <= eye.camera.width && v <= eye.camera.height;
+    const floor = isInside ? toFloor(eye.camera, eye.moment.tilt, [u, v]) : null;
+    if (!floor) {
+      return { no: "sky" };
+    }
+    const point = mapFromRobot(eye.moment, floor);
+    const own = robotFromMap(robot, point);
+    const { seen } = this.around;
+    if (isBehind(seen.map((one) => robotFromMap(robot, one)), own) || (robot.localized && hidesWall(plan, [robot.x, robot.y], point))) {
+      return { no: "wall" };
+    }
+    return reach(robot, own, this.footprint, seen);
+  }
+
+  /** @param {import("../../input/pointing.js").Press} press */
+  #aim(press) {
+    this.target = this.#targetOf(press);
+    this.onChange();
+  }
+
+  /** @param {import("../../input/pointing.js").Press} press */
+  #hold(press) {
+    this.target = this.#targetOf(press);
+    if (!this.#go(this.target, press.method)) {
+      this.maneuver.letGo();
+    }
+    this.onChange();
+  }
+
+  /** @param {boolean} wasHeld */
+  #lifted(wasHeld) {
+    this.target = null;
+    if (wasHeld) {
+      this.maneuver.letGo();
+      this.store.update({ maneuver: null });
+    }
+    this.onChange();
+  }
+
+  /** @param {Target} target @param {string} method @returns {boolean} whether the robot goes there now */
+  #go(target, method) {
+    if ("no" in target) {
+      if (this.store.get().robot?.docked) {
+        this.store.update({ pushedAt: unixNow(), now: unixNow() });
+      } else {
+        this.say(`point.${target.no}`);
+      }
+      return false;
+    }
+    if ("turn" in target) {
+      this.#start("turn", target.turn, method);
+    } else {
+      this.#start("goal", target.goal, method);
+    }
+    return true;
+  }
+
+  /** From this very moment, so that an older hand that is still held has lost. @param {import("../../input/maneuver.js").Kind} kind @param {[number, number]} point @param {string} method */
+  #start(kind, point, method) {
+    const { maneuver, said } = this.store.get();
+    if (maneuver !== kind || said) {
+      this.store.update({ maneuver: kind, said: null, pushedAt: -Infinity });
+    }
+    this.maneuver.start(kind, point, method, unixNow());
+    this.#drive();
+  }
+
+  #drive() {
+    const [now, { factsheet }, { track, heardAt, seen }] = [unixNow(), this.store.get(), this.around];
+    if (factsheet) {
+      this.maneuver.tick({ moment: track.newest, age: now - heardAt, full: this.steering.full, limits: factsheet.limits, footprint: this.footprint, seen }, now);
+    }
+  }
+
+  /** @param {import("../../input/maneuver.js").End} end @param {string} kind */
+  #ended(end, kind) {
+    this.store.update({ maneuver: null });
+    if (end !== "taken" && !(end === "there" && kind !== "back")) {
+      this.say(end === "there" ? "task.done.back" : `point.${end}`);
+    }
+  }
+
+  /** Which hand presses the buttons of the page, and at which side of the video it is: there it turns the robot. */
+  #watchHand() {
+    const { stage } = this;
+    const showSide = (/** @type {PointerEvent} */ { clientX, target }) => {
+      const { camera } = this.store.get().factsheet ?? {};
+      const { width, height, fit } = this.size;
+      const isOn = camera && width && /** @type {Element} */ (target).matches("#viewport, video, canvas");
+      const side = isOn ? sideOf(boxOf(camera, width, height, fit), camera, clientX - stage.getBoundingClientRect().left) : 0;
+      const name = side > 0 ? "left" : side < 0 ? "right" : "";
+      if (stage.dataset.side !== name) {
+        stage.dataset.side = name;
+      }
+    };
+    stage.addEventListener("pointerdown", showSide);
+    stage.addEventListener("pointermove", showSide);
+    stage.addEventListener("pointerleave", () => (stage.dataset.side = ""));
+    addEventListener("pointerdown", ({ pointerType }) => (this.hand = pointerType === "mouse" ? "mouse" : "touch"), true);
+    addEventListener("keydown", () => (this.hand = "keyboard"), true);
+  }
+}

@@ -1,0 +1,113 @@
+/**
+ * The canvas over the video: works out what is to be seen on it, and draws that with the next frame of the screen if it is new.
+ */
+
+import { isMoving } from "../../autonomy/robot_action.js";
+import { arcTo } from "../../input/pure_pursuit.js";
+import { roleOf } from "../../protocol/session.js";
+import { cuesFor } from "./cues.js";
+import { drawScene } from "./drawing.js";
+import { heldSteps, lineSteps, sweep } from "./swept_path.js";
+
+const SHOWN_SECONDS = 6; // of driving on like this: the camera sees no floor that is nearer than a metre
+const COLOURS = ["free", "near", "close", "committed", "goal", "next", "edge"];
+/** @type {Omit<import("./drawing.js").Scene, "cues" | "radius">} */
+const NOTHING = Object.freeze({ sweptPath: null, committed: false, goal: null });
+
+export class OverlayCanvas {
+  /** @param {import("../../drive/registry.js").Page} page @param {import("./feature.js").Surroundings} around @param {import("./floor_press.js").FloorPress} press */
+  constructor({ store, element }, around, press) {
+    this.store = store;
+    this.around = around;
+    this.press = press;
+    this.canvas = /** @type {HTMLCanvasElement} */ (element("overlay"));
+    /** @type {import("../../protocol/command_stream.js").Intent} that is sent to the robot */
+    this.intent = { linear: 0, angular: 0, method: "" };
+    this.dirty = false;
+    this.drawn = "";
+    /** thirty frames a second show the same path @type {{of: any[], scene: typeof NOTHING}} */
+    this.last = { of: [], scene: NOTHING };
+    const video = element("video");
+    new ResizeObserver(() => this.#resize(video)).observe(press.stage);
+  }
+
+  /** Draw with the next frame, if there is anything new. */
+  refresh() {
+    if (!this.dirty) {
+      this.dirty = true;
+      requestAnimationFrame(() => this.#draw());
+    }
+  }
+
+  /** @param {HTMLElement} video */
+  #resize(video) {
+    const { clientWidth: width, clientHeight: height } = this.press.stage;
+    this.press.size = { width, height, fit: getComputedStyle(video).objectFit };
+    this.drawn = "?";
+    this.canvas.width = Math.round(width * devicePixelRatio);
+    this.canvas.height = Math.round(height * devicePixelRatio);
+    this.refresh();
+  }
+
+  /** @returns {typeof NOTHING} */
+  #path() {
+    const [robot, { factsheet, task }] = [this.around.track.newest, this.store.get()];
+    const { target, maneuver, footprint } = this.press;
+    if (!robot || !factsheet) {
+      return NOTHING;
+    }
+    if (target) {
+      return "goal" in target ? { ...NOTHING, ...target } : NOTHING;
+    }
+    if (maneuver.now?.kind === "goal") {
+      return { ...NOTHING, goal: maneuver.now.point, sweptPath: sweep(arcTo(robot, maneuver.now.point), footprint, this.around.seen) };
+    }
+    if (isMoving(task)) {
+      return { ...NOTHING, committed: true, sweptPath: sweep(lineSteps(robot, this.around.path), footprint, []) };
+    }
+    const held = this.intent.linear || this.intent.angular ? heldSteps(robot, this.intent, factsheet.limits, SHOWN_SECONDS) : [];
+    return { ...NOTHING, sweptPath: sweep(held, footprint, this.around.seen, this.intent.linear < 0 ? -1 : 1) };
+  }
+
+  #pathNow() {
+    const [{ track, scan, path }, { task, factsheet }] = [this.around, this.store.get()];
+    const of = [track.newest, scan, path, this.intent, this.press.target, this.press.maneuver.now?.point, task, factsheet];
+    if (of.some((one, i) => one !== this.last.of[i])) {
+      this.last = { of, scene: this.#path() };
+    }
+    return this.last.scene;
+  }
+
+  #draw() {
+    this.dirty = false;
+    const [state, { eye }, context] = [this.store.get(), this.press, this.canvas.getContext("2d")];
+    const shows = state.playing && roleOf(state.visit) === "driver" && eye !== null;
+    const scene = shows ? { ...this.#pathNow(), radius: Math.max(...this.press.footprint.map(([x]) => x)), cues: cuesFor(state, eye.moment) } : null;
+    const key = scene && eye && (scene.sweptPath || scene.goal || scene.cues.length) ? keyOf(scene, eye) : "";
+    if (key === this.drawn || !context) {
+      return;
+    }
+    this.drawn = key;
+    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    context.clearRect(0, 0, this.press.size.width, this.press.size.height);
+    if (key && scene && eye) {
+      drawScene(context, eye, scene, this.#paint());
+    }
+    const { dataset } = this.canvas;
+    dataset.shows = scene?.goal ? "goal" : scene?.sweptPath?.slices.length ? (scene.committed ? "path" : "held") : "";
+    dataset.goal = scene?.goal?.map((value) => value.toFixed(3)).join(" ") ?? "";
+    dataset.cues = scene?.cues.map(({ sign, hidden }) => `${sign || "dock"}${hidden ? " hidden" : ""}`).join() ?? "";
+  }
+
+  #paint() {
+    const style = getComputedStyle(this.canvas);
+    return { ...Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()])), font: `700 15px ${style.fontFamily}` };
+  }
+}
+
+/** The same for what looks the same. @param {import("./drawing.js").Scene} scene @param {import("./drawing.js").Eye} eye */
+const keyOf = ({ sweptPath, goal, cues }, { moment, box }) => {
+  const end = sweptPath?.slices.at(-1);
+  const parts = [moment.x, moment.y, moment.theta, moment.tilt, ...(end?.left ?? []), end?.clearance ?? 0, ...(goal ?? []), sweptPath?.slices.length ?? 0, box.scale, box.left, box.top];
+  return `${parts.map((value) => value.toFixed(3))}${cues.map(({ sign, hidden }) => sign + hidden)}`;
+};

@@ -1,0 +1,34 @@
+/** The connection in figures, for profiles that show them; the panel is fetched when it is first wanted. */
+
+import { lazy } from "../../lib/lazy.js";
+import { profileOf } from "../display/profiles.js";
+
+/** @param {import("../../drive/features.js").State} state */
+const isWanted = (state) => profileOf(state).figures && state.visit.phase === "driving";
+
+/** @param {import("../../drive/registry.js").Page} page */
+const setUp = (page) => {
+  const { store, element, words } = page;
+  const panel = lazy(async () => (await import("./panel.js")).createTechnical({ element, words, raw: () => rawOf(page) }));
+  let wanted = false;
+  return {
+    render: (/** @type {import("../../drive/features.js").State} */ state) => {
+      if (isWanted(state) !== wanted) {
+        wanted = isWanted(state);
+        panel((show) => show(isWanted(store.get())));
+      }
+    },
+  };
+};
+
+/** What the figures are made of. @param {import("../../drive/registry.js").Page} page @returns {import("./figures.js").Raw} */
+const rawOf = ({ store, connection: { link, clockSync }, video: { fallback, shown, viewport } }) => ({
+  connection: fallback.on ? null : (link.peer?.connection ?? null),
+  state: store.get(),
+  trips: { datachannel: clockSync.roundTrip("datachannel"), mqtt: clockSync.roundTrip("mqtt") },
+  glass: fallback.on || clockSync.offset === null || shown.stamp === null ? null : Math.max(0, shown.at + clockSync.offset - shown.stamp),
+  size: viewport.size,
+});
+
+/** @type {import("../../drive/registry.js").Feature} */
+export const technical = { name: "technical", setUp };

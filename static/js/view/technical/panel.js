@@ -1,0 +1,70 @@
+/**
+ * Shows the connection in figures, twice a second, in places that are made once and keep their size; and copies them as text. Loaded when
+ * somebody wants to see it (view/display/feature.js).
+ */
+
+import { backToDriving, write } from "../../lib/dom.js";
+import { Figures } from "./figures.js";
+
+const PERIOD_MS = 500;
+const COPIED_MS = 2000;
+
+/**
+ * @param {object} page
+ * @param {(id: string) => HTMLElement} page.element
+ * @param {import("../../lib/words.js").Words} page.words
+ * @param {() => import("./figures.js").Raw} page.raw
+ * @returns {(shown: boolean) => void}
+ */
+export const createTechnical = ({ element, words, raw }) => {
+  const panel = element("technical");
+  const figures = new Figures((way) => words.say(`figure.way.${way}`), document.documentElement.lang);
+  /** @type {Map<string, HTMLElement>} */
+  const values = new Map();
+  /** @type {import("./figures.js").Figure[]} */
+  let last = [];
+  /** @type {ReturnType<typeof setInterval> | undefined} */
+  let timer;
+
+  /** @param {import("./figures.js").Figure} figure */
+  const place = ({ key, unit }) => {
+    const cell = document.createElement("div");
+    const [name, value, text] = [document.createElement("dt"), document.createElement("dd"), document.createElement("span")];
+    cell.className = "figure";
+    cell.dataset.figure = key;
+    name.textContent = words.say(`figure.${key}`);
+    value.append(text, unit && ` ${unit}`);
+    cell.append(name, value);
+    values.set(key, text);
+    return cell;
+  };
+
+  const show = async () => {
+    const now = raw();
+    const report = now.connection ? [...(await now.connection.getStats()).values()] : null;
+    last = figures.read(now, report);
+    if (values.size === 0) {
+      element("figures").append(...last.map(place));
+    }
+    last.forEach(({ key, value }) => write(/** @type {HTMLElement} */ (values.get(key)), value));
+  };
+
+  element("figures-copy").addEventListener("click", async () => {
+    const lines = last.map(({ key, value, unit }) => `${words.say(`figure.${key}`)}: ${value} ${unit}`.trim());
+    const copied = await navigator.clipboard?.writeText([document.title, new Date().toISOString(), navigator.userAgent, ...lines].join("\n")).then(() => true, () => false);
+    const text = element("figures-copy-text");
+    write(text, words.say(copied ? "do.copied" : "do.copy_failed"));
+    setTimeout(() => write(text, words.say("do.copy")), COPIED_MS);
+    backToDriving(element);
+  });
+
+  return (shown) => {
+    panel.hidden = !shown;
+    element("drive-page").toggleAttribute("data-figures", shown);
+    clearInterval(timer);
+    if (shown) {
+      void show();
+      timer = setInterval(() => void show(), PERIOD_MS);
+    }
+  };
+};

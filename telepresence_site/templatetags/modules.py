@@ -1,0 +1,24 @@
+"""`{% modulepreload %}`: have a browser fetch a page's modules at once and not one after the
+other.
+"""
+
+from django import template
+from django.templatetags.static import static
+from django.utils.html import format_html_join
+from django.utils.safestring import SafeString
+
+from telepresence_site.web.module_graph import modules_of
+
+register = template.Library()
+
+
+@register.simple_tag
+def modulepreload(entry: str, beside: str = "") -> SafeString:
+    """Return a link for an entry and for each module that it imports, but for those that the page
+    has by another entry, `beside`.
+    """
+    there = set(modules_of(beside)) if beside else set()
+    names = [name for name in modules_of(entry) if name not in there]
+    return format_html_join(
+        "\n  ", '<link rel="modulepreload" href="{}">', ((static(name),) for name in names)
+    )

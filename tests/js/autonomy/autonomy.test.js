@@ -1,0 +1,538 @@
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { describe, test } from "node:test";
+
+import { newVisit, reduce } from "../../../static/js/protocol/session.js";
+import { Aiming, headingOf } from "../../../static/js/input/aiming.js";
+import { alertFor } from "../../../static/js/view/hud/alert.js";
+import {
+  HOLD_SECONDS,
+  HeldHelp,
+  NO_HELP,
+  helpFrom,
+  sideOf,
+  wordOf,
+} from "../../../static/js/autonomy/assistance.js";
+import { cardFor } from "../../../static/js/view/hud/card.js";
+import { menuFor, showsLaser } from "../../../static/js/autonomy/map_bar.js";
+import { offerFor } from "../../../static/js/autonomy/offer.js";
+import { reasonFor } from "../../../static/js/autonomy/reasons.js";
+import { ellipseOf, scanPoints } from "../../../static/js/view/map/layers.js";
+import { newState } from "../../../static/js/drive/features.js";
+import {
+  AGAIN_SECONDS,
+  PATIENCE_SECONDS,
+  READING_SECONDS,
+  ask,
+  heard,
+  isMoving,
+  messageOf,
+  pass,
+  wishOf,
+} from "../../../static/js/autonomy/robot_action.js";
+
+const TEMPLATE = readFileSync(
+  new URL("../../../templates/sessions/_words.html", import.meta.url),
+  "utf8",
+);
+const KEYS = new Set(Array.from(TEMPLATE.matchAll(/data-word="([^"]+)"/g), ([, key]) => key));
+const ALL = ["velocity", "goto", "dock", "undock", "relocalize", "assist", "scan", "localization"];
+const robotOf = (more = {}) => ({
+  docked: false,
+  assist: "off",
+  pose: { x: 1, y: 2, theta: 0, localized: true },
+  safety: { estop: false, inhibited: null, collision: false },
+  ...more,
+});
+const driving = (more = {}, capabilities = ALL) => ({
+  ...newState(),
+  playing: true,
+  visit: { ...newVisit(), socket: "open", online: true, phase: "driving", link: "live" },
+  factsheet: { capabilities },
+  robot: robotOf(),
+  plan: { places: [{ name: "sofa", title: "Sofa" }] },
+  ...more,
+});
+const news = (status, more = {}) => ({
+  actionId: "a",
+  status,
+  type: "goto",
+  reason: "",
+  result: {},
+  ...more,
+});
+const going = (more = {}) => ({
+  ...ask({ type: "goto", place: "sofa", title: "Sofa" }, "a", 10),
+  status: "RUNNING",
+  ...more,
+});
+const close = (actual, expected) =>
+  actual.forEach((value, i) =>
+    assert.ok(Math.abs(value - expected[i]) < 1e-9, `${actual} is not ${expected}`),
+  );
+
+describe("a task", () => {
+  test("is said again under the same id until the robot answers, and then no more", () => {
+    const task = ask({ type: "undock" }, "a", 10);
+    assert.equal(pass(task, 10 + AGAIN_SECONDS / 2).send, false);
+    const again = pass(task, 10.1 + AGAIN_SECONDS);
+    assert.deepEqual([again.send, again.action.id], [true, "a"]);
+    assert.equal(pass(again.action, again.action.sentAt + AGAIN_SECONDS / 2).send, false);
+    assert.equal(pass(heard(task, news("WAITING"), 11), 30).send, false);
+  });
+
+  test("that finds no answer has failed for that reason, and can be had again", () => {
+    const { action: task } = pass(
+      ask({ type: "goto", place: "sofa", title: "Sofa" }, "a", 10),
+      10.1 + PATIENCE_SECONDS,
+    );
+    assert.deepEqual([task.status, task.reason], ["FAILED", "no_answer"]);
+    assert.deepEqual(wishOf(task), { type: "goto", place: "sofa", title: "Sofa" });
+  });
+
+  test("says on the wire what the Robot API knows, and not the title of a place", () => {
+    const message = messageOf(going(), { session: "s", epoch: 3 }, 12);
+    assert.deepEqual(message, {
+      type: "goto",
+      actionId: "a",
+      stamp: 12,
+      session: "s",
+      epoch: 3,
+      place: "sofa",
+    });
+  });
+
+  test("takes the robot's progress and reason, within bounds", () => {
+    const task = heard(
+      going(),
+      news("RUNNING", { reason: "backs off", result: { progress: 1.7 } }),
+      12,
+    );
+    assert.deepEqual([task.progress, task.reason], [1, "backs off"]);
+    assert.equal(heard(task, news("RUNNING"), 13).progress, 1);
+  });
+
+  test("a refusal of the first moment is no end, a later word is, and nothing revives it", () => {
+    const asked = ask({ type: "undock" }, "a", 10);
+    assert.equal(heard(asked, news("FAILED", { reason: "clock_unknown" }), 10.1), asked);
+    const ended = heard(going(), news("FAILED", { reason: "the laser is silent" }), 12);
+    assert.equal(ended.status, "FAILED");
+    assert.equal(heard(ended, news("RUNNING"), 13), ended);
+  });
+
+  test("of another page is left alone, unless the robot does it and this page has none", () => {
+    const mine = going();
+    assert.equal(heard(mine, news("RUNNING", { actionId: "b" }), 12), mine);
+    assert.equal(heard(null, news("FINISHED", { actionId: "b" }), 12), null);
+    assert.equal(heard(null, news("RUNNING", { actionId: "b", type: "photo" }), 12), null);
+    assert.deepEqual(
+      [
+        heard(null, news("RUNNING", { actionId: "b" }), 12).id,
+        heard(null, news("RUNNING", { actionId: "b" }), 12).status,
+      ],
+      ["b", "RUNNING"],
+    );
+  });
+
+  test("that ended can be read for a moment, and one that failed until the visitor acts", () => {
+    const done = heard(going(), news("FINISHED"), 20);
+    assert.equal(pass(done, 20 + READING_SECONDS / 2).action, done);
+    assert.equal(pass(done, 20.1 + READING_SECONDS).action, null);
+    const failed = heard(going(), news("FAILED"), 20);
+    assert.equal(pass(failed, 2000).action, failed);
+  });
+
+  test("looking for its place is nothing that moves the robot", () => {
+    assert.equal(isMoving(ask({ type: "relocalize" }, "a", 1)), false);
+    assert.equal(isMoving(going()), true);
+  });
+});
+
+describe("what is offered", () => {
+  test("a docked robot offers one thing to do: leave the dock", () => {
+    const offer = offerFor(driving({ robot: robotOf({ docked: true }) }));
+    assert.deepEqual(
+      [offer.word, offer.main.action, offer.other],
+      ["dock.here", "undock", undefined],
+    );
+  });
+
+  test("what a robot cannot do is not offered; the page drives it out of its dock instead", () => {
+    const docked = driving({ robot: robotOf({ docked: true }) }, ["velocity"]);
+    const lost = driving({ robot: robotOf({ pose: { localized: false } }) }, ["velocity"]);
+    assert.equal(offerFor(lost), null);
+    assert.deepEqual(offerFor(docked).main, { action: "back_out", word: "do.undock" });
+    assert.deepEqual(offerFor({ ...docked, maneuver: "back" }).main, {
+      action: "stop",
+      word: "do.stop",
+    });
+    assert.deepEqual(menuFor(docked), []);
+  });
+
+  test("nothing is offered to whoever only watches", () => {
+    const state = driving({ robot: robotOf({ docked: true }), task: going() });
+    const watching = { ...state, visit: { ...state.visit, phase: "watching" } };
+    assert.deepEqual([offerFor(watching), menuFor(watching)], [null, []]);
+  });
+
+  test("while it goes, the panel says where to, how far, and first what it waits for", () => {
+    const offer = offerFor(driving({ task: going({ progress: 0.4 }) }));
+    assert.deepEqual(
+      [offer.word, offer.values, offer.progress, offer.main.action, offer.detail.word],
+      ["task.place", { place: "Sofa" }, 0.4, "stop", "task.take_over"],
+    );
+    assert.equal(
+      offerFor(driving({ task: going({ reason: "waits for somebody in the way" }) })).detail.word,
+      "reason.somebody",
+    );
+  });
+
+  test("a robot that is blocked says why and offers two ways on", () => {
+    const offer = offerFor(
+      driving({ task: going({ status: "FAILED", reason: "blocked: Laboratory door is closed" }) }),
+    );
+    assert.deepEqual(offer.detail, {
+      word: "reason.door_closed",
+      values: { door: "Laboratory door" },
+    });
+    assert.deepEqual([offer.main.action, offer.other.action], ["task_again", "task_dismiss"]);
+  });
+
+  test("a key that took over is confirmed, a stop as well", () => {
+    assert.equal(
+      offerFor(driving({ task: going({ status: "CANCELLED", reason: "manual" }) })).word,
+      "task.yours",
+    );
+    assert.equal(
+      offerFor(driving({ task: going({ status: "CANCELLED", reason: "stopped" }) })).word,
+      "task.stopped",
+    );
+  });
+
+  test("a lost robot is called lost, with two ways on, until the visitor shows its place", () => {
+    const lost = { robot: robotOf({ pose: { localized: false } }) };
+    assert.deepEqual(
+      [offerFor(driving(lost)).main.action, offerFor(driving(lost)).other.action],
+      ["show_pose", "search"],
+    );
+    assert.equal(alertFor(driving(lost)).word, "alert.lost");
+    assert.equal(
+      offerFor(driving({ ...lost, aim: { kind: "pose", x: null, y: null, theta: null } })),
+      null,
+    );
+  });
+
+  test("the menu has the places, the way home, and what the laser sees", () => {
+    assert.deepEqual(
+      menuFor(driving()).map(({ action }) => action),
+      ["go_home", "go_to:sofa", "show_pose", "laser"],
+    );
+    assert.deepEqual(
+      menuFor(driving({ robot: robotOf({ docked: true }) }))
+        .map(({ action }) => action)
+        .includes("go_home"),
+      false,
+    );
+  });
+
+  test("laser points show while the robot assists, unless the visitor chose otherwise", () => {
+    const shows = (assist, laser) => showsLaser(driving({ laser, robot: robotOf({ assist }) }));
+    assert.deepEqual(
+      [shows("off", null), shows("slow", null), shows("slow", false), shows("off", true)],
+      [false, true, false, true],
+    );
+  });
+
+  test("every offer has its words", () => {
+    const types = ["goto", "follow", "dock", "undock", "relocalize"];
+    const tasks = types.flatMap((type) =>
+      ["", "Sofa"].flatMap((title) =>
+        ["ASKED", "RUNNING", "FINISHED", "FAILED", "CANCELLED"].map((status) =>
+          going({ type, title, status }),
+        ),
+      ),
+    );
+    const offers = [
+      ...tasks.map((task) => offerFor(driving({ task }))),
+      offerFor(driving({ robot: robotOf({ docked: true }) })),
+      offerFor(driving({ robot: robotOf({ pose: { localized: false } }) })),
+    ];
+    const keys = offers
+      .flatMap(({ word, detail, main, other }) => [word, detail?.word, main?.word, other?.word])
+      .filter(Boolean);
+    const menu = menuFor(driving()).flatMap(({ word }) => word ?? []);
+    assert.deepEqual([...keys, ...menu].filter((key) => !KEYS.has(key)), []);
+  });
+});
+
+describe("reasons", () => {
+  const SAID = {
+    "blocked: Laboratory door is closed": "reason.door_closed",
+    "the charging station cannot be reached: blocked: Laboratory door is closed":
+      "reason.door_closed",
+    "blocked: Laboratory door is closed and Living room door is closed": "reason.blocked",
+    "blocked: something stands in the doorway (Laboratory door)": "reason.doorway",
+    "blocked: something stands in the way at (3.2, 4.0) in Laboratory": "reason.in_the_way",
+    "blocked: something stands in the way at (3.2, 4.0)": "reason.blocked",
+    ["blocked: something stands in the way at (3.2, 4.0) in Laboratory" +
+    " and Laboratory door is closed"]:
+      "reason.blocked",
+    "the robot is boxed in: it has no room to move": "reason.boxed_in",
+    "the charging station cannot be reached: no way leads to the goal on the map": "reason.no_way",
+    "the goal (3.2, 4.0) lies in a wall or where the robot does not fit": "reason.in_wall",
+    "the goal (99.0, 4.0) lies outside of the map": "reason.outside",
+    "the robot could not dock in 3 tries: the contacts did not meet": "reason.dock_failed",
+    "the contacts did not meet: backs out": "reason.tries_again",
+    "somebody has stood in the way for too long": "reason.somebody_stayed",
+    "the laser has not been heard yet": "reason.laser",
+    "the robot has not found itself; drive it a little, or show it where it is": "reason.not_found",
+    "navigation has stopped answering": "reason.navigation",
+    no_answer: "reason.connection",
+    "the flux compensator hums": "reason.other",
+  };
+
+  test("the robot's sentences are said in the page's words", () => {
+    assert.deepEqual(
+      Object.keys(SAID).map((reason) => [reason, reasonFor(reason).word]),
+      Object.entries(SAID),
+    );
+    assert.deepEqual(Object.values(SAID).filter((word) => !KEYS.has(word)), []);
+    assert.equal(reasonFor(""), null);
+  });
+
+  test("they name the door or the room, and what is not known is quoted", () => {
+    assert.deepEqual(
+      reasonFor("blocked: something stands in the doorway (Laboratory door)").values,
+      { door: "Laboratory door" },
+    );
+    assert.deepEqual(
+      reasonFor("blocked: something stands in the way at (3.2, 4.0) in Living room").values,
+      { room: "Living room" },
+    );
+    assert.deepEqual(reasonFor("the flux compensator hums").values, {
+      reason: "the flux compensator hums",
+    });
+  });
+});
+
+describe("assistance", () => {
+  test("a point is ahead, left, right or behind of the robot", () => {
+    assert.deepEqual(
+      [
+        [1, 0.2],
+        [0.1, 0.5],
+        [0.1, -0.5],
+        [-1, 0.1],
+        [-1, -0.1],
+      ].map(sideOf),
+      ["ahead", "left", "right", "behind", "behind"],
+    );
+    assert.equal(sideOf(null), "");
+  });
+
+  test("a word of a newer robot is not shown", () =>
+    assert.equal(helpFrom("dance", [1, 0]), NO_HELP));
+
+  test("each word has its sentence, wherever the point is", () => {
+    const points = [null, [1, 0], [0, 1], [0, -1], [-1, 0]];
+    const words = ["slow", "stop", "steer", "blind"].flatMap((why) =>
+      points.map((point) => wordOf(helpFrom(why, point))),
+    );
+    assert.deepEqual(words.filter((word) => !KEYS.has(word)), []);
+    assert.equal(wordOf(NO_HELP), "");
+  });
+
+  test("a word shows at once, and one that flickers stays in sight", () => {
+    const held = new HeldHelp();
+    assert.equal(held.hear(helpFrom("slow", [1, 0]), 10).why, "slow");
+    const shown = Array.from(
+      { length: 20 },
+      (_, i) =>
+        held.hear(i % 2 ? helpFrom("slow", [1, 0]) : helpFrom("steer", [0, 1]), 10.1 + i / 10).why,
+    );
+    assert.deepEqual(new Set(shown), new Set(["slow"]));
+  });
+
+  test("another word, or none, takes its place after half a second", () => {
+    const held = new HeldHelp();
+    held.hear(helpFrom("slow", [1, 0]), 10);
+    assert.equal(held.hear(helpFrom("stop", [1, 0]), 10.1).why, "slow");
+    assert.equal(held.hear(helpFrom("stop", [1, 0]), 10.05 + HOLD_SECONDS).why, "stop");
+    assert.equal(held.hear(NO_HELP, 10.2 + HOLD_SECONDS).why, "stop");
+    assert.equal(held.hear(NO_HELP, 10.1 + 2 * HOLD_SECONDS).why, "");
+  });
+
+  test("a robot that falls silent does not leave a word standing", () => {
+    const held = new HeldHelp();
+    held.hear(helpFrom("stop", [1, 0]), 10);
+    assert.equal(held.tick(10.2).why, "stop");
+    assert.equal(held.tick(12).why, "");
+  });
+
+  test("the line over the picture says why, and what is urgent comes before", () => {
+    const help = helpFrom("stop", [0.1, 0.4]);
+    assert.equal(alertFor(driving({ help })).word, "assist.stop.left");
+    assert.equal(
+      alertFor(driving({ help, robot: robotOf({ safety: { estop: true } }) })).word,
+      "alert.estop",
+    );
+  });
+});
+
+describe("at the dock", () => {
+  test("pressing forward explains itself for a moment", () => {
+    const robot = robotOf({ docked: true });
+    assert.equal(
+      alertFor(driving({ robot, now: 101, pushedAt: 100 })).word,
+      "alert.docked_forward",
+    );
+    assert.equal(alertFor(driving({ robot, now: 110, pushedAt: 100 })), null);
+    assert.equal(alertFor(driving({ now: 101, pushedAt: 100 })), null);
+  });
+});
+
+describe("the queue of a robot that is not ready", () => {
+  const card = (reason, place = 1) => {
+    const { visit } = reduce(
+      { ...newVisit(), socket: "open", phase: "taking" },
+      { type: "session/queued", message: { session: "s", place, minutes: 2, reason } },
+    );
+    return cardFor({ ...newState(), visit });
+  };
+
+  test("says what the robot does first", () => {
+    assert.deepEqual(
+      ["returning: dock", "charging: charging", "returning: offline", "paused: estop", ""].map(
+        (reason) => card(reason).word,
+      ),
+      [...["queued.returning", "queued.charging", "queued.offline", "queued.estop", "queued.next"]],
+    );
+    assert.equal(card("returning: dock", 3).values.place, 3);
+  });
+
+  test("says why the robot did not get home", () => {
+    const { word, detail } = card(
+      "paused: the charging station cannot be reached: blocked: Laboratory door is closed",
+    );
+    assert.deepEqual(
+      [word, detail],
+      ["queued.paused", { word: "reason.door_closed", values: { door: "Laboratory door" } }],
+    );
+  });
+
+  test("says that a robot in its station is looked at, and what was found wrong with it", () => {
+    assert.deepEqual(
+      ["picture", "network", "level", "relocalize"].map(
+        (reason) => card(`returning: ${reason}`).word,
+      ),
+      Array(4).fill("queued.checked"),
+    );
+    const unfit = ["no_picture", "network"].map((reason) => card(`paused: ${reason}`));
+    assert.deepEqual(
+      unfit.map(({ word, detail }) => [word, detail.word]),
+      [
+        ["queued.unfit", "reason.camera"],
+        ["queued.unfit", "reason.network"],
+      ],
+    );
+  });
+
+  test("says what of a study's start condition does not hold", () => {
+    const reasons = ["not_docked", "elsewhere", "lost", "charge", "silent"];
+    assert.deepEqual(
+      reasons.map((reason) => card(`start: ${reason}`).word),
+      reasons.map((reason) => `queued.start_${reason}`),
+    );
+    assert.equal(card("start: something_newer").word, "queued.start_silent");
+    assert.deepEqual(
+      reasons
+        .flatMap((reason) => [`queued.start_${reason}.title`, `queued.start_${reason}.text`])
+        .filter((key) => !KEYS.has(key)),
+      [],
+    );
+  });
+
+  test("has its words", () => {
+    const words = [
+      "returning: dock",
+      "returning: picture",
+      "charging: charging",
+      "returning: offline",
+      "paused: estop",
+      "paused: x",
+      "paused: network",
+    ].map((reason) => card(reason).word);
+    assert.deepEqual(
+      words.flatMap((word) => [`${word}.title`, `${word}.text`]).filter((key) => !KEYS.has(key)),
+      [],
+    );
+  });
+});
+
+describe("the map", () => {
+  test("a drag says where the robot looks, a tap does not", () => {
+    assert.equal(headingOf([10, 10], [14, 12]), null);
+    close([headingOf([10, 10], [40, 10]), headingOf([10, 40], [10, 10])], [0, Math.PI / 2]);
+  });
+
+  test("a press chooses a point, a drag its heading; a second finger changes nothing", () => {
+    const target = new EventTarget();
+    const canvas = Object.assign(target, {
+      setPointerCapture: () => undefined,
+      getBoundingClientRect: () => ({ left: 100, top: 50 }),
+    });
+    const aims = [];
+    const aiming = new Aiming({
+      canvas,
+      toWorld: (px, py) => [px / 10, py / 10],
+      onAim: (...aim) => aims.push(aim),
+    });
+    const say = (type, pointerId, clientX, clientY) =>
+      canvas.dispatchEvent(
+        Object.assign(new Event(type), { pointerId, clientX, clientY, button: 0 }),
+      );
+    say("pointerdown", 1, 150, 80);
+    assert.deepEqual(aims, []);
+    aiming.enable();
+    say("pointerdown", 1, 150, 80);
+    say("pointerdown", 2, 300, 300);
+    say("pointermove", 2, 300, 300);
+    say("pointermove", 1, 190, 80);
+    say("pointerup", 1, 190, 80);
+    say("pointermove", 1, 300, 300);
+    assert.deepEqual(aims, [[5, 3, null], [5, 3, 0]]);
+  });
+
+  test("what the laser sees is seen from where the laser sits", () => {
+    const scan = {
+      angleMin: -Math.PI / 2,
+      angleIncrement: Math.PI / 2,
+      rangeMax: 8,
+      ranges: [1, 2, null, 8],
+    };
+    const [right, ahead, ...others] = scanPoints(
+      scan,
+      { x: 0.5 },
+      { x: 1, y: 2, theta: Math.PI / 2 },
+    );
+    close(right, [2, 2.5]);
+    close(ahead, [1, 4.5]);
+    assert.deepEqual(others, []);
+    close(
+      scanPoints(
+        { ...scan, angleMin: 0, ranges: [1] },
+        { x: 0, y: 0, theta: Math.PI / 2 },
+        { x: 0, y: 0, theta: 0 },
+      )[0],
+      [0, 1],
+    );
+  });
+
+  test("the ellipse lies along the greater uncertainty", () => {
+    const { along, across, turn } = ellipseOf([0.01, 0, 0, 0.04, 0, 0]);
+    close([along, across, Math.abs(turn)], [0.4, 0.2, Math.PI / 2]);
+    close([ellipseOf([0.02, 0.01, 0, 0.02, 0, 0]).turn], [Math.PI / 4]);
+    assert.equal(ellipseOf(null), null);
+    assert.equal(ellipseOf([1e-9, 1e-3, 0, 1e-9, 0, 0]).across, 0);
+  });
+});

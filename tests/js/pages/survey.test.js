@@ -1,0 +1,136 @@
+/** The modules of the questionnaire's page that need no page. */
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+
+import { createAttention } from "../../../static/js/pages/survey/attention.js";
+import { shownKeys } from "../../../static/js/pages/survey/conditions.js";
+import { createSaver } from "../../../static/js/pages/survey/saver.js";
+
+const CASES = JSON.parse(
+  readFileSync(new URL("../../golden/survey_conditions.json", import.meta.url), "utf8"),
+);
+
+for (const { name, questions, said, shown } of CASES) {
+  test(`conditions say the same as the server: ${name}`, () => {
+    const listed = Object.entries(questions).map(([key, condition]) => ({
+      key, condition: condition && { is: [], at_least: null, at_most: null, ...condition },
+    }));
+    assert.deepEqual([...shownKeys(listed, (key) => said[key] ?? [])], shown);
+  });
+}
+
+test("the time before a touch belongs to what is touched", () => {
+  let now = 100;
+  const attention = createAttention(() => now);
+  now = 103;
+  attention.touch("a");
+  now = 104;
+  attention.touch("b");
+  now = 106;
+  attention.touch("a");
+  assert.deepEqual(attention.all(), { a: 5, b: 1 });
+});
+
+test("time out of sight belongs to nothing, and time before it is not lost", () => {
+  let now = 0;
+  const attention = createAttention(() => now);
+  now = 2;
+  attention.setSeen(false);
+  attention.setSeen(false);
+  now = 50;
+  attention.setSeen(true);
+  now = 53;
+  attention.touch("a");
+  attention.setSeen(false);
+  now = 90;
+  attention.touch("b");
+  assert.deepEqual(attention.all(), { a: 5, b: 0 });
+});
+
+const memory = () => {
+  const kept = new Map();
+  return {
+    getItem: (key) => kept.get(key) ?? null,
+    setItem: (key, value) => kept.set(key, value),
+    removeItem: (key) => kept.delete(key),
+    kept,
+  };
+};
+
+/** A saver whose requests are answered by hand. */
+const rig = (storage = memory()) => {
+  const sent = [];
+  const told = [];
+  const waits = [];
+  const saver = createSaver({
+    send: (key, fields) => new Promise((resolve) => sent.push({ key, fields, resolve })),
+    tell: (state, key, error) => told.push([state, key, error]),
+    storage,
+    name: "page",
+    later: (run, ms) => waits.push({ run, ms }),
+  });
+  const answer = async (outcome) => {
+    sent.at(-1).resolve(outcome);
+    await new Promise((resolve) => setImmediate(resolve));
+  };
+  return { saver, sent, told, waits, answer, storage };
+};
+
+const OK = { ok: true, final: true };
+const LOST = { ok: false, final: false };
+
+test("answers are sent one after the other, and of each question only the newest", async () => {
+  const { saver, sent, answer } = rig();
+  saver.save("a", [["a", "1"]]);
+  saver.save("b", [["b", "1"]]);
+  saver.save("b", [["b", "2"]]);
+  saver.save("a", [["a", "3"]]);
+  assert.equal(sent.length, 1);
+  for (let n = 0; n < 3; n += 1) await answer(OK);
+  assert.deepEqual(sent.map(({ fields }) => fields), [[["a", "1"]], [["b", "2"]], [["a", "3"]]]);
+  assert.equal(saver.unsent().size, 0);
+});
+
+test("what does not arrive is tried again, with longer and longer waits", async () => {
+  const { saver, sent, waits, answer, told } = rig();
+  saver.save("a", [["a", "1"]]);
+  for (let n = 0; n < 7; n += 1) {
+    await answer(LOST);
+    waits.at(-1).run();
+  }
+  assert.deepEqual(waits.map(({ ms }) => ms), [1000, 2000, 4000, 8000, 15000, 15000, 15000]);
+  await answer(OK);
+  assert.deepEqual(told.at(-1), ["saved", "a", ""]);
+  assert.equal(sent.length, 8);
+});
+
+test("what was not sent outlives a reload", async () => {
+  const first = rig();
+  first.saver.save("a", [["a", "1"]]);
+  await first.answer(LOST);
+  const second = rig(first.storage);
+  assert.deepEqual([...second.saver.unsent()], [["a", [["a", "1"]]]]);
+  second.saver.resume();
+  await second.answer(OK);
+  assert.equal(first.storage.kept.size, 0);
+});
+
+test("what the server refuses is not sent again, and its reason is told", async () => {
+  const { saver, sent, told, answer } = rig();
+  saver.save("a", [["a", "99"]]);
+  await answer({ ok: false, final: true, error: "Too large." });
+  assert.deepEqual(told.at(-1), ["refused", "a", "Too large."]);
+  assert.equal(sent.length, 1);
+  assert.equal(saver.unsent().size, 0);
+});
+
+test("what comes from somebody who is signed out is kept for when they are back", async () => {
+  const first = rig();
+  first.saver.save("a", [["a", "1"]]);
+  await first.answer({ ok: false, final: true, keep: true, error: "You are signed out." });
+  assert.deepEqual(first.told.at(-1), ["refused", "a", "You are signed out."]);
+  assert.equal(first.waits.length, 0);
+  assert.deepEqual([...rig(first.storage).saver.unsent().keys()], ["a"]);
+});

@@ -1,0 +1,364 @@
+import assert from "node:assert/strict";
+import { describe, test } from "node:test";
+
+import { Devices, troubleOf } from "../../../static/js/presence/devices.js";
+import {
+  callOf,
+  isHeard,
+  mustSay,
+  newOwn,
+  noteOf,
+  previewOf,
+} from "../../../static/js/presence/call.js";
+import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
+import { PushToTalk } from "../../../static/js/presence/push_to_talk.js";
+import { Tilting } from "../../../static/js/presence/tilt.js";
+import { sceneFor } from "../../../static/js/pages/screen/scene.js";
+import { createVoice } from "../../../static/js/pages/screen/speech.js";
+
+const own = (changes = {}) => ({ ...newOwn(), ...changes });
+const accepted = { status: "accepted", audio: true, video: true, volume: 1 };
+
+describe("what is sent", () => {
+  test("nothing is sent, and nobody is called, before a click", () => {
+    assert.equal(callOf(own()), null);
+    assert.equal(isHeard(own({ talking: true })), false);
+    assert.equal(noteOf(own(), null, 0), "");
+    assert.equal(mustSay(own(), null), false);
+  });
+
+  test("who is muted is heard only while the key is down", () => {
+    assert.equal(isHeard(own({ mic: "muted" })), false);
+    assert.equal(isHeard(own({ mic: "muted", talking: true })), true);
+    assert.equal(isHeard(own({ mic: "on" })), true);
+  });
+
+  test("the robot is told until its state says so, and again when it forgets", () => {
+    const wanted = own({ mic: "on", camera: "on" });
+    assert.equal(mustSay(wanted, null), true);
+    assert.equal(mustSay(wanted, accepted), false);
+    assert.equal(mustSay({ ...wanted, volume: 0.5 }, accepted), true);
+    assert.equal(mustSay(own(), accepted), true);
+    assert.equal(mustSay(own({ mic: "on" }), accepted), true);
+  });
+
+  test("while something goes out the page says so, and what does not go out too", () => {
+    assert.equal(noteOf(own({ mic: "on", camera: "on" }), accepted, 1), "presence.both");
+    assert.equal(noteOf(own({ camera: "on" }), accepted, 1), "presence.seen");
+    assert.equal(noteOf(own({ camera: "on", mic: "muted" }), accepted, 1), "presence.seen_muted");
+    assert.equal(noteOf(own({ mic: "on" }), accepted, 1), "presence.heard");
+    assert.equal(noteOf(own({ mic: "muted" }), accepted, 1), "presence.muted");
+    assert.equal(
+      noteOf(own({ mic: "on" }), { ...accepted, status: "ringing" }, 1),
+      "presence.ringing",
+    );
+    assert.equal(
+      noteOf(own({ mic: "on" }), { ...accepted, status: "ringing" }, 0),
+      "presence.no_screen",
+    );
+    assert.equal(
+      noteOf(own({ mic: "on" }), { ...accepted, status: "unanswered" }, 1),
+      "presence.unanswered",
+    );
+    assert.equal(noteOf(own({ turnedAway: true }), null, 1), "presence.declined");
+    assert.equal(noteOf(own({ camera: "asking" }), null, 1), "presence.asking");
+  });
+});
+
+describe("a screen that is shown", () => {
+  const track = () =>
+    Object.assign(new EventTarget(), {
+      stopped: 0,
+      stop() {
+        this.stopped += 1;
+      },
+    });
+  const stream = (one) => ({ getTracks: () => [one] });
+
+  test("takes the camera's place and gives it back; its end by the browser is told", async () => {
+    const [camera, screen] = [track(), track()];
+    const lost = [];
+    const devices = new Devices({
+      onLost: (kind) => lost.push(kind),
+      media: {
+        getUserMedia: async () => stream(camera),
+        getDisplayMedia: async () => stream(screen),
+      },
+    });
+    await devices.open("video");
+    assert.ok(devices.canShare);
+    assert.equal(await devices.share(), true);
+    assert.deepEqual(
+      [camera.stopped, devices.tracks.video === screen, screen.contentHint],
+      [1, true, "text"],
+    );
+    camera.dispatchEvent(new Event("ended"));
+    assert.deepEqual(lost, []);
+    screen.dispatchEvent(new Event("ended"));
+    assert.deepEqual([lost, devices.tracks.video], [["video"], null]);
+  });
+
+  test("that the visitor would rather not show leaves the camera as it is", async () => {
+    const camera = track();
+    const refused = () =>
+      Promise.reject(Object.assign(new Error("no"), { name: "NotAllowedError" }));
+    const devices = new Devices({
+      onLost: () => undefined,
+      media: { getUserMedia: async () => stream(camera), getDisplayMedia: refused },
+    });
+    await devices.open("video");
+    assert.equal(await devices.share(), false);
+    assert.deepEqual([camera.stopped, devices.tracks.video === camera], [0, true]);
+  });
+
+  test("is not offered where the browser has none, and is said once it is seen", () => {
+    assert.equal(new Devices({ onLost: () => undefined, media: {} }).canShare, false);
+    assert.equal(noteOf(own({ camera: "on", shares: true }), accepted, 1), "presence.shared");
+    assert.equal(
+      noteOf(own({ camera: "on", shares: true, mic: "on" }), accepted, 1),
+      "presence.shared_heard",
+    );
+    assert.equal(
+      noteOf(own({ camera: "on", shares: true }), { ...accepted, status: "ringing" }, 1),
+      "presence.ringing",
+    );
+    assert.deepEqual(callOf(own({ camera: "on", shares: true })), {
+      ringing: true,
+      audio: false,
+      video: true,
+      volume: 1,
+      shares: true,
+    });
+  });
+});
+
+describe("what they see of a screen", () => {
+  const shared = own({ camera: "on", shares: true });
+  const seen = { ...accepted, shares: true };
+
+  test("is shown to visitors once they see it, and takes pointers where the robot shows them", () => {
+    assert.deepEqual(previewOf(shared, seen, 1), { seen: true, points: true });
+    assert.deepEqual(previewOf(shared, seen, 0), { seen: true, points: false });
+    assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), {
+      seen: false,
+      points: false,
+    });
+    assert.deepEqual(previewOf(shared, { ...seen, video: false }, 1), {
+      seen: false,
+      points: false,
+    });
+    assert.deepEqual(previewOf(shared, null, 1), { seen: false, points: false });
+    assert.deepEqual(previewOf(own({ camera: "on" }), seen, 1), { seen: false, points: false });
+  });
+
+  test("takes none while it is a face to the robot, which is told if it can know", () => {
+    assert.deepEqual(previewOf(shared, accepted, 1), { seen: true, points: false });
+    const heard = { ...accepted, audio: false };
+    assert.equal(mustSay(shared, { ...heard, shares: false }, true), true);
+    assert.equal(mustSay(shared, { ...heard, shares: true }, true), false);
+    assert.equal(mustSay(shared, { ...heard, shares: false }, false), false);
+    assert.equal(mustSay(own({ camera: "on" }), { ...heard, shares: true }, true), true);
+  });
+});
+
+describe("microphone and camera", () => {
+  const media = (answer) => ({ getUserMedia: async (wanted) => answer(wanted) });
+  const failing = (name) => media(() => Promise.reject(Object.assign(new Error(name), { name })));
+
+  test("every way in which a browser says no has its own next step", async () => {
+    for (const [name, why] of [
+      ["NotAllowedError", "refused"],
+      ["NotFoundError", "missing"],
+      ["NotReadableError", "busy"],
+      ["AbortError", "busy"],
+      ["TypeError", "unsupported"],
+    ]) {
+      assert.equal(troubleOf(name), why);
+      assert.equal(
+        await new Devices({ onLost: () => undefined, media: failing(name) }).open("audio"),
+        why,
+      );
+      assert.equal(
+        noteOf(own({ trouble: { kind: "video", why } }), null, 0),
+        `presence.video.${why}`,
+      );
+    }
+    assert.equal(
+      await new Devices({ onLost: () => undefined, media: undefined }).open("video"),
+      "unsupported",
+    );
+  });
+
+  test("asks only for what was clicked; closing is no loss, and unplugging is one", async () => {
+    const asked = [];
+    const lost = [];
+    const track = Object.assign(new EventTarget(), {
+      stopped: 0,
+      stop() {
+        this.stopped += 1;
+      },
+    });
+    const devices = new Devices({
+      onLost: (kind) => lost.push(kind),
+      media: media((wanted) => {
+        asked.push(Object.keys(wanted));
+        return { getTracks: () => [track] };
+      }),
+    });
+    assert.equal(await devices.open("audio"), null);
+    assert.deepEqual(asked, [["audio"]]);
+    devices.close("audio");
+    track.dispatchEvent(new Event("ended"));
+    assert.deepEqual([track.stopped, lost], [1, []]);
+    await devices.open("video");
+    track.dispatchEvent(new Event("ended"));
+    assert.deepEqual([lost, devices.tracks.video], [["video"], null]);
+  });
+});
+
+describe("push to talk", () => {
+  const key = (type, fields = {}) =>
+    Object.assign(new Event(type), { code: "KeyT", repeat: false, ...fields });
+
+  test("T is heard once, and let go by its release or by the loss of the window", () => {
+    const target = new EventTarget();
+    const talk = [];
+    const keys = new KeyDispatcher({
+      target,
+      root: { querySelectorAll: () => [] },
+      watch: () => undefined,
+    });
+    keys.addCommands({ talk: new PushToTalk((down) => talk.push(down)) });
+    target.dispatchEvent(key("keydown"));
+    target.dispatchEvent(key("keydown", { repeat: true }));
+    target.dispatchEvent(key("keyup"));
+    target.dispatchEvent(key("keydown"));
+    target.dispatchEvent(new Event("blur"));
+    target.dispatchEvent(key("keyup"));
+    assert.deepEqual(talk, [true, false, true, false]);
+  });
+});
+
+describe("the head", () => {
+  const RANGE = { minimum: -0.5, maximum: 1.2, home: 0 };
+
+  test("is asked for what the hand wants, within its range and not too often", () => {
+    const tilting = new Tilting();
+    assert.equal(tilting.take(0), null);
+    tilting.want(3, RANGE);
+    assert.equal(tilting.take(0), 1.2);
+    tilting.want(0.2, RANGE);
+    assert.equal(tilting.take(0.05), null);
+    tilting.want(0.4, RANGE);
+    assert.equal(tilting.take(0.2), 0.4);
+    tilting.want(0.4, RANGE);
+    assert.equal(tilting.take(0.5), null);
+  });
+
+  test("shows the hand first, and then what the robot reports", () => {
+    const tilting = new Tilting();
+    assert.equal(tilting.shown(0.1, 0), 0.1);
+    tilting.want(0.5, RANGE);
+    assert.equal(tilting.shown(0.1, 0), 0.5);
+    tilting.take(0);
+    assert.equal(tilting.shown(0.1, 1), 0.5);
+    assert.equal(tilting.shown(0.45, 3), 0.45);
+  });
+});
+
+describe("the robot's own display", () => {
+  const told = (changes = {}) => ({
+    keyed: true,
+    online: true,
+    heardAt: 100,
+    stop: null,
+    screen: { title: "Giraff", session: "s1", visitor: "Ana", study: false },
+    state: { safety: { estop: false, estopSource: null }, call: null },
+    ...changes,
+  });
+  const calling = (call, more = {}) =>
+    told({ state: { safety: { estop: false }, call: { ...accepted, ...call } }, ...more });
+  const scene = (from, now = 100) => sceneFor(from, now).scene;
+
+  test("says what it lacks, and who is there", () => {
+    assert.equal(scene(told({ keyed: false })), "no_key");
+    assert.equal(scene(told({ screen: null })), "starting");
+    assert.equal(scene(told({ online: false })), "offline");
+    assert.equal(scene(told(), 105), "offline");
+    assert.equal(
+      scene(told({ screen: { title: "Giraff", session: null, visitor: null, study: false } })),
+      "idle",
+    );
+    assert.equal(scene(told()), "visiting");
+  });
+
+  test("rings until somebody answers, and shows only who was let through", () => {
+    assert.equal(scene(calling({ status: "ringing" })), "ringing");
+    assert.equal(scene(calling({ status: "unanswered" })), "ringing");
+    assert.equal(scene(calling({ status: "declined" })), "visiting");
+    assert.equal(scene(calling({})), "seen");
+    assert.equal(scene(calling({ video: false })), "speaking");
+    assert.equal(sceneFor(calling({ status: "ringing" }), 100).sound, 0);
+    assert.equal(sceneFor(calling({ volume: 0.4 }), 100).sound, 0.4);
+  });
+
+  test("shows a screen whole, and has it pointed at while it is seen", () => {
+    const points = (call, now = 100) => sceneFor(calling(call), now).canPoint;
+    assert.deepEqual(
+      [
+        points({ shares: true }),
+        points({ shares: false }),
+        points({ shares: true, status: "ringing" }),
+      ],
+      [true, false, false],
+    );
+    assert.deepEqual(
+      [points({ shares: true, video: false }), points({ shares: true }, 105)],
+      [false, false],
+    );
+    assert.equal(sceneFor(calling({ shares: true }), 100).whole, true);
+    assert.equal(sceneFor(calling({}), 100).whole, false);
+    assert.equal(sceneFor(told(), 100).canPoint, false);
+  });
+
+  test("tells of a study only while its visitor is there", () => {
+    assert.equal(
+      sceneFor(told({ screen: { title: "G", session: "s", visitor: "Ana", study: true } }), 100)
+        .study,
+      true,
+    );
+    assert.equal(
+      sceneFor(told({ screen: { title: "G", session: null, visitor: null, study: true } }), 100)
+        .study,
+      false,
+    );
+  });
+
+  test("says who stopped the robot, and that a stop is not confirmed", () => {
+    const latched = (estopSource) =>
+      told({ state: { safety: { estop: true, estopSource }, call: null } });
+    assert.equal(sceneFor(latched("screen:Giraff"), 100).stopped, "ours");
+    assert.equal(sceneFor(latched("staff:Berta"), 100).stopped, "other");
+    assert.equal(sceneFor(told({ stop: { id: "x", since: 99.5 } }), 100).stopped, "wait");
+    assert.equal(sceneFor(told({ stop: { id: "x", since: 95 } }), 100).stopped, "unconfirmed");
+  });
+
+  test("speaks where the browser can, in the words' language", () => {
+    const spoken = [];
+    const voice = createVoice({
+      synthesis: { speak: (one) => spoken.push(one), cancel: () => undefined },
+      Utterance: class {
+        constructor(text) {
+          this.text = text;
+        }
+      },
+    });
+    assert.equal(voice.speak("Hola", "es", 0.5), true);
+    assert.deepEqual([spoken[0].text, spoken[0].lang, spoken[0].volume], ["Hola", "es", 0.5]);
+    assert.equal(voice.speak("Hola", "es", 0), false);
+    assert.equal(
+      createVoice({ synthesis: undefined, Utterance: undefined }).speak("Hola", "es", 1),
+      false,
+    );
+  });
+});

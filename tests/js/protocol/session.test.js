@@ -1,0 +1,480 @@
+import assert from "node:assert/strict";
+import { describe, test } from "node:test";
+
+import {
+  awaitsAnswer,
+  isSigning,
+  newVisit,
+  reduce,
+  roleOf,
+} from "../../../static/js/protocol/session.js";
+
+const GRANTED = {
+  session: "s1",
+  epoch: 3,
+  peer: "p1",
+  resumed: false,
+  iceServers: [],
+  limits: { linear: null, angular: null, frameAge: null },
+};
+const HELLO = {
+  peer: "p0",
+  stamp: 1,
+  robot: "giraff",
+  online: true,
+  mayDrive: true,
+  mayObserve: true,
+  liveElsewhere: false,
+};
+
+/** Runs happenings one after the other and collects what is to be done. */
+const play = (...happenings) =>
+  happenings.reduce(
+    ({ visit }, happening) => reduce(visit, { now: 100, ...happening }),
+    { visit: newVisit(), effects: [] },
+  );
+const after = (visit, happening) => reduce(visit, { now: 100, ...happening });
+const message = (type, content) => ({ type, message: content });
+const sent = (effects) =>
+  effects
+    .filter(({ type }) => type === "send")
+    .map(({ suffix, message: content }) => [suffix, content]);
+const kinds = (effects) => effects.map(({ type }) => type);
+
+const OPEN = [{ type: "socket_open" }, message("hello", HELLO)];
+const WAITED = [...OPEN, { type: "drive", now: 94 }];
+const DRIVING = [
+  ...OPEN,
+  { type: "drive" },
+  message("session/granted", GRANTED),
+  { type: "link_live" },
+];
+
+describe("taking the robot", () => {
+  test("the page waits in the lobby until the visitor asks", () => {
+    const { visit, effects } = play(...OPEN);
+    assert.equal(visit.phase, "lobby");
+    assert.deepEqual(effects, []);
+  });
+
+  test("asking prepares the link while the server decides", () => {
+    const { visit, effects } = play(...OPEN, { type: "drive" });
+    assert.equal(visit.phase, "taking");
+    assert.deepEqual(kinds(effects), ["prepare_link", "send"]);
+    assert.deepEqual(sent(effects), [["session/take", {}]]);
+  });
+
+  test("the demo's link asks as soon as the socket opens, before the server says anything", () => {
+    const { effects } = play({ type: "loaded", session: null, go: true }, { type: "socket_open" });
+    assert.deepEqual(sent(effects), [["session/take", {}]]);
+  });
+
+  test("a grant binds the controls and opens the link at once", () => {
+    const { visit, effects } = play(
+      ...OPEN,
+      { type: "drive" },
+      message("session/granted", GRANTED),
+    );
+    assert.equal(visit.phase, "driving");
+    assert.deepEqual(kinds(effects), ["remember", "control", "open_link"]);
+    assert.equal(effects[1].lease.epoch, 3);
+    assert.equal(effects[2].role, "driver");
+    assert.equal(effects[2].attempt, 0);
+  });
+
+  test("a refusal says why and lets go of what was prepared", () => {
+    const { visit, effects } = play(
+      ...OPEN,
+      { type: "drive" },
+      message("session/refused", { reason: "not_invited", session: null }),
+    );
+    assert.equal(visit.phase, "refused");
+    assert.equal(visit.reason, "not_invited");
+    assert.ok(kinds(effects).includes("close_link"));
+  });
+});
+
+describe("lost connections", () => {
+  test("a lost WebSocket changes nothing about a drive over the data channel", () => {
+    const { visit, effects } = play(...DRIVING, { type: "socket_closed", code: 1006 });
+    assert.equal(visit.phase, "driving");
+    assert.equal(visit.link, "live");
+    assert.deepEqual(effects, []);
+  });
+
+  test("when it is back the page resumes with its session and peer", () => {
+    const { effects } = play(
+      ...DRIVING,
+      { type: "socket_closed", code: 1006 },
+      { type: "socket_open" },
+    );
+    assert.deepEqual(sent(effects), [["session/take", { session: "s1", peer: "p1" }]]);
+  });
+
+  test("a resumed grant of the same epoch keeps the living link", () => {
+    const { visit, effects } = play(
+      ...DRIVING,
+      { type: "socket_closed", code: 1006 },
+      { type: "socket_open" },
+      message("session/granted", { ...GRANTED, resumed: true }),
+    );
+    assert.equal(visit.link, "live");
+    assert.ok(!kinds(effects).includes("open_link"));
+  });
+
+  test("a grant of a new epoch opens a new link", () => {
+    const { visit, effects } = play(
+      ...DRIVING,
+      message("session/granted", { ...GRANTED, epoch: 4, peer: "p2" }),
+    );
+    assert.equal(visit.link, "connecting");
+    assert.ok(kinds(effects).includes("open_link"));
+  });
+
+  test("a resumed grant opens a new link when the old one died meanwhile", () => {
+    const lost = play(
+      ...DRIVING,
+      { type: "socket_closed", code: 1006 },
+      { type: "link_lost" },
+      { type: "socket_open" },
+    );
+    const { effects } = after(
+      lost.visit,
+      message("session/granted", { ...GRANTED, resumed: true }),
+    );
+    assert.ok(kinds(effects).includes("open_link"));
+  });
+
+  test("a lost link is opened again, each time after a longer pause, until one lives", () => {
+    let { visit } = play(...DRIVING);
+    const attempts = [];
+    for (let i = 0; i < 3; i += 1) {
+      const next = after(visit, { type: "link_lost" });
+      visit = next.visit;
+      attempts.push(next.effects[0].attempt);
+    }
+    assert.deepEqual(attempts, [0, 1, 2]);
+    assert.equal(visit.link, "lost");
+    assert.equal(after(visit, { type: "link_live" }).visit.attempt, 0);
+  });
+
+  test("a robot that comes back is called at once", () => {
+    const gone = play(...DRIVING, message("robot", { online: false, reason: "" }), {
+      type: "link_lost",
+    });
+    const { effects } = after(gone.visit, message("robot", { online: true, reason: "" }));
+    assert.deepEqual([effects[0].type, effects[0].attempt], ["open_link", 0]);
+  });
+
+  test("a link that is lost when nobody drives or watches is nobody's business", () => {
+    assert.deepEqual(play(...OPEN, { type: "link_lost" }).effects, []);
+  });
+
+  test("an offered turn is not accepted by a reconnection", () => {
+    const { effects } = play(
+      ...WAITED,
+      message("session/offered", { session: "s1", seconds: 60 }),
+      { type: "socket_closed", code: 1006 },
+      { type: "socket_open" },
+    );
+    assert.deepEqual(effects, []);
+  });
+});
+
+describe("reload and other tabs", () => {
+  test("a reloaded page returns to its session without a peer, which the server makes anew", () => {
+    const { effects } = play(
+      { type: "loaded", session: "s1", takeover: true, go: false },
+      { type: "socket_open" },
+    );
+    assert.deepEqual(sent(effects), [["session/take", { session: "s1", takeover: true }]]);
+  });
+
+  test("a remembered session that is over leads to the lobby, not to an unasked-for end", () => {
+    const { visit } = play(
+      { type: "loaded", session: "s1", go: false },
+      { type: "socket_open" },
+      message("hello", HELLO),
+      message("session/refused", { reason: "ended", session: "s1" }),
+    );
+    assert.equal(visit.phase, "lobby");
+  });
+
+  test("with the demo's link a remembered session that is over is replaced by a new one", () => {
+    const { visit, effects } = play(
+      { type: "loaded", session: "s1", go: true },
+      { type: "socket_open" },
+      message("session/refused", { reason: "ended", session: "s1" }),
+    );
+    assert.equal(visit.phase, "taking");
+    assert.deepEqual(sent(effects), [["session/take", {}]]);
+  });
+
+  test("a second tab is asked, and takes over only when it says so", () => {
+    const { visit } = play(
+      ...OPEN,
+      { type: "drive" },
+      message("session/refused", { reason: "elsewhere", session: "s1" }),
+    );
+    assert.equal(visit.phase, "elsewhere");
+    assert.deepEqual(sent(after(visit, { type: "take_over" }).effects), [
+      ["session/take", { session: "s1", takeover: true }],
+    ]);
+  });
+
+  test("a session that moved to another tab lets go of everything here", () => {
+    const { visit, effects } = play(
+      ...DRIVING,
+      message("session/ended", { session: "s1", outcome: "moved", reason: "" }),
+    );
+    assert.deepEqual([visit.phase, visit.reason], ["ended", "moved"]);
+    assert.deepEqual(kinds(effects), ["control", "close_link", "forget"]);
+  });
+});
+
+describe("queue and turn", () => {
+  const QUEUED = { session: "s2", place: 2, minutes: 7 };
+
+  test("whoever waits watches meanwhile", () => {
+    const { visit, effects } = play(...OPEN, { type: "drive" }, message("session/queued", QUEUED));
+    assert.equal(visit.phase, "queued");
+    assert.deepEqual(sent(effects), [["session/observe", {}]]);
+    const watching = after(visit, message("session/observing", { iceServers: [] }));
+    assert.equal(watching.visit.phase, "queued");
+    assert.equal(watching.effects[0].role, "observer");
+    assert.equal(roleOf(watching.visit), "observer");
+  });
+
+  test("waiting goes on without a picture when all places are taken", () => {
+    const { visit } = play(
+      ...OPEN,
+      { type: "drive" },
+      message("session/queued", QUEUED),
+      message("session/refused", { reason: "observers_full", session: null }),
+    );
+    assert.equal(visit.phase, "queued");
+  });
+
+  test("news of the queue change the place and nothing else", () => {
+    const { visit, effects } = play(
+      ...OPEN,
+      { type: "drive" },
+      message("session/queued", QUEUED),
+      message("session/queued", { ...QUEUED, place: 1, minutes: 3 }),
+    );
+    assert.deepEqual([visit.place, visit.minutes], [1, 3]);
+    assert.deepEqual(effects, []);
+  });
+
+  test("a turn is counted down from the moment it is offered, and started by the visitor", () => {
+    const { visit, effects } = play(
+      ...WAITED,
+      message("session/queued", QUEUED),
+      message("session/offered", { session: "s2", seconds: 60 }),
+    );
+    assert.deepEqual([visit.phase, visit.startBy, kinds(effects)], ["turn", 160, ["call"]]);
+    assert.deepEqual(sent(after(visit, { type: "start" }).effects), [
+      ["session/take", { session: "s2" }],
+    ]);
+  });
+
+  test("who has just pressed and gets the turn at once is not asked to press again", () => {
+    const waiting = [
+      message("session/queued", QUEUED),
+      message("session/offered", { session: "s2", seconds: 60 }),
+    ];
+    for (const pressed of [
+      [...OPEN, { type: "drive" }],
+      [{ type: "loaded", session: null, go: true }, ...OPEN],
+    ]) {
+      const { visit, effects } = play(...pressed, ...waiting);
+      assert.deepEqual(
+        [visit.phase, sent(effects)],
+        ["taking", [["session/take", { session: "s2" }]]],
+      );
+    }
+    const again = play(...OPEN, { type: "drive" }, ...waiting, ...waiting);
+    assert.equal(again.visit.phase, "turn", "one press is for one turn");
+    for (const go of [false, true]) {
+      assert.equal(
+        play({ type: "loaded", session: "s2", go }, ...OPEN, ...waiting).visit.phase,
+        "turn",
+        "a reload is no press",
+      );
+    }
+  });
+
+  test("a turn that went by is given up and said so", () => {
+    const { visit, effects } = play(
+      ...WAITED,
+      message("session/offered", { session: "s2", seconds: 60 }),
+      { type: "turn_missed" },
+    );
+    assert.deepEqual([visit.phase, visit.reason], ["ended", "turn_missed"]);
+    assert.deepEqual(sent(effects), [["session/leave", {}]]);
+  });
+
+  test("who is asked for a sign is called, and left in peace once there was one", () => {
+    const asked = play(...DRIVING, message("session/asked_there", { session: "s1", seconds: 30 }));
+    assert.equal(asked.visit.askedUntil, 130);
+    assert.deepEqual(asked.effects, [{ type: "call", word: "idle" }]);
+    const answered = after(asked.visit, { type: "here" }).visit;
+    assert.equal(answered.askedUntil, null);
+    assert.deepEqual(
+      [isSigning(answered, 101), isSigning(answered, 131)],
+      [true, false],
+      "given again until the server has it, or has stopped waiting",
+    );
+    assert.ok(
+      isSigning(after(answered, { type: "here" }).visit, 101),
+      "a later touch changes nothing",
+    );
+    assert.ok(!isSigning(after(answered, message("session/found_there", { session: "s1" })).visit, 101));
+    assert.ok(!isSigning(after(play(...DRIVING).visit, { type: "here" }).visit, 101));
+    assert.deepEqual(
+      [
+        after(asked.visit, message("session/found_there", { session: "s1" })).visit.askedUntil,
+        after(asked.visit, message("session/found_there", { session: "s1" })).effects,
+      ],
+      [null, []],
+    );
+  });
+
+  test("who gave no sign is told so when the visit ends, and is asked no more", () => {
+    const { visit } = play(
+      ...DRIVING,
+      message("session/asked_there", { session: "s1", seconds: 30 }),
+      message("session/ended", { session: "s1", outcome: "timed_out", reason: "idle" }),
+    );
+    assert.deepEqual([visit.phase, visit.reason, visit.askedUntil], ["ended", "idle", null]);
+  });
+
+  test("a warning tells when the turn ends", () => {
+    assert.equal(
+      play(...DRIVING, message("session/turn_warning", { session: "s1", remaining: 90 })).visit.turnEnds,
+      190,
+    );
+  });
+});
+
+describe("silence", () => {
+  test("a question that the server does not answer is asked again, while it matters", () => {
+    const asking = play(...OPEN, { type: "drive" });
+    assert.deepEqual(sent(after(asking.visit, { type: "no_answer" }).effects), [
+      ["session/take", {}],
+    ]);
+    assert.deepEqual(play(...DRIVING, { type: "no_answer" }).effects, []);
+  });
+
+  test("a visit that was left is left again until the server says it is over or another's", () => {
+    const left = play(...DRIVING, { type: "leave" });
+    assert.ok(awaitsAnswer(left.visit));
+    const repeated = [["session/leave", { session: "s1", peer: "p1" }]];
+    assert.deepEqual(sent(after(left.visit, { type: "no_answer" }).effects), repeated);
+    const busy = after(
+      left.visit,
+      message("denied", { suffix: "session/leave", reason: "unavailable" }),
+    );
+    assert.deepEqual(sent(after(busy.visit, { type: "no_answer" }).effects), repeated);
+    for (const answer of [
+      message("session/ended", { session: "s1", outcome: "completed" }),
+      message("denied", { suffix: "session/leave", reason: "not_yours" }),
+    ]) {
+      const over = after(left.visit, answer);
+      assert.deepEqual(
+        [awaitsAnswer(over.visit), after(over.visit, { type: "no_answer" }).effects],
+        [false, []],
+      );
+    }
+    assert.ok(!awaitsAnswer(play(...DRIVING).visit));
+  });
+
+  test("an end while the turn was offered is a missed turn, unless an operator ended it", () => {
+    const turn = [...WAITED, message("session/offered", { session: "s1", seconds: 60 })];
+    const end = (outcome) =>
+      play(...turn, message("session/ended", { session: "s1", outcome, reason: "" })).visit.reason;
+    assert.deepEqual(
+      [end("cancelled"), end("stopped_by_operator")],
+      ["turn_missed", "stopped_by_operator"],
+    );
+  });
+});
+
+describe("ends", () => {
+  test("leaving lets go first and tells the server last", () => {
+    const { visit, effects } = play(...DRIVING, { type: "leave" });
+    assert.deepEqual([visit.phase, visit.reason, visit.session], ["ended", "left", null]);
+    assert.deepEqual(kinds(effects), ["control", "close_link", "forget", "send"]);
+  });
+
+  test("leaving without a connection is said first when there is one, until confirmed", () => {
+    const left = play(...DRIVING, { type: "socket_closed", code: 1006 }, { type: "leave" });
+    assert.equal(left.visit.phase, "ended");
+    assert.deepEqual(sent(left.effects), []);
+    const back = after(left.visit, { type: "socket_open" });
+    assert.deepEqual(sent(back.effects), [["session/leave", { session: "s1", peer: "p1" }]]);
+    const again = after(back.visit, { type: "socket_open" });
+    assert.deepEqual(sent(again.effects), [["session/leave", { session: "s1", peer: "p1" }]]);
+    const confirmed = after(
+      again.visit,
+      message("session/ended", { session: "s1", outcome: "completed", reason: "left" }),
+    );
+    assert.deepEqual(sent(after(confirmed.visit, { type: "socket_open" }).effects), []);
+  });
+
+  test("a visit that was left says so before the next one is asked for", () => {
+    const { effects } = play(
+      ...DRIVING,
+      { type: "socket_closed", code: 1006 },
+      { type: "leave" },
+      { type: "drive" },
+      { type: "socket_open" },
+    );
+    assert.deepEqual(sent(effects).map(([suffix]) => suffix), ["session/leave", "session/take"]);
+  });
+
+  test("the end of another session is not ours", () => {
+    assert.equal(
+      play(
+        ...DRIVING,
+        message("session/ended", { session: "other", outcome: "completed", reason: "" }),
+      ).visit.phase,
+      "driving",
+    );
+  });
+
+  for (const [code, reason] of [
+    [4401, "signed_out"],
+    [4403, "not_allowed"],
+    [4404, "no_such_robot"],
+  ]) {
+    test(`close code ${code} ends the visit for good: ${reason}`, () => {
+      const { visit, effects } = play(...DRIVING, { type: "socket_closed", code });
+      assert.deepEqual([visit.phase, visit.reason], ["closed", reason]);
+      assert.ok(kinds(effects).includes("close_socket"));
+    });
+  }
+
+  test("an observer for whom there is no place is told so", () => {
+    const { visit } = play(
+      ...OPEN,
+      { type: "watch" },
+      message("session/observing", { iceServers: [] }),
+      message("signal/reply", { type: "bye", reason: "full" }),
+    );
+    assert.deepEqual([visit.phase, visit.reason], ["refused", "observers_full"]);
+  });
+
+  test("after an end the visitor can begin anew", () => {
+    const { visit } = play(
+      ...DRIVING,
+      message("session/ended", { session: "s1", outcome: "timed_out", reason: "" }),
+    );
+    assert.deepEqual(sent(after(visit, { type: "drive" }).effects), [["session/take", {}]]);
+  });
+
+  test("something unknown that happens changes nothing", () => {
+    const { visit } = play(...DRIVING);
+    assert.deepEqual(after(visit, { type: "weather" }), { visit, effects: [] });
+  });
+});

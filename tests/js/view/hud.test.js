@@ -1,0 +1,490 @@
+import assert from "node:assert/strict";
+import { readFileSync, readdirSync } from "node:fs";
+import { describe, test } from "node:test";
+
+import { newVisit } from "../../../static/js/protocol/session.js";
+import { alertFor } from "../../../static/js/view/hud/alert.js";
+import { cardFor } from "../../../static/js/view/hud/card.js";
+import { clockTime, contains, roomAt } from "../../../static/js/view/hud/dials.js";
+import { statusFor } from "../../../static/js/view/hud/status.js";
+import { createWords } from "../../../static/js/lib/words.js";
+import { newState } from "../../../static/js/drive/features.js";
+import { createStore } from "../../../static/js/drive/store.js";
+
+const TEMPLATE = readFileSync(
+  new URL("../../../templates/sessions/_words.html", import.meta.url),
+  "utf8",
+);
+const SENTENCES = new Map(
+  Array.from(TEMPLATE.matchAll(/data-word="([^"]+)">(.*)<\/p>/g), ([, key, sentence]) => [
+    key,
+    sentence,
+  ]),
+);
+const ROOT = new URL("../../../static/js/", import.meta.url);
+
+const state = (visit = {}, more = {}) => ({
+  ...newState(),
+  ...more,
+  visit: {
+    ...newVisit(),
+    socket: "open",
+    online: true,
+    mayDrive: true,
+    mayObserve: true,
+    ...visit,
+  },
+});
+const ROBOT = { safety: { estop: false, inhibited: null, collision: false } };
+const PHASES = [
+  "connecting",
+  "lobby",
+  "taking",
+  "queued",
+  "turn",
+  "driving",
+  "watching",
+  "elsewhere",
+];
+const REFUSED = [
+  "offline",
+  "disabled",
+  "not_invited",
+  "not_trained",
+  "observers_full",
+  "not_allowed",
+  "paused",
+];
+const ENDED = [
+  "completed",
+  "timed_out",
+  "connection_refused",
+  "cancelled",
+  "stopped_by_operator",
+  "robot_fault",
+  "connection_lost",
+  "moved",
+  "left",
+  "turn_missed",
+  "idle",
+];
+const CLOSED = ["signed_out", "not_allowed", "no_such_robot", "unsupported", "in_app"];
+
+const everyState = () => [
+  ...PHASES.flatMap((phase) =>
+    ["none", "connecting", "live", "lost"].flatMap((link) => [
+      state({ phase, link }),
+      state({ phase, link, socket: "lost" }),
+      state({ phase, link, online: false }),
+    ]),
+  ),
+  state({ phase: "queued", place: 1 }),
+  state({ phase: "queued", place: 3 }),
+  state({ phase: "lobby", liveElsewhere: true }),
+  state({ phase: "lobby", mayDrive: false }),
+  state({ phase: "lobby", mayDrive: false, mayObserve: false }),
+  state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 0 } }),
+  state({ phase: "lobby" }, { room: { driver: null, driving: true, observers: 0, waiting: 0 } }),
+  state({ phase: "driving" }, { leaving: true }),
+  state(
+    { phase: "driving", link: "live", askedUntil: 20 },
+    { leaving: true, playing: true, now: 5 },
+  ),
+  state({ phase: "queued", place: 2 }, { notifiable: true }),
+  ...["off", "starting", "on"].map((practice) =>
+    state({ phase: "queued", place: 2 }, { practice, notifiable: true }),
+  ),
+  ...["driving", "watching"].flatMap((phase) =>
+    ["connecting", "lost"].map((link) =>
+      state({ phase, link }, { slow: true, playing: true, robot: ROBOT }),
+    ),
+  ),
+  ...REFUSED.map((reason) => state({ phase: "refused", reason })),
+  ...ENDED.map((reason) => state({ phase: "ended", reason })),
+  ...CLOSED.map((reason) => state({ phase: "closed", reason })),
+];
+
+describe("cards", () => {
+  test("every state that the page can be in has its words, and every button as well", () => {
+    for (const one of everyState()) {
+      const card = cardFor(one);
+      const keys = card
+        ? [
+            `${card.word}.title`,
+            `${card.word}.text`,
+            card.main?.word,
+            card.extra?.word,
+            card.other?.word,
+          ]
+        : [];
+      assert.deepEqual(
+        keys.filter((key) => key && !SENTENCES.has(key)),
+        [],
+        JSON.stringify(one.visit),
+      );
+      assert.ok(SENTENCES.has(statusFor(one).word));
+      assert.ok(!alertFor(one) || SENTENCES.has(alertFor(one).word));
+    }
+  });
+
+  test("a page that does nothing by itself always offers a way on", () => {
+    for (const one of everyState()) {
+      const card = cardFor(one);
+      assert.ok(!card || card.busy || card.main || card.other, JSON.stringify(one.visit));
+    }
+  });
+
+  test("while the picture is there, nothing lies over it; a lost link has a line, no card", () => {
+    assert.equal(cardFor(state({ phase: "driving", link: "live" }, { playing: true })), null);
+    const lost = state({ phase: "driving", link: "lost" });
+    assert.equal(cardFor(lost), null);
+    assert.equal(alertFor(lost).word, "alert.link_driver");
+  });
+
+  test("an unknown outcome of a newer server still ends in a card with a way home", () => {
+    const card = cardFor(state({ phase: "ended", reason: "abducted" }));
+    assert.deepEqual([card.word, card.main.action], ["ended.completed", "home"]);
+  });
+
+  test("whoever is asked for a sign has one button for it and sees how long robots wait", () => {
+    const card = cardFor(
+      state({ phase: "driving", link: "live", askedUntil: 130 }, { now: 100.2, playing: true }),
+    );
+    assert.deepEqual(card, {
+      word: "idle",
+      countdown: 30,
+      main: { action: "here", word: "do.here" },
+      quiet: true,
+    });
+  });
+
+  test("whoever waits may ask to be told, while the browser can still ask for permission", () => {
+    const waits = (notifiable) =>
+      cardFor(state({ phase: "queued", place: 2 }, { notifiable })).main?.action;
+    assert.deepEqual([waits(true), waits(false)], ["tell_me", undefined]);
+  });
+
+  test("whoever waits may practise where a robot is for it, and sees one being made ready", () => {
+    const card = (practice) =>
+      cardFor(state({ phase: "queued", place: 2 }, { practice, notifiable: true }));
+    assert.deepEqual(
+      [card("off").main.action, card("off").extra.action, card("none").main.action],
+      ["practise", "tell_me", "tell_me"],
+    );
+    assert.deepEqual(
+      [card("starting").busy, card("starting").detail.word, card("starting").main],
+      [true, "practice.starting", undefined],
+    );
+  });
+
+  test("a robot that somebody drives is in use, and says which place one would have", () => {
+    const one = state(
+      { phase: "lobby" },
+      { room: { driver: "Ana", driving: true, observers: 0, waiting: 2 } },
+    );
+    assert.deepEqual([statusFor(one).word, cardFor(one).values.place], ["status.busy", 3]);
+    assert.equal(statusFor(state({ phase: "lobby" })).word, "status.ready");
+    for (const phase of ["queued", "turn"]) {
+      assert.equal(
+        statusFor({
+          ...state({ phase, link: "live", online: true, socket: "open" }),
+          playing: true,
+        }).word,
+        "status.waiting",
+        "also while they watch",
+      );
+    }
+  });
+
+  test("a turn counts down to zero and not beyond", () => {
+    assert.equal(cardFor(state({ phase: "turn", startBy: 130 }, { now: 100.2 })).countdown, 30);
+    assert.equal(cardFor(state({ phase: "turn", startBy: 130 }, { now: 140 })).countdown, 0);
+  });
+});
+
+describe("alerts", () => {
+  test("an unconfirmed stop is said before everything else", () => {
+    const one = state({ phase: "driving", link: "lost", online: false }, { stopUnconfirmed: true });
+    assert.deepEqual(alertFor(one), { word: "alert.stop_unconfirmed", tone: "danger" });
+  });
+
+  test("a latched e-stop, a fault and a contact are said to whoever drives or watches", () => {
+    const say = (safety) =>
+      alertFor(
+        state(
+          { phase: "watching", link: "live" },
+          { robot: { safety: { ...ROBOT.safety, ...safety } } },
+        ),
+      )?.word;
+    assert.equal(say({ estop: true }), "alert.estop");
+    assert.equal(say({ inhibited: "fault" }), "alert.fault");
+    assert.equal(say({ collision: true }), "alert.collision");
+    assert.equal(say({}), undefined);
+  });
+
+  test("a lost server does not alarm whoever drives over a living link", () => {
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "live", socket: "lost" })).word,
+      "alert.server_only",
+    );
+  });
+
+  test("a robot that talks to the page is not called lost because the server has lost it", () => {
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "live", online: false })).word,
+      "alert.server_only",
+    );
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "lost", online: false })).word,
+      "alert.robot_offline",
+    );
+    assert.equal(
+      alertFor(state({ phase: "driving", link: "lost", online: false, serverBlind: true })).word,
+      "alert.server",
+    );
+  });
+
+  const PARTS = ["broker", "session_manager", "database"];
+  const fault = (part, then, at = null) => ({
+    faults: [{ part, then, at }],
+    now: 100,
+    robot: ROBOT,
+  });
+  const driving = (more, visit = {}) =>
+    alertFor(state({ phase: "driving", link: "live", ...visit }, more));
+
+  test("every part that fails has words for what follows, whoever looks", () => {
+    for (const phase of ["driving", "watching", "queued", "turn", "taking"]) {
+      for (const part of PARTS) {
+        for (const [then, at] of [["waits", null], ["stops", 105], ["stopped", null]]) {
+          const said = alertFor(
+            state({ phase, link: phase === "driving" ? "live" : "none" }, fault(part, then, at)),
+          );
+          assert.ok(
+            said?.word.startsWith(`fault.${part}.`) && SENTENCES.has(said.word),
+            `${phase} ${part} ${then}: ${said?.word}`,
+          );
+        }
+      }
+    }
+    for (const word of [
+      "fault.disk_low",
+      "fault.disk_full",
+      "fault.robot.stopped",
+      "fault.robot.waits",
+    ]) {
+      assert.ok(SENTENCES.has(word), word);
+    }
+  });
+
+  test("the seconds until the robot stops are counted down, and then it has stopped", () => {
+    const stops = fault("session_manager", "stops", 107.2);
+    assert.deepEqual(driving(stops), {
+      word: "fault.session_manager.stops",
+      tone: "danger",
+      values: { seconds: 8 },
+    });
+    assert.equal(driving({ ...stops, now: 108 }).word, "fault.session_manager.stopped");
+    assert.equal(driving({ ...stops, faults: [] }), null);
+  });
+
+  test("without a direct way to the robot it stops with the broker, and not seconds later", () => {
+    const stops = fault("broker", "stops", 107);
+    assert.equal(driving(stops, { online: false }).word, "fault.broker.stops");
+    assert.equal(driving(stops, { online: false, link: "lost" }).word, "fault.broker.stopped");
+  });
+
+  test("a robot that the server does not hear is no matter while it talks to the page", () => {
+    assert.equal(driving(fault("robot", "stopped")), null);
+    assert.equal(driving(fault("robot", "stopped"), { link: "lost" }).word, "fault.robot.stopped");
+  });
+
+  test("a server that falls silent is out of reach, and what it said last is not repeated", () => {
+    const silent = { ...fault("session_manager", "stops", 107), serverSilent: true };
+    assert.equal(driving(silent).word, "alert.server_only");
+    assert.equal(driving(silent, { link: "lost" }).word, "alert.server_driver");
+    assert.equal(
+      driving({ ...silent, serverSilent: false }, { link: "lost", socket: "lost" }).word,
+      "alert.server_driver",
+    );
+    assert.equal(alertFor(state({ phase: "queued" }, { serverSilent: true })).word, "alert.server");
+  });
+
+  test("an e-stop comes before a server's part, a full disk after what stops the robot", () => {
+    const estop = { robot: { safety: { ...ROBOT.safety, estop: true } } };
+    assert.equal(driving({ ...fault("database", "stops", 107), ...estop }).word, "alert.estop");
+    const disk = fault("disk_full", "goes_on");
+    assert.deepEqual(driving(disk), { word: "fault.disk_full", tone: "busy" });
+    assert.equal(driving({ ...disk, ...estop }).word, "alert.estop");
+    assert.equal(
+      driving({ ...disk, faults: [...disk.faults, { part: "database", then: "stops", at: 107 }] })
+        .word,
+      "fault.database.stops",
+    );
+  });
+
+  test("the end of the turn is counted in minutes and seconds", () => {
+    const one = state(
+      { phase: "driving", link: "live", turnEnds: 175 },
+      { now: 100, robot: ROBOT },
+    );
+    assert.deepEqual(alertFor(one).values, { time: "1:15" });
+  });
+});
+
+describe("words", () => {
+  test("counts choose their form by the language", () => {
+    const words = createWords(new Map([["w.one", "{n} Gast"], ["w.other", "{n} Gäste"]]), "de");
+    assert.deepEqual([words.say("w", { n: 1 }), words.say("w", { n: 3 })], ["1 Gast", "3 Gäste"]);
+  });
+
+  test("a name in braces without a value stays, and a value is not read as a pattern", () => {
+    const words = createWords(new Map([["w", "{a} {b}"]]), "en");
+    assert.equal(words.say("w", { a: "$&{b}" }), "$&{b} {b}");
+  });
+
+  test("no sentence is longer than twenty words or speaks of protocols", () => {
+    for (const [key, sentence] of SENTENCES) {
+      const said = sentence
+        .replace(/\{%.*?%\}/g, (tag) => tag.match(/"(.*)"/)?.[1] ?? "")
+        .replace(/\{\{.*?\}\}/g, "robot");
+      assert.ok(said.split(/\s+/).length <= 20, key);
+      assert.ok(!/\b(?:WebRTC|MQTT|ICE|sessions?|leases?|WebSocket|epoch)\b/i.test(said), key);
+    }
+  });
+});
+
+describe("dials", () => {
+  const L = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]];
+
+  test("a point is in a room of any shape or it is not", () => {
+    assert.deepEqual(
+      [contains(L, 0.5, 2), contains(L, 3, 0.5), contains(L, 3, 2), contains(L, -1, 1)],
+      [true, true, false, false],
+    );
+    assert.equal(roomAt({ rooms: [{ title: "Hall", polygon: L }] }, { x: 3, y: 0.5 }), "Hall");
+    assert.equal(roomAt(null, { x: 0, y: 0 }), "");
+  });
+
+  test("time is minutes and seconds", () => {
+    assert.deepEqual([clockTime(0), clockTime(65.9), clockTime(3600)], ["0:00", "1:05", "60:00"]);
+  });
+});
+
+describe("store", () => {
+  test("changes are merged and told once a frame", () => {
+    const frames = [];
+    const store = createStore(newState(), (callback) => frames.push(callback));
+    const told = [];
+    store.subscribe(({ sound, notice }) => told.push([sound, notice]));
+    store.update({ sound: true });
+    store.update({ notice: "hi" });
+    assert.equal(frames.length, 1);
+    frames[0]();
+    assert.deepEqual(told, [[true, "hi"]]);
+  });
+});
+
+describe("modules", () => {
+  const files = readdirSync(ROOT, { recursive: true }).filter(
+    (name) =>
+      name.endsWith(".js") &&
+      !/^(pages|waiting|view\/technical|drive\/load_retry)/.test(name),
+  );
+  const source = (name) => readFileSync(new URL(name, ROOT), "utf8");
+
+  test("every import is relative and ends in a semicolon, so that it gets its hashed name", () => {
+    for (const name of files) {
+      for (const [statement] of source(name).matchAll(/^import .*$|^export .* from .*$/gm)) {
+        assert.match(
+          statement,
+          /^(?:import|export) .* from ["']\.\.?\/[\w./]+\.js["'];$/,
+          `${name}: ${statement}`,
+        );
+      }
+    }
+  });
+
+  test("no sentence for the visitor stands in a module", () => {
+    for (const name of files) {
+      assert.ok(!/textContent = ["'`]|innerHTML|alert\(|confirm\(/.test(source(name)), name);
+    }
+  });
+});
+
+describe("a camera that gives no video", () => {
+  const camera = (status, reason = "") => ({
+    robot: { ...ROBOT, cameraStatus: { status, reason } },
+  });
+
+  test("is said to start while it does, though the link is there", () => {
+    assert.equal(
+      cardFor(state({ phase: "driving", link: "live" }, camera("starting"))).word,
+      "link",
+    );
+    assert.equal(cardFor(state({ phase: "driving", link: "live" }, { robot: ROBOT })), null);
+  });
+
+  test("is said with its reason when it failed or is tried again, before any other finding", () => {
+    for (const status of ["failed", "starting"]) {
+      const card = cardFor(
+        state(
+          { phase: "watching", link: "live" },
+          { ...camera(status, "connection refused"), finding: { word: "finding.relay" } },
+        ),
+      );
+      assert.deepEqual(
+        [card.word, card.detail],
+        ["camera", { word: "camera.reason", values: { reason: "connection refused" } }],
+      );
+      assert.ok(
+        ["camera.title", "camera.text", "camera.reason", "alert.camera"].every((key) =>
+          SENTENCES.has(key),
+        ),
+      );
+    }
+  });
+
+  test("is said over the last picture when it goes midway, and not while it only starts", () => {
+    const shown = (status, reason) =>
+      alertFor(
+        state({ phase: "driving", link: "live" }, { ...camera(status, reason), playing: true }),
+      )?.word;
+    assert.equal(shown("failed", "connection refused"), "alert.camera");
+    assert.equal(shown("starting", "connection refused"), "alert.camera");
+    assert.notEqual(shown("starting", ""), "alert.camera");
+  });
+});
+
+describe("a picture that comes through the server", () => {
+  const slow = (link, more = {}) =>
+    state({ phase: "driving", link }, { slow: true, playing: true, robot: ROBOT, ...more });
+
+  test("is marked in the bar and over the picture, whatever becomes of the direct way", () => {
+    for (const link of ["connecting", "lost"]) {
+      assert.deepEqual(statusFor(slow(link)), { word: "status.slow", tone: "slow" });
+      assert.equal(alertFor(slow(link)).word, "alert.slow_picture");
+      assert.equal(cardFor(slow(link)), null);
+    }
+  });
+
+  test("gives way to what is more urgent, and keeps its mark in the bar", () => {
+    const touching = slow("lost", { robot: { safety: { ...ROBOT.safety, collision: true } } });
+    assert.equal(alertFor(touching).word, "alert.collision");
+    assert.equal(statusFor(touching).word, "status.slow");
+  });
+
+  test("is not called slow when it does not come at all", () => {
+    const stuck = slow("lost", { playing: false });
+    assert.equal(alertFor(stuck).word, "alert.link_driver");
+    assert.equal(statusFor(stuck).word, "status.reconnecting");
+  });
+
+  test("does not tell a watcher to drive gently", () => {
+    const watching = state(
+      { phase: "watching", link: "lost" },
+      { slow: true, playing: true, robot: ROBOT },
+    );
+    assert.equal(alertFor(watching).word, "alert.slow_picture_observer");
+  });
+});
