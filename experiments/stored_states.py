@@ -38,13 +38,13 @@ class Decoded(Field):
         )
 
 
-class States(Generic[S]):
-    """How states are read: made once for each class, by the module that wants them so."""
+class StateReader(Generic[S]):
+    """Reads states into a class: made once for each class, by the module that wants them so."""
 
     def __init__(self, kind: type[S]) -> None:
         self._decoded = Decoded(list[kind])  # type: ignore[valid-type]
 
-    def chunks_of(self, session: object) -> Iterator["Chunk[S]"]:
+    def chunks_of(self, session: object) -> Iterator["StoredChunk[S]"]:
         """Yield the stored states of a session, about a second of them at a time, in the order in
         which they were received.
 
@@ -61,7 +61,9 @@ class States(Generic[S]):
             .annotate(decoded=ExpressionWrapper(F("states"), output_field=self._decoded))
         )
         for row in iter_batches(rows, CHUNKS_AT_ONCE):
-            yield Chunk(row.boot, row.first_seq, row.received_at, row.clock_offset, row.decoded)
+            yield StoredChunk(
+                row.boot, row.first_seq, row.received_at, row.clock_offset, row.decoded
+            )
 
     def of(self, session: object) -> Iterator[S]:
         """Yield the stored states of a session in the order in which they were received."""
@@ -70,7 +72,7 @@ class States(Generic[S]):
 
 
 @dataclass(frozen=True)
-class Chunk(Generic[S]):
+class StoredChunk(Generic[S]):
     """Some states of one run of the agent (`boot`), next to each other in seq.
 
     `received_at` is Unix time in seconds by the server's clock, `clock_offset` the robot's clock

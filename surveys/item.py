@@ -91,7 +91,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Look:
+class Viewing:
     """For whom a question is drawn: language, seed of the order, and when."""
 
     language: str
@@ -233,7 +233,7 @@ class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
         """Return a stored value as the page would send it."""
         return [str(value)]
 
-    def widget(self, question: "Question", chosen: Sequence[str], look: Look) -> Widget:
+    def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return what the page draws; `chosen` is what the page would send now."""
         raise NotImplementedError
 
@@ -283,13 +283,13 @@ class ScaleItem(Item, frozen=True, kw_only=True):
         """Return the values of the points."""
         return [point.value for point in points]
 
-    def widget(self, question: "Question", chosen: Sequence[str], look: Look) -> Widget:
+    def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return the points as a line of choices."""
-        named = all(spoken(point.label, look.language) for point in question.points)
+        named = all(spoken(point.label, viewing.language) for point in question.points)
         choices = tuple(
             Choice(
                 str(point.value),
-                spoken(point.label, look.language),
+                spoken(point.label, viewing.language),
                 str(point.value) in chosen,
                 number="" if named else str(point.value),
             )
@@ -329,16 +329,16 @@ class OptionsItem(Item, frozen=True, kw_only=True):
         """Return the options."""
         return [(option.value, option.label) for option in self.options]
 
-    def widget(self, question: "Question", chosen: Sequence[str], look: Look) -> Widget:
+    def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return the options as choices."""
         choices = tuple(
             Choice(
                 option.value,
-                spoken(option.label, look.language),
+                spoken(option.label, viewing.language),
                 option.value in chosen,
                 is_alone=option.alone,
             )
-            for option in self.options_shown(look.seed)
+            for option in self.options_shown(viewing.seed)
         )
         return Widget("surveys/_choices.html", self.kind, choices=choices)
 

@@ -13,7 +13,7 @@ from surveys.answers import REASON_MARK, AnswerValue, Missing
 from surveys.conditions import Circumstances, circumstances_fit, shown_keys
 from surveys.definition import Definition
 from surveys.documents import spoken
-from surveys.item import Choice, Condition, Item, Look, Question, Widget
+from surveys.item import Choice, Condition, Item, Question, Viewing, Widget
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ def _control(question: Question, shown: bool, condition: str, reader: Reader) ->
         widget=item.widget(
             question,
             sent or _stored(question, reader),
-            Look(reader.language, reader.seed, reader.now),
+            Viewing(reader.language, reader.seed, reader.now),
         ),
         hint="" if item.is_group else spoken(item.hint, reader.language),
         error=reader.errors.get(question.key, ""),

@@ -27,8 +27,8 @@ from msgspec import inspect
 
 from experiments.builder import labels
 from experiments.builder.parts import (
+    AskedField,
     Document,
-    Member,
     choices_of,
     is_numbered,
     members,
@@ -55,7 +55,7 @@ class ValueField(forms.Field):
     is_off = False
 
     def __init__(
-        self, member: Member, style: str, widget: forms.Widget, *, language: str = ""
+        self, member: AskedField, style: str, widget: forms.Widget, *, language: str = ""
     ) -> None:
         self.member, self.style, self.language = member, style, language
         widget.attrs |= {"lang": language} if language else {}
@@ -154,7 +154,7 @@ class PointsField(ValueField):
         return NOT_POINTS if isinstance(value, str) else super().refusal(value)
 
 
-def field_of(member: Member, value: Any = None, offered: Offered = NOTHING) -> ValueField:
+def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) -> ValueField:
     """Return the field of a value that is no part, no list of parts and no text in languages.
     `offered` is what may be chosen, by key; `value` stays among it.
     """
@@ -178,7 +178,7 @@ def field_of(member: Member, value: Any = None, offered: Offered = NOTHING) -> V
     return text_field(member)
 
 
-def text_field(member: Member, language: str = "") -> ValueField:
+def text_field(member: AskedField, language: str = "") -> ValueField:
     """Return the field of a text, on a line or several."""
     style, widget = ("text", _box(4)) if member.key in LONG else ("line", _line())
     return ValueField(member, style, widget, language=language)
@@ -192,7 +192,7 @@ def _box(lines: int) -> forms.Textarea:
     return forms.Textarea({"rows": lines, "cols": None})
 
 
-def _named(member: Member, choices: Iterable[str]) -> list[tuple[str, Any]]:
+def _named(member: AskedField, choices: Iterable[str]) -> list[tuple[str, Any]]:
     return [(choice, labels.word(member.key, choice)) for choice in choices]
 
 
@@ -297,7 +297,7 @@ class PartForm(forms.Form):
             else:
                 yield self._add(name, field_of(member, value, self._offered), value)
 
-    def _items(self, member: Member, values: list[Document], name: str) -> Iterator[Group]:
+    def _items(self, member: AskedField, values: list[Document], name: str) -> Iterator[Group]:
         for n, value in enumerate(values):
             inner = list(self._parts(member.listed, value, f"{name}.{n}."))
             last = n == len(values) - 1
@@ -324,7 +324,7 @@ def read(cls: type[Any], sent: Any, *, only: Collection[str] = (), prefix: str =
     return document
 
 
-def _read(member: Member, sent: Any, name: str) -> Any:
+def _read(member: AskedField, sent: Any, name: str) -> Any:
     if member.part is not None:
         is_off = member.has_none and f"{name}.on" not in sent
         return None if is_off else read(member.part, sent, prefix=f"{name}.")

@@ -19,7 +19,7 @@ DERIVED = {Checkpoint: frozenset({"number"})}  # its place in the list says it
 
 
 @dataclass(frozen=True)
-class Member:
+class AskedField:
     """A field of a class: `shape` is what it holds, without None; `has_none` tells whether it may
     hold nothing.
     """
@@ -47,14 +47,14 @@ class Member:
         return not self.is_required and bool(value == self.default)
 
 
-def members(cls: type[Any], only: Collection[str] = ()) -> list[Member]:
+def members(cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
     """Return what of a class is asked for, in its order."""
     hidden = DERIVED.get(cls, frozenset())
     found = [_member(one) for one in msgspec.structs.fields(cls) if one.name not in hidden]
     return [one for one in found if not only or one.key in only]
 
 
-def _member(one: Any) -> Member:
+def _member(one: Any) -> AskedField:
     shape = inspect.type_info(one.type)
     inner = (
         [kind for kind in shape.types if not isinstance(kind, inspect.NoneType)]
@@ -63,10 +63,10 @@ def _member(one: Any) -> Member:
     )
     default = None if one.default is msgspec.NODEFAULT else msgspec.to_builtins(one.default)
     has_none = len(inner) != 1 or inner[0] is not shape
-    return Member(one.name, one.type, inner[0], has_none, default, one.required)
+    return AskedField(one.name, one.type, inner[0], has_none, default, one.required)
 
 
-def choices_of(member: Member) -> tuple[str, ...]:
+def choices_of(member: AskedField) -> tuple[str, ...]:
     """Return the values that the class itself allows, in written order; none for others."""
     if isinstance(member.shape, inspect.LiteralType):
         return get_args(member.annotation)

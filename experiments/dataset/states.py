@@ -13,7 +13,7 @@ from django.db.models import ExpressionWrapper, F
 
 from experiments.analysis.dataset.columns import METHODS, MODES, NETWORK, STATES, WAYS
 from experiments.analysis.dataset.records import Columns, Floats
-from experiments.stored_states import Decoded, States
+from experiments.stored_states import Decoded, StateReader
 from sessions.models import NetworkSample
 
 DECIMALS = 6
@@ -100,7 +100,7 @@ class Sample(Part):
     way: str | None = None
 
 
-STORED, SAMPLE = States(StoredState), Decoded(Sample)
+STORED, SAMPLE = StateReader(StoredState), Decoded(Sample)
 
 
 def states_of(session: object, granted: float) -> Columns:

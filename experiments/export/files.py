@@ -12,7 +12,7 @@ from experiments.dataset.build import dataset_of
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.selection import Choice
 from experiments.dataset.sessions import drives_of
-from experiments.export.format import File, Source
+from experiments.export.format import ExportSource, File
 from experiments.export.formats import chosen
 from experiments.models import Study
 
@@ -63,7 +63,7 @@ def _files(study: Study, choice: Choice) -> Iterator[File]:
         [READ_ME.format(title=title, slug=definition.slug, version=definition.version).encode()],
     )
     more = {name: columns for one in classes for name, columns in one.tables.items()}
-    source = Source(dataset, drives, Pseudonyms(study.secret), choice, more)
+    source = ExportSource(dataset, drives, Pseudonyms(study.secret), choice, more)
     formats = [one(source) for one in classes]
     for one in formats:
         yield from one.of_study()

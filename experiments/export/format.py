@@ -19,7 +19,7 @@ File = tuple[str, Iterable[bytes]]  # where in the export, and its content in pa
 
 
 @dataclass(frozen=True)
-class Source:
+class ExportSource:
     """What is exported: `drives` are those of the dataset's sessions, in their order; `more` are
     the columns of all tables beside those of a dataset, for the code book.
     """
@@ -47,7 +47,7 @@ class ExportFormat:
         """Tell whether an export has it: when it was asked for by its name."""
         return name in choice.formats
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: ExportSource) -> None:
         self.source = source
 
     def of_study(self) -> Iterator[File]:

@@ -15,7 +15,7 @@ import numpy as np
 from experiments.dataset.events import page_offset, robot_offset
 from experiments.dataset.states import Part, StoredState
 from experiments.models import Drive, TaskEvent
-from experiments.stored_states import States
+from experiments.stored_states import StateReader
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot
 
 # The columns, and how many decimals each has; 0 is a whole number.
@@ -56,7 +56,7 @@ class Recorded(StoredState):
     applied: list[Applied] = []
 
 
-STORED = States(Recorded)
+STORED = StateReader(Recorded)
 
 
 def replay(session: Session, drive: Drive | None) -> dict[str, Any]:

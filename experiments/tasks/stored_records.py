@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 from experiments.definition.schema import Outcome
 from experiments.models import Drive
-from experiments.stored_states import States, clock_offsets
+from experiments.stored_states import StateReader, clock_offsets
 from experiments.tasks.records import (
     Ended,
     FirstFrame,
@@ -26,7 +26,7 @@ from sessions.models import Session, SessionEvent
 from sessions.protocol import PageEvent
 from sessions.recording.batches import iter_batches
 
-STORED = States(State)
+STORED = StateReader(State)
 CHOICES = ("keep", "again", "skip")
 TASK = "task"  # the reason of a session that the task has ended: its outcome is the task's own
 

@@ -11,10 +11,10 @@ from surveys.item import (
     EASTERNMOST,
     WESTERNMOST,
     Item,
-    Look,
     Question,
     RefusedError,
     Scales,
+    Viewing,
     Widget,
     day_at,
     first_choice,
@@ -64,9 +64,9 @@ class Date(Item, frozen=True, kw_only=True, tag="date"):
             raise RefusedError(_("The latest day is %(day)s.") % {"day": latest.isoformat()})
         return day.isoformat()
 
-    def widget(self, question: Question, chosen: Sequence[str], look: Look) -> Widget:
+    def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return an input for a day."""
-        days = dict(zip(("min", "max"), self.days_between(look.now), strict=True))
+        days = dict(zip(("min", "max"), self.days_between(viewing.now), strict=True))
         return Widget(
             "surveys/_entry.html",
             self.kind,

@@ -10,10 +10,10 @@ from surveys.documents import Text, spoken
 from surveys.item import (
     EASTERNMOST,
     Item,
-    Look,
     Question,
     RefusedError,
     Scales,
+    Viewing,
     Widget,
     day_at,
     first_choice,
@@ -67,9 +67,9 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
         """Return the number without needless decimals."""
         return [plain(value)]
 
-    def widget(self, question: Question, chosen: Sequence[str], look: Look) -> Widget:
+    def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return an input for a number, and its unit."""
-        bounds = {"min": self.minimum, "max": self.greatest(look.now)}
+        bounds = {"min": self.minimum, "max": self.greatest(viewing.now)}
         return Widget(
             "surveys/_entry.html",
             self.kind,
@@ -79,6 +79,6 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
                 "inputmode": "numeric" if self.whole else "decimal",
                 **{name: plain(bound) for name, bound in bounds.items() if bound is not None},
             },
-            more={"type": "number", "unit": spoken(self.unit, look.language)},
+            more={"type": "number", "unit": spoken(self.unit, viewing.language)},
             has_one_input=True,
         )

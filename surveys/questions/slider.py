@@ -10,12 +10,12 @@ from django.utils.translation import gettext as _
 from surveys.documents import Text, spoken
 from surveys.item import (
     Item,
-    Look,
     Point,
     Question,
     RefusedError,
     Scales,
     ScoringRule,
+    Viewing,
     Whole,
     Widget,
     first_choice,
@@ -64,7 +64,7 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
         """Return the numbers between its ends."""
         return range(self.minimum, self.maximum + 1, self.step)
 
-    def widget(self, question: Question, chosen: Sequence[str], look: Look) -> Widget:
+    def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return an input for a number between its ends; static/js/survey/slider.js puts a slider
         beside it.
         """
@@ -79,8 +79,8 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
                 "inputmode": "numeric",
             },
             more={
-                "low": spoken(self.low, look.language),
-                "high": spoken(self.high, look.language),
+                "low": spoken(self.low, viewing.language),
+                "high": spoken(self.high, viewing.language),
             },
             has_one_input=True,
         )

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 import msgspec
 from django.utils.translation import gettext as _
 
-from surveys.item import Item, Look, Question, RefusedError, Widget, first_choice
+from surveys.item import Item, Question, RefusedError, Viewing, Widget, first_choice
 
 
 class TextItem(Item, frozen=True, kw_only=True, tag="text"):
@@ -24,7 +24,7 @@ class TextItem(Item, frozen=True, kw_only=True, tag="text"):
             raise RefusedError(_("Please write at most %(n)d characters.") % {"n": self.max_length})
         return values[0]
 
-    def widget(self, question: Question, chosen: Sequence[str], look: Look) -> Widget:
+    def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return an input of so many lines."""
         return Widget(
             "surveys/_entry.html" if self.lines == 1 else "surveys/_textarea.html",

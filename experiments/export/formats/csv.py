@@ -11,11 +11,11 @@ from experiments.analysis.tables.metric_rows import METRIC_TABLE, metric_row
 from experiments.dataset.build import ANALYSED
 from experiments.dataset.events import events_of
 from experiments.dataset.selection import Choice
-from experiments.export.format import ExportFormat, File, Source, encoded
+from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 
 
-class Format(ExportFormat):
+class CsvFormat(ExportFormat):
     """What every export has."""
 
     tables = {"metrics": METRIC_TABLE}
@@ -25,7 +25,7 @@ class Format(ExportFormat):
         """Tell that every export has it."""
         return True
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: ExportSource) -> None:
         super().__init__(source)
         self._metrics: list[list[Any]] = []
 

@@ -24,7 +24,7 @@ IDENTITIES = (
 )
 
 
-class Format(ExportFormat):
+class IdentitiesFormat(ExportFormat):
     """What an identified export has beside."""
 
     tables = {"identities": IDENTITIES}

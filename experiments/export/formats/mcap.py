@@ -79,7 +79,7 @@ CHANNELS: dict[str, tuple[str, dict[str, Any]]] = {
 Message = tuple[float, str, dict[str, Any]]  # when, in seconds since the grant; topic; what
 
 
-class Format(ExportFormat):
+class McapFormat(ExportFormat):
     """A recording a session."""
 
     label = _("with a recording for Foxglove of each session")

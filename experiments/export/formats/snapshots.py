@@ -11,7 +11,7 @@ from experiments.models import Drive
 from sessions.models import Snapshot
 
 
-class Format(ExportFormat):
+class SnapshotsFormat(ExportFormat):
     """A file a photo; an identified export has them too."""
 
     label = _("with the photos")

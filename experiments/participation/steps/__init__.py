@@ -1,7 +1,7 @@
 """The pages of study steps, by name: each module of this package has the page of the step whose
 definition has the same name in experiments/definition/steps/.
 
-A page is loaded when it is first asked for, because pages lead on by
+Pages are loaded when one is first asked for, because they lead on by
 experiments/participation/progress.py, which asks them in turn what is done.
 """
 
@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from experiments.definition.step import Step
-from experiments.definition.steps import KINDS
+from surveys.registry import family
 
 if TYPE_CHECKING:
     from experiments.models import Participant
@@ -18,25 +18,24 @@ if TYPE_CHECKING:
 
 
 class UnknownStepError(LookupError):
-    """There is no step of that kind, or it has no page."""
+    """No module of this package has that name."""
 
 
 @cache
+def _pages() -> "dict[str, type[StepPage]]":
+    base: type[StepPage] = import_module("experiments.participation.step_page").StepPage
+    return family(__name__, __path__, base)
+
+
 def page_type(kind: str) -> "type[StepPage]":
     """Return the class of a kind's page.
 
     Raises:
         UnknownStepError: there is none.
     """
-    if kind not in KINDS:
-        raise UnknownStepError(f"there is no study step {kind!r}")
-    try:
-        page: type[StepPage] = import_module(f"{__name__}.{kind}").Page
-    except ModuleNotFoundError as error:
-        if error.name != f"{__name__}.{kind}":
-            raise
-        raise UnknownStepError(f"the study step {kind!r} has no page") from error
-    return page
+    if kind not in _pages():
+        raise UnknownStepError(f"there is no page of a study step {kind!r}")
+    return _pages()[kind]
 
 
 def page_of(participant: "Participant", step: Step) -> "StepPage":

@@ -16,7 +16,7 @@ from experiments.participation.step_page import StepPage
 WRONG = 422
 
 
-class Page(StepPage):
+class ConsentStepPage(StepPage):
     """Consent."""
 
     label = _("Consent")

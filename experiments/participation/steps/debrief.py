@@ -10,7 +10,7 @@ from experiments.participation.end_page import show_end
 from experiments.participation.step_page import StepPage
 
 
-class Page(StepPage):
+class DebriefStepPage(StepPage):
     """Debriefing."""
 
     label = _("Debriefing")

@@ -9,7 +9,7 @@ from experiments.participation.journey import Place
 from experiments.participation.questions import is_answered
 
 
-class Page(AskingPage):
+class FormStepPage(AskingPage):
     """A questionnaire that is answered once for good."""
 
     label = _("Form about the person")

@@ -16,7 +16,7 @@ PICTURES = frozenset(
 )
 
 
-class Page(StepPage):
+class InstructionsStepPage(StepPage):
     """Instructions."""
 
     label = _("Instructions")

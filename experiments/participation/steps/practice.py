@@ -7,7 +7,7 @@ from django.utils.translation import gettext_lazy as _
 from experiments.participation.drive_page import DrivePage
 
 
-class Page(DrivePage):
+class PracticeStepPage(DrivePage):
     """Practice, which everybody may do without."""
 
     label = _("Practice drive")

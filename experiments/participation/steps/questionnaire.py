@@ -5,7 +5,7 @@ from django.utils.translation import gettext_lazy as _
 from experiments.participation.asking_page import AskingPage
 
 
-class Page(AskingPage):
+class QuestionnaireStepPage(AskingPage):
     """A questionnaire that is answered once a visit and round."""
 
     label = _("Questionnaire about the drive")

@@ -5,7 +5,7 @@ from django.utils.translation import gettext_lazy as _
 from experiments.participation.drive_page import DrivePage
 
 
-class Page(DrivePage):
+class TaskStepPage(DrivePage):
     """The task."""
 
     label = _("Task")

@@ -4,13 +4,13 @@ import pytest
 
 from experiments import stored_states
 from experiments.dataset.states import StoredState
-from experiments.stored_states import States, clock_offsets, newest_chunk
+from experiments.stored_states import StateReader, clock_offsets, newest_chunk
 from sessions.models import StateChunk
 from tests.support import participants as p
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db
-STORED = States(StoredState)
+STORED = StateReader(StoredState)
 
 
 def state(seq: int) -> dict:

@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from surveys.item import Item, Look
+from surveys.item import Item, Viewing
 from surveys.page_form import Control
 from surveys.questions import TYPES, UnknownQuestionTypeError, question_type
 from tests.support.paths import ROOT
@@ -30,7 +30,7 @@ def test_an_unknown_type_is_an_error_and_no_other_type():
 def test_a_type_can_be_asked_answered_and_exported(name):
     more = {"rows": rows("q1", "q2")} if name == "grid" else {}
     question = next(iter(defined([item(name, "q", **more)]).questions()))
-    widget = question.item.widget(question, [], Look("en", 0, NOW))
+    widget = question.item.widget(question, [], Viewing("en", 0, NOW))
     assert (TEMPLATES / widget.template).is_file()
     columns = question.item.columns("q")
     assert len(question.item.cells(None)) == len(columns)

@@ -34,7 +34,7 @@ def test_a_blank_step_of_every_kind_can_be_kept():
 
 
 def test_an_unknown_kind_is_an_error_and_no_other_kind():
-    with pytest.raises(UnknownStepError, match="no study step 'lottery'"):
+    with pytest.raises(UnknownStepError, match="no page of a study step 'lottery'"):
         page_type("lottery")
 
 
