@@ -29,24 +29,18 @@ from robots.world.sensing import Floats
 
 @dataclass(frozen=True)
 class Searching:
-    """`place` metres and `heading` radians of the raster, `sigma` metres of its likelihood, `beams`
-    a pose is judged by.
+    """How all places of a map are searched: a raster of poses first, then the best are matched."""
 
-    `slice` is how many beams are looked up between two pauses; `finalists` poses are matched;
-    `most` are returned, those whose share of explained beams is at least the best one's less
-    `margin`.
-    """
-
-    place: float = 0.25
-    heading: float = math.radians(6.0)
-    sigma: float = 0.25
-    beams: int = 40
-    slice: int = 400_000
-    finalists: int = 200
-    batch: int = 25
-    judged: int = 80
-    most: int = 60
-    margin: float = 0.2
+    place: float = 0.25  # m between two places of the raster
+    heading: float = math.radians(6.0)  # rad between two headings
+    sigma: float = 0.25  # m, of the raster's likelihood
+    beams: int = 40  # that a pose of the raster is judged by
+    slice: int = 400_000  # beams looked up between two pauses
+    finalists: int = 200  # poses that are matched
+    batch: int = 25  # of them between two pauses
+    judged: int = 80  # beams that they are judged by
+    most: int = 60  # poses that are returned
+    margin: float = 0.2  # below the best merit, within which they have to be
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,15 +18,15 @@ NORMAL_99 = 2.326  # upper quantile of the normal distribution at 0.99
 
 @dataclass(frozen=True)
 class Sampling:
-    """`fewest` and `most` guesses; raster of `place` metres and `heading` radians; `error` that KLD
-    sampling grants.
+    """How many particles there are, by KLD sampling (Fox, "Adapting the Sample Size in Particle
+    Filters Through KLD-Sampling", 2003).
     """
 
-    fewest: int = 200
-    most: int = 3000
-    place: float = 0.25
-    heading: float = math.radians(10.0)
-    error: float = 0.05
+    fewest: int = 200  # particles
+    most: int = 3000  # particles
+    place: float = 0.25  # m of a bin
+    heading: float = math.radians(10.0)  # rad of a bin
+    error: float = 0.05  # that is granted, as a Kullback-Leibler distance
 
 
 @dataclass(frozen=True, eq=False)

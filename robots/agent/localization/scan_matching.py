@@ -15,19 +15,16 @@ from robots.agent.localization.field import DistanceField
 from robots.agent.localization.sensor_model import placed
 from robots.world.sensing import Floats
 
-SETTLED = 1e-3  # metres, or radians: no further round
-
 
 @dataclass(frozen=True)
 class Matching:
-    """`noise` of an end in metres, `scale` the distance in metres from which on a beam loses its
-    say, `beams` a sweep is worth.
-    """
+    """How poses are moved onto the map."""
 
-    noise: float = 0.04
-    scale: float = 0.15
-    beams: float = 25.0
-    rounds: int = 6
+    noise: float = 0.04  # m, of the end of a beam
+    scale: float = 0.15  # m from a surface, from which on a beam loses its say
+    beams: float = 25.0  # that a sweep is worth
+    rounds: int = 6  # at most
+    settled: float = 1e-3  # m, or rad: a smaller step needs no further round
 
 
 def refine(
@@ -49,7 +46,7 @@ def refine(
     for _ in range(settings.rounds):
         step = _step(field, poses, found, points, prior, certainty, settings.scale)
         found += step
-        if np.abs(step).max() < SETTLED:
+        if np.abs(step).max() < settings.settled:
             break
     return found
 

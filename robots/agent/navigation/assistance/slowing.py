@@ -24,23 +24,16 @@ SLACK = 1e-5  # metres: a point that stays where it is does not come closer
 
 @dataclass(frozen=True)
 class SlowingSettings:
-    """Distances in metres, times in seconds, speeds in m/s.
+    """How much room an assisted robot keeps, and what it expects of its base."""
 
-    A robot that hardly moves keeps `near` off obstacles, one at `fast_speed` and above `fast`.
-    Ahead of one that drives comes what its corners need to turn in place, and `turning_room`.
-    `reaction` passes before it brakes. No faster than at `crawl` a robot goes on along what is too
-    near already. A station is touched at `creep` at most. `probe` is the speed by which it is told
-    whether something is in the way of a robot that was stopped.
-    """
-
-    reaction: float = 0.12
-    near: float = 0.035
-    fast: float = 0.06
-    fast_speed: float = 0.3
-    turning_room: float = 0.015
-    crawl: float = 0.1
-    creep: float = 0.06
-    probe: float = 0.15
+    reaction: float = 0.12  # s before it brakes
+    near: float = 0.035  # m kept off obstacles by a robot that hardly moves
+    fast: float = 0.06  # m kept at `fast_speed` and above
+    fast_speed: float = 0.3  # m/s
+    turning_room: float = 0.015  # m ahead, beyond what the corners need to turn in place
+    crawl: float = 0.1  # m/s at most, along what is too near already
+    creep: float = 0.06  # m/s at most, with which a station is touched
+    probe: float = 0.15  # m/s that tell whether something is in the way of a stopped robot
 
 
 class Slowing:

@@ -26,28 +26,22 @@ STANDS = 1e-3  # m/s: who is told less has not begun to drive
 class SteeringSettings:
     """How much may be steered, and how arcs are weighed.
 
-    `turn` rad/s may be added at `full` m/s and above, less below; none of it against a turn of
-    `firm` times as much, and of what a turn is beyond that, the share `kept` stays, and more of it
-    the slower the robot. Arcs are `horizon` metres long, at most `seconds`. With `room` metres on
-    both sides nothing is gained by more; an arc ends `near` metres before an obstacle. One point in
-    a square of `cell` metres is enough to weigh an arc. The four weights are per whole way lost,
-    per no room at all, and per difference from the driver's turn and from the last one (1: as large
-    as that turn and `turn` together).
+    Differences of turns are shares: 1 is as large as the turn and `turn` together.
     """
 
-    turn: float = 0.35
-    full: float = 0.2
-    firm: float = 0.6
-    kept: float = 0.5
-    horizon: float = 1.5
-    seconds: float = 3.0
-    room: float = 0.35
-    near: float = 0.04
-    cell: float = 0.07
-    weight_way: float = 2.0
-    weight_room: float = 1.0
-    weight_driver: float = 0.12
-    weight_last: float = 0.04
+    turn: float = 0.35  # rad/s that may be added at `full` and above, less below
+    full: float = 0.2  # m/s
+    firm: float = 0.6  # times `turn`: a driver's turn from which nothing is added against it
+    kept: float = 0.5  # of what a turn is beyond that, and more of it the slower the robot
+    horizon: float = 1.5  # m, the length of an arc
+    seconds: float = 3.0  # s, the longest that an arc may take
+    room: float = 0.35  # m on both sides, from which more gains nothing
+    near: float = 0.04  # m before an obstacle, where an arc ends
+    cell: float = 0.07  # m: one point in such a square is enough to weigh an arc
+    weight_way: float = 2.0  # for a whole arc lost
+    weight_room: float = 1.0  # for no room at all
+    weight_driver: float = 0.12  # for the difference from the driver's turn
+    weight_last: float = 0.04  # for the difference from the last turn
 
 
 def helping_turn(wanted: Velocity, settings: SteeringSettings) -> float:

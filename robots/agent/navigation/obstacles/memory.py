@@ -37,37 +37,26 @@ SEES = 0.05  # a sweep with a smaller share of echoes than this is that of a las
 
 @dataclass(frozen=True)
 class MemorySettings:
-    """How much is remembered: metres, except where it says otherwise.
+    """How much is remembered."""
 
-    `radius` about the robot, one point in a square of `cell`, for `way` driven since, where a
-    radian of turning counts as `turn`; what is as `close` as the robot may run into next, for
-    `close_way`: who goes to and fro in a corner drives far without seeing its back again. `margin`
-    is by how much a beam must pass a point to see through it, `blind` how close to the laser no
-    echo tells nothing, and `doubts` how many sweeps must see through a point. A `jump` of the
-    odometry between two sweeps means that it began anew. A point may be off by so much for each
-    metre of that way as fills `inexact` after `inexact_way`, and by no more. An edge nearer than
-    `edge_near` to the laser, with what is beside it farther by `edge` or more, is taken to go on so
-    far `behind`; sweeps are looked at for edges so much of that way `apart`. `sees` is the share of
-    beams that has to come back.
-    """
-
-    radius: float = 4.0
-    cell: float = 0.025
-    way: float = 6.0
-    turn: float = 0.3
-    margin: float = 0.1
-    blind: float = 0.3
-    doubts: int = 2
-    jump: float = 1.0
-    close: float = 1.2
+    radius: float = 4.0  # m about the robot
+    cell: float = 0.025  # m: one point is kept in such a square
+    way: float = 6.0  # m driven since a point was seen, for which it is kept
+    turn: float = 0.3  # m of that way, which a radian of turning counts as
+    close: float = 1.2  # m: what the robot may run into next
+    # m for which that is kept: who goes to and fro in a corner drives far without seeing its back
     close_way: float = 30.0
-    inexact: float = 0.02
-    inexact_way: float = 0.3
-    edge: float = 0.15
-    edge_near: float = 1.5
-    behind: tuple[float, ...] = (0.04, 0.08)
-    apart: float = 0.02
-    sees: float = SEES
+    margin: float = 0.1  # m by which a beam must pass a point to see through it
+    blind: float = 0.3  # m from the laser, where no echo tells nothing
+    doubts: int = 2  # sweeps that must see through a point
+    jump: float = 1.0  # m of odometry between two sweeps: it began anew
+    inexact: float = 0.02  # m that a point may be off, at most
+    inexact_way: float = 0.3  # m of that way after which it may
+    edge: float = 0.15  # m by which what is beside an edge is farther
+    edge_near: float = 1.5  # m from the laser, within which edges are looked at
+    behind: tuple[float, ...] = (0.04, 0.08)  # m for which an edge is taken to go on
+    apart: float = 0.02  # m of that way between two sweeps that are looked at for edges
+    sees: float = SEES  # share of beams that has to come back
 
 
 class RollingObstacleMap:
