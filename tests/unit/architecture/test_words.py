@@ -58,7 +58,7 @@ INSTEAD = {
 }
 BANNED = re.compile(rf"(?:^|_)({'|'.join(INSTEAD)})s?(?:_|$)")
 # How long something takes to settle, in control and filtering, is a term of those fields.
-ALLOWED = {"SETTLING", "settling_seconds"}
+ALLOWED = {"SETTLING", "settling", "settling_seconds"}
 
 
 def snake(name: str) -> str:
