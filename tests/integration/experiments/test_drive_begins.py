@@ -14,7 +14,9 @@ from experiments.models import Drive, StudyMember
 from experiments.research.live import now_in
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame
+from robots.api import topics
 from robots.models import Robot
+from sessions import protocol
 from sessions.leases import store
 from sessions.leases.transitions import Link
 from sessions.manager.scheduler import Scheduler
@@ -63,8 +65,8 @@ def ask(robot: Robot, user: User, at: datetime.datetime) -> store.Taken:
     return store.take(Robot.objects.get(pk=robot.pk), user, f"peer-{user.username}", now=at)
 
 
-def looks(keeper: Scheduler, *seconds: float) -> list[tuple[str, str]]:
-    """Let a session manager look at these times; return what pages were told, as (type, text)."""
+def looks(keeper: Scheduler, *seconds: float) -> list[tuple[type, str]]:
+    """Let a session manager tick at these times; return the notices to pages: kind and reason."""
     for second in seconds:
         for session in Session.objects.filter(state="waiting"):
             store.seen({str(session.pk)}, later(second))
@@ -73,11 +75,14 @@ def looks(keeper: Scheduler, *seconds: float) -> list[tuple[str, str]]:
             Link(since=0.0),
             later(second),
         )
-    told = [
-        msgspec.json.decode(letter.payload) for letter in keeper.outbox if "session" in letter.topic
+    frames = [
+        message.payload.decode()
+        for message in keeper.outbox
+        if message.topic.startswith(topics.session_notices(""))
     ]
     keeper.outbox.clear()
-    return [(one["type"], one.get("text", "")) for one in told]
+    told = map(protocol.decode_notice, frames)
+    return [(type(notice), getattr(notice, "reason", "")) for notice in told]
 
 
 def noted(session: str) -> list[str]:
@@ -125,7 +130,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert isinstance(taken, store.Queued)
 
     told = looks(Scheduler(), 0.5, 1.0, 3.0)
-    assert ("queue", "start: not_docked") in told
+    assert (protocol.Queued, "start: not_docked") in told
     assert mail.outbox == []
     second = Scheduler()  # the session manager was killed, and another one looks
     looks(second, 4.0, 10.0, 11.0, 60.0)
@@ -140,7 +145,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
 
     stands(robot)  # somebody has put it back
     told = looks(second, 82.0)
-    assert "granted" in [kind for kind, _ in told]
+    assert protocol.Offered in [kind for kind, _ in told]
     assert noted(taken.session)[-2:] == ["offered", "robot_ready"]
     granted = ask(robot, ben, later(83.0))
     assert isinstance(granted, store.Granted)

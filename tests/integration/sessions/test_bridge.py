@@ -412,7 +412,7 @@ async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_
             queued = await bob.expect("session/queued")
             await ada.say("session/leave", protocol.Leave())
             await ada.expect("session/ended")
-            assert (await bob.expect("session/turn")).session == queued.session
+            assert (await bob.expect("session/offered")).session == queued.session
             granted = await drive(bob)
             assert granted.session == queued.session
             await leave(bob)

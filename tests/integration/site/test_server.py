@@ -127,7 +127,7 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
             await bob.say("session/take", protocol.Take())
             assert (await bob.expect("session/queued")).place == 1
             await ada.say("session/leave", protocol.Leave())
-            await bob.expect("session/turn")
+            await bob.expect("session/offered")
             await bob.say("session/take", protocol.Take())
             second = await bob.expect("session/granted")
             assert second.epoch > driving.epoch
