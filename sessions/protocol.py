@@ -8,6 +8,7 @@ has the rest. The page's own idea of role, session, epoch or peer is never used:
 what the lease says.
 """
 
+import logging
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -35,6 +36,8 @@ from robots.api.messages import (
     Stamp,
 )
 from robots.api.topics import SERVER
+
+log = logging.getLogger(__name__)
 
 PATH = "ws/robots/<slug:robot>/"
 CHECK_PATH = "ws/check/"
@@ -399,7 +402,8 @@ def task_of(session: str, shown: dict[str, Any], stamp: float) -> Task | None:
     """Return what is stored of a task (Drive.shown) as a notice; None when it is none."""
     try:
         return msgspec.convert({**shown, "session": session, "stamp": stamp}, Task)
-    except msgspec.ValidationError:
+    except msgspec.ValidationError as error:
+        log.error("task_malformed session=%s reason=%s", session, error)
         return None
 
 

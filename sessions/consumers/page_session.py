@@ -25,6 +25,7 @@ from sessions.consumers import queries
 from sessions.consumers.authorization import Authorization
 from sessions.consumers.last_seen import last_seen_batcher
 from sessions.consumers.peers import Peers
+from sessions.consumers.relay import Outgoing
 from sessions.consumers.sender import Sender
 from sessions.leases import store
 from sessions.leases.terms import Terms
@@ -221,7 +222,7 @@ class PageSession:
             self._over(notice)
             self.peers.changed()
         else:
-            self.sender.notify(notice)
+            self.sender.put(Outgoing(frame))
 
     def lost_lease(self, lease: Lease | None) -> bool:
         """Act on a lease that is not this page's any more; True when only the

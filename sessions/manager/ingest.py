@@ -101,7 +101,8 @@ class Intake:
             self._put(PageItem(report, now))
             self._notice_sign(report, now)
         elif topic.startswith(_NOTICES):
-            if isinstance(protocol.decode_notice(_text(payload, topic)), protocol.Ended):
+            frame = _bounded(payload, topic).decode("utf-8", "replace")
+            if isinstance(protocol.decode_notice(frame), protocol.Ended):
                 self._wake_scheduler()  # a web process has ended it
         else:
             parsed = topics.parse(topic)
@@ -209,16 +210,14 @@ def _is_ordered(action_id: str | None) -> bool:
 Fresh = StateItem | EventItem | ActionItem | PageItem
 
 
-def _text(payload: bytes, topic: str) -> str:
+def _bounded(payload: bytes, topic: str) -> bytes:
     if len(payload) > protocol.MAX_FRAME:
         raise Rejection("oversized", topic[:80])
-    return payload.decode("utf-8", "replace")
+    return payload
 
 
 def _decoded(kind: type[Any], payload: bytes, topic: str) -> Any:
-    if len(payload) > protocol.MAX_FRAME:
-        raise Rejection("oversized", topic[:80])
     try:
-        return msgspec.json.decode(payload, type=kind)
+        return msgspec.json.decode(_bounded(payload, topic), type=kind)
     except (msgspec.DecodeError, RecursionError) as error:
         raise Rejection("malformed", f"{topic[:80]}: {error}") from error
