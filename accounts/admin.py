@@ -27,22 +27,23 @@ class PersonAdmin(ShownFilters, UserAdmin):
         "username",
         "display_name",
         "email",
+        "kind",
         "date_joined",
         "last_login",
         "is_staff",
         "is_active",
     )
-    list_filter = ("is_staff", "is_superuser", "is_active", "date_joined", "groups")
+    list_filter = ("kind", "is_staff", "is_superuser", "is_active", "date_joined", "groups")
     search_fields = ("username", "display_name", "email")
     date_hierarchy = "date_joined"
     ordering = ("-date_joined",)
     list_per_page = 50
-    readonly_fields = ("last_login", "date_joined")
+    readonly_fields = ("kind", "last_login", "date_joined")
     fieldsets = (
         (None, {"fields": ("username", "password")}),
-        (_("Person"), {"fields": ("display_name", "email")}),
+        (_("Person"), {"fields": ("display_name", "email", "kind")}),
         (_("Visits"), {"fields": ("date_joined", "last_login")}),
-        (_("Rights"), {"classes": ("collapse",), "fields": RIGHTS}),
+        (_("Permissions"), {"classes": ("collapse",), "fields": RIGHTS}),
     )
     add_fieldsets = (
         (
@@ -85,20 +86,20 @@ class PersonAdmin(ShownFilters, UserAdmin):
             else (*self.readonly_fields, *RIGHTS)
         )
 
-    @admin.action(description=_("Close the chosen accounts"), permissions=["change"])
+    @admin.action(description=_("Close selected accounts"), permissions=["change"])
     def close_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
         """Keep the chosen people from logging in; their records stay. Nobody closes their own
         account by mistake.
         """
         count = _of(request, queryset).exclude(pk=request.user.pk).update(is_active=False)
-        self.message_user(request, _("%(n)d accounts closed.") % {"n": count})
+        self.message_user(request, _("Accounts closed: %(n)d.") % {"n": count})
 
-    @admin.action(description=_("Open the chosen accounts again"), permissions=["change"])
+    @admin.action(description=_("Reopen selected accounts"), permissions=["change"])
     def open_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
         """Let the chosen people log in again."""
         self.message_user(
             request,
-            _("%(n)d accounts opened.") % {"n": _of(request, queryset).update(is_active=True)},
+            _("Accounts reopened: %(n)d.") % {"n": _of(request, queryset).update(is_active=True)},
         )
 
 
@@ -111,7 +112,7 @@ class AuditAdmin(admin.ModelAdmin):
     list_display = ("at", "act", "actor", "person", "robot", "study", "thing", "detail")
     list_filter = ("act", "at", "robot", "study")
     search_fields = ("=actor", "=person", "thing", "robot", "study")
-    search_help_text = _("The id of a person or a thing, or the name of a robot or a study.")
+    search_help_text = _("Search by the ID of a person or item, or the name of a robot or study.")
     date_hierarchy = "at"
     list_per_page = 100
     show_full_result_count = False

@@ -22,7 +22,7 @@ def single_line(name: str) -> str:
     """
     tidy = " ".join(name.split())
     if not tidy.isprintable():
-        raise forms.ValidationError(_("Please leave out characters that cannot be seen."))
+        raise forms.ValidationError(_("Remove invisible characters."))
     return tidy
 
 
@@ -55,14 +55,14 @@ class SignUpForm(PlainForm, allauth.SignupForm):
         self.describe(
             "display_name",
             _("Name shown to others"),
-            _("People beside the robot see it. Empty: your user name."),
+            _("Shown to people near the robot. Leave blank to use your user name."),
         )
         self.describe(
             "email",
             _("E-mail"),
             _(
-                "Only you and the people who run this site see it. It helps when you forget your"
-                " password."
+                "Only you and the people who run this site see it. It lets you reset a "
+                "forgotten password."
             ),
         )
         self.describe("password1", _("Password"), PASSWORD_HINT)
@@ -110,7 +110,7 @@ class ResetPasswordKeyForm(PlainForm, allauth.ResetPasswordKeyForm):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.describe("password1", _("New password"), PASSWORD_HINT)
-        self.describe("password2", _("New password, once more"))
+        self.describe("password2", _("Repeat new password"))
 
 
 class ChangePasswordForm(PlainForm, allauth.ChangePasswordForm):
@@ -118,9 +118,9 @@ class ChangePasswordForm(PlainForm, allauth.ChangePasswordForm):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.describe("oldpassword", _("Password until now"))
+        self.describe("oldpassword", _("Current password"))
         self.describe("password1", _("New password"), PASSWORD_HINT)
-        self.describe("password2", _("New password, once more"))
+        self.describe("password2", _("Repeat new password"))
 
 
 class SetPasswordForm(PlainForm, allauth.SetPasswordForm):
@@ -129,7 +129,7 @@ class SetPasswordForm(PlainForm, allauth.SetPasswordForm):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.describe("password1", _("Password"), PASSWORD_HINT)
-        self.describe("password2", _("Password, once more"))
+        self.describe("password2", _("Repeat password"))
 
 
 class ReauthenticateForm(PlainForm, allauth.ReauthenticateForm):
@@ -147,7 +147,9 @@ class ProfileForm(forms.ModelForm):
         model = User
         fields = ("display_name",)
         labels = {"display_name": _("Name shown to others")}
-        help_texts = {"display_name": _("People beside the robot see it. Empty: your user name.")}
+        help_texts = {
+            "display_name": _("Shown to people near the robot. Leave blank to use your user name.")
+        }
         widgets = {"display_name": forms.TextInput(attrs={"autocomplete": "nickname"})}
 
     def clean_display_name(self) -> str:

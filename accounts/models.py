@@ -13,8 +13,20 @@ class User(AbstractUser):
     tells nothing.
     """
 
+    class Kind(models.TextChoices):
+        """What an account is for. Only a full one has a user name and a password that somebody
+        chose; what the others may do is in robots/access.py and accounts/passwordless.py.
+        """
+
+        FULL = "full", _("full account")
+        PARTICIPANT = "participant", _("participant without password")
+        VISITOR = "visitor", _("visitor without password")
+
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     display_name = models.CharField(_("name shown to others"), max_length=60, blank=True)
+    kind = models.CharField(
+        _("kind of account"), max_length=12, choices=Kind, default=Kind.FULL, db_index=True
+    )
 
     class Meta:
         verbose_name = _("user")
@@ -24,6 +36,30 @@ class User(AbstractUser):
     def shown_name(self) -> str:
         """What other visitors and people beside the robot see; never the e-mail address."""
         return self.display_name or self.username
+
+    @property
+    def is_guest(self) -> bool:
+        """Whether the account was made without a user name and password."""
+        return self.kind != self.Kind.FULL
+
+
+class EntryCode(models.Model):
+    """The code with which a guest enters again, as a keyed hash; accounts.passwordless alone makes
+    and reads it.
+    """
+
+    user = models.OneToOneField(
+        User, models.CASCADE, primary_key=True, related_name="entry_code", verbose_name=_("user")
+    )
+    code_hash = models.CharField(max_length=64, unique=True, editable=False)
+    created_at = models.DateTimeField(_("created"))
+
+    class Meta:
+        verbose_name = _("entry code")
+        verbose_name_plural = _("entry codes")
+
+    def __str__(self) -> str:
+        return str(self.user_id)
 
 
 class AppendOnlyError(RuntimeError):
@@ -35,11 +71,11 @@ class AuditEntries(models.QuerySet["AuditEntry"]):
 
     def update(self, **_values: Any) -> NoReturn:
         """Refuse."""
-        raise AppendOnlyError("an audit entry never changes")
+        raise AppendOnlyError("an audit entry cannot be changed")
 
     def delete(self) -> NoReturn:
         """Refuse."""
-        raise AppendOnlyError("an audit entry is not deleted")
+        raise AppendOnlyError("an audit entry cannot be deleted")
 
 
 class AuditEntry(models.Model):
@@ -48,14 +84,14 @@ class AuditEntry(models.Model):
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    at = models.DateTimeField(_("at"), db_index=True)
+    at = models.DateTimeField(_("time"), db_index=True)
     # Ids and names of things, not references: an entry outlives what it speaks of.
-    actor = models.UUIDField(_("who"), null=True, db_index=True)
-    act = models.CharField(_("did"), max_length=40, db_index=True)
-    person = models.UUIDField(_("to whom"), null=True, db_index=True)
+    actor = models.UUIDField(_("done by"), null=True, db_index=True)
+    act = models.CharField(_("action"), max_length=40, db_index=True)
+    person = models.UUIDField(_("person affected"), null=True, db_index=True)
     robot = models.CharField(_("robot"), max_length=63, blank=True, db_index=True)
     study = models.CharField(_("study"), max_length=40, blank=True, db_index=True)
-    thing = models.CharField(_("thing"), max_length=80, blank=True)
+    thing = models.CharField(_("item"), max_length=80, blank=True)
     detail = models.CharField(_("detail"), max_length=200, blank=True)
 
     objects = AuditEntries.as_manager()
@@ -75,9 +111,9 @@ class AuditEntry(models.Model):
             AppendOnlyError: it is there already.
         """
         if not self._state.adding:
-            raise AppendOnlyError("an audit entry never changes")
+            raise AppendOnlyError("an audit entry cannot be changed")
         super().save(**options)
 
     def delete(self, *_args: Any, **_options: Any) -> NoReturn:
         """Refuse."""
-        raise AppendOnlyError("an audit entry is not deleted")
+        raise AppendOnlyError("an audit entry cannot be deleted")

@@ -2,9 +2,9 @@
 
 from django.urls import URLPattern, URLResolver, include, path
 
-from accounts.views import Profile
+from accounts.views import ProfileView
 
 urlpatterns: list[URLPattern | URLResolver] = [
-    path("profile/", Profile.as_view(), name="profile"),
+    path("profile/", ProfileView.as_view(), name="profile"),
     path("i18n/", include("django.conf.urls.i18n")),
 ]

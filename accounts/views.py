@@ -12,7 +12,7 @@ from accounts.forms import ProfileForm
 from accounts.models import User
 
 
-class Profile(LoginRequiredMixin, SuccessMessageMixin, UpdateView):
+class ProfileView(LoginRequiredMixin, SuccessMessageMixin, UpdateView):
     """The shown name, and the ways to e-mail address and password. Always the visitor's own."""
 
     form_class = ProfileForm

@@ -20,7 +20,7 @@ from aiortc import MediaStreamTrack, RTCConfiguration, RTCPeerConnection, RTCSes
 from robots.agent.adapters import registry
 from robots.agent.media import MediaSide
 from robots.agent.media.webrtc.sdp import parsed_candidate
-from robots.api.messages import Answer, Candidate, Offer, Signal, Velocity
+from robots.api.messages import Candidate, SdpAnswer, SdpOffer, Signal, Velocity
 from tests.support.loopback_peer import Exchange
 from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
@@ -162,14 +162,14 @@ class PlainRobot:
         self._thread.join()
 
     async def _take(self, peer: str, message: Signal) -> None:
-        if isinstance(message, Offer):
+        if isinstance(message, SdpOffer):
             connection = self._connections[peer] = RTCPeerConnection(
                 RTCConfiguration(iceServers=[])
             )
             await connection.setRemoteDescription(RTCSessionDescription(message.sdp, "offer"))
             connection.addTrack(CameraTrack())
             await connection.setLocalDescription(await connection.createAnswer())
-            self._reply(peer, Answer(sdp=connection.localDescription.sdp))
+            self._reply(peer, SdpAnswer(sdp=connection.localDescription.sdp))
         elif isinstance(message, Candidate):
             candidate = parsed_candidate(
                 message.candidate, message.sdp_mid, message.sdp_m_line_index

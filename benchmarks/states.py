@@ -225,7 +225,7 @@ def make_robots(kind: str) -> list[tuple[str, str, str]]:
         taken = store.take(
             robot, User.objects.create(username=robot.name), "page", now=timezone.now()
         )
-        assert isinstance(taken, store.Granted)
+        assert isinstance(taken, store.TakeGranted)
         made.append((robot.name, make_credentials(robot, timezone.now()).token, taken.session))
     return made
 

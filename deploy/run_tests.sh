@@ -16,8 +16,18 @@ cores=$(getconf _NPROCESSORS_ONLN)
 pytest() { "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-} || [ $? -eq 5 ]; }
 side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
 unit() { side_by_side logical tests/unit; }
-servers() { side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser; }
-browsers() { side_by_side "$cores" -m "$1" tests/integration/browser; }
+servers() {
+    side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
+        --ignore tests/integration/experiments --ignore tests/integration/surveys
+}
+# Browsers need half of the time that servers need, so studies follow them: with ports, databases and files of their own.
+browsers_and_studies() {
+    export TEST_LANE=1 VAR_DIR="$logs/var"
+    went=0
+    side_by_side "$cores" -m "$1" tests/integration/browser || went=1
+    side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys || went=1
+    return "$went"
+}
 # Of these, what waits for other programs has room for another beside it, and a browser has not.
 timing() {
     side_by_side 2 --dist worksteal -m "$1" tests/timing/robots
@@ -67,14 +77,14 @@ case "${1:-test}" in
         step "node --test"
         node --test --test-reporter=dot tests/js/
         together "style, types and the unit lane" lint "" unit ""
-        together "integration" servers "not soak" browsers "not soak"
+        together "integration" servers "not soak" browsers_and_studies "not soak"
         step "timing: beside no other lane"
         timing "not soak"
         ;;
     soak)
         step "soak: this takes hours, and prints what each part took"
         servers soak
-        browsers soak
+        browsers_and_studies soak
         timing soak
         ;;
 esac

@@ -9,52 +9,38 @@ from django.db.models import Count, Max, Model, Q, QuerySet
 from django.forms import ModelForm
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import redirect, render
-from django.urls import NoReverseMatch, URLPattern, path, reverse
+from django.urls import URLPattern, path, reverse
 from django.utils import timezone
-from django.utils.html import format_html
+from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
+from experiments import publishing
+from experiments.access import may
 from experiments.builder.forms import PublishForm, StudyForm
-from experiments.builder.pages import LISTS, Place
-from experiments.builder.views import TITLES, BuilderPages, address, told
-from experiments.definition import publishing
+from experiments.builder.views import BuilderPages, sections, told
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Kind, Participant, Study, StudyMember
-from experiments.research.access import may
+from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
 from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, RehearsalAdmin
 from experiments.study_admin.people import PeoplePages, made
+from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin import NOTHING
+from robots.admin_pages.overview import register_section
 
-# Pages of a study that are there when their part of the site is: the name of the address, what it
-# is given, and what the link says.
-ELSEWHERE = (
-    ("study_live", "slug", _("Live view")),
-    ("study_analysis", "pk", _("Analysis")),
-)
 WAY = "participants__kind"
-
-
-def pages_elsewhere(row: Study) -> list[tuple[str, Any]]:
-    """Return the addresses of the pages of a study that this site has, and their names."""
-    found = []
-    for name, field, words in ELSEWHERE:
-        try:
-            found.append((reverse(name, args=[getattr(row, field)]), words))
-        except NoReverseMatch:
-            continue
-    return found
+register_section("mail", mail_to_owner)
 
 
 @admin.register(Study)
-class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
+class StudyAdmin(BuilderPages, PeoplePages, WalkThroughPages, OfStudies):
     """Studies by version. A published version stays as it is."""
 
     form = StudyForm
@@ -97,10 +83,6 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
             and may(request.user, obj.slug, "owner")
             and publishing.may_delete(obj)
         )
-
-    def slug_of(self, row: Any) -> str:
-        """Return a study's name."""
-        return str(row.slug)
 
     # --- columns ----------------------------------------------------------------------------------
 
@@ -151,14 +133,12 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
 
     @admin.display(description="")
     def ways(self, row: Study) -> SafeString:
-        """Return the ways to its drives and to the pages that the site has."""
-        drives = (reverse("admin:experiments_drive_changelist") + f"?study={row.pk}", _("Drives"))
-        return SafeString(
-            " · ".join(
-                format_html('<a href="{}">{}</a>', url, words)
-                for url, words in (drives, *pages_elsewhere(row))
-            )
-        )
+        """Return the ways to its drives, to its live view and to its analysis."""
+        drives = reverse("admin:experiments_drive_changelist") + f"?study={row.pk}"
+        live = reverse("study_live", args=[row.slug])
+        analysis = reverse("study_analysis", args=[row.pk])
+        ways = ((drives, _("Drives")), (live, _("Live")), (analysis, _("Analysis")))
+        return format_html_join(" · ", '<a href="{}">{}</a>', ways)
 
     # --- one study --------------------------------------------------------------------------------
 
@@ -170,16 +150,16 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
         """
         if obj is None:
             return [
-                (_("Begin an empty one"), {"fields": ("name", "called", "spoken")}),
-                (_("or take one from a file"), {"fields": ("file", "document")}),
+                (_("Start an empty study"), {"fields": ("name", "called", "spoken")}),
+                (_("or import one from a file"), {"fields": ("file", "document")}),
             ]
-        settings = (_("How people come in"), {"fields": ("entry", "exclusive")})
+        settings = (_("How people join"), {"fields": ("entry", "exclusive")})
         if obj.status != Study.Status.DRAFT or not self.has_change_permission(request, obj):
             return [settings]
         return [
             settings,
             (
-                _("Replace the definition by a file"),
+                _("Replace the definition with a file"),
                 {"fields": ("file", "document"), "classes": ("collapse",)},
             ),
         ]
@@ -216,7 +196,7 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
         self, request: HttpRequest, obj: Study, _post_url_continue: str | None = None
     ) -> HttpResponse:
         """Go on to build it."""
-        messages.success(request, _now("The study %(study)s is a draft now.") % {"study": obj})
+        messages.success(request, gettext("Study %(study)s created as a draft.") % {"study": obj})
         return HttpResponseRedirect(reverse("admin:experiments_study_change", args=[obj.pk]))
 
     def change_view(
@@ -241,25 +221,18 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
         rehearsal = publishing.passed_rehearsal(row)
         return {
             "study": row,
+            "study_tab": "overview",
             "problems": told(row),
             "is_owner": may(request.user, row.slug, "owner"),
             "may_research": may(request.user, row.slug, "researcher"),
-            "sections": [
-                (
-                    TITLES[name],
-                    address(row, Place(name)),
-                    len(row.definition.get(name, ())) if name in LISTS else None,
-                )
-                for name in TITLES
-            ],
+            "sections": sections(row),
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
-            "elsewhere": pages_elsewhere(row),
             "rehearsal": rehearsal,
             "statuses": [
                 (words, by_status.get(value, 0)) for value, words in Participant.Status.choices
             ],
             "hours": opening_hours.summary(row.opening_hours, row.time_zone),
-            "title": _now("Study"),
+            "title": gettext("Study"),
         }
 
     # --- what is done with it ---------------------------------------------------------------------
@@ -295,7 +268,13 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
                 name="experiments_study_reopen",
             ),
         ]
-        return [*own, *self.builder_urls(), *self.people_urls(), *super().get_urls()]
+        return [
+            *own,
+            *self.builder_urls(),
+            *self.people_urls(),
+            *self.walk_through_urls(),
+            *super().get_urls(),
+        ]
 
     def changelist_view(
         self, request: HttpRequest, extra_context: dict[str, Any] | None = None
@@ -340,7 +319,7 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
         self.log_addition(request, copy, "New version.")
         messages.success(
             request,
-            _now("Version %(n)d is a draft: change it, rehearse it, publish it.")
+            gettext("Version %(n)d is a draft. Edit it, rehearse it, then publish it.")
             % {"n": copy.version},
         )
         return redirect("admin:experiments_study_change", copy.pk)
@@ -353,25 +332,29 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
             try:
                 publishing.publish(row, request.user, form.cleaned_data["reason"], timezone.now())
             except publishing.NotPublishableError as error:
-                reasons = error.reasons
+                known = publishing.problems_of(row)  # these stand on the page already
+                reasons = [reason for reason in error.reasons if reason not in known]
             else:
                 messages.success(
                     request,
-                    _now("The study is published: its definition stays as it is from now on."),
+                    gettext("Study published. Its definition can no longer be changed."),
                 )
                 return redirect("admin:experiments_study_change", row.pk)
         context = self.admin_site.each_context(request) | {
-            "title": _now("Publish"),
+            "title": gettext("Publish"),
             "opts": self.opts,
             "study": row,
+            "study_tab": "overview",
             "form": form,
             "reasons": reasons,
             "problems": told(row),
             "rehearsal": publishing.passed_rehearsal(row),
-            "elsewhere": dict(pages_elsewhere(row)),
         }
         return render(
-            request, "admin/experiments/study/publish.html", context, status=422 if reasons else 200
+            request,
+            "admin/experiments/study/publish.html",
+            context,
+            status=422 if request.method == "POST" else 200,
         )
 
     def close(self, request: HttpRequest, pk: Any) -> HttpResponse:
@@ -402,9 +385,9 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
             messages.success(
                 request,
                 (
-                    _now("The study takes participants again.")
+                    gettext("Study reopened: it accepts participants again.")
                     if opens
-                    else _now("The study takes nobody new.")
+                    else gettext("Study closed: it accepts no new participants.")
                 ),
             )
         return redirect("admin:experiments_study_change", row.pk)

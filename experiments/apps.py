@@ -12,8 +12,6 @@ class ExperimentsConfig(AppConfig):
 
     def ready(self) -> None:
         """Answer for the terms of participants' visits, and listen to the session manager."""
-        from experiments.tasks import (
-            signal_handlers,
-        )
+        from experiments import signal_handlers
 
         signal_handlers.connect()

@@ -15,12 +15,13 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from experiments.definition.schema import Study as Definition
-from experiments.definition.schema import digest, from_stored
+from accounts.passwordless import CODE_LETTERS
+from experiments.definition.schema import StudyDefinition, digest, from_stored
 from sessions.models import Session
 
-CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # nothing that is read as something else
 CODE_LENGTH = 8
+# How taking part ended, for whoever recruited the participant.
+DONE, TECHNICAL_FAILURE, SCREENED_OUT = "done", "technical_failure", "screened_out"
 
 
 def not_drawn() -> str:
@@ -62,7 +63,8 @@ class Study(models.Model):
     class Entry(models.TextChoices):
         """How people come in."""
 
-        OPEN = "open", _("open link")
+        OPEN = "open", _("open link, with an account")
+        CODE = "code", _("open link, without an account")
         PERSONAL = "personal", _("personal links only")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -80,9 +82,9 @@ class Study(models.Model):
     opening_hours = models.JSONField(_("opening hours"), default=list, blank=True)
     time_zone = models.CharField(_("time zone"), max_length=60, default="UTC")
     exclusive = models.BooleanField(
-        _("keeps its robots to itself"),
+        _("exclusive use of its robots"),
         default=False,
-        help_text=_("While it is open, nobody but its participants drives them."),
+        help_text=_("While the study is open, only its participants can drive them."),
     )
     created_at = models.DateTimeField(_("created"))
     published_at = models.DateTimeField(_("published"), null=True, blank=True)
@@ -96,7 +98,7 @@ class Study(models.Model):
         related_name="published_studies",
     )
     # Why it was published without a rehearsal that passed.
-    unrehearsed_reason = models.TextField(_("published without rehearsal because"), blank=True)
+    unrehearsed_reason = models.TextField(_("reason for publishing without rehearsal"), blank=True)
     # Keys the hash of networks, so that distinct ones can be counted within this study and nowhere
     # else.
     secret = models.CharField(max_length=64, default=secrets.token_hex, editable=False)
@@ -130,11 +132,12 @@ class Study(models.Model):
         )
         if published is not None and not same:
             raise FrozenStudyError(
-                f"version {published[1]} of {published[0]} is published and never changes"
+                f"version {published[1]} of {published[0]} is published and cannot "
+                "change: make a new version"
             )
         super().save(**options)
 
-    def as_definition(self) -> Definition:
+    def as_definition(self) -> StudyDefinition:
         """Return what the study says."""
         return from_stored(self.definition)
 
@@ -145,8 +148,8 @@ class StudyMember(models.Model):
     class Role(models.TextChoices):
         """What a researcher may do."""
 
-        OWNER = "owner", _("owner: everything")
-        RESEARCHER = "researcher", _("researcher: sees data, excludes, intervenes")
+        OWNER = "owner", _("owner: full access")
+        RESEARCHER = "researcher", _("researcher: sees data, excludes drives, intervenes")
         VIEWER = "viewer", _("viewer: sees pseudonymous data")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -183,7 +186,7 @@ class Participant(models.Model):
         UNDER_WAY = "under_way", _("under way")
         FREED = "freed", _("freed")
         FILLED = "filled", _("filled")
-        REFILLED = "refilled", _("given to another")
+        REFILLED = "refilled", _("reassigned")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     study = models.ForeignKey(
@@ -205,7 +208,7 @@ class Participant(models.Model):
         _("kind"), max_length=12, choices=Kind, default=Kind.PARTICIPANT, db_index=True
     )
     # open or invitation: experiments.participation.assignment.Access
-    access = models.CharField(_("came by"), max_length=12, default="open")
+    access = models.CharField(_("joined via"), max_length=12, default="open")
     status = models.CharField(
         _("status"), max_length=12, choices=Status, default=Status.ACTIVE, db_index=True
     )
@@ -217,11 +220,11 @@ class Participant(models.Model):
     # --- assignment, once, at the first grant of the robot ---
     cell = models.CharField(_("cell"), max_length=400, blank=True, db_index=True)
     conditions = models.JSONField(_("conditions in order"), default=list, blank=True)
-    candidates = models.JSONField(_("drawn from"), default=list, blank=True)
+    candidates = models.JSONField(_("randomised among"), default=list, blank=True)
     # "<study>:<kind>:<number>" of the draw, unique: of two who are drawn at the same time one has
     # to look again. No word of ours before.
     drawn_as = models.CharField(max_length=100, unique=True, default=not_drawn, editable=False)
-    draw_seed = models.BigIntegerField(_("seed of the draw"), null=True, blank=True)
+    draw_seed = models.BigIntegerField(_("randomisation seed"), null=True, blank=True)
     assigned_at = models.DateTimeField(_("assigned"), null=True, blank=True)
     stage = models.CharField(
         _("place"),
@@ -237,7 +240,7 @@ class Participant(models.Model):
     step = models.CharField(_("step"), max_length=40, blank=True)
     round = models.PositiveIntegerField(_("round"), default=0)
 
-    created_at = models.DateTimeField(_("came"), db_index=True)
+    created_at = models.DateTimeField(_("joined"), db_index=True)
     seen_at = models.DateTimeField(_("last seen"))
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
     # done, technical_failure, screened_out
@@ -291,11 +294,11 @@ class PersonalLink(models.Model):
     study = models.ForeignKey(Study, models.CASCADE, related_name="links", verbose_name=_("study"))
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     label = models.CharField(_("label"), max_length=120, blank=True)
-    access = models.CharField(_("gives"), max_length=12, default="invitation")
+    access = models.CharField(_("access given"), max_length=12, default="invitation")
     # A bot's link makes whoever redeems it a bot, and what it does never counts; only commands make
     # such links.
     kind = models.CharField(_("for"), max_length=12, choices=Kind, default=Kind.PARTICIPANT)
-    created_at = models.DateTimeField(_("made"))
+    created_at = models.DateTimeField(_("created"))
     expires_at = models.DateTimeField(_("expires"), null=True, blank=True)
     revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)
     redeemed_at = models.DateTimeField(_("redeemed"), null=True, blank=True)
@@ -316,6 +319,19 @@ class PersonalLink(models.Model):
     def __str__(self) -> str:
         return self.label or str(self.pk)
 
+    @property
+    def guest(self) -> Any:
+        """The user whom the link lets in again: somebody who used it without an account of their
+        own; else None.
+        """
+        user = self.participant.user if self.participant is not None else None
+        return user if user is not None and user.is_guest and user.is_active else None
+
+    @property
+    def is_revocable(self) -> bool:
+        """Whether revoking it would keep anybody out."""
+        return self.revoked_at is None and (self.redeemed_at is None or self.guest is not None)
+
 
 class StepVisit(models.Model):
     """A participant on a step of the study, from seeing it first to going on: what the funnel is
@@ -329,7 +345,7 @@ class StepVisit(models.Model):
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
     step = models.CharField(_("step"), max_length=40)
-    began_at = models.DateTimeField(_("began"))
+    began_at = models.DateTimeField(_("started at"))
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
 
     class Meta:
@@ -398,7 +414,7 @@ class Drive(models.Model):
     step = models.CharField(_("step"), max_length=40)
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
-    number = models.PositiveIntegerField(_("session of the participant"))  # 1, 2 …
+    number = models.PositiveIntegerField(_("session number"))  # 1, 2 …
     condition = models.CharField(_("condition"), max_length=40)
     seed = models.BigIntegerField(_("seed"))
     assigned = models.JSONField(_("assigned"), default=dict)
@@ -408,12 +424,12 @@ class Drive(models.Model):
     clock_offset = models.FloatField(_("clock offset (s)"), null=True, editable=False)
     granted_at = models.DateTimeField(_("granted"))
     exposed = models.BooleanField(_("exposed"), default=False)  # a velocity of theirs was applied
-    outcome = models.CharField(_("outcome of the task"), max_length=20, blank=True)
+    outcome = models.CharField(_("task outcome"), max_length=20, blank=True)
     result = models.JSONField(_("result"), default=dict, blank=True)
-    began_with = models.JSONField(_("began with"), default=dict, blank=True)
-    ended_with = models.JSONField(_("ended with"), default=dict, blank=True)
-    settled_at = models.DateTimeField(_("settled"), null=True, blank=True, db_index=True)
-    excluded_reason = models.CharField(_("excluded because"), max_length=300, blank=True)
+    began_with = models.JSONField(_("start state"), default=dict, blank=True)
+    ended_with = models.JSONField(_("end state"), default=dict, blank=True)
+    settled_at = models.DateTimeField(_("finalised"), null=True, blank=True, db_index=True)
+    excluded_reason = models.CharField(_("reason for exclusion"), max_length=300, blank=True)
     excluded_by = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+"
     )
@@ -436,13 +452,13 @@ class TaskEvent(models.Model):
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     drive = models.ForeignKey(Drive, models.CASCADE, related_name="events", verbose_name=_("drive"))
     number = models.PositiveIntegerField(_("number"))  # in order of time
-    stamp = models.FloatField(_("stamp"))
+    stamp = models.FloatField(_("timestamp"))
     type = models.CharField(_("type"), max_length=40, db_index=True)
     data = models.JSONField(_("data"), default=dict)
 
     class Meta:
-        verbose_name = _("event of the task")
-        verbose_name_plural = _("events of the task")
+        verbose_name = _("task event")
+        verbose_name_plural = _("task events")
         ordering = ("number",)
         constraints = [models.UniqueConstraint(fields=["drive", "number"], name="task_event_once")]
 
@@ -460,7 +476,7 @@ class Rehearsal(models.Model):
         Study, models.CASCADE, related_name="rehearsals", verbose_name=_("study")
     )
     sha256 = models.CharField(max_length=64)  # of the definition that was rehearsed
-    began_at = models.DateTimeField(_("began"))
+    began_at = models.DateTimeField(_("started at"))
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
     passed = models.BooleanField(_("passed"), default=False)
     report = models.JSONField(_("report"), default=dict)

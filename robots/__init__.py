@@ -8,8 +8,14 @@ fault and is never opened (robots/agent/devices/alsa.py); its VPL looks there fo
 encoder of Intel's (`*_qsv`) may be opened.
 
     https://www.gnutls.org/manual/html_node/System_002dwide-configuration-of-the-library.html
+
+Events are logged by structlog, which would print them to standard output, between what programs
+answer there: so whatever imports `robots` has them handed to the standard library's logging.
 """
 
 import os
 
+from robots import logs
+
 os.environ.setdefault("GNUTLS_SYSTEM_PRIORITY_FILE", "/etc/gnutls/config")
+logs.configure()

@@ -30,6 +30,7 @@ class Verdict:
 YES = Verdict(allowed=True)
 OVERSEES = "robots.change_robot"
 _guest_lists: list[Callable[[Any, Robot], bool]] = []
+_guest_rules: dict[str, Callable[[Any, Robot], bool]] = {}
 
 
 def register_guest_list(invites: Callable[[Any, Robot], bool]) -> None:
@@ -38,6 +39,13 @@ def register_guest_list(invites: Callable[[Any, Robot], bool]) -> None:
     """
     if invites not in _guest_lists:
         _guest_lists.append(invites)
+
+
+def register_guest_rule(kind: str, admits: Callable[[Any, Robot], bool]) -> None:
+    """Let an app above this one say which robots guests of one kind (accounts.models.User.Kind) may
+    drive, of those that the robots' access allows; without a rule they drive none.
+    """
+    _guest_rules[kind] = admits
 
 
 def _no(reason: Reason) -> Verdict:
@@ -51,21 +59,23 @@ def oversees(user: Any) -> bool:
     To be staff is not enough: owners and researchers enter the administration too, for what is
     theirs.
     """
-    return bool(_is_known(user) and user.is_staff and user.has_perm(OVERSEES))
+    return bool(_is_known(user) and user.is_staff and not user.is_guest and user.has_perm(OVERSEES))
 
 
 def may_manage(user: Any, robot: Robot) -> bool:
     """Tell whether a user may change a robot, its keys, its doors and who drives it: its owner, and
     who oversees all robots.
     """
-    return bool(_is_known(user)) and (robot.owner_id == user.pk or oversees(user))
+    return bool(_is_known(user) and not user.is_guest) and (
+        robot.owner_id == user.pk or oversees(user)
+    )
 
 
 def may_operate(user: Any, robot: Robot) -> Verdict:
     """Tell whether a user may stop, pause and message sessions and clear an emergency stop: who
     manages it, and its operators.
     """
-    if not _is_known(user):
+    if not _is_known(user) or user.is_guest:
         return _no("not_allowed")
     if may_manage(user, robot) or _has_permit(user, robot, RobotPermit.Kind.OPERATOR):
         return YES
@@ -74,12 +84,21 @@ def may_operate(user: Any, robot: Robot) -> Verdict:
 
 def may_drive(user: Any, robot: Robot) -> Verdict:
     """Tell whether a user may drive: by the robot's access, as somebody who operates it, or as
-    somebody's guest.
+    somebody's guest. An account without a password also needs a rule that lets it.
     """
     verdict = _is_admitted(user, robot)
     if verdict.reason == "not_invited" and any(invites(user, robot) for invites in _guest_lists):
-        return YES
+        verdict = YES
+    if verdict and user.is_guest and not _is_let_in(user, robot):
+        return _no("not_allowed")
     return verdict
+
+
+def _is_let_in(user: Any, robot: Robot) -> bool:
+    if robot.practice:
+        return True
+    rule = _guest_rules.get(user.kind)
+    return rule is not None and rule(user, robot)
 
 
 def _is_admitted(user: Any, robot: Robot) -> Verdict:
@@ -87,17 +106,20 @@ def _is_admitted(user: Any, robot: Robot) -> Verdict:
         return _no("not_allowed")
     if not robot.enabled:
         return _no("disabled")
-    if robot.access == Robot.Access.OPEN or may_operate(user, robot):
+    is_open = robot.shown_to_visitors and robot.access == Robot.Access.OPEN
+    if is_open or may_operate(user, robot):
         return YES
+    if not robot.shown_to_visitors:
+        return _no("disabled")
     kind, reason = _DEMANDS[robot.access]
     return YES if _has_permit(user, robot, kind) else _no(reason)
 
 
 def may_observe(user: Any, robot: Robot) -> Verdict:
     """Tell whether a user may watch: whoever may always drive, where the robot allows observers,
-    and always who operates it.
+    and always who operates it. Accounts without a password watch nothing.
     """
-    if not _is_known(user):
+    if not _is_known(user) or user.is_guest:
         return _no("not_allowed")
     if not robot.enabled:
         return _no("disabled")
@@ -112,7 +134,9 @@ def has_a_robot(user: Any) -> bool:
     """
     if not _is_known(user):
         return False
-    by_invitation = Robot.objects.filter(enabled=True, access=Robot.Access.INVITATION)
+    by_invitation = Robot.objects.filter(
+        enabled=True, shown_to_visitors=True, access=Robot.Access.INVITATION
+    )
     return robots_visible_to(user).filter(enabled=True).exists() or any(
         may_drive(user, robot) for robot in by_invitation
     )
@@ -120,17 +144,26 @@ def has_a_robot(user: Any) -> bool:
 
 def robots_visible_to(user: Any) -> "QuerySet[Robot]":
     """Return the robots to show a user: the enabled ones that are open or that the user has a
-    permit for, and one's own.
+    permit for, and one's own. A robot that is hidden from visitors is there for its operators.
 
-    Who oversees the robots sees all of them. Somebody who has not signed in sees the open ones.
+    Who oversees the robots sees all of them. Somebody who has not signed in sees the open ones, and
+    somebody without a password those that they may drive now.
     """
     if not _is_known(user):
-        return Robot.objects.filter(enabled=True, access=Robot.Access.OPEN)
+        return Robot.objects.filter(enabled=True, shown_to_visitors=True, access=Robot.Access.OPEN)
+    if user.is_guest:
+        enabled = Robot.objects.filter(enabled=True, shown_to_visitors=True)
+        looked_at = enabled.select_related("floor_plan").defer("floor_plan__image")
+        return enabled.filter(pk__in=[robot.pk for robot in looked_at if may_drive(user, robot)])
     if oversees(user):
         return Robot.objects.all()
-    permitted = RobotPermit.objects.filter(user=user).values("robot")
+    permits = RobotPermit.objects.filter(user=user)
+    operated = permits.filter(kind=RobotPermit.Kind.OPERATOR).values("robot")
+    admitted = Q(access=Robot.Access.OPEN) | Q(pk__in=permits.values("robot"))
     return Robot.objects.filter(
-        Q(owner=user) | (Q(enabled=True) & (Q(access=Robot.Access.OPEN) | Q(pk__in=permitted)))
+        Q(owner=user)
+        | Q(enabled=True, shown_to_visitors=True) & admitted
+        | Q(enabled=True, pk__in=operated)
     )
 
 

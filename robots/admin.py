@@ -7,16 +7,15 @@ from urllib.parse import quote
 
 from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied
-from django.db.models import Count, Field, Model, QuerySet
+from django.db.models import Count, Field, Model, Q, QuerySet
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import get_object_or_404, render
 from django.urls import NoReverseMatch, URLPattern, path, reverse
 from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
-from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
@@ -24,7 +23,7 @@ from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, their
 from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.keys import EnrolmentPage, ScreenPage
 from robots.enrol.credentials import make_credentials, revoke
-from robots.forms import AdapterInput, FloorPlanForm, offered
+from robots.forms import AdapterInput, FloorPlanForm, RobotForm, offered
 from robots.models import FloorPlan, Robot, RobotPermit
 from robots.presence import trouble_of
 from robots.readiness_text import in_words
@@ -55,6 +54,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     and change all but whose they are.
     """
 
+    form = RobotForm
     list_display = (
         "title",
         "name",
@@ -86,10 +86,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         "screen",
         "between",
         "turnaround_at",
-        "online_now",
         "control",
-        "battery",
-        "docked",
         "driver",
         "last_seen_at",
         "sessions",
@@ -97,19 +94,32 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         "told_state",
     )
     fieldsets = (
-        (None, {"fields": ("title", "name", "description", "owner", "floor_plan", "enabled")}),
-        (_("Who may drive"), {"fields": ("access", "observers_allowed", "turn_minutes")}),
+        (
+            None,
+            {
+                "fields": (
+                    "shown_to_visitors",
+                    "title",
+                    "name",
+                    "description",
+                    "owner",
+                    "floor_plan",
+                    "enabled",
+                )
+            },
+        ),
+        (_("Driving access"), {"fields": ("access", "observers_allowed", "turn_minutes")}),
         (
             _("Between visits"),
             {"fields": ("returns_home", "charge_limit", "between", "turnaround_at")},
         ),
         (_("Driving"), {"fields": ("assist",)}),
-        (_("The robot's own screen"), {"fields": ("calls", "screen")}),
+        (_("Robot's screen"), {"fields": ("calls", "screen")}),
         (
             _("Limits"),
             {
                 "fields": ("max_linear", "max_angular"),
-                "description": _("Below what the robot allows itself; empty means its own limit."),
+                "description": _("Leave blank to use the robot's limits; cannot exceed them."),
             },
         ),
         (
@@ -119,18 +129,15 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
                     "adapter",
                     "adapter_here",
                     "key",
-                    "online_now",
                     "control",
                     "last_seen_at",
                     "driver",
-                    "battery",
-                    "docked",
                     "sessions",
                 )
             },
         ),
         (
-            _("What the robot says of itself"),
+            _("Reported by the robot"),
             {"fields": ("told_factsheet", "told_state"), "classes": ("collapse",)},
         ),
     )
@@ -146,6 +153,29 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         )
         sites = () if may_place else ("owner", "floor_plan")
         return (*self.readonly_fields, *sites, *(("name",) if obj is not None else ()))
+
+    def get_fieldsets(self, request: HttpRequest, obj: Robot | None = None) -> Any:
+        """A new robot has nothing to report yet, and is hidden from visitors."""
+        if obj is not None:
+            return self.fieldsets
+        later = {*self.readonly_fields, "shown_to_visitors"}
+        parts = [
+            (name, {**part, "fields": [field for field in part["fields"] if field not in later]})
+            for name, part in self.fieldsets
+        ]
+        return [(name, part) for name, part in parts if part["fields"]]
+
+    def save_model(self, request: HttpRequest, obj: Robot, form: Any, change: bool) -> None:
+        """Keep a new robot from visitors until its owner shows it."""
+        if not change:
+            obj.shown_to_visitors = False
+        super().save_model(request, obj, form, change)
+
+    def response_post_save_add(self, request: HttpRequest, obj: Robot) -> HttpResponse:
+        """Lead to the new robot's page, which says how to connect it."""
+        if not self.has_view_permission(request, obj):
+            return super().response_post_save_add(request, obj)
+        return HttpResponseRedirect(reverse("admin:robots_robot_change", args=[obj.pk]))
 
     # --- who may ----------------------------------------------------------------------------------
 
@@ -175,6 +205,11 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
                     robot=form.instance,
                     detail=permit.kind,
                 )
+
+    def get_queryset(self, request: HttpRequest) -> "QuerySet[Robot]":
+        """Leave out practice robots, which come and go by themselves."""
+        rows: QuerySet[Robot] = super().get_queryset(request)
+        return rows.filter(practice=False)
 
     def managed(self, request: HttpRequest, pk: Any) -> Robot:
         """Return a robot for a page that changes it.
@@ -208,12 +243,12 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Whether it is connected and was heard a moment ago."""
         return robot.is_online(timezone.now())
 
-    @admin.display(description=_("its own control"))
+    @admin.display(description=_("control system"))
     def control(self, robot: Robot) -> str:
         """Whether its agent reaches the robot's own control architecture, and why not."""
         if not robot.is_online(timezone.now()):
             return NOTHING
-        return trouble_of(robot.report) or _now("it answers")
+        return trouble_of(robot.report) or gettext("responding")
 
     @admin.display(description=_("battery"))
     def battery(self, robot: Robot) -> str:
@@ -221,25 +256,29 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         battery = (robot.report or {}).get("battery")
         if battery is None:
             return NOTHING
-        charge = _now("unknown") if battery.get("charge") is None else f"{battery['charge']:.0%}"
+        charge = gettext("unknown") if battery.get("charge") is None else f"{battery['charge']:.0%}"
         return (
-            _now("%(charge)s, charging") % {"charge": charge} if battery.get("charging") else charge
+            gettext("%(charge)s, charging") % {"charge": charge}
+            if battery.get("charging")
+            else charge
         )
 
-    @admin.display(description=_("dock"))
+    @admin.display(description=_("docking"))
     def docked(self, robot: Robot) -> str:
         """Whether it stands in its dock; out of it is no fault, so that there is no red cross."""
-        return _now("docked") if robot.report and robot.report.get("docked") else NOTHING
+        return gettext("docked") if robot.report and robot.report.get("docked") else NOTHING
 
     @admin.display(description=_("access"), ordering="access")
     def who(self, robot: Robot) -> str:
         """Who may drive, in one word."""
         if not robot.enabled:
-            return _now("disabled")
+            return gettext("disabled")
+        if not robot.shown_to_visitors:
+            return gettext("hidden")
         return {
-            Robot.Access.OPEN: _now("open"),
-            Robot.Access.INVITATION: _now("invited"),
-            Robot.Access.TRAINED: _now("trained"),
+            Robot.Access.OPEN: gettext("open"),
+            Robot.Access.INVITATION: gettext("invited"),
+            Robot.Access.TRAINED: gettext("trained"),
         }[robot.access]
 
     @admin.display(description=_("last seen"), ordering="last_seen_at")
@@ -247,7 +286,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """When it was last heard."""
         return NOTHING if robot.last_seen_at is None else _moment(robot.last_seen_at)
 
-    @admin.display(description=_("now"))
+    @admin.display(description=_("current status"))
     def between(self, robot: Robot) -> str:
         """Whether it is ready for a visit, and why not."""
         phase = robot.get_turnaround_display()
@@ -268,7 +307,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     @admin.display(description="")
     def drive(self, robot: Robot) -> str | SafeString:
         """The way to its drive page."""
-        return link_to("drive", _now("Drive"), robot.name)
+        return link_to("drive", gettext("Drive"), robot.name)
 
     @admin.display(description=_("on this server"))
     def adapter_here(self, robot: Robot) -> str:
@@ -276,26 +315,26 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         if not robot.adapter or robot.adapter.endswith(".py"):
             return NOTHING
         if robot.adapter in offered():
-            return _now("installed")
-        return _now(
-            "Not installed on this server. That is fine: install it on the robot's computer, where"
-            " the agent runs."
+            return gettext("installed")
+        return gettext(
+            "Not installed on this server, which is fine: it must be installed "
+            "on the robot's computer, where the agent runs."
         )
 
     @admin.display(description=_("credentials"))
     def key(self, robot: Robot) -> str | SafeString:
         """When its credentials were made, and the way to new ones."""
         if not robot.credential_hash or robot.credential_made_at is None:
-            state = _now("none: it cannot connect")
+            state = gettext("none: the robot can't connect")
         else:
-            state = _now("made %(when)s") % {"when": _moment(robot.credential_made_at)}
+            state = gettext("created %(when)s") % {"when": _moment(robot.credential_made_at)}
         if robot._state.adding:
-            return _now("Save the robot first.")
+            return gettext("Save the robot first.")
         if robot.renewal_asked_at is not None:
-            state = _now("%(made)s, new ones asked for and not fetched yet") % {"made": state}
+            state = gettext("%(made)s; new ones requested, not fetched yet") % {"made": state}
         ways = (
-            link_to("admin:robots_robot_enrol", _now("Enrol its computer"), robot.pk),
-            link_to("admin:robots_robot_credentials", _now("Make new credentials"), robot.pk),
+            link_to("admin:robots_robot_enrol", gettext("Enrol the robot's computer"), robot.pk),
+            link_to("admin:robots_robot_credentials", gettext("Create new credentials"), robot.pk),
         )
         return format_html("{} · {} · {}", state, *ways)
 
@@ -303,13 +342,21 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     def screen(self, robot: Robot) -> str | SafeString:
         """Whether its display has an address, and the way to a new one."""
         if robot._state.adding:
-            return _now("Save the robot first.")
+            return gettext("Save the robot first.")
         made = robot.screen_made_at
-        state = _now("none") if made is None else _now("made %(when)s") % {"when": _moment(made)}
+        state = (
+            gettext("none")
+            if made is None
+            else gettext("created %(when)s") % {"when": _moment(made)}
+        )
         return format_html(
             "{} · {}",
             state,
-            link_to("admin:robots_robot_screen", _now("Make an address for its display"), robot.pk),
+            link_to(
+                "admin:robots_robot_screen",
+                gettext("Create an address for the robot's display"),
+                robot.pk,
+            ),
         )
 
     @admin.display(description=_("sessions"))
@@ -317,7 +364,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """The way to its sessions."""
         return link_to(
             "admin:telepresence_sessions_session_changelist",
-            _now("Show its sessions"),
+            gettext("Show its sessions"),
             query=f"?robot__id__exact={robot.pk}",
         )
 
@@ -334,10 +381,12 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     # --- credentials ------------------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the pages that make credentials and screen keys, and move doors."""
+        """Add the pages that make credentials and screen keys, move doors, and tell the state."""
         page = self.admin_site.admin_view(never_cache(self.credentials_view))
         doors = self.admin_site.admin_view(never_cache(self.doors_view))
+        status = self.admin_site.admin_view(never_cache(self.status_view))
         return [
+            path("<uuid:pk>/status.json", status, name="robots_robot_status"),
             path("<uuid:pk>/credentials/", page, name="robots_robot_credentials"),
             path("<uuid:pk>/doors/", doors, name="robots_robot_doors"),
             path(
@@ -357,13 +406,13 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         """Ask whether to make new credentials, and show them once."""
         robot = self.managed(request, pk)
         context: dict[str, Any] = self.admin_site.each_context(request) | {
-            "title": _now("Credentials of %(robot)s") % {"robot": robot},
+            "title": gettext("Credentials of %(robot)s") % {"robot": robot},
             "robot": robot,
             "opts": self.opts,
         }
         if request.method == "POST":
             made = make_credentials(robot, timezone.now())
-            self.log_change(request, robot, _now("New credentials."))
+            self.log_change(request, robot, gettext("New credentials created."))
             audit.note("credentials_made", actor=request.user, robot=robot)
             server = request.build_absolute_uri("/").rstrip("/")
             toml = made.toml(server=server, **({"adapter": robot.adapter} if robot.adapter else {}))
@@ -380,7 +429,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     # --- actions ----------------------------------------------------------------------------------
 
-    @admin.action(description=_("Make new credentials"), permissions=["change"])
+    @admin.action(description=_("Create new credentials"), permissions=["change"])
     def new_credentials(
         self, request: HttpRequest, robots: "QuerySet[Robot]"
     ) -> HttpResponse | None:
@@ -391,7 +440,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
                 reverse("admin:robots_robot_credentials", args=[chosen[0].pk])
             )
         self.message_user(
-            request, _now("Choose one robot: its credentials are shown only once."), messages.ERROR
+            request,
+            gettext("Choose a single robot: its credentials are shown only once."),
+            messages.ERROR,
         )
         return None
 
@@ -401,14 +452,14 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         chosen = list(theirs_to_change(request, robots))
         for robot in chosen:
             revoke(robot)
-            self.log_change(request, robot, _now("Credentials revoked."))
+            self.log_change(request, robot, gettext("Credentials revoked."))
             audit.note("credentials_revoked", actor=request.user, robot=robot)
         text = ngettext(
             "%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(chosen)
         )
         self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)
 
-    @admin.action(description=_("Free now, wherever it stands"), permissions=["change"])
+    @admin.action(description=_("Release now, wherever it is"), permissions=["change"])
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Let visitors have robots that are on their way home, charging, or stuck."""
         changed = list(theirs_to_change(request, robots).exclude(turnaround=Robot.Turnaround.READY))
@@ -416,9 +467,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
             turnaround=Robot.Turnaround.READY, turnaround_reason=""
         )
         for robot in changed:
-            self.log_change(request, robot, _now("Freed."))
+            self.log_change(request, robot, gettext("Robot released."))
             audit.note("robot_freed", actor=request.user, robot=robot)
-        text = ngettext("%(n)d robot was freed.", "%(n)d robots were freed.", len(changed))
+        text = ngettext("%(n)d robot was released.", "%(n)d robots were released.", len(changed))
         self.message_user(request, text % {"n": len(changed)}, messages.SUCCESS)
 
     @admin.action(description=_("Disable"), permissions=["change"])
@@ -440,7 +491,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         for robot in changed:
             robot.enabled = enabled
             robot.save(update_fields=["enabled"])
-            self.log_change(request, robot, _now("Enabled.") if enabled else _now("Disabled."))
+            self.log_change(
+                request, robot, gettext("Robot enabled.") if enabled else gettext("Robot disabled.")
+            )
             audit.note(
                 "robot_enabled" if enabled else "robot_disabled", actor=request.user, robot=robot
             )
@@ -483,7 +536,7 @@ class FloorPlanAdmin(OfRobots):
                     "floor_plan"
                 )
             )
-        return rows.annotate(robots_there=Count("robots"))
+        return rows.annotate(robots_there=Count("robots", filter=Q(robots__practice=False)))
 
     def get_fieldsets(
         self, _request: HttpRequest, obj: FloorPlan | None = None
@@ -496,7 +549,9 @@ class FloorPlanAdmin(OfRobots):
                     None,
                     {
                         "fields": (*files, "name", "title"),
-                        "description": _("With a plan.json the map id and title come from it."),
+                        "description": _(
+                            "If you add a plan.json, the map id and title are taken from it."
+                        ),
                     },
                 )
             ]
@@ -512,7 +567,7 @@ class FloorPlanAdmin(OfRobots):
         return [
             (None, {"fields": ("title", "name", "preview")}),
             (_("Map"), {"fields": geometry}),
-            (_("Replace by other files"), {"fields": files, "classes": ("collapse",)}),
+            (_("Replace the files"), {"fields": files, "classes": ("collapse",)}),
         ]
 
     def get_readonly_fields(
@@ -551,11 +606,11 @@ class FloorPlanAdmin(OfRobots):
     def places(self, plan: FloorPlan) -> str:
         """What the plan names."""
         kinds = {
-            "rooms": _now("rooms"),
-            "doors": _now("doors"),
-            "docks": _now("docks"),
-            "places": _now("places"),
-            "routes": _now("routes"),
+            "rooms": gettext("rooms"),
+            "doors": gettext("doors"),
+            "docks": gettext("charging stations"),
+            "places": gettext("places"),
+            "routes": gettext("routes"),
         }
         named = [
             f"{len(plan.plan[kind])} {word}" for kind, word in kinds.items() if plan.plan.get(kind)

@@ -87,12 +87,13 @@ def card(robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime
 def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
     if not robot.is_online(now):
         return "offline"
-    if _is_latched(robot) or trouble_of(robot.report):
+    if is_latched(robot) or trouble_of(robot.report):
         return "stopped"
     return "busy" if traffic.driven or traffic.waiting or _away(robot) else "available"
 
 
-def _is_latched(robot: Robot) -> bool:
+def is_latched(robot: Robot) -> bool:
+    """Tell whether its emergency stop is on, by its last state."""
     return _part(robot.report, "safety").get("estop") is True
 
 
@@ -100,9 +101,10 @@ def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str
     """Return the label and the sentence of a robot that nobody is kept from by another visitor or
     by a person there; None when there are none.
     """
-    if state == "stopped" and not _is_latched(robot):
+    if state == "stopped" and not is_latched(robot):
         return _("Not available"), _(
-            "Its own control does not answer. It comes back when that does."
+            "The robot's control system isn't responding. It will be available again "
+            "once that is back."
         )
     return _away(robot) if state == "busy" and not traffic.driven else None
 
@@ -112,18 +114,21 @@ def _away(robot: Robot) -> tuple[str, str] | None:
     ready.
     """
     if robot.held:
-        return _("Not ready"), _("Its visits are paused for now. You can wait in line.")
+        return _("Not ready"), _("Visits are paused for now. You can join the queue.")
     if not robot.returns_home:
         return None
     words = {
         Robot.Turnaround.RETURNING: (
             _("On its way home"),
-            _("It docks first. You can wait in line."),
+            _("It needs to dock first. You can join the queue."),
         ),
-        Robot.Turnaround.CHARGING: (_("Charging"), _("It charges first. You can wait in line.")),
+        Robot.Turnaround.CHARGING: (
+            _("Charging"),
+            _("It needs to charge first. You can join the queue."),
+        ),
         Robot.Turnaround.PAUSED: (
             _("Not ready"),
-            _("It could not get ready for the next visit. It tries again by itself."),
+            _("The robot couldn't get ready for the next visit. It tries again by itself."),
         ),
     }
     return words.get(Robot.Turnaround(robot.turnaround))
@@ -140,13 +145,14 @@ def _label(state: CardState) -> str:
 
 def _detail(state: CardState, robot: Robot, traffic: Traffic, now: datetime.datetime) -> str:
     if state == "available":
-        return _("Ready when you are.")
+        ready = _("Ready when you are.")
+        return ready if robot.shown_to_visitors else _("Ready, but hidden from visitors.")
     if state == "stopped":
-        return _("Its emergency stop is on. Somebody there has to release it.")
+        return _("The emergency stop is on. Somebody at the robot must release it.")
     if state == "busy":
         return _line(traffic)
     if robot.last_seen_at is None:
-        return _("It has not been connected yet.")
+        return _("This robot hasn't connected yet.")
     return _("Last seen %(time)s ago.") % {"time": timesince(robot.last_seen_at, now, depth=1)}
 
 
@@ -156,19 +162,21 @@ def _line(traffic: Traffic) -> str:
         if not traffic.waiting:
             return _("Somebody is driving. You would be next.")
         return ngettext(
-            "%(n)d visitor waits in line.", "%(n)d visitors wait in line.", traffic.waiting
+            "%(n)d visitor in the queue.", "%(n)d visitors in the queue.", traffic.waiting
         ) % {"n": traffic.waiting}
     words = {"place": traffic.waiting + 1, "minutes": max(1, math.ceil(traffic.minutes))}
     if not traffic.waiting:
         return _("Somebody is driving. You would be next, in about %(minutes)d min.") % words
-    return _("You would be number %(place)d in line, for about %(minutes)d min.") % words
+    return (
+        _("You'd be number %(place)d in the queue, with a wait of about %(minutes)d min.") % words
+    )
 
 
 def _barred(reason: str) -> str:
     words = {
-        "not_invited": _("By invitation of its owner."),
+        "not_invited": _("By invitation from its owner."),
         "not_trained": _("For trained users."),
-        "disabled": _("Switched off by its owner."),
+        "disabled": _("Disabled by its owner."),
     }
     return words.get(reason, "")
 
@@ -176,7 +184,7 @@ def _barred(reason: str) -> str:
 def _action(state: CardState, title: str, *, drives: bool) -> str:
     if not drives:
         return _("Open its page")
-    return _("Wait in line") if state == "busy" else _("Drive %(robot)s") % {"robot": title}
+    return _("Join the queue") if state == "busy" else _("Drive %(robot)s") % {"robot": title}
 
 
 def _charge(charge: int | None, *, charging: bool) -> str:

@@ -148,8 +148,8 @@ def _values(
 ) -> dict[str, Any]:
     if grid.image.size > MAX_CELLS:
         raise FloorPlanRefusedError(
-            f"A map of {grid.image.shape[1]} × {grid.image.shape[0]} pixels is larger than robots"
-            " take; draw it coarser."
+            f"A map of {grid.image.shape[1]} × {grid.image.shape[0]} pixels is "
+            "too large for robots; use a coarser resolution."
         )
     image = encode_png(grid.image)
     problems = _problems(name, title, grid, image, plan)

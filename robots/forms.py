@@ -1,4 +1,4 @@
-"""Parts of the administration's forms: a robot's adapter, and a floor plan from its files."""
+"""Parts of the administration's forms: a robot, its adapter, and a floor plan from its files."""
 
 from typing import Any
 
@@ -7,12 +7,12 @@ from django.core.files.uploadedfile import UploadedFile
 from django.template.defaultfilters import filesizeformat
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from robots.api.adapter_names import AmbiguousAdapterError, known_names
 from robots.floorplans import MAX_IMAGE, MAX_PLAN, MAX_YAML, FloorPlanRefusedError, read_upload
-from robots.models import FloorPlan
+from robots.models import FloorPlan, Robot
 
 
 class AdapterInput(forms.TextInput):
@@ -26,6 +26,30 @@ class AdapterInput(forms.TextInput):
         field = super().render(name, value, {**(attrs or {}), "list": known}, renderer)
         options = format_html_join("", '<option value="{}"></option>', ((n,) for n in offered()))
         return format_html('{}<datalist id="{}">{}</datalist>', field, known, options)
+
+
+class RobotForm(forms.ModelForm):
+    """A robot that never connected cannot be shown to visitors; one that is shown can be hidden."""
+
+    class Meta:
+        model = Robot
+        fields = ("shown_to_visitors",)  # the administration names the others
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        robot, switch = self.instance, self.fields.get("shown_to_visitors")
+        if switch is not None and robot.last_seen_at is None and not robot.shown_to_visitors:
+            switch.widget.attrs["disabled"] = True  # the page lifts it with the first sign of life
+
+    def clean_shown_to_visitors(self) -> bool:
+        """Refuse to show a robot that was never seen."""
+        shown = bool(self.cleaned_data["shown_to_visitors"])
+        is_new = self.instance.last_seen_at is None and "shown_to_visitors" in self.changed_data
+        if shown and is_new:
+            raise forms.ValidationError(
+                gettext("This robot hasn't connected yet. Connect it, then show it to visitors.")
+            )
+        return shown
 
 
 def offered() -> tuple[str, ...]:
@@ -47,15 +71,16 @@ class FloorPlanForm(forms.ModelForm):
         label=_("Map (YAML)"), required=False, help_text=_("The .yaml file of ROS map_server.")
     )
     image_file = forms.FileField(
-        label=_("Image of the map"),
+        label=_("Map image"),
         required=False,
-        help_text=_("The PNG or PGM file that belongs to it."),
+        help_text=_("The PNG or PGM file of this map."),
     )
     plan_file = forms.FileField(
         label=_("Plan (JSON)"),
         required=False,
         help_text=_(
-            "plan.json with rooms, doors, docks and checkpoints; the map works without it."
+            "plan.json with rooms, doors, charging stations and checkpoints. "
+            "Optional: the map works without it."
         ),
     )
 
@@ -91,7 +116,7 @@ class FloorPlanForm(forms.ModelForm):
         if not any(files) and not self.instance._state.adding:
             return cleaned
         if files[0] is None or files[1] is None:
-            raise forms.ValidationError(_now("Choose the map's YAML file and its image."))
+            raise forms.ValidationError(gettext("Choose the map's YAML file and its image."))
         self._values = self._read(files[0], files[1], files[2], cleaned)
         return cleaned | {"name": self._values["name"], "title": self._values["title"]}
 
@@ -107,7 +132,7 @@ class FloorPlanForm(forms.ModelForm):
         if name and values["name"] != name:
             words = {"map": values["name"], "name": name}
             raise forms.ValidationError(
-                _now("The plan.json belongs to the map “%(map)s”, not to “%(name)s”.") % words
+                gettext("The plan.json belongs to the map “%(map)s”, not to “%(name)s”.") % words
             )
         return values
 
@@ -123,6 +148,6 @@ def _content(file: UploadedFile | None, limit: int) -> bytes | None:
         return None
     if file.size is None or file.size > limit:
         raise forms.ValidationError(
-            _now("The file is larger than %(size)s.") % {"size": filesizeformat(limit)}
+            gettext("The file is larger than %(size)s.") % {"size": filesizeformat(limit)}
         )
     return bytes(file.read())

@@ -19,7 +19,9 @@ ONLINE_SECONDS = 15.0
 def refuse_reserved_name(name: str) -> None:
     """Raise ValidationError for a name that the topic tree uses itself."""
     if name in RESERVED_NAMES:
-        raise ValidationError(_("“%(name)s” is reserved."), params={"name": name})
+        raise ValidationError(
+            _("“%(name)s” is reserved. Choose another name."), params={"name": name}
+        )
 
 
 class FloorPlan(models.Model):
@@ -74,7 +76,7 @@ class Robot(models.Model):
     class Access(models.TextChoices):
         """Who may drive."""
 
-        OPEN = "open", _("open to everybody who is signed in")
+        OPEN = "open", _("open to all logged-in users")
         INVITATION = "invitation", _("by invitation")
         TRAINED = "trained", _("for trained users")
 
@@ -82,16 +84,16 @@ class Robot(models.Model):
         """How much the robot helps whoever drives: robots.api.messages.AssistLevel."""
 
         OFF = "off", _("off")
-        SLOW = "slow", _("slows down and stops before obstacles")
-        STEER = "steer", _("steers round obstacles and through doors")
+        SLOW = "slow", _("slows down and stops at obstacles")
+        STEER = "steer", _("steers around obstacles and through doors")
 
     class Calls(models.TextChoices):
         """Whether the people at the robot are asked before they see and hear a visitor:
         robots.api.messages.Config.
         """
 
-        ACCEPT = "accept", _("shown and heard at once")
-        ASK = "ask", _("somebody at the screen answers first")
+        ACCEPT = "accept", _("start immediately")
+        ASK = "ask", _("somebody at the screen must accept")
 
     class Turnaround(models.TextChoices):
         """Where the robot stands between two visits (sessions/leases/readiness.py)."""
@@ -107,10 +109,10 @@ class Robot(models.Model):
         max_length=63,
         unique=True,
         validators=[
-            RegexValidator(ROBOT_NAME, _("Lower-case letters, digits and hyphens.")),
+            RegexValidator(ROBOT_NAME, _("Use only lower-case letters, digits and hyphens.")),
             refuse_reserved_name,
         ],
-        help_text=_("Its address: in links, in topics, and in “run_robot NAME”."),
+        help_text=_("Used in links, topics and “run_robot NAME”."),
     )
     title = models.CharField(_("title"), max_length=80)
     description = models.TextField(_("description"), blank=True)
@@ -131,14 +133,27 @@ class Robot(models.Model):
         verbose_name=_("floor plan"),
     )
     enabled = models.BooleanField(_("enabled"), default=True)
+    # A disabled robot cannot even connect, so that it could never be tried before visitors come.
+    # One that is added in the administration begins hidden; those that programs make (demo,
+    # practice, rehearsals) are meant to be driven at once.
+    shown_to_visitors = models.BooleanField(
+        _("show to visitors"),
+        default=True,
+        help_text=_(
+            "Visitors see the robot and can drive it. Available once the robot has connected. "
+            "You and its operators can always drive it."
+        ),
+    )
     access = models.CharField(_("access"), max_length=12, choices=Access, default=Access.OPEN)
-    observers_allowed = models.BooleanField(_("observers allowed"), default=True)
+    observers_allowed = models.BooleanField(_("viewers allowed"), default=True)
     turn_minutes = models.FloatField(
         _("turn (minutes)"),
         null=True,
         blank=True,
         validators=[MinValueValidator(0.1)],
-        help_text=_("How long a visitor drives when others wait; empty means the site's default."),
+        help_text=_(
+            "How long a visitor drives when others wait. Leave blank to use the site's default."
+        ),
     )
     max_linear = models.FloatField(
         _("speed limit (m/s)"), null=True, blank=True, validators=[MinValueValidator(0.01)]
@@ -151,9 +166,12 @@ class Robot(models.Model):
         _("adapter"),
         max_length=100,
         blank=True,
-        validators=[RegexValidator(r"^[\w./][\w./-]*\Z", _("A name, or the path of a .py file."))],
+        validators=[
+            RegexValidator(r"^[\w./][\w./-]*\Z", _("Enter a name or the path of a .py file."))
+        ],
         help_text=_(
-            "The software that connects the agent to the robot. New credentials files name it."
+            "The software that connects the agent to the robot. New credentials "
+            "files include its name."
         ),
     )
     assist = models.CharField(
@@ -161,28 +179,28 @@ class Robot(models.Model):
         max_length=5,
         choices=Assist,
         default=Assist.OFF,
-        help_text=_("Unless the visitor chooses, or a study decides."),
+        help_text=_("Used unless the visitor or a study chooses another level."),
     )
     doors = models.JSONField(
         _("doors"),
         default=dict,
         blank=True,
         editable=False,
-        help_text=_("Of the simulated site: the names that are open or closed."),
+        help_text=_("Simulated site only: names of the doors that are open or closed."),
     )
     returns_home = models.BooleanField(
-        _("goes home after each visit"),
+        _("docks after each visit"),
         default=True,
         help_text=_(
-            "It drives to its charging station by itself, and is free again when it is docked,"
-            " knows where it is, and is charged."
+            "The robot drives to its charging station by itself. It is free again "
+            "once it is docked and charged and knows its position."
         ),
     )
     # A simulated one for visitors who wait (telepresence_site/practice): on no list, and no
     # study's.
     practice = models.BooleanField(default=False, editable=False)
     charge_limit = models.FloatField(
-        _("charge needed for a visit (0-1)"),
+        _("minimum charge for a visit (0-1)"),
         default=0.2,
         validators=[MinValueValidator(0.0), MaxValueValidator(1.0)],
     )
@@ -193,24 +211,24 @@ class Robot(models.Model):
         default=Turnaround.READY,
         editable=False,
     )
-    turnaround_reason = models.CharField(_("because"), max_length=300, blank=True, editable=False)
+    turnaround_reason = models.CharField(_("reason"), max_length=300, blank=True, editable=False)
     turnaround_at = models.DateTimeField(_("since"), null=True, editable=False)
     # Set by hand and only so taken back: nobody gets the robot meanwhile, and who waits goes on
     # waiting (sessions/leases/store.py).
-    held = models.CharField(_("queue held because"), max_length=200, blank=True, editable=False)
+    held = models.CharField(_("queue pause reason"), max_length=200, blank=True, editable=False)
 
     calls = models.CharField(
         _("calls"),
         max_length=6,
         choices=Calls,
         default=Calls.ACCEPT,
-        help_text=_("When a visitor turns on microphone or camera."),
+        help_text=_("Applies when a visitor turns on the microphone or camera."),
     )
     screen_hash = models.CharField(max_length=200, blank=True, editable=False)
-    screen_made_at = models.DateTimeField(_("screen key made"), null=True, editable=False)
+    screen_made_at = models.DateTimeField(_("screen key created"), null=True, editable=False)
 
     credential_hash = models.CharField(max_length=200, blank=True, editable=False)
-    credential_made_at = models.DateTimeField(_("credentials made"), null=True, editable=False)
+    credential_made_at = models.DateTimeField(_("credentials created"), null=True, editable=False)
 
     # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a
     # rotation (robots/enrol/credentials.py).
@@ -221,7 +239,7 @@ class Robot(models.Model):
     former_hash = models.CharField(max_length=200, blank=True, editable=False)
     former_until = models.DateTimeField(null=True, editable=False)
     renewal_asked_at = models.DateTimeField(
-        _("new credentials asked for"), null=True, editable=False
+        _("credential renewal requested"), null=True, editable=False
     )
 
     connection = models.CharField(_("connection"), max_length=20, default="OFFLINE", editable=False)
@@ -262,7 +280,7 @@ class Enrolment(models.Model):
         Robot, models.CASCADE, related_name="enrolments", verbose_name=_("robot")
     )
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
-    made_at = models.DateTimeField(_("made"))
+    made_at = models.DateTimeField(_("created"))
     expires_at = models.DateTimeField(_("expires"))
     used_at = models.DateTimeField(_("used"), null=True)
 

@@ -6,6 +6,7 @@ late), so OFFLINE and CONNECTIONBROKEN of another boot than the last ONLINE's ar
 """
 
 import datetime
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +20,7 @@ UNKNOWN_SECONDS = 10.0
 AT_ONCE = frozenset({"connection", "boot", "factsheet"})
 # robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the
 # agent of
-LOST = "adapter_lost: "
+AWAY = re.compile(r"adapter_(?:lost|starting): ")
 
 
 def changes(
@@ -74,7 +75,7 @@ def trouble_of(report: Any) -> str:
         if isinstance(errors, list | tuple)
         else ()
     )
-    return next((error.removeprefix(LOST) for error in told if error.startswith(LOST)), "")
+    return next((AWAY.sub("", error, count=1) for error in told if AWAY.match(error)), "")
 
 
 def _is_news(before: Any, after: Any) -> bool:

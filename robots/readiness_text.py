@@ -5,21 +5,21 @@ mail and the researchers' live view.
 from django.utils.translation import gettext_lazy as _
 
 WORDS = {
-    "dock": _("it drives to its charging station"),
-    "level": _("it levels its head"),
-    "relocalize": _("it looks for where it is"),
-    "picture": _("its camera is tried"),
+    "dock": _("driving to its charging station"),
+    "level": _("levelling its head"),
+    "relocalize": _("finding its position"),
+    "picture": _("testing its camera"),
     "charging": _("its battery is not charged enough yet"),
-    "offline": _("it is not heard of"),
+    "offline": _("no signal from the robot"),
     "estop": _("its emergency stop is on"),
-    "network": _("it answers too late to be driven"),
-    "no_picture": _("its camera gives no picture"),
+    "network": _("it responds too slowly to be driven"),
+    "no_picture": _("no video from its camera"),
     "not_docked": _("it is not docked"),
-    "elsewhere": _("it is not in the charging station of the course"),
+    "elsewhere": _("it is not at the charging station of the course"),
     "lost": _("it does not know where it is"),
-    "charge": _("its battery is not charged as the study wants it"),
-    "silent": _("it has not said how it is"),
-    "no_answer": _("it did not answer in time"),
+    "charge": _("its battery is not charged as the study requires"),
+    "silent": _("it has not reported its state"),
+    "no_answer": _("it did not respond in time"),
 }
 
 

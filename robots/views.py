@@ -16,6 +16,7 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_GET, require_safe
 
 from accounts.attempts import Attempts, address_of
+from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import too_many
 from robots.access import may_drive, may_observe, robots_visible_to
 from robots.enrol import credentials
@@ -70,6 +71,7 @@ def mqtt_urls_for(request: HttpRequest) -> list[str]:
     ]
 
 
+@open_to_visitors
 @require_safe
 def floor_plan(request: HttpRequest, name: str) -> HttpResponseBase:
     """Answer with the map of a place as JSON; its image is a picture of its own."""
@@ -80,6 +82,7 @@ def floor_plan(request: HttpRequest, name: str) -> HttpResponseBase:
     return _tagged(request, response)
 
 
+@open_to_visitors
 @require_safe
 def floor_plan_image(request: HttpRequest, name: str) -> HttpResponseBase:
     """Answer with the image of the map as it is, row 0 on top."""

@@ -19,20 +19,21 @@ from django.template.loader import render_to_string
 from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
-from django.utils.translation import ngettext
 
 from accounts import audit
 from accounts.admin_filters import ShownFilters
 from robots.admin import NOTHING, link_to
 from robots.admin_pages.access import OfRobots, WithDriver
+from robots.admin_pages.overview import register_section
+from robots.models import Robot
 from sessions import system_log
 from sessions.api import admin as api_key_admin
 from sessions.downloads import as_csv, as_json
 from sessions.leases import store
-from sessions.manager.leadership import STALE_SECONDS
 from sessions.models import (
+    STALE_SECONDS,
     Lease,
     ManagerBeat,
     NetworkSample,
@@ -46,6 +47,7 @@ from sessions.recording.network_summary import summarise_network
 
 EVENTS_SHOWN = 500
 SNAPSHOTS_SHOWN = 60
+VISITS_SHOWN = 10
 VIEW = "telepresence_sessions.view_session"
 PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
 
@@ -108,7 +110,7 @@ class SessionAdmin(OwnersRows):
         "robot__title",
         "outcome_reason",
     )
-    search_help_text = _("Visitor, robot, reason, or a session's id.")
+    search_help_text = _("Search by visitor, robot, reason or session ID.")
     date_hierarchy = "queued_at"
     actions = ("stop_sessions", "download_csv", "download_json")
     readonly_fields = (
@@ -147,7 +149,7 @@ class SessionAdmin(OwnersRows):
             {"fields": ("driven", "distance", "states", "missing", "methods", "ways", "closed_at")},
         ),
         (_("Device and network"), {"fields": ("device_told", "network")}),
-        (_("Snapshots"), {"fields": ("snapshots",)}),
+        (_("Photos"), {"fields": ("snapshots",)}),
         (_("Events"), {"fields": ("events",)}),
     )
 
@@ -246,16 +248,15 @@ class SessionAdmin(OwnersRows):
 
     @admin.display(description=_("robot"), ordering="robot__title")
     def robot_link(self, session: Session) -> str | SafeString:
-        """The robot, with a link."""
+        """The robot, with a link to its page; a practice robot has none."""
+        if session.robot.practice:
+            return str(session.robot)
         return link_to("admin:robots_robot_change", session.robot, session.robot_id)
 
     @admin.display(description=_("minutes driven"))
     def driven(self, session: Session) -> str:
         """From the first connection to the end."""
-        if session.driving_at is None:
-            return NOTHING
-        driven = (session.ended_at or timezone.now()) - session.driving_at
-        return f"{driven.total_seconds() / 60.0:.1f}"
+        return _minutes_driven(session)
 
     @admin.display(description=_("distance (m)"))
     def distance(self, session: Session) -> str:
@@ -267,7 +268,7 @@ class SessionAdmin(OwnersRows):
         """How many states are recorded, once the record is closed."""
         return _number(session, "states", "{}")
 
-    @admin.display(description=_("states missing"))
+    @admin.display(description=_("missing states"))
     def missing(self, session: Session) -> str:
         """How many states are known to be lost."""
         return _number(session, "missing", "{}")
@@ -277,7 +278,7 @@ class SessionAdmin(OwnersRows):
         """Input methods, the most used first."""
         return _shares(session.summary.get("methods", {}))
 
-    @admin.display(description=_("ways of control"))
+    @admin.display(description=_("control channels"))
     def ways(self, session: Session) -> str:
         """Data channel or broker."""
         return _shares(session.summary.get("ways", {}))
@@ -305,7 +306,7 @@ class SessionAdmin(OwnersRows):
         samples = NetworkSample.objects.filter(session=session).values_list("data", flat=True)
         return _fragment("network", network=summarise_network(samples.iterator(chunk_size=500)))
 
-    @admin.display(description=_("snapshots"))
+    @admin.display(description=_("photos"))
     def snapshots(self, session: Session) -> SafeString:
         """What the visitor photographed."""
         rows = Snapshot.objects.filter(session=session).order_by("stamp").defer("jpeg")
@@ -361,7 +362,7 @@ class SessionAdmin(OwnersRows):
                 % {"count": stopped},
             )
         else:
-            self.message_user(request, _("None of them was live."), messages.WARNING)
+            self.message_user(request, _("None of these sessions was running."), messages.WARNING)
 
     @admin.action(description=_("Download states (CSV)"), permissions=["record"])
     def download_csv(
@@ -473,7 +474,7 @@ class LeaseAdmin(WithDriver, OwnersRows):
     def driver(self, lease: Lease) -> str | SafeString:
         """The session that holds the lease."""
         if lease.session is None:
-            return _now("nobody")
+            return gettext("nobody")
         return link_to(
             "admin:telepresence_sessions_session_change",
             self.driver_of(lease, lease.session),
@@ -527,6 +528,38 @@ class ManagerBeatAdmin(ReadOnlyAdmin):
     def running(self, beat: ManagerBeat) -> bool:
         """Whether its last beat is young."""
         return bool(beat.holder) and (timezone.now() - beat.beat_at).total_seconds() < STALE_SECONDS
+
+
+def last_visits(request: HttpRequest, robot: Robot) -> SafeString:
+    """Return the newest visits to a robot as a table, for its own page. Names and replays are for
+    those who may see sessions; owners read that somebody came, as everywhere.
+    """
+    sees_all = request.user.has_perm(VIEW)
+    rows = (
+        Session.objects.filter(robot=robot, granted_at__isnull=False)
+        .select_related("visitor")
+        .order_by("-granted_at")[:VISITS_SHOWN]
+    )
+    visits = [
+        {
+            "session": row,
+            "who": row.visitor.shown_name if sees_all else gettext("someone"),
+            "minutes": _minutes_driven(row),
+            "ended": row.get_outcome_display() or row.get_state_display(),
+        }
+        for row in rows
+    ]
+    return _fragment("visits", visits=visits, sees_all=sees_all, robot=robot)
+
+
+register_section("visits", last_visits)
+
+
+def _minutes_driven(session: Session) -> str:
+    if session.driving_at is None:
+        return NOTHING
+    driven = (session.ended_at or timezone.now()) - session.driving_at
+    return f"{driven.total_seconds() / 60.0:.1f}"
 
 
 def _number(session: Session, name: str, form: str) -> str:

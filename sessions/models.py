@@ -173,7 +173,7 @@ class SessionEvent(models.Model):
     )
     source = models.CharField(_("source"), max_length=8, choices=Source)
     type = models.CharField(_("type"), max_length=40, db_index=True)
-    stamp = models.FloatField(_("stamp"))
+    stamp = models.FloatField(_("timestamp"))
     received_at = models.FloatField(_("received"))
     data = models.JSONField(_("data"), default=dict)
 
@@ -193,7 +193,7 @@ class NetworkSample(models.Model):
     session = models.ForeignKey(
         Session, models.CASCADE, related_name="network_samples", verbose_name=_("session")
     )
-    stamp = models.FloatField(_("stamp"))
+    stamp = models.FloatField(_("timestamp"))
     received_at = models.FloatField(_("received"))
     data = models.JSONField(_("data"))
 
@@ -214,13 +214,13 @@ class Snapshot(models.Model):
         Session, models.CASCADE, related_name="snapshots", verbose_name=_("session")
     )
     action_id = models.CharField(max_length=64)
-    stamp = models.FloatField(_("stamp"))
+    stamp = models.FloatField(_("timestamp"))
     sha256 = models.CharField(max_length=64)
     jpeg = models.BinaryField()
 
     class Meta:
-        verbose_name = _("snapshot")
-        verbose_name_plural = _("snapshots")
+        verbose_name = _("photo")
+        verbose_name_plural = _("photos")
         constraints = [
             models.UniqueConstraint(fields=["session", "action_id"], name="snapshot_once")
         ]
@@ -242,7 +242,7 @@ class SystemLog(models.Model):
         ERROR = "error", _("error")
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
-    at = models.DateTimeField(_("at"), db_index=True)
+    at = models.DateTimeField(_("time"), db_index=True)
     level = models.CharField(_("level"), max_length=8, choices=Level, default=Level.INFO)
     event = models.CharField(_("event"), max_length=60, db_index=True)
     robot = models.ForeignKey(
@@ -273,7 +273,7 @@ class ApiKey(models.Model):
     )
     label = models.CharField(_("label"), max_length=60)
     token_hash = models.CharField(max_length=200, editable=False)
-    made_at = models.DateTimeField(_("made"))
+    made_at = models.DateTimeField(_("created"))
     last_used_at = models.DateTimeField(_("last used"), null=True, editable=False)
 
     class Meta:
@@ -285,6 +285,10 @@ class ApiKey(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot} · {self.label}"
+
+
+# After this long without a sign of life another session manager takes over.
+STALE_SECONDS = 4.0
 
 
 class ManagerBeat(models.Model):

@@ -8,10 +8,10 @@ page finds by itself when it looks into the database, a minute later at most.
 
 import asyncio
 import functools
-import logging
 from collections.abc import Callable
 from typing import Any
 
+import structlog
 from asgiref.sync import async_to_sync
 from channels.layers import get_channel_layer
 from django.db import transaction
@@ -25,7 +25,7 @@ except ImportError:  # an extra
 else:
     LAYER_ERRORS = (OSError, TimeoutError, RedisError)
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 PATIENCE_SECONDS = 1.0
 RETRY_SECONDS = 5.0
@@ -65,7 +65,7 @@ async def _asend(group: str, event: Event) -> bool:
         async with asyncio.timeout(PATIENCE_SECONDS):
             await _layer().group_send(group, event)
     except LAYER_ERRORS as error:
-        log.warning("channel_layer_away group=%s reason=%s", group, type(error).__name__)
+        log.warning("channel_layer_away", group=group, reason=type(error).__name__)
         return False
     return True
 
@@ -84,7 +84,7 @@ async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> No
             while True:
                 handle(await layer.receive(channel))
         except LAYER_ERRORS as error:
-            log.warning("channel_layer_away reason=%s", type(error).__name__)
+            log.warning("channel_layer_away", reason=type(error).__name__)
         finally:
             if channel:
                 await _leave(groups, channel)
@@ -114,6 +114,8 @@ async def is_well() -> bool:
         return False
     finally:
         listening.cancel()
+        # it leaves its group, for which a layer that is away may keep it waiting
+        await asyncio.wait({listening}, timeout=PATIENCE_SECONDS)
     return True
 
 

@@ -1,24 +1,30 @@
-"""Where a visitor who waits can practise: which of the simulated robots that are there for it
-(telepresence_site/practice runs them).
+"""Where somebody can practise, who waits for a real robot or has no account yet: which of the
+simulated robots that are there for it (telepresence_site/practice runs them).
 """
 
 import datetime
 from dataclasses import dataclass
 
+from django.conf import settings
 from django.contrib.auth.decorators import login_required
 from django.db.models import Count, Q
-from django.http import HttpRequest, JsonResponse
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
+from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_safe
+from django.views.decorators.http import require_POST, require_safe
 
+from accounts.models import User
+from accounts.passwordless import NEW_GUESTS, create_guest, open_to_visitors, sign_in
+from accounts.rate_limits import limited
 from robots.models import Robot
 from sessions.leases.store import LIVE
 
 
 @dataclass(frozen=True)
-class Place:
+class PracticePlace:
     """A practice robot: whether it could be driven now, and how many drive it or wait for it."""
 
     name: str
@@ -26,27 +32,53 @@ class Place:
     taken: int
 
 
-def choose(places: list[Place]) -> str | None:
+def choose(places: list[PracticePlace]) -> str | None:
     """Return the robot at which the visitor's turn comes first; None while none is there yet."""
     there = [place for place in places if place.there]
     return min(there, key=lambda place: (place.taken, place.name)).name if there else None
 
 
-def places(now: datetime.datetime) -> list[Place]:
+def places(now: datetime.datetime) -> list[PracticePlace]:
     """Return all practice robots in use."""
     living = Count("sessions", filter=Q(sessions__state__in=LIVE))
     rows = Robot.objects.filter(practice=True, enabled=True).annotate(taken=living).order_by("name")
-    return [Place(row.name, row.is_online(now), row.taken) for row in rows]
+    return [PracticePlace(row.name, row.is_online(now), row.taken) for row in rows]
 
 
+@require_POST
+@limited(NEW_GUESTS)
+def try_now(request: HttpRequest) -> HttpResponse:
+    """Make somebody without an account a guest, and lead everybody to a practice robot."""
+    if not settings.PRACTICE_ROBOTS:
+        raise Http404
+    if not request.user.is_authenticated:
+        sign_in(request, create_guest(User.Kind.VISITOR, _("Guest")))
+    return redirect("try_robot")
+
+
+@open_to_visitors
+@never_cache
+@require_safe
+def try_robot(request: HttpRequest) -> HttpResponse:
+    """Show that a practice robot is being made ready; the page goes there when it is."""
+    if not request.user.is_authenticated:
+        return redirect("home")
+    return render(request, "sessions/try.html")
+
+
+@open_to_visitors
 @never_cache
 @login_required
 @require_safe
-def practice(_request: HttpRequest) -> JsonResponse:
+def practice(request: HttpRequest) -> JsonResponse:
     """Say where to practise: `url` of a drive page, null while a robot is being made ready, which
     takes some seconds.
     """
-    chosen = choose(places(timezone.now()))
+    now = timezone.now()
+    if request.user.kind == User.Kind.VISITOR:
+        # a guest logs in once: from then on this is when a page of theirs last asked for a robot
+        User.objects.filter(pk=request.user.pk).update(last_login=now)
+    chosen = choose(places(now))
     return JsonResponse(
         {"url": None if chosen is None else f"{reverse('practice_drive', args=[chosen])}?go=1"}
     )

@@ -8,16 +8,15 @@ has the rest. The page's own idea of role, session, epoch or peer is never used:
 what the lease says.
 """
 
-import logging
 from typing import Annotated, Any, Literal
 
 import msgspec
+import structlog
 from msgspec import Meta
 
 from robots.api.codec import encode_frame
 from robots.api.errors import Rejection
 from robots.api.messages import (
-    Answer,
     AssistLevel,
     Bye,
     Candidate,
@@ -30,14 +29,15 @@ from robots.api.messages import (
     Metres,
     Name,
     NotNegative,
-    Offer,
     Reason,
+    SdpAnswer,
+    SdpOffer,
     Seconds,
     Stamp,
 )
 from robots.api.topics import SERVER
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 PATH = "ws/robots/<slug:robot>/"
 CHECK_PATH = "ws/check/"
@@ -214,7 +214,7 @@ class Refused(Message, frozen=True, kw_only=True):
     session: Id | None = None
 
 
-class Room(Message, frozen=True, kw_only=True):
+class RoomState(Message, frozen=True, kw_only=True):
     """`room`: who is here. `driver` is the shown name, None when nobody drives."""
 
     driver: Name | None = None
@@ -403,7 +403,7 @@ def task_of(session: str, shown: dict[str, Any], stamp: float) -> Task | None:
     try:
         return msgspec.convert({**shown, "session": session, "stamp": stamp}, Task)
     except msgspec.ValidationError as error:
-        log.error("task_malformed session=%s reason=%s", session, error)
+        log.error("task_malformed", session=session, reason=str(error))
         return None
 
 
@@ -443,18 +443,18 @@ TO_PAGE: dict[str, Any] = {
     "session/granted": Granted,
     "session/observing": Observing,
     "session/refused": Refused,
-    "room": Room,
+    "room": RoomState,
     "robot": RobotPresence,
     "screen": Screen,
     "denied": Denied,
     "server/status": ServerStatus,
-    "signal/reply": Answer | Candidate | Bye,
+    "signal/reply": SdpAnswer | Candidate | Bye,
     **{f"{_NOTICE}{name}": kind for name, kind in NOTICES.items()},
 }
 _DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
     suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()
 }
-_DECODERS[SIGNAL] = msgspec.json.Decoder(Offer | Candidate | Bye)
+_DECODERS[SIGNAL] = msgspec.json.Decoder(SdpOffer | Candidate | Bye)
 __all__ = [
     "MAX_FRAME",
     "PATH",

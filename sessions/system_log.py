@@ -7,12 +7,13 @@ import logging
 from typing import Any
 from uuid import UUID
 
+import structlog
 from django.utils import timezone
 
 from robots.models import Robot
 from sessions.models import Session, SystemLog
 
-logger = logging.getLogger("telepresence.system")
+logger = structlog.stdlib.get_logger("telepresence.system")
 _LEVELS = {
     SystemLog.Level.INFO: logging.INFO,
     SystemLog.Level.WARNING: logging.WARNING,
@@ -48,11 +49,7 @@ def log(
         for name, value in {"robot": robot_id, "session": session_id, **fields}.items()
         if value is not None
     }
-    logger.log(
-        _LEVELS[SystemLog.Level(level)],
-        " ".join([event, *(f"{name}=%s" for name in named)]),
-        *named.values(),
-    )
+    logger.log(_LEVELS[SystemLog.Level(level)], event, **named)
     return SystemLog.objects.create(
         at=at or timezone.now(),
         level=level,

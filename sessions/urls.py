@@ -11,6 +11,8 @@ from sessions.consumers.robot_screen import ScreenConsumer
 urlpatterns: list[URLPattern] = [
     path("check/", views.check, name="check"),
     path("practice/", practice.practice, name="practice"),
+    path("try/", practice.try_robot, name="try_robot"),
+    path("try/now/", practice.try_now, name="try_now"),
     path("practice/<slug:robot>/", views.practice_drive, name="practice_drive"),
     path("robots/<slug:robot>/", views.drive, name="drive"),
     path("robots/<slug:robot>/snapshots/", views.snapshots, name="snapshots"),

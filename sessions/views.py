@@ -1,11 +1,11 @@
 """The drive page, a visitor's own snapshots, and whether this server is well."""
 
-import logging
 import time
 from typing import Any
 from uuid import UUID
 
 import msgspec
+import structlog
 from channels.db import database_sync_to_async
 from csp.constants import SELF
 from csp.decorators import csp_replace
@@ -22,6 +22,7 @@ from django.views.decorators.http import require_safe
 
 from accounts.attempts import Attempts
 from accounts.models import User
+from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import limited
 from robots.access import has_a_robot, may_drive, may_observe, robots_visible_to
 from robots.api.disk_space import DiskSpace
@@ -33,7 +34,7 @@ from robots.models import Robot
 from sessions import interfaces, protocol
 from sessions.models import Snapshot
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 BROKER_PATIENCE_SECONDS = 1.0
 MAX_SNAPSHOTS = 200
 LISTS = Attempts("snapshots", limit=240)
@@ -57,17 +58,22 @@ def drive(request: HttpRequest, robot: str) -> HttpResponse:
     )
 
 
+@open_to_visitors
 @never_cache
 @login_required
 @require_safe
 @xframe_options_sameorigin
 @csp_replace({"frame-ancestors": [SELF]})
 def practice_drive(request: HttpRequest, robot: str) -> HttpResponse:
-    """Show a practice robot's drive page, for a frame within the page of somebody who waits."""
+    """Show a practice robot's drive page: for a frame within the page of somebody who waits, or as
+    a page of its own for a guest.
+    """
     found = _robot_for(request, robot)
     if not found.practice or not may_drive(request.user, found):
         raise Http404
     config = page_config(found, request.user) | {"practising": True, "practice": None}
+    if request.user.kind == User.Kind.VISITOR:
+        config["signUp"] = reverse("account_signup")
     return render(request, "sessions/drive.html", {"robot": found, "config": config})
 
 
@@ -86,12 +92,8 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "floorplan": reverse("floor_plan", args=[plan.name]) if plan is not None else None,
         "snapshots": reverse("snapshots", args=[robot.name]),
         "factsheet": robot.factsheet,
-        "turnSeconds": 60.0
-        * (robot.turn_minutes if robot.turn_minutes is not None else settings.TURN_MINUTES),
-        "warningSeconds": settings.TURN_WARNING_SECONDS,
-        "startSeconds": settings.START_SECONDS,
+        "returnsHome": robot.returns_home,
         "suggested": interfaces.suggested_to(user),
-        "graceSeconds": settings.GRACE_SECONDS,
     }
 
 
@@ -117,6 +119,7 @@ def _robot_for(request: HttpRequest, name: str) -> Robot:
     return get_object_or_404(robots, name=name)
 
 
+@open_to_visitors
 @never_cache
 @login_required
 @require_safe
@@ -140,6 +143,7 @@ def snapshots(request: HttpRequest, robot: str) -> JsonResponse:
     return JsonResponse({"snapshots": listed})
 
 
+@open_to_visitors
 @login_required
 @require_safe
 def snapshot(request: HttpRequest, robot: str, snapshot: UUID) -> HttpResponse:
@@ -179,6 +183,6 @@ def _database_answers() -> bool:
     try:
         User.objects.exists()
     except (DatabaseError, InterfaceError) as error:
-        log.warning("database_away reason=%s", error)
+        log.warning("database_away", reason=str(error))
         return False
     return True

@@ -12,7 +12,7 @@ from django.template.loader import render_to_string
 from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
@@ -100,8 +100,8 @@ class QuestionnaireAdmin(ShownFilters):
     def state(self, row: Questionnaire) -> str:
         """Template, draft, or in use."""
         if row.frozen_at is not None:
-            return _now("in use")
-        return _now("template") if row.definition.get("template") else _now("draft")
+            return gettext("in use")
+        return gettext("template") if row.definition.get("template") else gettext("draft")
 
     @admin.display(description=_("languages"))
     def languages(self, row: Questionnaire) -> str:
@@ -130,7 +130,7 @@ class QuestionnaireAdmin(ShownFilters):
         return format_html(
             '<a href="{}">{}</a>',
             reverse("admin:surveys_questionnaire_preview", args=[row.pk]),
-            _now("Preview"),
+            gettext("Preview"),
         )
 
     @admin.display(description=_("source"))
@@ -259,7 +259,11 @@ class ResponseAdmin(ShownFilters):
         response_statuses = response.response_statuses(
             definition, {key: row.given for key, row in rows.items()}
         )
-        reasons = {**dict(Answer.Reason.choices), "not_reached": _now("not reached")}
+        reasons = {
+            **dict(Answer.Reason.choices),
+            "not_asked": gettext("not asked"),
+            "not_reached": gettext("not reached"),
+        }
         lines = [
             {
                 "text": spoken(question.text, response.language),

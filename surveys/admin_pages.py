@@ -31,7 +31,7 @@ VIEW, ADD, READ = "surveys.view_questionnaire", "surveys.add_questionnaire", "su
 
 
 @dataclass(frozen=True)
-class Link:
+class AdminLink:
     """A way to another page of the preview."""
 
     label: str
@@ -45,8 +45,8 @@ class Preview:
 
     name: str
     admin: str
-    pages: list[Link]
-    languages: list[Link]
+    pages: list[AdminLink]
+    languages: list[AdminLink]
 
 
 def _may(request: HttpRequest, permission: str) -> None:
@@ -99,10 +99,12 @@ def _around(row: Questionnaire, definition: Definition, number: int, language: s
         name=str(row),
         admin=reverse("admin:surveys_questionnaire_change", args=[row.pk]),
         pages=[
-            Link(_("Page %(n)d") % {"n": n}, to(n, language), n == number)
+            AdminLink(_("Page %(n)d") % {"n": n}, to(n, language), n == number)
             for n in range(1, len(definition.pages) + 1)
         ],
-        languages=[Link(name, to(number, name), name == language) for name in definition.languages],
+        languages=[
+            AdminLink(name, to(number, name), name == language) for name in definition.languages
+        ],
     )
 
 
@@ -144,7 +146,7 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
     _may(request, ADD)
     copy = next_version(get_object_or_404(Questionnaire, pk=pk), timezone.now())
     messages.success(
-        request, _("Version %(n)d can be changed until somebody answers it.") % {"n": copy.version}
+        request, _("You can edit version %(n)d until somebody answers it.") % {"n": copy.version}
     )
     return redirect("admin:surveys_questionnaire_change", copy.pk)
 

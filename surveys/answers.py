@@ -21,20 +21,21 @@ REASON_MARK = "~"
 
 
 class Missing(StrEnum):
-    """Why there is no value. NOT_REACHED is never stored: whoever did not come so
-    far said nothing.
+    """Why there is no value. NOT_APPLICABLE is what the respondent chose, where the question offers
+    it. NOT_ASKED and NOT_REACHED are never stored: nothing was said.
     """
 
     SKIPPED = "skipped"
     PREFERRED_NOT = "preferred_not"
     NOT_APPLICABLE = "not_applicable"
+    NOT_ASKED = "not_asked"
     NOT_REACHED = "not_reached"
 
 
 @dataclass(frozen=True)
 class AnswerValue:
-    """An answer: either a value (int, float, str, or a list of str in written order), or the reason
-    why there is none.
+    """An answer: either a value (int, float, str, or a list of str), or the reason why there is
+    none.
     """
 
     value: Any = None
@@ -76,25 +77,25 @@ def read_answer(
     if not values:
         return AnswerValue(missing=Missing.SKIPPED)
     if len(values) > 1 and not item.takes_several:
-        raise RefusedError(_("Please give one answer."))
+        raise RefusedError(_("Give only one answer."))
     return AnswerValue(value=item.parse(question, values, now))
 
 
 def check_complete(question: Question, given: AnswerValue) -> None:
     """Raise RefusedError when an answer that is required was left empty."""
     if given.is_left_empty and question.item.required:
-        raise RefusedError(_("Please answer this question."))
+        raise RefusedError(_("Answer this question."))
 
 
 def _declined(question: Question, values: list[str], reasons: list[str]) -> AnswerValue:
     if values or len(set(reasons)) > 1:
-        raise RefusedError(_("Please either answer or say why not."))
+        raise RefusedError(_("Give either an answer or one reason for not answering."))
     allowed = {
         Missing.PREFERRED_NOT.value: question.item.prefer_not,
         Missing.NOT_APPLICABLE.value: question.item.not_applicable,
     }
     if not allowed.get(reasons[0]):
-        raise RefusedError(_("This is not among the choices."))
+        raise RefusedError(_("Choose one of the options offered."))
     return AnswerValue(missing=Missing(reasons[0]))
 
 
@@ -107,7 +108,7 @@ def response_statuses(
     """Return how every question of a response stands, by key in written order: its value, or the
     reason why there is none.
 
-    A question that was not asked is not applicable, whatever was said before an earlier answer
+    Of a question that was not asked nothing counts, whatever was said before an earlier answer
     changed. One that was asked without an answer was skipped, if its page was left behind.
 
     Args:
@@ -130,5 +131,5 @@ def _status(
     if question.page >= reached and given is None:
         return AnswerValue(missing=Missing.NOT_REACHED)
     if not asked:
-        return AnswerValue(missing=Missing.NOT_APPLICABLE)
+        return AnswerValue(missing=Missing.NOT_ASKED)
     return given or AnswerValue(missing=Missing.SKIPPED)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from surveys.definition import Definition
-from surveys.item import Condition
+from surveys.item import ItemCondition
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,10 @@ class Circumstances:
     outcome: str = ""
 
 
-def answer_fits(condition: Condition, value: Any) -> bool:
-    """Tell whether a stored value (None: no answer) meets the part of a condition that asks an
-    answer.
+def answer_fits(condition: ItemCondition, value: Any) -> bool:
+    """Tell whether an answer, as its type compares it, meets the part of a condition that asks
+    one.
     """
-    if value is None:
-        return False
     if condition.one_of:
         chosen = value if isinstance(value, list) else [value]
         return any(one in condition.one_of for one in chosen)
@@ -37,7 +35,7 @@ def answer_fits(condition: Condition, value: Any) -> bool:
     return above and (condition.at_most is None or value <= condition.at_most)
 
 
-def circumstances_fit(condition: Condition, circumstances: Circumstances) -> bool:
+def circumstances_fit(condition: ItemCondition, circumstances: Circumstances) -> bool:
     """Tell whether robot and outcome are among those that a condition names."""
     if condition.robot and not circumstances.robot.intersection(condition.robot):
         return False
@@ -58,7 +56,7 @@ def shown_keys(
     for question in definition.questions():
         conditions = (definition.pages[question.page].show_if, question.item.show_if)
         if all(
-            _holds(condition, values, shown, circumstances)
+            _holds(condition, definition, values, shown, circumstances)
             for condition in conditions
             if condition is not None
         ):
@@ -67,13 +65,17 @@ def shown_keys(
 
 
 def _holds(
-    condition: Condition,
+    condition: ItemCondition,
+    definition: Definition,
     values: Mapping[str, Any],
     shown: Iterable[str],
     circumstances: Circumstances,
 ) -> bool:
     if not circumstances_fit(condition, circumstances):
         return False
-    return not condition.item or (
-        condition.item in shown and answer_fits(condition, values.get(condition.item))
-    )
+    if not condition.item:
+        return True
+    asked, value = definition.question(condition.item), values.get(condition.item)
+    if asked is None or condition.item not in shown or value is None:
+        return False
+    return answer_fits(condition, asked.item.compared(value))

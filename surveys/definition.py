@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 import msgspec
 
 from robots.api.prepared import prepare
-from surveys.documents import Key, Language, Part, Slug, Text
-from surveys.item import Condition, Item, Order, Point, Question, ScoringRule, ordered
+from surveys.documents import DocumentPart, Key, Language, Slug, Text
+from surveys.item import Item, ItemCondition, Order, Question, ScalePoint, ScoringRule, ordered
 from surveys.questions import TYPES
 
 if TYPE_CHECKING:
@@ -24,14 +24,14 @@ else:
     AnyItem = Union[tuple(TYPES.values())]  # noqa: UP007 - the types are found when this is read
 
 
-class Page(Part, frozen=True, kw_only=True):
+class Page(DocumentPart, frozen=True, kw_only=True):
     """What is on the screen at once."""
 
     key: Key
     title: Text = {}
     intro: Text = {}
     order: Order = "fixed"
-    show_if: Condition | None = None
+    show_if: ItemCondition | None = None
     items: tuple[AnyItem, ...]
 
     def items_shown(self, seed: int) -> list[AnyItem]:
@@ -39,7 +39,7 @@ class Page(Part, frozen=True, kw_only=True):
         return ordered(self.items, self.order, seed, f"page {self.key}")
 
 
-class Topic(Part, frozen=True, kw_only=True):
+class QuestionTopic(DocumentPart, frozen=True, kw_only=True):
     """Questions that are reported together."""
 
     key: Key
@@ -47,7 +47,7 @@ class Topic(Part, frozen=True, kw_only=True):
     items: tuple[str, ...]
 
 
-class Definition(Part, frozen=True, kw_only=True, dict=True):
+class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
     """A whole questionnaire. A `template` holds the structure of one whose text may not be shipped:
     it can be filled in, not used.
     """
@@ -61,9 +61,9 @@ class Definition(Part, frozen=True, kw_only=True, dict=True):
     licence: str = ""
     template: bool = False
     languages: tuple[Language, ...]
-    scales: dict[Key, tuple[Point, ...]] = {}
+    scales: dict[Key, tuple[ScalePoint, ...]] = {}
     pages: tuple[Page, ...]
-    topics: tuple[Topic, ...] = ()
+    topics: tuple[QuestionTopic, ...] = ()
     scoring: ScoringRule | Literal["none"] = "none"
 
     def questions(self) -> Collection[Question]:

@@ -23,7 +23,7 @@ MAX_TEXT = 4000
 _UNKNOWN_KIND = re.compile(r"^Invalid value '(?P<kind>.*)' - at `(?P<path>\$.*)\.kind`$")
 
 
-class Part(
+class DocumentPart(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
 ):
     """Any part of a definition."""
@@ -68,7 +68,7 @@ def checked(
     except msgspec.ValidationError as error:
         raise BadDefinitionError([_sentence(str(error), kinds, kind_name)]) from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadDefinitionError([f"This is not JSON: {error}."]) from error
+        raise BadDefinitionError([f"This is not valid JSON: {error}."]) from error
     wrong = list(problems_of(found))
     if wrong:
         raise BadDefinitionError(wrong)
@@ -80,8 +80,8 @@ def _sentence(error: str, kinds: Collection[str], kind_name: str) -> str:
     if unknown is None:
         return f"{error}."
     return (
-        f"{unknown['path']}: there is no {kind_name} “{unknown['kind']}”; there are"
-        f" {', '.join(sorted(kinds))}."
+        f"{unknown['path']}: there is no {kind_name} “{unknown['kind']}”; "
+        f"choose one of {', '.join(sorted(kinds))}."
     )
 
 
@@ -94,7 +94,7 @@ def duplicates(what: str, names: Iterable[str]) -> Iterator[str]:
     )
 
 
-def text_problems(part: Part, where: str, languages: tuple[str, ...]) -> Iterator[str]:
+def text_problems(part: DocumentPart, where: str, languages: tuple[str, ...]) -> Iterator[str]:
     """Yield what is wrong with any text inside a part: each must be there in all of the languages
     and in no other.
     """
@@ -123,17 +123,17 @@ def text_problems(part: Part, where: str, languages: tuple[str, ...]) -> Iterato
         )
 
 
-def _texts(part: Part, place: str) -> Iterator[tuple[str, Text, bool]]:
+def _texts(part: DocumentPart, place: str) -> Iterator[tuple[str, Text, bool]]:
     """Yield (where, text, whether it must be there) for every text inside a part."""
     for field in msgspec.structs.fields(part):
         value = getattr(part, field.name)
         if field.type == Text:
             yield f"{place}.{field.encode_name}", value, field.required
-        elif isinstance(value, Part):
+        elif isinstance(value, DocumentPart):
             yield from _texts(value, f"{place}.{field.encode_name}")
         elif isinstance(value, tuple):
             for n, inner in enumerate(value):
-                if isinstance(inner, Part):
+                if isinstance(inner, DocumentPart):
                     yield from _texts(
                         inner, getattr(inner, "key", "") or f"{place}.{field.encode_name}[{n}]"
                     )

@@ -2,8 +2,8 @@
 many there are.
 
 `long` has a line a question and response, `wide` a line a response with two columns a question: its
-value, and why there is none. The lines are ordinary generators, for exports that are no pages as
-well.
+value (a type may need several columns for it), and why there is none. The lines are ordinary
+generators, for exports that are no pages as well.
 """
 
 import csv

@@ -3,7 +3,12 @@
 from typing import Any
 
 from django import forms
+from django.urls import reverse
 from django.utils import timezone
+from django.utils.functional import lazy
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from surveys.definition import Definition, to_json
@@ -13,16 +18,28 @@ from surveys.problems import MAX_BYTES, parse
 from surveys.questionnaires import store
 
 
+def _format_reference(page: str) -> SafeString:
+    return format_html(
+        '<a href="{}" target="_blank" rel="noopener">{}</a>',
+        reverse("reference", args=[page]),
+        gettext("Format reference"),
+    )
+
+
+# A link to the page of the site that describes a file format, opened beside the form.
+format_reference = lazy(_format_reference, SafeString)
+
+
 class QuestionnaireForm(forms.ModelForm):
     """A definition; every problem of it is told at once."""
 
     file = forms.FileField(
         label=_("JSON file"),
         required=False,
-        help_text=_("The format stands in docs/reference/questionnaires.md."),
+        help_text=format_reference("questionnaires"),
     )
     document = forms.CharField(
-        label=_("or its text"),
+        label=_("or paste its text"),
         required=False,
         strip=False,
         max_length=MAX_BYTES,
@@ -55,7 +72,7 @@ class QuestionnaireForm(forms.ModelForm):
             else cleaned.get("document", "").encode()
         )
         if not document.strip():
-            raise forms.ValidationError(_("Choose a file or paste the text of one."))
+            raise forms.ValidationError(_("Choose a file or paste its text."))
         try:
             definition = parse(document)
             self._check_name(definition)
@@ -81,12 +98,12 @@ class QuestionnaireForm(forms.ModelForm):
             if name != own:
                 version = f"version {own[1]} of {own[0]}"
                 raise BadDefinitionError(
-                    [f"This is {version}; slug and version of a questionnaire stay."]
+                    [(f"This is {version}; the slug and version of a questionnaire cannot change.")]
                 )
         elif Questionnaire.objects.filter(
             slug=definition.slug, version=definition.version
         ).exists():
             version = f"Version {name[1]} of {name[0]}"
             raise BadDefinitionError(
-                [f"{version} is here already: change that one, or give yours another version."]
+                [(f"{version} already exists: change that one, or give yours another version.")]
             )

@@ -17,7 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
 import msgspec
 from django.utils.translation import gettext as _
 
-from surveys.documents import Key, Part, Text, duplicates, spoken
+from surveys.documents import DocumentPart, Key, Text, duplicates, spoken
 
 T = TypeVar("T")
 
@@ -25,7 +25,7 @@ OptionValue = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$")
 Whole = Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
 Order = Literal["fixed", "shuffled"]
 ScoringRule = Literal["likert", "sus", "tlx_raw"]
-Scales = Mapping[str, "tuple[Point, ...]"]
+Scales = Mapping[str, "tuple[ScalePoint, ...]"]
 MAX_DIGITS = 30
 NUMBER_LIMIT = 1e12
 # Hours from UTC of the places where days begin last and first.
@@ -41,7 +41,7 @@ class RefusedError(ValueError):
 # --- parts of a definition ------------------------------------------------------------------------
 
 
-class Condition(Part, frozen=True, kw_only=True):
+class ItemCondition(DocumentPart, frozen=True, kw_only=True):
     """`show_if`: all that is given must hold. `is` and the bounds ask the answer of the earlier
     question `item`.
     """
@@ -54,14 +54,14 @@ class Condition(Part, frozen=True, kw_only=True):
     at_most: float | None = None
 
 
-class Point(Part, frozen=True, kw_only=True):
+class ScalePoint(DocumentPart, frozen=True, kw_only=True):
     """One value of a scale. A scale may name only its ends."""
 
     value: Whole
     label: Text = {}
 
 
-class Option(Part, frozen=True, kw_only=True):
+class Option(DocumentPart, frozen=True, kw_only=True):
     """One choice. `alone` excludes all others ("none of these")."""
 
     value: OptionValue
@@ -69,7 +69,7 @@ class Option(Part, frozen=True, kw_only=True):
     alone: bool = False
 
 
-class Row(Part, frozen=True, kw_only=True):
+class Row(DocumentPart, frozen=True, kw_only=True):
     """A row of a grid: a question of its own."""
 
     key: Key
@@ -134,7 +134,7 @@ class Bot(Protocol):
 # --- items ----------------------------------------------------------------------------------------
 
 
-class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
+class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
     """What every item says. Who may decline says so here; an optional item may
     also be left empty.
     """
@@ -159,7 +159,7 @@ class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
     required: bool = False
     prefer_not: bool = False
     not_applicable: bool = False
-    show_if: Condition | None = None
+    show_if: ItemCondition | None = None
 
     @property
     def kind(self) -> str:
@@ -176,7 +176,7 @@ class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
         """Return its questions in the order shown."""
         return self.rows_asked()
 
-    def points(self, scales: Scales) -> tuple[Point, ...]:
+    def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
         """Return the points of its scale; none without one, or when it names none that is there."""
         return ()
 
@@ -204,14 +204,24 @@ class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
         raise NotImplementedError
 
     def labelled_values(
-        self, points: Sequence[Point]
+        self, points: Sequence[ScalePoint]
     ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
         """Return all values that can be chosen, with their labels; none where they are not listed.
         Tables count them, and `show_if` may only expect one of them.
         """
         return ()
 
-    def score_values(self, points: Sequence[Point]) -> Sequence[int]:
+    def compared(self, value: Any) -> Any:
+        """Return what of a stored value `show_if` compares and tables count; of a list, each part
+        counts.
+        """
+        return value
+
+    def expected(self, value: str | float) -> str | float:
+        """Return how the page sends an answer that `show_if` names."""
+        return value
+
+    def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
         """Return the numbers that an answer can be, rising, where a score takes them."""
         return ()
 
@@ -222,6 +232,10 @@ class Item(Part, frozen=True, kw_only=True, tag_field="kind"):
     def columns(self, key: str) -> tuple[str, ...]:
         """Return the columns of an answer in tables with a line a response."""
         return (key,)
+
+    def column_labels(self) -> tuple[Text, ...]:
+        """Return what each of these columns is about, beside the question."""
+        return ({},)
 
     def cells(self, value: Any) -> tuple[Any, ...]:
         """Return what stands in these columns for a stored value; None is no answer."""
@@ -260,7 +274,7 @@ class ScaleItem(Item, frozen=True, kw_only=True):
 
     scale: str
 
-    def points(self, scales: Scales) -> tuple[Point, ...]:
+    def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
         """Return the points of its scale."""
         return scales.get(self.scale, ())
 
@@ -274,12 +288,12 @@ class ScaleItem(Item, frozen=True, kw_only=True):
         return one_of({str(point.value): point.value for point in question.points}, values[0])
 
     def labelled_values(
-        self, points: Sequence[Point]
+        self, points: Sequence[ScalePoint]
     ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
         """Return the points."""
         return [(point.value, point.label) for point in points]
 
-    def score_values(self, points: Sequence[Point]) -> Sequence[int]:
+    def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
         """Return the values of the points."""
         return [point.value for point in points]
 
@@ -324,7 +338,7 @@ class OptionsItem(Item, frozen=True, kw_only=True):
         ]
 
     def labelled_values(
-        self, points: Sequence[Point]
+        self, points: Sequence[ScalePoint]
     ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
         """Return the options."""
         return [(option.value, option.label) for option in self.options]
@@ -355,7 +369,7 @@ class Question:
     page: int
     item: Item
     row: Row | None
-    points: tuple[Point, ...]
+    points: tuple[ScalePoint, ...]
 
     @property
     def key(self) -> str:
@@ -409,7 +423,7 @@ def one_of(choices: Mapping[str, T], value: str) -> T:
         RefusedError: when it is not among the choices.
     """
     if value not in choices:
-        raise RefusedError(_("This is not among the choices."))
+        raise RefusedError(_("Choose one of the options offered."))
     return choices[value]
 
 
@@ -426,9 +440,9 @@ def parsed_number(value: str) -> float:
             else float("nan")
         )
     except ValueError as error:
-        raise RefusedError(_("Please give a number.")) from error
+        raise RefusedError(_("Enter a number.")) from error
     if not abs(number) < NUMBER_LIMIT:
-        raise RefusedError(_("Please give a number."))
+        raise RefusedError(_("Enter a number."))
     return number
 
 

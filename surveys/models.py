@@ -75,7 +75,7 @@ class Response(models.Model):
     outcome = models.CharField(_("outcome"), max_length=40, blank=True)
     return_to = models.CharField(max_length=500, blank=True, editable=False)
     back_to = models.CharField(max_length=500, blank=True, editable=False)
-    seed = models.BigIntegerField(_("seed of the order"))
+    seed = models.BigIntegerField(_("order seed"))
     language = models.CharField(_("language"), max_length=16)
     # How many pages were left behind, however often somebody went back since.
     reached = models.PositiveIntegerField(_("pages done"), default=0)

@@ -13,7 +13,7 @@ from surveys.answers import REASON_MARK, AnswerValue, Missing
 from surveys.conditions import Circumstances, circumstances_fit, shown_keys
 from surveys.definition import Definition
 from surveys.documents import spoken
-from surveys.item import Choice, Condition, Item, Question, Viewing, Widget
+from surveys.item import Choice, Item, ItemCondition, Question, Viewing, Widget
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def _fieldset(item: Item, here: list[Question], asked: set[str], reader: Reader)
     )
 
 
-def _may_appear(condition: Condition | None, here: set[str], reader: Reader) -> bool:
+def _may_appear(condition: ItemCondition | None, here: set[str], reader: Reader) -> bool:
     return (
         condition is not None
         and condition.item in here
@@ -185,16 +185,17 @@ def _may_appear(condition: Condition | None, here: set[str], reader: Reader) -> 
     )
 
 
-def _condition_here(condition: Condition | None, here: list[Question]) -> str:
+def _condition_here(condition: ItemCondition | None, here: list[Question]) -> str:
     """Return the part of a condition that the page itself can follow, as JSON;
     empty without one.
     """
-    if condition is None or condition.item not in {question.key for question in here}:
+    asked = {question.key: question.item for question in here}
+    if condition is None or condition.item not in asked:
         return ""
     return json.dumps(
         {
             "item": condition.item,
-            "is": list(condition.one_of),
+            "is": [asked[condition.item].expected(value) for value in condition.one_of],
             "at_least": condition.at_least,
             "at_most": condition.at_most,
         }

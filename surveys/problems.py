@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from surveys.definition import Definition
 from surveys.documents import checked, duplicates, text_problems
-from surveys.item import Condition, Question
+from surveys.item import ItemCondition, Question
 from surveys.questions import TYPES
 
 MAX_BYTES = 512 * 1024
@@ -39,7 +39,7 @@ def problems(definition: Definition) -> Iterator[str]:
 
 def _of_the_whole(definition: Definition) -> Iterator[str]:
     if not definition.pages:
-        yield "There is no page."
+        yield "There is no page; add at least one."
     yield from (f"Page {page.key} has no items." for page in definition.pages if not page.items)
     yield from duplicates("page", (page.key for page in definition.pages))
     items = [item for page in definition.pages for item in page.items]
@@ -52,10 +52,10 @@ def _of_the_whole(definition: Definition) -> Iterator[str]:
 
 def _of_texts(definition: Definition) -> Iterator[str]:
     if not definition.languages:
-        yield "There is no language."
+        yield "There is no language; add at least one."
     yield from duplicates("language", definition.languages)
     if "\x00" in definition.source + definition.licence:
-        yield "Source or licence holds a null character."
+        yield "The source or licence contains a null character; remove it."
     yield from text_problems(definition, "questionnaire", definition.languages)
 
 
@@ -67,9 +67,9 @@ def _of_scales(definition: Definition) -> Iterator[str]:
                 f"The scale {name} has {len(values)} points; it needs {MIN_POINTS} to {MAX_POINTS}."
             )
         elif values != sorted(set(values)):
-            yield f"The values of the scale {name} do not rise from point to point."
+            yield f"The values of the scale {name} must rise from point to point."
         elif not (any(points[0].label.values()) and any(points[-1].label.values())):
-            yield f"The scale {name} does not name its two ends."
+            yield f"The scale {name} must name its two ends."
 
 
 def _of_conditions(definition: Definition) -> Iterator[str]:
@@ -89,23 +89,23 @@ def _of_conditions(definition: Definition) -> Iterator[str]:
         known |= here
 
 
-def _of_condition(condition: Condition | None, earlier: dict[str, Question]) -> Iterator[str]:
+def _of_condition(condition: ItemCondition | None, earlier: dict[str, Question]) -> Iterator[str]:
     if condition is None:
         return
     asks_answer = (
         bool(condition.one_of) or condition.at_least is not None or condition.at_most is not None
     )
     if not (condition.robot or condition.outcome or condition.item):
-        yield "show_if names neither robot nor outcome nor item."
+        yield "show_if must name a robot, an outcome or an item."
     if bool(condition.item) != asks_answer:
         yield "show_if needs item together with is, at_least or at_most."
     elif condition.item and condition.item not in earlier:
-        yield f"show_if asks {condition.item}, which is no earlier question."
+        yield f"show_if asks {condition.item}, which is not an earlier question."
     elif condition.item:
         yield from _of_expected(condition, earlier[condition.item])
 
 
-def _of_expected(condition: Condition, question: Question) -> Iterator[str]:
+def _of_expected(condition: ItemCondition, question: Question) -> Iterator[str]:
     possible = {value for value, _label in question.labelled_values}
     if possible:
         yield from (
@@ -115,7 +115,7 @@ def _of_expected(condition: Condition, question: Question) -> Iterator[str]:
         )
     bounded = condition.at_least is not None or condition.at_most is not None
     if bounded and not question.item.is_number:
-        yield f"show_if compares {question.key}, which is no number."
+        yield f"show_if compares {question.key}, which is not a number."
 
 
 def _of_scoring(definition: Definition) -> Iterator[str]:

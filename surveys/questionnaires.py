@@ -90,8 +90,8 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
             raise BadDefinitionError(
                 [
                     (
-                        f"{questionnaire.slug} is a template: fill in its text and set template to"
-                        " false before it is used."
+                        f"{questionnaire.slug} is a template: fill in its text and set "
+                        "template to false before you use it."
                     )
                 ]
             )

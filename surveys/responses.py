@@ -43,7 +43,7 @@ class Respondent:
 
     def __post_init__(self) -> None:
         if (self.user is None) == (not self.key):
-            raise ValueError("a respondent is either a user or a key")
+            raise ValueError("a respondent must be either a user or a key")
 
     @property
     def name(self) -> str:

@@ -25,7 +25,7 @@ def sus(answers: Sequence[int | None]) -> float | None:
     if len(answers) != 10:
         raise ValueError(f"SUS has 10 items, not {len(answers)}")
     if any(answer is not None and not 1 <= answer <= SUS_HIGHEST for answer in answers):
-        raise ValueError(f"SUS answers are from 1 to {SUS_HIGHEST}")
+        raise ValueError(f"SUS answers must be from 1 to {SUS_HIGHEST}")
     given = [answer for answer in answers if answer is not None]
     if len(given) < len(answers):
         return None
@@ -43,7 +43,7 @@ def tlx_raw(ratings: Sequence[float | None]) -> float | None:
     if len(ratings) != 6:
         raise ValueError(f"the TLX has 6 scales, not {len(ratings)}")
     if any(rating is not None and not 0 <= rating <= 100 for rating in ratings):
-        raise ValueError("TLX ratings are from 0 to 100")
+        raise ValueError("TLX ratings must be from 0 to 100")
     given = [rating for rating in ratings if rating is not None]
     return sum(given) / len(given) if len(given) == len(ratings) else None
 

@@ -34,6 +34,7 @@ from surveys.definition import Definition, language_for
 from surveys.documents import spoken
 from surveys.item import RefusedError
 from surveys.models import Response
+from surveys.outer_progress import outer_progress_of
 from surveys.page_form import Reader, page_form_of
 from surveys.responses import ClosedError, NotAskedError, Saving
 
@@ -126,6 +127,7 @@ def _show(
         "intro": spoken(definition.intro, reader.language) if not earlier else "",
         "language": reader.language,
         "earlier": earlier[-1] + 1 if earlier else None,
+        "outer": outer_progress_of(row, get_language() or ""),
     }
     return render(request, "surveys/page.html", context, status=WRONG if result else 200)
 
@@ -137,7 +139,7 @@ def answer(request: HttpRequest, response: UUID) -> JsonResponse:
     """Save one answer while the page is filled in. Says `saved`, or in `error` why not."""
     if not request.user.is_authenticated:
         return JsonResponse(
-            {"saved": False, "error": _("You are signed out. Sign in again to go on.")},
+            {"saved": False, "error": _("You are logged out. Log in again to continue.")},
             status=SIGNED_OUT,
         )
     row = _own_response(request, response)
@@ -156,7 +158,8 @@ def answer(request: HttpRequest, response: UUID) -> JsonResponse:
         )
     except NotAskedError:
         return JsonResponse(
-            {"saved": False, "error": _("This question is not on your page.")}, status=REFUSED
+            {"saved": False, "error": _("This question isn't on your page. Reload the page.")},
+            status=REFUSED,
         )
     except RefusedError as error:
         return JsonResponse({"saved": False, "error": str(error)}, status=WRONG)

@@ -69,7 +69,7 @@ def check_ice(**_: Any) -> list[CheckMessage]:
     for name, schemes in (("STUN_URLS", ("stun:", "stuns:")), ("TURN_URLS", ("turn:", "turns:"))):
         found += [
             Error(
-                f"{name} holds {url!r}.",
+                f"{name} contains {url!r}.",
                 hint=f"It must begin with {' or '.join(schemes)}",
                 id="telepresence.E002",
             )
@@ -145,7 +145,7 @@ def check_proxies(**_: Any) -> list[CheckMessage]:
     wrong = [word for word in settings.TRUSTED_PROXIES if not _is_network(word)]
     return [
         Error(
-            f"TRUSTED_PROXIES holds {word!r}, which is no address and no network.",
+            f"TRUSTED_PROXIES contains {word!r}, which is neither an address nor a network.",
             id="telepresence.E006",
         )
         for word in wrong
@@ -158,7 +158,7 @@ def check_metrics(**_: Any) -> list[CheckMessage]:
     """
     found: list[CheckMessage] = [
         Error(
-            f"METRICS_ALLOWED holds {word!r}, which is no address and no network.",
+            f"METRICS_ALLOWED contains {word!r}, which is neither an address nor a network.",
             id="telepresence.E007",
         )
         for word in settings.METRICS_ALLOWED

@@ -43,6 +43,7 @@ INSTALLED_APPS = [
 
 MIDDLEWARE = [
     "telepresence_site.web.headers.PrivateAnswers",
+    "telepresence_site.web.compressed_pages.CompressedPages",
     "django.middleware.security.SecurityMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "csp.middleware.CSPMiddleware",
@@ -55,6 +56,7 @@ MIDDLEWARE = [
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
     "accounts.rate_limits.RetryAfterMiddleware",
     "allauth.account.middleware.AccountMiddleware",
+    "accounts.passwordless.GuestMiddleware",
 ]
 
 ROOT_URLCONF = "telepresence_site.urls"
@@ -112,7 +114,10 @@ if REDIS_URL:
         }
     }
     CACHES = {
-        "default": {"BACKEND": "django.core.cache.backends.redis.RedisCache", "LOCATION": REDIS_URL}
+        "default": {
+            "BACKEND": "telepresence_site.web.shared_cache.SharedCache",
+            "LOCATION": REDIS_URL,
+        }
     }
 else:
     CHANNEL_LAYERS = {"default": {"BACKEND": "channels.layers.InMemoryChannelLayer"}}
@@ -282,8 +287,8 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {
-        "json": {"()": "telepresence_site.ops.log_lines.JsonLine"},
-        "text": {"()": "telepresence_site.ops.log_lines.KeyValueLine"},
+        "json": {"()": "telepresence_site.ops.log_lines.json_lines"},
+        "text": {"()": "telepresence_site.ops.log_lines.key_value_lines"},
     },
     "handlers": {
         "console": {

@@ -6,7 +6,7 @@ from django.contrib import admin
 from django.urls import include, path
 
 from telepresence_site.ops import health, metrics
-from telepresence_site.web import pages
+from telepresence_site.web import pages, reference_pages
 
 admin.autodiscover()
 # One way in, whose attempts are counted: the administration's own form would let anybody guess for
@@ -17,6 +17,7 @@ urlpatterns = [
     path("", pages.home, name="home"),
     path("robots.json", pages.robots_json, name="robots_json"),
     path("about/", pages.about, name="about"),
+    path("reference/<slug:name>/", reference_pages.reference, name="reference"),
     path("manifest.webmanifest", pages.manifest, name="manifest"),
     path("readyz", health.readyz, name="readyz"),
     path("metrics", metrics.metrics, name="metrics"),

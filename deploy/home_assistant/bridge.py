@@ -33,7 +33,7 @@ STALE_SECONDS = 3.0  # a press that waited longer for its turn is forgotten
 ACTIONS = {"stop": "Stop", "estop": "Emergency stop", "dock": "Go to the charging station"}
 
 
-class Site:
+class TelepresenceSite:
     """The JSON API of one robot."""
 
     def __init__(self, site: str, robot: str, key: str) -> None:
@@ -124,10 +124,12 @@ def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
     }
 
 
-class Bridge:
+class HomeAssistantBridge:
     """Between the site and Home Assistant's broker, until `stop`."""
 
-    def __init__(self, site: Site, robot: str, broker: str, period: float = SECONDS) -> None:
+    def __init__(
+        self, site: TelepresenceSite, robot: str, broker: str, period: float = SECONDS
+    ) -> None:
         self._site, self._robot, self._period = site, robot, period
         self.base = f"telepresence_bridge/{robot}"
         self._presses: queue.Queue[tuple[str, float]] = queue.Queue(maxsize=8)
@@ -226,8 +228,11 @@ def main() -> None:
             "TELEPRESENCE_KEY is not set: manage.py api_key ROBOT home-assistant makes one."
         )
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
-    bridge = Bridge(
-        Site(options.site, options.robot, key), options.robot, options.broker, options.period
+    bridge = HomeAssistantBridge(
+        TelepresenceSite(options.site, options.robot, key),
+        options.robot,
+        options.broker,
+        options.period,
     )
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, bridge.stop)

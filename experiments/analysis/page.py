@@ -1,5 +1,5 @@
 """A report as a page needs it: what is printed in each cell, and the sessions behind it by the
-number of their set.
+number of their set. Files name conditions by their keys, pages by their titles.
 
 <selection>/page/summary.json        tables without their rows, figures with what is behind each
 part, verdicts, sessions <selection>/page/sets.json           sets of sessions, by number
@@ -7,7 +7,7 @@ part, verdicts, sessions <selection>/page/sets.json           sets of sessions, 
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page d
     from experiments.analysis.report import Report
 
 PAGE = "page"
+LAYOUT = 2  # of these files; a report whose page has another one is made again
+OF_CONDITIONS = frozenset({"Condition", "condition"})  # columns that hold keys of conditions
 
 
 def write_page(found: "Report", folder: Path) -> None:
@@ -39,13 +41,22 @@ def _files(found: "Report", sets: dict[tuple[str, ...], int]) -> Iterator[tuple[
     for table in found.tables:
         yield (
             f"table-{table.name}",
-            [[(cell.text, place(cell.sessions)) for cell in row] for row in table.rows],
+            [
+                [
+                    (_named(cell.text, found.titles) if head in OF_CONDITIONS else cell.text, at)
+                    for head, cell, at in zip(
+                        table.head, row, [place(cell.sessions) for cell in row], strict=True
+                    )
+                ]
+                for row in table.rows
+            ],
         )
     figures = [
         {
             "name": one.name,
             "title": one.title,
             "notes": one.numbers.notes,
+            "empty": is_empty(one.numbers),
             "behind": {gid: place(ids) for gid, ids in one.behind.items()},
         }
         for one in found.figures
@@ -53,7 +64,7 @@ def _files(found: "Report", sets: dict[tuple[str, ...], int]) -> Iterator[tuple[
     yield (
         "summary",
         {
-            "tables": [_head(table) for table in found.tables],
+            "tables": [_head(table, found.titles) for table in found.tables],
             "figures": figures,
             "sessions": _sessions(found),
         },
@@ -61,14 +72,44 @@ def _files(found: "Report", sets: dict[tuple[str, ...], int]) -> Iterator[tuple[
     yield "sets", list(sets)
 
 
-def _head(table: Table) -> dict[str, Any]:
+def is_empty(table: Table) -> bool:
+    """Tell whether a table says nothing: it has no rows, or is one of numbers without a number in
+    it that is known and not 0.
+    """
+    cells = [cell for row in table.rows for cell in row]
+    is_of_numbers = any(cell.value is not None for cell in cells)
+    return not cells or (is_of_numbers and not any(cell.value or cell.sessions for cell in cells))
+
+
+def _head(table: Table, titles: Mapping[str, str]) -> dict[str, Any]:
     return {
         "name": table.name,
-        "title": table.title,
-        "head": table.head,
+        "title": _title(table, titles),
+        "head": [_column(name, titles) for name in table.head],
         "notes": table.notes,
         "rows": len(table.rows),
+        "empty": is_empty(table),
     }
+
+
+def _named(text: str, titles: Mapping[str, str]) -> str:
+    """Return the title of a condition, or those of several in their order, for its key or their
+    keys with hyphens between; other text as it is.
+    """
+    keys = text.split("-")
+    return " → ".join(titles[key] for key in keys) if all(key in titles for key in keys) else text
+
+
+def _column(name: str, titles: Mapping[str, str]) -> str:
+    """Return the head of a column, such as `slow: mean`."""
+    key, colon, what = name.partition(": ")
+    return f"{_named(key, titles)}{colon}{what}" if colon else name
+
+
+def _title(table: Table, titles: Mapping[str, str]) -> str:
+    """Return a table's title; a table of one condition is named for it (`table_5`)."""
+    start, found, key = table.title.rstrip(".").partition(", condition ")
+    return f"{start}: {_named(key, titles)}." if found else table.title
 
 
 def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
@@ -78,7 +119,7 @@ def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
             "participant": one.session.participant,
             "number": one.session.number,
             "robot": one.session.robot,
-            "condition": one.session.condition,
+            "condition": _named(one.session.condition, found.titles),
             "outcome": one.session.outcome,
             "kind": one.session.kind,
             "excluded": one.session.excluded,

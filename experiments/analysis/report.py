@@ -33,7 +33,7 @@ from experiments.analysis.tables.effects import (
 from experiments.analysis.tables.flow import flow, funnel
 from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
-from experiments.analysis.tables.reliability import Verdict, judge
+from experiments.analysis.tables.reliability import QualityVerdict, judge
 from experiments.analysis.tables.summaries import (
     metrics_table,
     segment_spreads,
@@ -46,15 +46,16 @@ from experiments.analysis.tables.table import Table, as_csv, as_latex
 
 @dataclass(frozen=True)
 class Report:
-    """The tables and figures of a selection of sessions, with the sessions' numbers and the
-    verdicts on their records.
+    """The tables and figures of a selection of sessions, with the sessions' numbers, the verdicts
+    on their records, and what each condition is called, by its key.
     """
 
     name: str
     tables: tuple[Table, ...]
     figures: tuple[Drawing, ...]
     measured: tuple[Measured, ...]
-    verdicts: dict[str, Verdict]
+    verdicts: dict[str, QualityVerdict]
+    titles: dict[str, str]
 
 
 def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
@@ -106,7 +107,8 @@ def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
         figure_8a(dataset),
         figure_8b(dataset),
     )
-    return Report(name, tables, figures, tuple(measured), verdicts)
+    titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
+    return Report(name, tables, figures, tuple(measured), verdicts, titles)
 
 
 Also = Callable[[Report, Path], None]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 
-from experiments.bots.page import Field, Form
+from experiments.bots.page import Field, HtmlForm
 from experiments.bots.persona import Persona
 from surveys.questions import question_type
 
@@ -22,7 +22,7 @@ class UnknownControlError(Exception):
 
 
 def fill(
-    form: Form, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
+    form: HtmlForm, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
 ) -> Sent:
     """Return the fields of a form as a person would send them; buttons and hidden fields are the
     browser's.
@@ -61,7 +61,9 @@ class Answering:
             UnknownControlError: of its kind there is nothing in CONTROLS.
         """
         if asked.kind not in CONTROLS:
-            raise UnknownControlError(f"{asked.name} is a control of kind {asked.kind!r}")
+            raise UnknownControlError(
+                f"{asked.name} is a control of the unsupported kind {asked.kind!r}"
+            )
         return CONTROLS[asked.kind](asked, self)
 
     def option(self, name: str, count: int) -> int:

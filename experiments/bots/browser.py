@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from experiments.bots import page
-from experiments.bots.page import Form, Page
+from experiments.bots.page import HtmlForm, HtmlPage
 
 TIMEOUT = 300.0  # of patience, also where a computer has other work
 TOO_MANY = 429
@@ -25,12 +25,12 @@ class BrowserError(Exception):
 
 
 @dataclass(frozen=True)
-class Answer:
+class HttpAnswer:
     """What came: its address after all redirects, its status, and the page."""
 
     url: str
     status: int
-    page: Page
+    page: HtmlPage
     body: bytes = b""
 
     @property
@@ -66,7 +66,7 @@ class Browser:
         cookies = "; ".join(f"{cookie.name}={cookie.value}" for cookie in self.jar)
         return {"Cookie": cookies, "Origin": self.site, "User-Agent": self._headers["User-Agent"]}
 
-    def get(self, address: str) -> Answer:
+    def get(self, address: str) -> HttpAnswer:
         """Follow an address.
 
         Raises:
@@ -74,7 +74,7 @@ class Browser:
         """
         return self._ask(urllib.request.Request(self._absolute(address), headers=self._headers))
 
-    def post(self, address: str, fields: Iterable[tuple[str, str]]) -> Answer:
+    def post(self, address: str, fields: Iterable[tuple[str, str]]) -> HttpAnswer:
         """Send fields, in order, as a form does.
 
         Raises:
@@ -88,8 +88,8 @@ class Browser:
         return self._ask(request)
 
     def send(
-        self, here: Answer, form: Form, fields: Iterable[tuple[str, str]], button: int = 0
-    ) -> Answer:
+        self, here: HttpAnswer, form: HtmlForm, fields: Iterable[tuple[str, str]], button: int = 0
+    ) -> HttpAnswer:
         """Send a form of the page that one is on, with one of its buttons."""
         pressed = form.buttons[button] if form.buttons else None
         named = [(pressed.name, pressed.value)] if pressed is not None and pressed.name else []
@@ -99,17 +99,19 @@ class Browser:
     def _absolute(self, address: str) -> str:
         return urllib.parse.urljoin(f"{self.site}/", address)
 
-    def _ask(self, request: urllib.request.Request) -> Answer:
+    def _ask(self, request: urllib.request.Request) -> HttpAnswer:
         for attempt in range(1, PATIENCE + 1):
             answer = self._once(request)
             if answer.status != TOO_MANY:
                 break
             time.sleep(float(attempt))
         if answer.status >= http.client.INTERNAL_SERVER_ERROR:
-            raise BrowserError(f"{request.get_method()} {answer.path} answered {answer.status}")
+            raise BrowserError(
+                f"{request.get_method()} {answer.path} answered with status {answer.status}"
+            )
         return answer
 
-    def _once(self, request: urllib.request.Request) -> Answer:
+    def _once(self, request: urllib.request.Request) -> HttpAnswer:
         try:
             with self._opener.open(request, timeout=TIMEOUT) as response:
                 return _answer(
@@ -124,11 +126,11 @@ class Browser:
             raise BrowserError(f"{request.full_url} cannot be reached: {error}") from error
 
 
-def _answer(url: str, status: int, kind: str, body: bytes) -> Answer:
+def _answer(url: str, status: int, kind: str, body: bytes) -> HttpAnswer:
     is_page = kind == "text/html"
-    return Answer(
+    return HttpAnswer(
         url,
         status,
-        page.read(body.decode(errors="replace")) if is_page else Page(),
+        page.read(body.decode(errors="replace")) if is_page else HtmlPage(),
         b"" if is_page else body,
     )

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from experiments.bots.browser import Browser
 from experiments.bots.socket import Socket, SocketClosed
-from experiments.bots.steering import STAND, Speed
+from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api.codec import encode_frame
 from robots.api.messages import (
@@ -147,7 +147,7 @@ class Cockpit:
         self.steer(STAND)
         self._say("session/leave", protocol.Leave())
 
-    def steer(self, speed: Speed) -> None:
+    def steer(self, speed: SpeedSetting) -> None:
         """Hold the controller like this from now on."""
         if speed.is_zero and not self._speed.is_zero:
             self._zeros = ZEROS

@@ -10,7 +10,7 @@ from experiments.bots.cockpit import BEAT
 from experiments.bots.diary import Diary
 from experiments.bots.endings import Ending
 from experiments.bots.pace import Governor, Pace
-from experiments.bots.participant import Participant
+from experiments.bots.participant import BotParticipant
 from experiments.bots.persona import Effect, Persona
 
 GOVERNED_EVERY = 0.5  # seconds of the quick clock
@@ -43,7 +43,7 @@ class BotGroup:
     pace: Pace | None = None
     fastest: float = 1.0
     clock: Callable[[], float] = time.time
-    _living: set[Participant] = field(default_factory=set)
+    _living: set[BotParticipant] = field(default_factory=set)
 
     async def run(self) -> list[Diary]:
         """Let all of them take part, and return their diaries in order."""
@@ -66,7 +66,7 @@ class BotGroup:
         persona = Persona(
             number, self.plan.seed, self.plan.effects, number if self.plan.explore else None
         )
-        bot = Participant(
+        bot = BotParticipant(
             self.plan.site,
             self.plan.links[number],
             persona,

@@ -18,7 +18,7 @@ from experiments.bots.driver import Driver, Guide, Intent
 from experiments.bots.endings import Ending
 from experiments.bots.persona import Persona
 from experiments.bots.socket import SocketClosed
-from experiments.bots.steering import STAND, Speed
+from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import ENDED, View
 from robots.api import floorplan
 from robots.api.geometry import Pose2D
@@ -36,13 +36,13 @@ NO_CONNECTION = 90.0  # seconds in which a visit that gets no connection is ende
 CONTROLLERS = ("keyboard", "mouse", "touch", "stick", "gamepad")
 
 
-class Drive:
+class BotDrive:
     """One visit.
 
     Args:
         browser: whose.
-        config: what the page is told (sessions.views.page_config, and experiments.tasks.page under
-            `study`).
+        config: what the page is told (sessions.views.page_config, and under `study`
+            experiments.participation.drive_config).
         persona: who drives.
         ending: how it ends.
         clock: Unix seconds.
@@ -97,7 +97,7 @@ class Drive:
         return self.cockpit.view
 
     async def run(self) -> Leg:
-        """Drive and return what there is to tell."""
+        """BotDrive and return what there is to tell."""
         try:
             driver = await self._prepare()
             await self.cockpit.connect()
@@ -115,7 +115,7 @@ class Drive:
         answer = await asyncio.to_thread(self.browser.get, self.config["floorplan"])
         plan = floorplan.decode(json.dumps(json.loads(answer.body)["plan"]))
         pace = self.persona.pace(self._circumstances())
-        fastest = Speed(
+        fastest = SpeedSetting(
             pace * self.limits.get("linear", 0.5), 0.9 * self.limits.get("angular", 0.7)
         )
         skips, early, practises = (
@@ -227,7 +227,7 @@ class Drive:
             driver.photo_failed()
         self.cockpit.note("photo_answer", id=about or uuid.uuid4().hex, choice=choice)
 
-    def _with_pauses(self, speed: Speed) -> Speed:
+    def _with_pauses(self, speed: SpeedSetting) -> SpeedSetting:
         """Let go where the robot waits for that, as the page says; who lets the time run out drives
         for a while and then looks at the picture.
         """

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from experiments.bots.steering import STAND, Speed, follow, into, rest_of, turn_to
+from experiments.bots.steering import STAND, SpeedSetting, follow, into, rest_of, turn_to
 from experiments.bots.view import View
 from experiments.bots.ways import NoRouteError, RouteGrid
 from robots.api.floorplan import Door, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Point
 
-BACKING = Speed(-0.22, 0.0)
+BACKING = SpeedSetting(-0.22, 0.0)
 CLEAR_OF_DOCK = 0.75  # metres before the docked pose from which one may turn
 STAGING = 0.95  # metres before the docked pose from which one drives in
 MISSED = 0.13  # metres aside of the axis, close to the station, with which one begins anew
@@ -68,7 +68,7 @@ class Intent:
     `again`, `skip`).
     """
 
-    speed: Speed = STAND
+    speed: SpeedSetting = STAND
     take: bool = False
     answer: str = ""
 
@@ -81,7 +81,7 @@ class Driver:
 
     plan: FloorPlan
     guide: Guide
-    fastest: Speed
+    fastest: SpeedSetting
     skips_photo: bool = False
     practises: bool = False
     docks_early: bool = False  # drives into the station again before anything else
@@ -104,7 +104,7 @@ class Driver:
         """Return what to do."""
         cue, pose = view.task.cue, view.pose
         if self.practises and pose is not None:
-            return Intent(BACKING if self._in_station(pose) else Speed(0.0, LOOKING))
+            return Intent(BACKING if self._in_station(pose) else SpeedSetting(0.0, LOOKING))
         if (
             pose is None
             or not view.localized
@@ -147,7 +147,7 @@ class Driver:
 
     # --- to a place -------------------------------------------------------------------------------
 
-    def _go(self, view: View, pose: Pose2D, goal: Point, now: float) -> Speed:
+    def _go(self, view: View, pose: Pose2D, goal: Point, now: float) -> SpeedSetting:
         if self._in_station(pose):
             return BACKING
         self._look_at_doors(view)
@@ -192,9 +192,9 @@ class Driver:
 
     # --- stuck ------------------------------------------------------------------------------------
 
-    def _unstuck(self, pose: Pose2D, speed: Speed, now: float) -> Speed:
+    def _unstuck(self, pose: Pose2D, speed: SpeedSetting, now: float) -> SpeedSetting:
         if now < self._backing_until:
-            return Speed(-0.18, 0.25 if self._stuck % 2 else -0.25)
+            return SpeedSetting(-0.18, 0.25 if self._stuck % 2 else -0.25)
         if speed.linear == 0.0:
             self._moved_from = None
             return speed
@@ -215,7 +215,7 @@ class Driver:
 
     # --- home -------------------------------------------------------------------------------------
 
-    def _home(self, view: View, pose: Pose2D, now: float) -> Speed:
+    def _home(self, view: View, pose: Pose2D, now: float) -> SpeedSetting:
         dock = self.guide.dock
         seen = dock.inverse().compose(pose)
         staging = dock.apply(-STAGING, 0.0)
@@ -244,10 +244,10 @@ class Driver:
             return self._steady_photo(now)
         self._steady_since = None
         if cue in {"photo_turn_left", "photo_turn_right"}:
-            return Intent(Speed(0.0, LOOKING if cue == "photo_turn_left" else -LOOKING))
+            return Intent(SpeedSetting(0.0, LOOKING if cue == "photo_turn_left" else -LOOKING))
         at = self.guide.stops.get(self.guide.photo_at if self.guide.photo_at is not None else -1)
         if at is None or math.dist(at, (pose.x, pose.y)) < 0.15:
-            return Intent(Speed(0.0, LOOKING))
+            return Intent(SpeedSetting(0.0, LOOKING))
         return Intent(self._unstuck(pose, self._go(view, pose, at, now), now))
 
     def _steady_photo(self, now: float) -> Intent:

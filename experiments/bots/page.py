@@ -28,7 +28,7 @@ QUIET = frozenset({"script", "style", "template"})
 
 
 @dataclass(frozen=True)
-class Choice:
+class FormChoice:
     """A radio button, a box to tick or an option of a list."""
 
     value: str
@@ -50,7 +50,7 @@ class Field:
     question: str = ""
     question_type: str = ""
     attributes: dict[str, str] = field(default_factory=dict)
-    choices: list[Choice] = field(default_factory=list)
+    choices: list[FormChoice] = field(default_factory=list)
     required: bool = False
 
 
@@ -69,7 +69,7 @@ class Button:
 
 
 @dataclass
-class Form:
+class HtmlForm:
     """A form: where it goes, what it holds already (`hidden`), what is asked, and
     how it is sent.
     """
@@ -85,7 +85,7 @@ class Form:
 
 
 @dataclass(frozen=True)
-class Link:
+class HtmlLink:
     """A link and its words."""
 
     href: str
@@ -95,7 +95,7 @@ class Link:
 
 
 @dataclass
-class Page:
+class HtmlPage:
     """What was found. `text` is what stands in the main part, in order; `json` the blocks of
     `json_script` by their ids.
     """
@@ -103,19 +103,19 @@ class Page:
     title: str = ""
     headings: list[str] = field(default_factory=list)
     text: str = ""
-    links: list[Link] = field(default_factory=list)
-    forms: list[Form] = field(default_factory=list)
+    links: list[HtmlLink] = field(default_factory=list)
+    forms: list[HtmlForm] = field(default_factory=list)
     json: dict[str, Any] = field(default_factory=dict)
     errors: list[str] = field(default_factory=list)
     # the words of whatever has an id, in the main part
     by_id: dict[str, str] = field(default_factory=dict)
 
     @property
-    def next_link(self) -> Link | None:
+    def next_link(self) -> HtmlLink | None:
         """The link that most people follow next."""
         return next((link for link in self.links if link.in_main and link.is_primary), None)
 
-    def next_form(self) -> tuple["Form", int] | None:
+    def next_form(self) -> tuple["HtmlForm", int] | None:
         """Return the form that most people send next, and with which of its buttons."""
         found = (
             (form, number)
@@ -125,7 +125,7 @@ class Page:
         )
         return next(found, None)
 
-    def button(self, value: str) -> tuple["Form", int] | None:
+    def button(self, value: str) -> tuple["HtmlForm", int] | None:
         """Return the form with a button of this value."""
         found = (
             (form, number)
@@ -135,11 +135,11 @@ class Page:
         )
         return next(found, None)
 
-    def form(self, form_id: str) -> Form | None:
+    def form(self, form_id: str) -> HtmlForm | None:
         """Return the form with an id."""
         return next((form for form in self.forms if form.id == form_id), None)
 
-    def main_forms(self) -> list[Form]:
+    def main_forms(self) -> list[HtmlForm]:
         """Return the forms that are sent by POST from the main part of the page."""
         return [form for form in self.forms if form.in_main and form.method == "post"]
 
@@ -163,13 +163,13 @@ class _Reader(HTMLParser):
 
     def __init__(self) -> None:
         super().__init__()
-        self.page = Page()
+        self.page = HtmlPage()
         self.open: list[_Open] = []
         self.labels: dict[str, str] = {}
         self.choices: list[tuple[Field, int, str]] = []  # whose label is not known yet
         self.described: list[tuple[Field, str]] = []
         self.words: list[str] = []
-        self.form: Form | None = None
+        self.form: HtmlForm | None = None
         self.legend = ""
 
     # --- what the parser tells --------------------------------------------------------------------
@@ -212,11 +212,11 @@ class _Reader(HTMLParser):
         ):
             self.words.append(data)
 
-    def finish(self) -> Page:
+    def finish(self) -> HtmlPage:
         """Return the page, with all labels in their places."""
         self.close()
         for asked, index, identity in self.choices:
-            asked.choices[index] = Choice(
+            asked.choices[index] = FormChoice(
                 asked.choices[index].value,
                 self.labels.get(identity, ""),
                 asked.choices[index].chosen,
@@ -247,7 +247,7 @@ class _Reader(HTMLParser):
 
     def _begin_form(self, attributes: dict[str, str]) -> None:
         data = {name: value for name, value in attributes.items() if name.startswith("data-")}
-        self.form = Form(
+        self.form = HtmlForm(
             attributes.get("id", ""),
             attributes.get("action", ""),
             attributes.get("method", "get").lower(),
@@ -256,7 +256,7 @@ class _Reader(HTMLParser):
         )
         self.page.forms.append(self.form)
 
-    def _field(self, form: Form, attributes: dict[str, str], kind: str) -> Field:
+    def _field(self, form: HtmlForm, attributes: dict[str, str], kind: str) -> Field:
         name = attributes["name"]
         new = Field(
             name,
@@ -271,7 +271,7 @@ class _Reader(HTMLParser):
         kept.required |= "required" in attributes or attributes.get("aria-required") == "true"
         return kept
 
-    def _input(self, form: Form, attributes: dict[str, str]) -> None:
+    def _input(self, form: HtmlForm, attributes: dict[str, str]) -> None:
         name, kind = attributes.get("name"), attributes.get("type", "text")
         if kind in {"submit", "image"}:
             form.buttons.append(
@@ -291,7 +291,7 @@ class _Reader(HTMLParser):
             kept = self._field(form, attributes, kind)
             self.choices.append((kept, len(kept.choices), attributes.get("id", "")))
             kept.choices.append(
-                Choice(
+                FormChoice(
                     attributes.get("value", "on"),
                     "",
                     "checked" in attributes,
@@ -312,7 +312,9 @@ class _Reader(HTMLParser):
             case "a":
                 is_primary = PRIMARY in part.attributes.get("class", "").split()
                 self.page.links.append(
-                    Link(part.attributes.get("href", ""), text, self._inside("main"), is_primary)
+                    HtmlLink(
+                        part.attributes.get("href", ""), text, self._inside("main"), is_primary
+                    )
                 )
             case "h1" | "h2":
                 self.page.headings.append(text)
@@ -356,10 +358,10 @@ class _Reader(HTMLParser):
         if select is not None and self.form is not None and "name" in select.attributes:
             value = part.attributes.get("value", text)
             if (asked := self.form.fields.get(select.attributes["name"])) is not None:
-                asked.choices.append(Choice(value, text, "selected" in part.attributes))
+                asked.choices.append(FormChoice(value, text, "selected" in part.attributes))
 
 
-def read(html: str) -> Page:
+def read(html: str) -> HtmlPage:
     """Return what a page holds."""
     reader = _Reader()
     reader.feed(html)

@@ -15,11 +15,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from experiments.bots import answers
-from experiments.bots.browser import Answer, Browser, BrowserError
+from experiments.bots.browser import Browser, BrowserError, HttpAnswer
 from experiments.bots.diary import Diary, Entry
-from experiments.bots.drive import Drive
+from experiments.bots.drive import BotDrive
 from experiments.bots.endings import GIVES_UP, Ending
-from experiments.bots.page import Form
+from experiments.bots.page import HtmlForm
 from experiments.bots.persona import Persona
 
 MOST_PAGES = 200
@@ -34,7 +34,7 @@ class StuckError(Exception):
 
 
 @dataclass(eq=False)
-class Participant:
+class BotParticipant:
     """One bot, and what it does.
 
     Args:
@@ -54,7 +54,7 @@ class Participant:
     visits: int = 1
     diary: Diary = field(init=False)
     circumstances: dict[str, str] = field(default_factory=dict)
-    drive: Drive | None = None
+    drive: BotDrive | None = None
     _left: bool = False
     _visits: int = 1
 
@@ -76,7 +76,7 @@ class Participant:
 
     # --- coming in --------------------------------------------------------------------------------
 
-    async def _come_in(self) -> Answer:
+    async def _come_in(self) -> HttpAnswer:
         here = await self._get(self.link)
         sign_up = next((link for link in here.page.links if link.in_main and link.is_primary), None)
         if here.page.next_form() is None and sign_up is not None:
@@ -85,10 +85,10 @@ class Participant:
             )
         return here
 
-    async def _sign_up(self, here: Answer) -> Answer:
+    async def _sign_up(self, here: HttpAnswer) -> HttpAnswer:
         form = next((form for form in here.page.main_forms() if "password1" in form.fields), None)
         if form is None:
-            raise StuckError(f"there is nowhere to sign up: “{here.page.title}” at {here.path}")
+            raise StuckError(f"there is no sign-up form: “{here.page.title}” at {here.path}")
         self.diary.user = (
             f"bot-{self.persona.seed}-{self.persona.number}-{time.time_ns() % 1_000_000_000:09d}"
         )
@@ -105,11 +105,13 @@ class Participant:
 
     # --- page by page -----------------------------------------------------------------------------
 
-    async def _go_through(self, here: Answer) -> None:
+    async def _go_through(self, here: HttpAnswer) -> None:
         seen: dict[str, int] = {}
         for _ in range(MOST_PAGES):
             if here.status >= WRONG and here.page.next_form() is None:
-                raise StuckError(f"“{here.page.title}” at {here.path} answered {here.status}")
+                raise StuckError(
+                    f"“{here.page.title}” at {here.path} answered with status {here.status}"
+                )
             code = here.page.by_id.get("code", "")
             if code:
                 self.diary.code, self.diary.done = code, True
@@ -120,16 +122,16 @@ class Participant:
             seen[signature] = seen.get(signature, 0) + 1
             if seen[signature] > (MOST_LOOKS if self._is_waiting(here) else SAME_PAGE):
                 raise StuckError(
-                    f"“{' · '.join(here.page.headings)}” at {here.path} does not go on:"
-                    f" {'; '.join(here.page.errors) or 'no reason given'}"
+                    f"“{' · '.join(here.page.headings)}” at {here.path} does not "
+                    f"continue: {'; '.join(here.page.errors) or 'no reason given'}"
                 )
             following = await self._following(here)
             if following is None:
                 return
             here = following
-        raise StuckError(f"{MOST_PAGES} pages, and no end")
+        raise StuckError(f"the study did not end within {MOST_PAGES} pages")
 
-    async def _following(self, here: Answer) -> Answer | None:
+    async def _following(self, here: HttpAnswer) -> HttpAnswer | None:
         """Do what this page asks for, and return the next one; None when the bot has left."""
         began = self.clock()
         entry = Entry(
@@ -145,7 +147,7 @@ class Participant:
         finally:
             entry.seconds = self.clock() - began
 
-    async def _act(self, here: Answer) -> Answer | None:
+    async def _act(self, here: HttpAnswer) -> HttpAnswer | None:
         if "config" in here.page.json and "socket" in here.page.json["config"]:
             return await self._drive(here)
         if here.page.by_id.get("code"):
@@ -173,8 +175,8 @@ class Participant:
         if form is not None:
             return await self._fill(here, *form)
         raise StuckError(
-            f"“{' · '.join(here.page.headings) or here.page.title}” at {here.path} offers nothing"
-            " to go on with"
+            f"“{' · '.join(here.page.headings) or here.page.title}” at "
+            f"{here.path} has no link or form to continue with"
         )
 
     @property
@@ -182,10 +184,10 @@ class Participant:
         """Whether the bot has been at the robot and does not want to drive any more."""
         return self._visits == 1 and self.ending in GIVES_UP and bool(self.diary.legs)
 
-    def _is_waiting(self, here: Answer) -> bool:
+    def _is_waiting(self, here: HttpAnswer) -> bool:
         return here.page.button("without") is not None and here.page.next_link is None
 
-    async def _fill(self, here: Answer, form: Form, button: int) -> Answer:
+    async def _fill(self, here: HttpAnswer, form: HtmlForm, button: int) -> HttpAnswer:
         now = datetime.datetime.fromtimestamp(self.clock(), datetime.UTC)
         sent = answers.fill(form, self.persona, self.circumstances, now)
         self.diary.answered |= {name: value for name, value in sent if form.id == "survey"}
@@ -193,7 +195,7 @@ class Participant:
 
     # --- leaving ----------------------------------------------------------------------------------
 
-    async def _leave(self, here: Answer) -> Answer | None:
+    async def _leave(self, here: HttpAnswer) -> HttpAnswer | None:
         refuses = here.page.button("decline") if self.ending == Ending.REFUSES else None
         if refuses is not None:
             self._left = self.diary.done = True
@@ -213,15 +215,15 @@ class Participant:
         data = await self._get("/profile/data/")
         link = next((link for link in data.page.links if "/withdraw/" in link.href), None)
         if link is None:
-            raise StuckError("nowhere in one's own data can one withdraw")
+            raise StuckError("the bot's own data page has no link to withdraw")
         asked = await self._get(urllib.parse.urljoin(data.url, link.href))
         forms = asked.page.main_forms()
         if not forms:
-            raise StuckError("the page on which one withdraws has no button")
+            raise StuckError("the page to withdraw has no button")
         after = await self._send(asked, forms[0], [], 0)
         self.diary.done = after.status < WRONG
 
-    async def _come_again(self, here: Answer) -> Answer | None:
+    async def _come_again(self, here: HttpAnswer) -> HttpAnswer | None:
         forms = here.page.main_forms()
         if not forms:
             return None
@@ -230,10 +232,10 @@ class Participant:
 
     # --- driving ----------------------------------------------------------------------------------
 
-    async def _drive(self, here: Answer) -> Answer | None:
+    async def _drive(self, here: HttpAnswer) -> HttpAnswer | None:
         config = here.page.json["config"]
         again = self.ending if self._visits == 1 and not self.diary.legs else Ending.COMPLETES
-        self.drive = Drive(self.browser, config, self.persona, again, self.clock)
+        self.drive = BotDrive(self.browser, config, self.persona, again, self.clock)
         leg = await self.drive.run()
         self.diary.legs.append(leg)
         self.circumstances = leg.circumstances
@@ -245,17 +247,19 @@ class Participant:
 
     # --- the browser, which blocks, beside the loop -----------------------------------------------
 
-    async def _get(self, address: str) -> Answer:
+    async def _get(self, address: str) -> HttpAnswer:
         return await asyncio.to_thread(self.browser.get, address)
 
-    async def _send(self, here: Answer, form: Form, fields: answers.Sent, button: int) -> Answer:
+    async def _send(
+        self, here: HttpAnswer, form: HtmlForm, fields: answers.Sent, button: int
+    ) -> HttpAnswer:
         return await asyncio.to_thread(self.browser.send, here, form, fields, button)
 
 
-def _split(found: tuple[Form, int]) -> tuple[Form, answers.Sent, int]:
+def _split(found: tuple[HtmlForm, int]) -> tuple[HtmlForm, answers.Sent, int]:
     return found[0], [], found[1]
 
 
-def _asked(here: Answer) -> list[str]:
+def _asked(here: HttpAnswer) -> list[str]:
     form = here.page.form("survey")
     return [name for name in form.fields if not name.endswith("~")] if form is not None else []

@@ -71,8 +71,8 @@ def effect(text: str) -> Effect:
     found = FORM.match(text.strip())
     if found is None:
         raise EffectError(
-            f"“{text}” is no effect: write question:size or question@circumstance=value:size, such"
-            " as easy@assist=steer:0.8."
+            f"“{text}” is not an effect: write question:size or "
+            "question@circumstance=value:size, such as easy@assist=steer:0.8."
         )
     return Effect(found["item"], float(found["size"]), found["name"] or "", found["value"] or "")
 

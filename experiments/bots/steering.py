@@ -18,7 +18,7 @@ BRAKE = 0.15  # m/s², with which one slows down towards the end of a way
 
 
 @dataclass(frozen=True)
-class Speed:
+class SpeedSetting:
     """What is asked of the robot: m/s and rad/s."""
 
     linear: float = 0.0
@@ -30,7 +30,7 @@ class Speed:
         return self.linear == 0.0 and self.angular == 0.0
 
 
-STAND = Speed()
+STAND = SpeedSetting()
 
 
 def rest_of(way: Sequence[Point], x: float, y: float) -> list[Point]:
@@ -46,29 +46,31 @@ def aim(way: Sequence[Point], x: float, y: float, ahead: float = AHEAD) -> Point
     return next((point for point in way if math.dist(point, (x, y)) >= ahead), way[-1])
 
 
-def follow(pose: Pose2D, way: Sequence[Point], fastest: Speed) -> Speed:
+def follow(pose: Pose2D, way: Sequence[Point], fastest: SpeedSetting) -> SpeedSetting:
     """Return the speed along a way; `fastest` bounds it."""
     target = aim(way, pose.x, pose.y)
     aside = wrap_angle(math.atan2(target[1] - pose.y, target[0] - pose.x) - pose.theta)
     turn = max(-fastest.angular, min(fastest.angular, GAIN * aside))
     if abs(aside) > SHARP:
-        return Speed(0.0, turn)
+        return SpeedSetting(0.0, turn)
     left = math.dist(way[-1], (pose.x, pose.y))
     linear = min(fastest.linear * math.cos(aside) ** 2, math.sqrt(2.0 * BRAKE * left) + CREEP)
-    return Speed(linear, turn)
+    return SpeedSetting(linear, turn)
 
 
-def turn_to(pose: Pose2D, theta: float, fastest: Speed, within: float = ALIGNED) -> Speed:
+def turn_to(
+    pose: Pose2D, theta: float, fastest: SpeedSetting, within: float = ALIGNED
+) -> SpeedSetting:
     """Return the speed of turning on the spot to a heading; zero when it is reached."""
     aside = wrap_angle(theta - pose.theta)
     if abs(aside) <= within:
         return STAND
     least = math.copysign(0.12, aside)
     turn = GAIN * aside if abs(GAIN * aside) > abs(least) else least
-    return Speed(0.0, max(-fastest.angular, min(fastest.angular, turn)))
+    return SpeedSetting(0.0, max(-fastest.angular, min(fastest.angular, turn)))
 
 
-def into(pose: Pose2D, dock: Pose2D, fastest: Speed) -> Speed:
+def into(pose: Pose2D, dock: Pose2D, fastest: SpeedSetting) -> SpeedSetting:
     """Return the speed into a station from before it: along its axis, ever slower, and gently back
     onto the axis.
     """
@@ -77,4 +79,4 @@ def into(pose: Pose2D, dock: Pose2D, fastest: Speed) -> Speed:
     heading = math.atan2(-seen.y, max(0.35, min(0.8, to_go)))
     turn = max(-0.5, min(0.5, 2.0 * wrap_angle(heading - seen.theta)))
     linear = CREEP if to_go < 0.35 else min(0.25, fastest.linear, CREEP + 0.35 * (to_go - 0.35))
-    return Speed(linear, turn)
+    return SpeedSetting(linear, turn)

@@ -72,7 +72,7 @@ class RouteGrid:
             if found is not None:
                 return [*found[:-1], goal] if len(found) > 1 else [goal]
         raise NoRouteError(
-            f"no way from {start[0]:.1f}, {start[1]:.1f} to {goal[0]:.1f}, {goal[1]:.1f}"
+            f"no route from {start[0]:.1f}, {start[1]:.1f} to {goal[0]:.1f}, {goal[1]:.1f}"
         )
 
     def _way(self, start: Point, goal: Point, clearance: float) -> list[Point] | None:

@@ -6,19 +6,21 @@ import datetime
 from typing import Any
 
 from django import forms
+from django.conf import settings
 from django.db.models import Q
 from django.utils import timezone
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import User
-from experiments.definition import publishing
+from experiments import publishing
+from experiments.access import may
+from experiments.builder import labels
 from experiments.definition.problems import MAX_BYTES, parse
-from experiments.definition.schema import Study as Definition
-from experiments.definition.schema import to_json
+from experiments.definition.schema import StudyDefinition, to_json
 from experiments.models import Study, StudyMember
-from experiments.research.access import may
 from surveys.documents import BadDefinitionError
+from surveys.forms import format_reference
 
 MOST_LINKS = 500
 MOST_DAYS = 366
@@ -30,10 +32,10 @@ class StudyForm(forms.ModelForm):
     file = forms.FileField(
         label=_("JSON file"),
         required=False,
-        help_text=_("The format stands in docs/reference/studies.md."),
+        help_text=format_reference("studies"),
     )
     document = forms.CharField(
-        label=_("or its text"),
+        label=_("or paste its text"),
         required=False,
         strip=False,
         max_length=MAX_BYTES,
@@ -45,11 +47,15 @@ class StudyForm(forms.ModelForm):
         label=_("Name"),
         required=False,
         max_length=40,
-        help_text=_("Lower-case letters, digits and hyphens: its address."),
+        help_text=_("Lower-case letters, digits and hyphens. Used in the address."),
     )
     called = forms.CharField(label=_("Title"), required=False, max_length=200)
-    spoken = forms.CharField(
-        label=_("Languages"), required=False, initial="en", help_text=_("Codes such as “en, es”.")
+    spoken = forms.MultipleChoiceField(
+        label=_("Languages"),
+        required=False,
+        initial=["en"],
+        choices=lambda: [(code, labels.language(code)) for code, _name in settings.LANGUAGES],
+        widget=forms.CheckboxSelectMultiple,
     )
 
     class Meta:
@@ -87,8 +93,9 @@ class StudyForm(forms.ModelForm):
             ) from error
         except publishing.ChangedMeanwhileError as error:
             raise forms.ValidationError(
-                _now(
-                    "Somebody changed or published this study at the same moment. Please try again."
+                gettext(
+                    "Not saved: someone else changed or published this study at the "
+                    "same time. Try again."
                 )
             ) from error
         return cleaned
@@ -96,19 +103,14 @@ class StudyForm(forms.ModelForm):
     def _begin(self, cleaned: dict[str, Any]) -> Study:
         if not cleaned.get("name"):
             raise BadDefinitionError(
-                [
-                    _now(
-                        "Choose a file, paste the text of one, or write a name to begin an empty"
-                        " study."
-                    )
-                ]
+                [gettext("Choose a file, paste its text, or enter a name to start an empty study.")]
             )
-        languages = cleaned.get("spoken", "").replace(",", " ").split() or ["en"]
+        languages = cleaned.get("spoken") or ["en"]
         return publishing.begin_empty(
             cleaned["name"], cleaned.get("called") or cleaned["name"], languages, timezone.now()
         )
 
-    def _take(self, definition: Definition) -> Study:
+    def _take(self, definition: StudyDefinition) -> Study:
         """Keep an import from replacing what is there unseen, and a change from becoming another
         study.
         """
@@ -120,7 +122,9 @@ class StudyForm(forms.ModelForm):
             if name != own:
                 raise BadDefinitionError(
                     [
-                        _now("This is version %(n)d of %(slug)s; name and version stay.")
+                        gettext(
+                            "This is version %(n)d of %(slug)s. Its name and version can't change."
+                        )
                         % {
                             "n": own[1],
                             "slug": own[0],
@@ -132,14 +136,14 @@ class StudyForm(forms.ModelForm):
         if versions.exists() and not may(self.user, definition.slug, "owner"):
             raise BadDefinitionError(
                 [
-                    _now("The name %(slug)s is taken: give yours another one.")
+                    gettext("The name %(slug)s is taken. Choose another one.")
                     % {"slug": definition.slug}
                 ]
             )
         if versions.filter(version=definition.version).exists():
-            text = _now(
-                "Version %(n)d of %(slug)s is here already: change that one, or give yours another"
-                " version."
+            text = gettext(
+                "Version %(n)d of %(slug)s already exists. Edit that one, or give "
+                "yours another version number."
             )
             raise BadDefinitionError([text % {"n": name[1], "slug": name[0]}])
         return publishing.store(definition, timezone.now())
@@ -154,7 +158,7 @@ class PublishForm(forms.Form):
     """Why a study is published without a rehearsal that passed."""
 
     reason = forms.CharField(
-        label=_("Why without a rehearsal"),
+        label=_("Reason for no rehearsal"),
         required=False,
         max_length=2000,
         widget=forms.Textarea(attrs={"rows": 3}),
@@ -174,12 +178,12 @@ class MemberForm(forms.Form):
             User.objects.filter(Q(username=text) | Q(email__iexact=text), is_active=True)[:2]
         )
         if len(found) != 1:
-            raise forms.ValidationError(_now("There is no such user."))
+            raise forms.ValidationError(gettext("User not found."))
         if not found[0].is_staff:
             raise forms.ValidationError(
-                _now(
-                    "This user may not enter the administration: an administrator must allow it"
-                    " first."
+                gettext(
+                    "This user has no access to the administration. An administrator "
+                    "must grant it first."
                 )
             )
         return found[0]
@@ -188,18 +192,18 @@ class MemberForm(forms.Form):
 class LinksForm(forms.Form):
     """So many personal links."""
 
-    count = forms.IntegerField(label=_("How many"), min_value=1, max_value=MOST_LINKS, initial=10)
+    count = forms.IntegerField(label=_("Number"), min_value=1, max_value=MOST_LINKS, initial=10)
     label = forms.CharField(
         label=_("Label"),
         required=False,
         max_length=110,
-        help_text=_("Each link gets it, and a number."),
+        help_text=_("Each link gets this label and a number."),
     )
     access = forms.ChoiceField(
-        label=_("Gives"),
+        label=_("Access"),
         choices=[
-            ("invitation", _("the conditions for those who were invited")),
-            ("open", _("the conditions for everybody")),
+            ("invitation", _("conditions for invited participants")),
+            ("open", _("conditions for everyone")),
         ],
     )
     days = forms.IntegerField(
@@ -207,7 +211,7 @@ class LinksForm(forms.Form):
         required=False,
         min_value=1,
         max_value=MOST_DAYS,
-        help_text=_("Empty: never."),
+        help_text=_("Leave blank for no expiry."),
     )
 
     def expires_at(self, now: datetime.datetime) -> datetime.datetime | None:

@@ -5,8 +5,9 @@ for what may be chosen.
 from typing import Any
 
 from django.utils.functional import Promise
+from django.utils.text import capfirst
+from django.utils.translation import get_language_info, pgettext_lazy
 from django.utils.translation import gettext_lazy as _
-from django.utils.translation import pgettext_lazy
 
 Words = str | Promise
 
@@ -20,34 +21,34 @@ LABELS: dict[str, Words] = {
     "repeat": _("Once for each condition"),
     "text": _("Text"),
     "version": _("Version"),
-    "minimum_age": _("Least age"),
-    "minors": _("Who is younger"),
+    "minimum_age": _("Minimum age"),
+    "minors": _("Below this age"),
     "questionnaire": _("Questionnaire"),
     "leaves": _("Pages"),
-    "picture": _("Picture"),
+    "picture": _("Illustration"),
     "robot": _("Robot"),
     "minutes": _("Time limit (minutes)"),
-    "last_minutes": _("Show what is left in the last (minutes)"),
-    "docked_seconds": _("Docked after resting on the charger for (s)"),
+    "last_minutes": _("Show time left in the last (minutes)"),
+    "docked_seconds": _("Docked after charger contact for (s)"),
     "site": _("Site"),
-    "access": _("Who may be assigned"),
-    "control_way": _("Way of the commands"),
-    "controllers": _("Controllers"),
-    "actions": _("What the robot may be asked to do"),
+    "access": _("Eligible participants"),
+    "control_way": _("Command channel"),
+    "controllers": _("Input devices"),
+    "actions": _("Actions the robot may be given"),
     "assist": _("Assistance"),
     "interface": _("Interface"),
     "speed": _("Speed limits"),
     "linear": _("Speed (m/s)"),
-    "angular": _("Turning (rad/s)"),
-    "doors_closed": _("Doors that are closed"),
+    "angular": _("Turning speed (rad/s)"),
+    "doors_closed": _("Closed doors"),
     "network": _("Network"),
-    "idle_seconds": _("Asked “Are you still there?” after (s)"),
-    "control": _("Impaired towards the robot"),
-    "video": _("Impaired back from the camera"),
+    "idle_seconds": _("Ask “Are you still there?” after (s)"),
+    "control": _("Impairment towards the robot"),
+    "video": _("Impairment from the camera"),
     "delay": _("Delay (s)"),
     "jitter": _("Jitter (s)"),
-    "loss": _("Loss (0-1)"),
-    "reorder": _("Reordered (0-1)"),
+    "loss": _("Packet loss (0-1)"),
+    "reorder": _("Reordering (0-1)"),
     "bitrate": _("Bit rate (bit/s)"),
     "dock": _("Charging station"),
     "checkpoints": _("Checkpoints"),
@@ -55,121 +56,122 @@ LABELS: dict[str, Words] = {
     "y": _("y (m)"),
     "radius": _("Radius (m)"),
     "path": _("Suggested path"),
-    "doors": _("Doors to be crossed"),
+    "doors": _("Doors to pass through"),
     "zones": _("Zones"),
     "name": _("Short name"),
     "polygon": _("Corners"),
     "photo": _("Photo in a mirror"),
     "checkpoint": _("After checkpoint"),
     "mirror": _("Mirror"),
-    "view": _("View (rad)"),
-    "allocation": _("Who gets which condition"),
+    "view": _("Angle (rad)"),
+    "allocation": _("Assignment to conditions"),
     "design": _("Design"),
     "order": _("Order"),
-    "quota": _("Participants in a cell"),
+    "quota": _("Participants per cell"),
     "start": _("Before a drive starts"),
-    "docked": _("The robot is docked in its station"),
-    "distance": _("Off the station, at most (m)"),
-    "heading": _("Turned away, at most (rad)"),
-    "charge": _("Least charge (0-1)"),
-    "refill": _("Places that are given to another"),
+    "docked": _("Robot docked at its charging station"),
+    "distance": _("Max. distance from station (m)"),
+    "heading": _("Max. angle to station (rad)"),
+    "charge": _("Minimum charge (0-1)"),
+    "refill": _("Participant replacement"),
     "outcomes": _("After these outcomes"),
-    "most": _("At most, in a cell"),
-    "quality": _("A good record"),
-    "least_sample_rate": _("Least sample rate (Hz)"),
+    "most": _("Maximum per cell"),
+    "quality": _("Data quality"),
+    "least_sample_rate": _("Minimum sample rate (Hz)"),
     "longest_gap": _("Longest gap (s)"),
-    "largest_clock_offset": _("Largest clock offset (s)"),
-    "condition_applied": _("The condition was in force"),
+    "largest_clock_offset": _("Maximum clock offset (s)"),
+    "condition_applied": _("Condition was applied"),
     "operator_absent": _("No operator intervened"),
     "analysis": _("Analysis"),
-    "counts": _("Which of a visitor's responses counts"),
-    "interval": _("Intervals of confidence"),
-    "statements": _("Questionnaire that is tabled"),
+    "counts": _("Response counted per visitor"),
+    "interval": _("Confidence intervals"),
+    "statements": _("Questionnaire in the tables"),
 }
 
 HINTS: dict[str, Words] = {
     "languages": _(
-        "Codes such as “en, es”. Every text is needed in each of them; leaving one out deletes its"
-        " texts."
+        "Every text is required in each language. Removing a language deletes its texts."
     ),
-    "key": _("Lower-case letters, digits and underscores. It stands in the data."),
-    "repeat": _("Steps that are repeated stand together, the task among them."),
-    "minimum_age": _("Asked with the consent."),
+    "key": _("Lower-case letters, digits and underscores. Used in the data."),
+    "repeat": _("Repeated steps must be consecutive and include the task."),
+    "minimum_age": _("Asked on the consent page."),
     "picture": _(
-        "A picture of the site's own: driving, map, task, photo, assistance. Empty: none."
+        "Built-in illustrations: driving, map, task, photo, assistance. Leave blank for none."
     ),
     "doors_closed": _(
-        "Those of the site that are closed in this condition; the others are opened."
+        "Doors of the site that are closed in this condition. All others are opened."
     ),
-    "idle_seconds": _("Of doing nothing. Empty: never; the time limit is enough."),
-    "path": _("One point a line: x and y in metres."),
-    "polygon": _("One corner a line: x and y in metres, in order; at least three."),
-    "doors": _("Each is needed only where the condition leaves it open."),
-    "view": _("How far the mirror may lie off the camera's axis."),
-    "dock": _("Needed where the site has several for this robot."),
-    "quota": _("Empty: no end. A cell is a condition, or an order of them."),
-    "docked": _("Else the participant waits, and the study's researchers get a mail."),
-    "charge": _("0: any. A robot that does not know its charge is taken as it is."),
-    "docked_seconds": _("Still, and with the controls released. At least 1."),
-    "outcomes": _("Never those of the task itself (completed, timed out)."),
-    "controllers": _("What the visitor may steer with."),
-    "linear": _("Below the robot's own; empty: the robot's."),
-    "angular": _("Below the robot's own; empty: the robot's."),
-    "statements": _("The questionnaire whose percentages are tabled."),
+    "idle_seconds": _("Time without input. Leave blank to never ask; the time limit is enough."),
+    "path": _("One point per line: x and y in metres."),
+    "polygon": _("One corner per line: x and y in metres, in order. At least three."),
+    "doors": _("Each applies only where the condition leaves the door open."),
+    "view": _("Maximum angle between the mirror and the camera's axis."),
+    "dock": _("Required if the site has several for this robot."),
+    "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
+    "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
+    "charge": _("0: any. A robot that does not report its charge is accepted."),
+    "docked_seconds": _("While the robot is still and the controls are released. At least 1."),
+    "outcomes": _("The task's own outcomes (completed, timed out) never count here."),
+    "controllers": _("Devices the visitor may drive with."),
+    "linear": _("Leave blank to use the robot's limit; cannot exceed it."),
+    "angular": _("Leave blank to use the robot's limit; cannot exceed it."),
+    "statements": _("The tables show this questionnaire's percentages."),
     "control": _(
-        "Of the driver's commands; stopping is never held up. With jitter at most 0.2 s late: the"
-        " robot takes nothing older."
+        "Affects the driver's commands; stopping is never delayed. At most 0.2 s "
+        "including jitter: the robot rejects older commands."
     ),
-    "video": _("Of picture and sound on their way to the driver alone."),
-    "jitter": _("Up to so much more or less than the delay."),
-    "reorder": _("Overtaken by the next."),
-    "bitrate": _("Empty: no limit. What would wait longer than half a second is dropped."),
-    "source": _("Where the study comes from; shown with its data."),
+    "video": _("Affects video and sound to the driver only."),
+    "jitter": _("Maximum deviation from the delay, up or down."),
+    "reorder": _("Share of packets overtaken by the next one."),
+    "bitrate": _(
+        "Leave blank for no limit. Packets that would wait over half a second are dropped."
+    ),
+    "source": _("Origin of the study; shown with its data."),
 }
 
 # By the key of the field, then by value.
 CHOICES: dict[str, dict[str, Words]] = {
-    "minors": {"refused": _("are turned away"), "guardian": _("need the word of a guardian")},
-    "access": {"open": _("everybody with the link"), "invitation": _("those who were invited")},
+    "minors": {"refused": _("cannot take part"), "guardian": _("need a guardian's consent")},
+    "access": {"open": _("anyone with the link"), "invitation": _("invited participants")},
     "control_way": {
         "any": _("any"),
-        "datachannel": _("WebRTC alone"),
-        "mqtt": _("the server alone"),
+        "datachannel": _("WebRTC only"),
+        "mqtt": _("server only"),
     },
     "controllers": {
         "keyboard": _("keyboard"),
         "mouse": _("mouse"),
         "touch": _("touch"),
-        "stick": _("stick on the page"),
+        "stick": _("on-screen stick"),
         "gamepad": _("gamepad"),
     },
     "actions": {
         "places": _("go to places"),
-        "map": _("go where the map is clicked"),
-        "follow": _("follow a path"),
-        "dock": _("dock by itself"),
-        "undock": _("leave the station by itself"),
+        "map": _("go to a point on the map"),
+        "follow": _("follow a route"),
+        "dock": _("dock automatically"),
+        "undock": _("undock automatically"),
         "tilt": _("tilt its head"),
     },
     "interface": {
-        "standard": _("as it is for everybody"),
-        "novice": _("novice: most help, least shown"),
+        "standard": _("standard"),
+        "novice": _("novice: most help, fewest details"),
         "expert": _("expert: no explanations"),
-        "technical": _("technical: with the figures of the connection"),
+        "technical": _("technical: with connection figures"),
     },
     "assist": {
         "off": _("off"),
-        "slow": _("slows down and stops before obstacles"),
-        "steer": _("steers round obstacles and through doors"),
+        "slow": _("slows down and stops at obstacles"),
+        "steer": _("steers around obstacles and through doors"),
     },
     "design": {
-        "between": _("each participant does one condition"),
-        "within": _("each participant does all conditions"),
+        "between": _("between participants: one condition each"),
+        "within": _("within participants: all conditions"),
     },
     "order": {
-        "fixed": _("as they stand here"),
+        "fixed": _("as listed here"),
         "all": _("all orders"),
-        "balanced": _("balanced orders"),
+        "balanced": _("counterbalanced orders"),
     },
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal, as in the paper"), "t": _("Student's t")},
@@ -208,6 +210,16 @@ def item(key: str) -> Any:
     return ITEMS.get(key, label(key))
 
 
+def language(code: str) -> str:
+    """Return the name of a language; one without a name here is called by its code."""
+    try:
+        return str(capfirst(get_language_info(code)["name_translated"]))
+    except KeyError:
+        return code
+
+
 def word(key: str, value: str) -> Any:
     """Return what a choice is called."""
+    if key == "languages":
+        return language(value)
     return CHOICES.get(key, {}).get(value, value or NOTHING)

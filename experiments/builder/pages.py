@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from experiments.builder.parts import Document, in_languages, renumber
-from experiments.definition.schema import Condition, Course, Study
+from experiments.definition.schema import Condition, Course, StudyDefinition
 from experiments.definition.steps import KINDS
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
@@ -46,7 +46,7 @@ _IN_A_LIST = re.compile(r"study\.(?P<section>steps|conditions|courses)\[(?P<inde
 
 
 @dataclass(frozen=True)
-class Place:
+class BuilderPlace:
     """A page: a section of the study, or one part of a list, from 0."""
 
     section: str
@@ -62,7 +62,7 @@ class Place:
     def cls(self, part: Document) -> type[Any]:
         """Return the class of what is edited."""
         if self.index is None:
-            return Study
+            return StudyDefinition
         return (
             KINDS[part["kind"]]
             if self.section == "steps"
@@ -80,7 +80,9 @@ class Place:
             kept = {key: value for key, value in whole.items() if key not in self.only}
             changed = {**kept, **part}
             return (
-                in_languages(Study, changed, part["languages"]) if "languages" in part else changed
+                in_languages(StudyDefinition, changed, part["languages"])
+                if "languages" in part
+                else changed
             )
         parts = list(whole[self.section])
         kind = {"kind": parts[self.index]["kind"]} if self.section == "steps" else {}
@@ -91,38 +93,44 @@ class Place:
         return {**whole, self.section: parts}
 
 
-def place_of(problem: str, study: Study) -> Place | None:
+def place_of(problem: str, study: StudyDefinition) -> BuilderPlace | None:
     """Return the page on which a problem is mended; None when that cannot be told."""
     if found := _OF_A_COURSE.match(problem):
         named = ((course.robot, course.site) for course in study.courses)
         return next(
             (
-                Place("courses", n)
+                BuilderPlace("courses", n)
                 for n, name in enumerate(named)
                 if name == (found["robot"], found["site"])
             ),
             None,
         )
     if found := _IN_A_LIST.match(problem):
-        return Place(found["section"], int(found["index"]))
+        return BuilderPlace(found["section"], int(found["index"]))
     if problem.startswith("study."):
-        return Place("about")
+        return BuilderPlace("about")
     if (found := _OF_A_PART.match(problem)) and (
         place := _place_of_key(found["key"] or found["text"], study)
     ):
         return place
     return next(
-        (Place(section) for section, starts in BEGINNINGS.items() if problem.startswith(starts)),
+        (
+            BuilderPlace(section)
+            for section, starts in BEGINNINGS.items()
+            if problem.startswith(starts)
+        ),
         None,
     )
 
 
-def _place_of_key(key: str, study: Study) -> Place | None:
+def _place_of_key(key: str, study: StudyDefinition) -> BuilderPlace | None:
     keys = {
         "steps": [step.key for step in study.steps],
         "conditions": [condition.key for condition in study.conditions],
     }
-    return next((Place(name, own.index(key)) for name, own in keys.items() if key in own), None)
+    return next(
+        (BuilderPlace(name, own.index(key)) for name, own in keys.items() if key in own), None
+    )
 
 
 # --- what is new ----------------------------------------------------------------------------------

@@ -23,6 +23,7 @@ from typing import Any
 import msgspec
 from django import forms
 from django.utils.datastructures import MultiValueDict
+from django.utils.translation import gettext
 from msgspec import inspect
 
 from experiments.builder import labels
@@ -58,6 +59,7 @@ class ValueField(forms.Field):
         self, member: AskedField, style: str, widget: forms.Widget, *, language: str = ""
     ) -> None:
         self.member, self.style, self.language = member, style, language
+        self.language_name = labels.language(language) if language else ""
         widget.attrs |= {"lang": language} if language else {}
         super().__init__(
             required=False,
@@ -129,6 +131,12 @@ class NamesField(ValueField):
         """Return the names on one line, or for the boxes one by one."""
         is_line = self.style == "names" and not isinstance(value, str)
         return ", ".join(value or ()) if is_line else value or ()
+
+    def refusal(self, value: Any) -> str:
+        """Refuse to take the last language away: the study's texts would go with it."""
+        if self.member.key == "languages" and not value:
+            return gettext("Choose at least one language.")
+        return super().refusal(value)
 
     def to_python(self, value: Any) -> list[str]:
         """Return the names."""

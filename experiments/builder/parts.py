@@ -10,12 +10,12 @@ from typing import Any, get_args
 import msgspec
 from msgspec import inspect
 
-from experiments.definition.schema import Checkpoint
+from experiments.definition.schema import StudyCheckpoint
 from robots.api.messages import Point
 from surveys.documents import Text
 
 Document = dict[str, Any]
-DERIVED = {Checkpoint: frozenset({"number"})}  # its place in the list says it
+DERIVED = {StudyCheckpoint: frozenset({"number"})}  # its place in the list says it
 
 
 @dataclass(frozen=True)

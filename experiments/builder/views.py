@@ -22,15 +22,17 @@ from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.urls import URLPattern, path, reverse
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.cache import never_cache
 
+from experiments import publishing
+from experiments.access import may
 from experiments.builder import labels
 from experiments.builder.pages import (
     LISTS,
     PAGES,
     AtHand,
-    Place,
+    BuilderPlace,
     copied,
     middle_of,
     new_condition,
@@ -41,13 +43,12 @@ from experiments.builder.pages import (
 )
 from experiments.builder.part_form import PartForm, read
 from experiments.builder.parts import Document, change, new_point, renumber
-from experiments.definition import publishing
+from experiments.builder.problem_text import in_words, title_of
 from experiments.definition.problems import problems
-from experiments.definition.schema import Course, Study
+from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
-from experiments.research.access import may
 from experiments.research.study_access import study_for
 from robots.models import FloorPlan
 from robots.views import plan_content
@@ -62,8 +63,7 @@ TITLES = {
     "rules": gettext_lazy("Rules"),
 }
 MEANWHILE = gettext_lazy(
-    "Somebody changed this study meanwhile. What you see below is yours: do it again if it is still"
-    " right."
+    "Not saved: someone else changed this study. If your change still applies, submit it again."
 )
 WRONG_PLACE = re.compile(r"checkpoint (\d+) (?:cannot be reached|lies in no room|does not lie)")
 MOST_SHOWN = 40  # problems above a form
@@ -95,17 +95,31 @@ def whole_of(row: Row) -> Document:
     return document
 
 
-def address(row: Row, place: Place) -> str:
+def address(row: Row, place: BuilderPlace) -> str:
     """Return the address of a page of the builder."""
     if place.index is None:
         return reverse("admin:experiments_study_section", args=[row.pk, place.section])
     return reverse("admin:experiments_study_part", args=[row.pk, place.section, place.index])
 
 
+def sections(row: Row) -> list[dict[str, Any]]:
+    """Return the builder's sections as entries of a row of tabs, lists with their lengths."""
+    return [
+        {
+            "key": name,
+            "label": _title(name),
+            "url": address(row, BuilderPlace(name)),
+            "count": len(row.definition.get(name, ())) if name in LISTS else None,
+        }
+        for name in TITLES
+    ]
+
+
 def told(row: Row) -> list[Told]:
     """Return everything that is wrong with a study, or stands in its way here."""
     definition = row.as_definition()
-    found = [(text, place_of(text, definition)) for text in publishing.problems_of(row)]
+    said = in_words(publishing.problems_of(row), whole_of(row))
+    found = [(text, place_of(problem, definition)) for problem, text in said.items()]
     return [Told(text, address(row, place) if place is not None else "") for text, place in found]
 
 
@@ -126,6 +140,7 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
     plan = here.sites.get(part.get("site", ""))
     doors = tuple(door.name for door in plan.doors) if plan is not None else ()
     return {
+        "languages": tuple(code for code, _name in settings.LANGUAGES),
         "robot": here.robots,
         "site": tuple(here.sites),
         "doors": doors,
@@ -174,7 +189,7 @@ class BuilderPages:
         """Show a page of the study's own fields, or a list of its parts; a POST changes them."""
         row = study_for(request, pk, "viewer")
         if section in PAGES:
-            return self._form(request, row, Place(section))
+            return self._form(request, row, BuilderPlace(section))
         if section not in LISTS:
             raise Http404
         if request.method == "POST":
@@ -189,11 +204,11 @@ class BuilderPages:
 
     def part_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> HttpResponse:
         """Show one step, condition or course; a POST changes it."""
-        return self._form(request, study_for(request, pk, "viewer"), Place(section, index))
+        return self._form(request, study_for(request, pk, "viewer"), BuilderPlace(section, index))
 
     def check_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> JsonResponse:
         """Tell what stands in the way of a course as it is on the page, saved or not."""
-        row, place = study_for(request, pk, "viewer"), Place(section, index)
+        row, place = study_for(request, pk, "viewer"), BuilderPlace(section, index)
         whole = whole_of(row)
         part = place.part(whole)
         if request.method != "POST" or section != "courses" or part is None:
@@ -216,7 +231,7 @@ class BuilderPages:
 
     # --- forms ------------------------------------------------------------------------------------
 
-    def _form(self, request: HttpRequest, row: Row, place: Place) -> HttpResponse:
+    def _form(self, request: HttpRequest, row: Row, place: BuilderPlace) -> HttpResponse:
         whole = whole_of(row)
         part = place.part(whole)
         if part is None:
@@ -239,7 +254,7 @@ class BuilderPages:
         )
 
     def _show(
-        self, request: HttpRequest, row: Row, place: Place, draft: Draft, status: int = 200
+        self, request: HttpRequest, row: Row, place: BuilderPlace, draft: Draft, status: int = 200
     ) -> HttpResponse:
         whole, part = whole_of(row), draft.part
         former = place.part(whole) or part
@@ -257,7 +272,7 @@ class BuilderPages:
             "place": place,
             "above": draft.above,
             "has_errors": bool(draft.errors),
-            "part_title": _title_of(former, whole) if place.index is not None else "",
+            "part_title": title_of(former, whole) if place.index is not None else "",
             "kind": page_type(former["kind"]).label if place.section == "steps" else "",
         }
         if place.section == "courses":
@@ -285,7 +300,7 @@ class BuilderPages:
         section: str,
         more: Document,
         *,
-        place: Place | None = None,
+        place: BuilderPlace | None = None,
         status: int = 200,
     ) -> HttpResponse:
         found = told(row)
@@ -296,11 +311,9 @@ class BuilderPages:
                 "title": _title(section),
                 "opts": self.opts,
                 "study": row,
+                "study_tab": "builder",
                 "section": section,  # type: ignore[attr-defined]
-                "sections": [
-                    (name, _title(name), address(row, Place(name)), _count(row, name))
-                    for name in TITLES
-                ],
+                "sections": sections(row),
                 "problems": mine[:MOST_SHOWN],
                 "elsewhere": len(found) - len(mine),
                 "may_change": _may_change(request, row),
@@ -327,8 +340,8 @@ class BuilderPages:
         if isinstance(saved, str):
             messages.error(request, saved)
         elif verb == "add":
-            return HttpResponseRedirect(address(row, Place(section, len(parts))))
-        return HttpResponseRedirect(address(row, Place(section)))
+            return HttpResponseRedirect(address(row, BuilderPlace(section, len(parts))))
+        return HttpResponseRedirect(address(row, BuilderPlace(section)))
 
 
 def _title(section: str) -> str:
@@ -348,7 +361,7 @@ def _to_change(request: HttpRequest, row: Row) -> Row:
     return row
 
 
-def _read(request: HttpRequest, place: Place, former: Document) -> Draft:
+def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> Draft:
     """Return what a form says after its button: `save`, `add:<list>`, or
     `remove|up|down:<list>:<n>`.
     """
@@ -377,11 +390,11 @@ def _press(part: Document, sent: Any) -> str:
     return key
 
 
-def _put(whole: Document, place: Place, part: Document) -> Study:
-    return msgspec.convert(place.put(whole, part), Study)
+def _put(whole: Document, place: BuilderPlace, part: Document) -> StudyDefinition:
+    return msgspec.convert(place.put(whole, part), StudyDefinition)
 
 
-def _save(request: HttpRequest, row: Row, place: Place, draft: Draft) -> Row | None:
+def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: Draft) -> Row | None:
     """Keep what a form says; None with the reason in the draft when that cannot be."""
     if request.POST.get("sha256") != row.sha256:
         draft.above.append(str(MEANWHILE))
@@ -395,18 +408,14 @@ def _save(request: HttpRequest, row: Row, place: Place, draft: Draft) -> Row | N
 
 def _keep(row: Row, whole: Document) -> Row | str:
     try:
-        return publishing.save_draft(row, msgspec.convert(whole, Study))
+        return publishing.save_draft(row, msgspec.convert(whole, StudyDefinition))
     except msgspec.ValidationError as error:
         return f"{error}."
     except publishing.ChangedMeanwhileError:
-        return _("Somebody changed or published this study at the same moment. Please try again.")
+        return _("Not saved: someone changed or published this study at the same time. Try again.")
 
 
 # --- what is shown --------------------------------------------------------------------------------
-
-
-def _count(row: Row, section: str) -> int | None:
-    return len(row.definition.get(section, ())) if section in LISTS else None
 
 
 def _kinds(section: str) -> list[tuple[str, Any]]:
@@ -419,25 +428,11 @@ def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
     whole = whole_of(row)
     for n, part in enumerate(whole[section]):
         yield {
-            "url": address(row, Place(section, n)),
+            "url": address(row, BuilderPlace(section, n)),
             "n": n,
-            "title": _title_of(part, whole),
+            "title": title_of(part, whole),
             "about": list(_about(section, part)),
         }
-
-
-def _title_of(part: Document, whole: Document) -> str:
-    texts = part.get("title", {})
-    said = next((texts[language] for language in whole["languages"] if texts.get(language)), "")
-    return (
-        said
-        or part.get("key")
-        or _("%(robot)s at %(site)s")
-        % {
-            "robot": part.get("robot", ""),
-            "site": part.get("site", ""),
-        }
-    )
 
 
 def _about(section: str, part: Document) -> Iterator[Any]:
@@ -461,7 +456,8 @@ def _about(section: str, part: Document) -> Iterator[Any]:
         )
         yield _("network impaired") if part.get("network") else ""
     else:
-        yield _("%(n)d checkpoints") % {"n": len(part["checkpoints"])}
+        n = len(part["checkpoints"])
+        yield ngettext("%(n)d checkpoint", "%(n)d checkpoints", n) % {"n": n}
         yield _("photo") if part.get("photo") else ""
 
 
@@ -489,7 +485,7 @@ def _drawn(course: Document) -> Document:
     }
 
 
-def _of_course(study: Study, course: Course) -> list[str]:
+def _of_course(study: StudyDefinition, course: Course) -> list[str]:
     """Return what is wrong with one course of a study, or with its conditions because of it."""
     mine = f"Course of {course.robot} at {course.site}: "
     wrong = [text for text in problems(study) if text.startswith(mine)]

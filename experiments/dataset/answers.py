@@ -4,10 +4,10 @@ order.
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from experiments.analysis.dataset.records import WITHHELD, Response
+from experiments.analysis.dataset.records import WITHHELD, ResponseRecord
 from experiments.dataset.people import Round
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.models import Participant, Study
 from surveys.answers import AnswerValue
 from surveys.definition import Definition
@@ -21,8 +21,8 @@ AT_ONCE = 200  # participants, whose responses are asked for in one query
 
 
 def responses_of(
-    study: Study, sessions: Mapping[Round, str], names: Pseudonyms, choice: Choice
-) -> Iterator[Response]:
+    study: Study, sessions: Mapping[Round, str], names: Pseudonyms, choice: Selection
+) -> Iterator[ResponseRecord]:
     """Yield the responses that were given in a study, participant by participant; `sessions` has
     the code of each round's drive.
     """
@@ -38,7 +38,7 @@ def responses_of(
     )
     for start in range(0, len(people), AT_ONCE):
         known = {str(one.pk): one for one in people[start : start + AT_ONCE]}
-        found: dict[str, list[Response]] = {key: [] for key in known}
+        found: dict[str, list[ResponseRecord]] = {key: [] for key in known}
         rows = Row.objects.filter(
             asked_at__participant__in=list(known),
             asked_at__step__in=list(repeated),
@@ -63,8 +63,8 @@ def _response(
     who: str,
     session: str,
     names: Pseudonyms,
-    choice: Choice,
-) -> Response:
+    choice: Selection,
+) -> ResponseRecord:
     stands = row.response_statuses(definition, {answer.item: answer.given for answer in answers})
     values, missing = {}, {}
     for question in definition.questions():
@@ -75,7 +75,7 @@ def _response(
             values[question.key] = value
     seconds = {answer.item: answer.seconds for answer in answers if answer.seconds is not None}
     order = [key for key in (*values, *missing) if key in seconds]
-    return Response(
+    return ResponseRecord(
         names.response(row.pk),
         row.questionnaire.slug,
         who,
@@ -88,7 +88,7 @@ def _response(
     )
 
 
-def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[object, str]:
+def _said(question: Question, given: AnswerValue, choice: Selection) -> tuple[object, str]:
     if given.value is None:
         return None, str(given.missing or "")
     if question.item.is_free_text and not choice.has_text:

@@ -16,16 +16,16 @@ from experiments.dataset.events import events_of, page_offset
 from experiments.dataset.people import Round, pages_of, participants_of
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.robots import plans_of, robots_of
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of, granted, sessions_of
 from experiments.dataset.states import network_of, states_of
 from experiments.models import Drive, Study
 
-ANALYSED = Choice(sources=("task",))  # tables and figures ask for no other events
+ANALYSED = Selection(sources=("task",))  # tables and figures ask for no other events
 
 
 def dataset_of(
-    study: Study, *, choice: Choice = ANALYSED, drives: Sequence[Drive] | None = None
+    study: Study, *, choice: Selection = ANALYSED, drives: Sequence[Drive] | None = None
 ) -> Dataset:
     """Return what was recorded of a study.
 

@@ -7,16 +7,18 @@ from collections.abc import Iterable, Iterator
 
 from django.db.models import F, Min
 
-from experiments.analysis.dataset.records import Event
+from experiments.analysis.dataset.records import EventRecord
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Choice, event_data
+from experiments.dataset.selection import Selection, event_data
 from experiments.dataset.sessions import granted
 from experiments.models import Drive, TaskEvent
 from experiments.stored_states import clock_offsets
 from sessions.models import NetworkSample, SessionEvent
 
 
-def events_of(drives: Iterable[Drive], names: Pseudonyms, choice: Choice) -> Iterator[Event]:
+def events_of(
+    drives: Iterable[Drive], names: Pseudonyms, choice: Selection
+) -> Iterator[EventRecord]:
     """Yield the events of drives, session by session and in order of time, by the
     server's clock.
     """
@@ -25,7 +27,7 @@ def events_of(drives: Iterable[Drive], names: Pseudonyms, choice: Choice) -> Ite
         yield from sorted(told, key=lambda event: (event.stamp, event.source, event.type))
 
 
-def _task(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
+def _task(drive: Drive, names: Pseudonyms, choice: Selection) -> Iterator[EventRecord]:
     if "task" not in choice.sources:
         return
     code, begin = names.session(drive.session_id), granted(drive)
@@ -34,7 +36,7 @@ def _task(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
         .order_by("number")
         .values_list("stamp", "type", "data")
     ):
-        yield Event(
+        yield EventRecord(
             code,
             round(stamp - begin, 6),
             "task",
@@ -43,7 +45,7 @@ def _task(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
         )
 
 
-def _told(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
+def _told(drive: Drive, names: Pseudonyms, choice: Selection) -> Iterator[EventRecord]:
     sources = [source for source in choice.sources if source != "task"]
     if not sources:
         return
@@ -56,7 +58,9 @@ def _told(drive: Drive, names: Pseudonyms, choice: Choice) -> Iterator[Event]:
         chunk_size=1000
     ):
         kept = event_data(source, kind, data, granted=begin, choice=choice, names=names)
-        yield Event(code, round(stamp - offsets.get(source, 0.0) - begin, 6), source, kind, kept)
+        yield EventRecord(
+            code, round(stamp - offsets.get(source, 0.0) - begin, 6), source, kind, kept
+        )
 
 
 def robot_offset(session: object) -> float:

@@ -3,10 +3,9 @@
 import datetime
 from collections.abc import Iterable, Mapping
 
-from experiments.analysis.dataset.records import Page, Participant
-from experiments.models import Drive, StepVisit, Study
+from experiments.analysis.dataset.records import PageRecord, ParticipantRecord
+from experiments.models import SCREENED_OUT, Drive, StepVisit, Study
 from experiments.models import Participant as Row
-from experiments.participation.completion import SCREENED_OUT
 
 NAN = float("nan")
 LEFT = {Row.Status.SCREENED_OUT: "screened out", Row.Status.WITHDRAWN: "withdrew"}
@@ -15,7 +14,7 @@ NO_REASON = frozenset({"", "completed", "timed_out"})
 Round = tuple[object, int, int]  # participant, visit and round
 
 
-def participants_of(study: Study, drives: Iterable[Drive]) -> list[Participant]:
+def participants_of(study: Study, drives: Iterable[Drive]) -> list[ParticipantRecord]:
     """Return everybody who came, by code; whoever withdrew is a row with the step at which that
     was.
     """
@@ -29,11 +28,11 @@ def participants_of(study: Study, drives: Iterable[Drive]) -> list[Participant]:
     return [_participant(row, begun.get(row.pk, ""), outcomes.get(row.pk, "")) for row in rows]
 
 
-def _participant(row: Row, begun: str, outcome: str) -> Participant:
+def _participant(row: Row, begun: str, outcome: str) -> ParticipantRecord:
     withdrawn = row.status == Row.Status.WITHDRAWN
     turned_away = row.completion == SCREENED_OUT  # whoever comes again has finished all the same
     lost = outcome if row.status == Row.Status.ACTIVE and outcome not in NO_REASON else ""
-    return Participant(
+    return ParticipantRecord(
         row.code,
         kind=row.kind,
         age=NAN if row.age is None or withdrawn else float(row.age),
@@ -45,7 +44,7 @@ def _participant(row: Row, begun: str, outcome: str) -> Participant:
     )
 
 
-def pages_of(study: Study, sessions: Mapping[Round, str]) -> list[Page]:
+def pages_of(study: Study, sessions: Mapping[Round, str]) -> list[PageRecord]:
     """Return every page that was seen, by participant and in order; `sessions` has the code of each
     round's drive.
     """
@@ -65,7 +64,7 @@ def pages_of(study: Study, sessions: Mapping[Round, str]) -> list[Page]:
     definition = study.as_definition()
     own = {step.key for step in definition.steps if step.repeat or step == definition.task}
     return [
-        Page(
+        PageRecord(
             code,
             step,
             sessions.get((who, visit, turn), "") if step in own else "",

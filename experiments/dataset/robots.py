@@ -5,8 +5,8 @@ from typing import Any
 
 import msgspec
 
-from experiments.analysis.dataset.records import Robot
-from experiments.definition.schema import Study
+from experiments.analysis.dataset.records import RobotRecord
+from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlan
 from robots.models import FloorPlan as PlanRow
@@ -15,7 +15,7 @@ from robots.models import Robot as Row
 YES, NO, UNKNOWN = "yes", "no", "–"
 
 
-def robots_of(study: Study, driven: Iterable[str]) -> tuple[Robot, ...]:
+def robots_of(study: StudyDefinition, driven: Iterable[str]) -> tuple[RobotRecord, ...]:
     """Return the robots that were driven, by name, and those at the study's sites that could have
     been.
     """
@@ -28,7 +28,7 @@ def robots_of(study: Study, driven: Iterable[str]) -> tuple[Robot, ...]:
         or (series_of(row), row.floor_plan.name if row.floor_plan else "") in wanted
     ]
     return tuple(
-        Robot(
+        RobotRecord(
             name=row.name,
             title=row.title,
             series=series_of(row),
@@ -44,7 +44,7 @@ def series_of(row: Row) -> str:
     return found
 
 
-def facts(sheet: Mapping[str, Any], study: Study) -> dict[str, str]:
+def facts(sheet: Mapping[str, Any], study: StudyDefinition) -> dict[str, str]:
     """Return what a factsheet and the study say of a robot, row by row of Table 1."""
     series, can = sheet.get("series", ""), sheet.get("capabilities", ())
     courses = [course for course in study.courses if course.robot == series]
@@ -80,7 +80,7 @@ def _camera(camera: Mapping[str, Any] | None) -> str:
     )
 
 
-def plans_of(study: Study) -> dict[str, FloorPlan]:
+def plans_of(study: StudyDefinition) -> dict[str, FloorPlan]:
     """Return the floor plans of the sites of a study, by name."""
     sites = {one.site for one in (*study.conditions, *study.courses)}
     rows = (

@@ -30,7 +30,7 @@ _NEAR = 86_400.0  # s: a number so near to the grant is a time
 
 
 @dataclass(frozen=True)
-class Choice:
+class Selection:
     """What a dataset holds beside numbers and words from lists.
 
     `identified` adds who the participants are and leaves out nothing; `sources` are those of the
@@ -48,7 +48,7 @@ class Choice:
         return self.identified or self.free_text
 
 
-def words_of(reason: str, choice: Choice) -> str:
+def words_of(reason: str, choice: Selection) -> str:
     """Return a reason that is a word; a sentence, which a person wrote, only where free text is
     kept.
     """
@@ -61,7 +61,7 @@ def event_data(
     data: Mapping[str, Any],
     *,
     granted: float,
-    choice: Choice,
+    choice: Selection,
     names: Pseudonyms,
 ) -> dict[str, Any]:
     """Return what is kept of an event's data: times relative to the grant (Unix seconds), names as
@@ -78,7 +78,7 @@ def event_data(
 
 
 def _withheld(
-    kind: str, data: Mapping[str, Any], granted: float, choice: Choice, names: Pseudonyms
+    kind: str, data: Mapping[str, Any], granted: float, choice: Selection, names: Pseudonyms
 ) -> Iterator[tuple[str, Any]]:
     for name, value in data.items():
         if (

@@ -7,12 +7,11 @@ from collections.abc import Iterable, Sequence
 import msgspec
 from django.db.models import QuerySet
 
-from experiments.analysis.dataset.records import Session
+from experiments.analysis.dataset.records import SessionRecord
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Choice, words_of
+from experiments.dataset.selection import Selection, words_of
 from experiments.dataset.states import STORED
-from experiments.definition.schema import Condition
-from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import Drive, Participant, Study
 from robots.api.messages import LabReport
 from robots.api.network_words import spell
@@ -34,8 +33,8 @@ def drives_of(study: Study) -> QuerySet[Drive]:
 
 
 def sessions_of(
-    study: Study, drives: Sequence[Drive], names: Pseudonyms, choice: Choice
-) -> list[Session]:
+    study: Study, drives: Sequence[Drive], names: Pseudonyms, choice: Selection
+) -> list[SessionRecord]:
     """Return drives as sessions, in their order."""
     definition = study.as_definition()
     practice = definition.practice_keys
@@ -73,20 +72,20 @@ def _touched(sessions: Sequence[object]) -> set[object]:
 
 def _session(
     drive: Drive,
-    definition: Definition,
+    definition: StudyDefinition,
     names: Pseudonyms,
-    choice: Choice,
+    choice: Selection,
     *,
     number: int,
     operator: bool,
-) -> Session:
+) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
     device = visit.device or {}
     stopped = (
         visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
         and visit.outcome_reason != "robot_disabled"
     )
-    return Session(
+    return SessionRecord(
         names.session(visit.pk),
         drive.participant.code,
         visit.robot.name,
@@ -114,7 +113,7 @@ def _session(
     )
 
 
-def _reason(visit: Visit, choice: Choice, *, by_operator: bool) -> str:
+def _reason(visit: Visit, choice: Selection, *, by_operator: bool) -> str:
     """What an operator wrote is free text, be it one word."""
     return "" if by_operator and not choice.has_text else words_of(visit.outcome_reason, choice)
 

@@ -31,11 +31,11 @@ SUMMED = (
 _COUNTED = {name: index for index, name in enumerate((*METHODS, *WAYS), start=3)}
 
 
-class Part(msgspec.Struct, gc=False, rename="camel"):
+class StoredPart(msgspec.Struct, gc=False, rename="camel"):
     """What the columns need of a part of robots.api.messages.State."""
 
 
-class Pose(Part):
+class StoredPose(StoredPart):
     """Where it was."""
 
     x: float
@@ -45,21 +45,21 @@ class Pose(Part):
     score: float = 1.0
 
 
-class Velocity(Part):
+class StoredVelocity(StoredPart):
     """How fast it was."""
 
     linear: float
     angular: float
 
 
-class Battery(Part):
+class StoredBattery(StoredPart):
     """How much charge it had; None for what the robot did not know."""
 
     charge: float | None = None
     charging: bool | None = False
 
 
-class Command(Part):
+class Command(StoredPart):
     """A command that was applied."""
 
     method: str
@@ -68,14 +68,14 @@ class Command(Part):
     frame_age: float | None = None
 
 
-class StoredState(Part):
+class StoredState(StoredPart):
     """A state."""
 
     stamp: float
     seq: int
-    pose: Pose
-    velocity: Velocity
-    battery: Battery
+    pose: StoredPose
+    velocity: StoredVelocity
+    battery: StoredBattery
     docked: bool = False
     tilt: float | None = None
     mode: str = "manual"
@@ -87,7 +87,7 @@ class StoredState(Part):
     refused: dict[str, int] = {}
 
 
-class Sample(Part):
+class Sample(StoredPart):
     """A network sample: what the columns need of sessions.protocol.PageNetwork, in their order."""
 
     round_trip: float | None = None

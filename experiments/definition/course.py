@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from experiments.definition.feasibility import dock_of
-from experiments.definition.schema import Checkpoint, Condition, Course, Study
+from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
 from robots.api.docked import DOCKED, DockedRule
 from robots.api.floorplan import FloorPlan, contains
 from robots.api.geometry import Pose2D, wrap_angle
@@ -19,7 +19,7 @@ class CourseError(ValueError):
 
 
 @dataclass(frozen=True)
-class Stop:
+class CourseStop:
     """A checkpoint; `room` is the floor on which it must be passed, empty where it lies in no room
     (a doorway).
     """
@@ -77,7 +77,7 @@ class Sight:
 class PhotoSpot:
     """Where the photo is asked for, and the mirror: its glass looks to the left of start → end."""
 
-    stop: Stop
+    stop: CourseStop
     radius: float
     view: float
     start: Point
@@ -144,7 +144,7 @@ def _side(start: Point, end: Point, point: Point) -> float:
 
 
 @dataclass(frozen=True)
-class Track:
+class CourseTrack:
     """All that the task engine needs to know. `stops` are checkpoints 1, 2 …; `limit` and `last`
     (what is announced) in seconds.
 
@@ -153,7 +153,7 @@ class Track:
     """
 
     dock: Pose2D
-    stops: tuple[Stop, ...]
+    stops: tuple[CourseStop, ...]
     doorways: tuple[Doorway, ...]
     photo: PhotoSpot | None
     limit: float
@@ -161,10 +161,10 @@ class Track:
     docked: DockedRule | None = None
 
 
-prepare(Track)
+prepare(CourseTrack)
 
 
-def lay_out(study: Study, condition: Condition, plan: FloorPlan) -> Track:
+def lay_out(study: StudyDefinition, condition: Condition, plan: FloorPlan) -> CourseTrack:
     """Return the course of a condition on its ground.
 
     Raises:
@@ -179,7 +179,7 @@ def lay_out(study: Study, condition: Condition, plan: FloorPlan) -> Track:
     doorways = tuple(
         Doorway(door.name, door.start, door.end, door.name in required) for door in plan.doors
     )
-    return Track(
+    return CourseTrack(
         dock=Pose2D(dock.x, dock.y, dock.theta),
         stops=stops,
         doorways=doorways,
@@ -190,9 +190,9 @@ def lay_out(study: Study, condition: Condition, plan: FloorPlan) -> Track:
     )
 
 
-def _stop(checkpoint: Checkpoint, plan: FloorPlan) -> Stop:
+def _stop(checkpoint: StudyCheckpoint, plan: FloorPlan) -> CourseStop:
     room = plan.room_at(checkpoint.x, checkpoint.y)
-    return Stop(
+    return CourseStop(
         checkpoint.number,
         checkpoint.x,
         checkpoint.y,
@@ -201,7 +201,7 @@ def _stop(checkpoint: Checkpoint, plan: FloorPlan) -> Stop:
     )
 
 
-def _photo(course: Course, stops: tuple[Stop, ...], plan: FloorPlan) -> PhotoSpot | None:
+def _photo(course: Course, stops: tuple[CourseStop, ...], plan: FloorPlan) -> PhotoSpot | None:
     photo = course.photo
     if photo is None:
         return None

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from experiments.definition.course import Sight, Track
+from experiments.definition.course import CourseTrack, Sight
 from experiments.definition.schema import Outcome
 from robots.api.messages import Point
 
@@ -76,7 +76,7 @@ class Situation:
     home: float = math.inf
 
 
-def choose(situation: Situation, track: Track, shown: Cue | None) -> Cue:
+def choose(situation: Situation, track: CourseTrack, shown: Cue | None) -> Cue:
     """Return what is told in a situation; `shown` is what was told just before."""
     if situation.outcome is not None:
         return Cue(
@@ -95,7 +95,7 @@ def choose(situation: Situation, track: Track, shown: Cue | None) -> Cue:
     return _photo(situation, track, shown) or _home(situation, track, shown)
 
 
-def _on_the_way(situation: Situation, track: Track, shown: Cue | None) -> Cue:
+def _on_the_way(situation: Situation, track: CourseTrack, shown: Cue | None) -> Cue:
     stop = track.stops[situation.passed]
     target = (stop.x, stop.y)
     photo = _photo(situation, track, shown)
@@ -110,7 +110,7 @@ def _on_the_way(situation: Situation, track: Track, shown: Cue | None) -> Cue:
     )
 
 
-def _photo(situation: Situation, track: Track, shown: Cue | None) -> Cue | None:
+def _photo(situation: Situation, track: CourseTrack, shown: Cue | None) -> Cue | None:
     spot, sight = track.photo, situation.sight
     if spot is None or situation.window == "shut":
         return None
@@ -135,7 +135,7 @@ def _hint(sight: Sight, view: float, shown: Cue | None) -> CueKey:
     return "photo_turn_left" if sight.bearing > 0.0 else "photo_turn_right"
 
 
-def _home(situation: Situation, track: Track, shown: Cue | None) -> Cue:
+def _home(situation: Situation, track: CourseTrack, shown: Cue | None) -> Cue:
     target = (track.dock.x, track.dock.y)
     if situation.lost:
         return Cue("lost", 0, target)

@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from experiments.definition.problems import length_of
-from experiments.definition.schema import Condition, Course, Impairment, Network, OwnAction, Study
+from experiments.definition.schema import (
+    Condition,
+    Course,
+    Impairment,
+    Network,
+    OwnAction,
+    StudyDefinition,
+)
 from robots.api.floorplan import ChargingDock, FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
@@ -54,7 +61,7 @@ class Known:
     interfaces: frozenset[str] = field(default_factory=lambda: frozenset({"standard"}))
 
 
-def obstacles(study: Study, known: Known, unreachable: Unreachable) -> Iterator[str]:
+def obstacles(study: StudyDefinition, known: Known, unreachable: Unreachable) -> Iterator[str]:
     """Yield what makes a study, which is right in itself, impossible here.
 
     Args:
@@ -105,7 +112,7 @@ def _of_course(course: Course, known: Known) -> Iterator[str]:
         if plan.room_at(checkpoint.x, checkpoint.y) is None and not _in_doorway(
             plan, checkpoint.x, checkpoint.y
         ):
-            yield f"checkpoint {checkpoint.number} lies in no room."
+            yield f"checkpoint {checkpoint.number} lies in no room; move it into one."
 
 
 def _in_doorway(plan: FloorPlan, x: float, y: float) -> bool:
@@ -130,11 +137,10 @@ def _of_dock(course: Course, plan: FloorPlan) -> Iterator[str]:
             else "there is no charging station."
         )
     elif not fitting:
-        yield f"no charging station there is one for {course.robot}."
+        yield f"no charging station of the course fits {course.robot}."
     elif len(fitting) > 1:
         yield (
-            f"there are {len(fitting)} charging stations for {course.robot}: name the one that is"
-            " meant."
+            f"there are {len(fitting)} charging stations for {course.robot}: name the one to use."
         )
     elif (
         course.checkpoints
@@ -143,11 +149,13 @@ def _of_dock(course: Course, plan: FloorPlan) -> Iterator[str]:
         )
         > SAME_PLACE
     ):
-        yield f"checkpoint 0 does not lie at the charging station {fitting[0].name}."
+        yield (
+            f"checkpoint 0 does not lie at the charging station {fitting[0].name}; move it there."
+        )
 
 
 def _of_condition(
-    study: Study, condition: Condition, known: Known, unreachable: Unreachable
+    study: StudyDefinition, condition: Condition, known: Known, unreachable: Unreachable
 ) -> Iterator[str]:
     if condition.interface not in known.interfaces:
         yield f"there is no interface profile {condition.interface}."
@@ -161,7 +169,7 @@ def _of_condition(
         yield from _of_way(condition, course, plan, unreachable)
 
 
-def _of_robot(study: Study, condition: Condition, robot: RobotFacts) -> Iterator[str]:
+def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -> Iterator[str]:
     wanted: dict[str, str] = {
         CAPABILITY[action]: f"the action {action}" for action in condition.actions
     }
@@ -182,8 +190,8 @@ def _of_robot(study: Study, condition: Condition, robot: RobotFacts) -> Iterator
         and length_of(course) / robot.linear >= task.minutes * 60.0
     ):
         yield (
-            f"at {robot.linear:g} m/s, the most of {condition.robot}, the course takes longer than"
-            f" the task's {task.minutes:g} minutes."
+            f"at {robot.linear:g} m/s, the top speed of {condition.robot}, the "
+            f"course takes longer than the task's {task.minutes:g} minutes."
         )
 
 
@@ -192,23 +200,23 @@ def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[str]:
     every condition.
     """
     if condition.network != Network() and NETWORK_LAB not in robot.capabilities:
-        yield (
-            f"{condition.robot} cannot make its network worse: no delay, loss or limit can be put"
-            " on it."
-        )
+        yield f"{condition.robot} cannot impair its network: remove the delay, loss or limit."
     there, back = _latest(condition.network.control), _latest(condition.network.video)
     if there > robot.command_age - ROOM_FOR_COMMANDS + ROUNDING:
         yield (
-            f"commands would be delayed by up to {1e3 * there:g} ms; {condition.robot} takes none"
-            f" older than {1e3 * robot.command_age:g} ms, and {1e3 * ROOM_FOR_COMMANDS:g} ms of"
-            " that are the real network's."
+            f"commands would be delayed by up to {1000.0 * there:g} ms; "
+            f"{condition.robot} accepts none older than "
+            f"{1000.0 * robot.command_age:g} ms, and "
+            f"{1000.0 * ROOM_FOR_COMMANDS:g} ms of that are reserved for the real "
+            "network."
         )
     if there + back > robot.frame_age - ROOM_FOR_PICTURES + ROUNDING:
         yield (
-            "pictures and the commands that answer them would be delayed by up to"
-            f" {1e3 * (there + back):g} ms; {condition.robot} takes no command whose picture is"
-            f" older than {1e3 * robot.frame_age:g} ms, and {1e3 * ROOM_FOR_PICTURES:g} ms of that"
-            " are camera's and page's."
+            "video and the commands that answer it would be delayed by up to "
+            f"{1000.0 * (there + back):g} ms; {condition.robot} accepts no "
+            f"command based on video older than {1000.0 * robot.frame_age:g} ms, "
+            f"and {1000.0 * ROOM_FOR_PICTURES:g} ms of that are reserved for the "
+            "camera and the page."
         )
 
 

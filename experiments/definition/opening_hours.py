@@ -22,9 +22,9 @@ _WEEK = 7
 def problems(hours: Any, time_zone: str) -> Iterator[str]:
     """Yield what is wrong with opening hours as somebody wrote them."""
     if not _is_zone(time_zone):
-        yield f"There is no time zone {time_zone!r}."
+        yield f"There is no time zone {time_zone!r}; use a name such as Europe/Madrid."
     if not isinstance(hours, list) or len(hours) > _MOST_SPANS:
-        yield f"Opening hours are a list of at most {_MOST_SPANS} spans."
+        yield f"Opening hours must be a list of at most {_MOST_SPANS} spans."
         return
     for number, span in enumerate(hours, start=1):
         yield from (f"Span {number}: {problem}" for problem in _of_span(span))
@@ -41,7 +41,7 @@ def _is_zone(name: str) -> bool:
 
 def _of_span(span: Any) -> Iterator[str]:
     if not isinstance(span, dict) or set(span) != {"days", "start", "end"}:
-        yield "it needs days, start and end, and nothing else."
+        yield "it needs exactly days, start and end."
         return
     days = span["days"]
     if (
@@ -49,10 +49,10 @@ def _of_span(span: Any) -> Iterator[str]:
         or not days
         or any(type(day) is not int or not 0 <= day < _WEEK for day in days)
     ):
-        yield "its days are numbers from 0 (Monday) to 6, at least one."
+        yield "its days must be one or more numbers from 0 (Monday) to 6."
     for name in ("start", "end"):
         if not isinstance(span[name], str) or not _CLOCK.match(span[name]):
-            yield f"its {name} is no time like 09:00."
+            yield f"its {name} must be a time such as 09:00."
 
 
 def is_open(hours: Hours, time_zone: str, now: datetime.datetime) -> bool:

@@ -5,7 +5,7 @@ study itself.
 import math
 from collections.abc import Iterator
 
-from experiments.definition.schema import Condition, Course, Impairment, Study
+from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.steps import KINDS
 from surveys.documents import checked, duplicates, text_problems
 
@@ -20,7 +20,7 @@ MOST_LOSS, LEAST_CONTROL_RATE, LEAST_VIDEO_RATE = 0.5, 50e3, 150e3
 TAKEN_NAMES = frozenset({"link"})
 
 
-def parse(document: bytes) -> Study:
+def parse(document: bytes) -> StudyDefinition:
     """Return the study that a JSON document holds.
 
     Raises:
@@ -28,11 +28,11 @@ def parse(document: bytes) -> Study:
             the first.
     """
     return checked(
-        document, Study, problems, limit=MAX_BYTES, kinds=KINDS, kind_name="kind of step"
+        document, StudyDefinition, problems, limit=MAX_BYTES, kinds=KINDS, kind_name="kind of step"
     )
 
 
-def problems(study: Study) -> Iterator[str]:
+def problems(study: StudyDefinition) -> Iterator[str]:
     """Yield what is wrong with a study whose types are right."""
     yield from _of_the_whole(study)
     yield from _of_steps(study)
@@ -52,19 +52,19 @@ def name_problems(slug: str) -> Iterator[str]:
     """Yield why a study cannot have a name."""
     if slug in TAKEN_NAMES:
         yield (
-            f"The name {slug} belongs to the addresses of personal links: give the study another"
-            " one."
+            f"The name {slug} is reserved for the addresses of personal links: "
+            "give the study another one."
         )
 
 
-def _of_the_whole(study: Study) -> Iterator[str]:
+def _of_the_whole(study: StudyDefinition) -> Iterator[str]:
     yield from name_problems(study.slug)
     if not study.languages:
-        yield "There is no language."
+        yield "There is no language; add at least one."
     yield from duplicates("language", study.languages)
     yield from text_problems(study, "study", study.languages)
     if "\x00" in study.source + study.licence:
-        yield "Source or licence holds a null character."
+        yield "The source or licence contains a null character; remove it."
     yield from duplicates("condition", (condition.key for condition in study.conditions))
     yield from duplicates(
         "course", (f"of {course.robot} at {course.site}" for course in study.courses)
@@ -72,7 +72,7 @@ def _of_the_whole(study: Study) -> Iterator[str]:
     yield from duplicates("step", (step.key for step in study.steps))
 
 
-def _of_steps(study: Study) -> Iterator[str]:
+def _of_steps(study: StudyDefinition) -> Iterator[str]:
     for kind in KINDS.values():
         yield from kind.problems_among(study.steps)
     yield from _of_repeats(study)
@@ -80,16 +80,16 @@ def _of_steps(study: Study) -> Iterator[str]:
         yield from (f"Step {step.key}: {problem}" for problem in step.problems())
 
 
-def _of_repeats(study: Study) -> Iterator[str]:
+def _of_repeats(study: StudyDefinition) -> Iterator[str]:
     """Who drives several times goes round the repeated steps, so these stand together and the task
     is among them.
     """
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
     if repeated and repeated != list(range(repeated[0], repeated[-1] + 1)):
-        yield "The steps that are repeated do not stand together."
+        yield "The steps that are repeated must be consecutive."
     task = study.task
     if study.allocation.design == "within" and task is not None and not task.repeat:
-        yield "Participants do every condition, but the task is not repeated."
+        yield "Participants do every condition, so the task must be repeated."
     driving = sum(step.minutes for step in study.drives)
     if task is not None and driving > MOST_MINUTES:
         yield (
@@ -97,14 +97,19 @@ def _of_repeats(study: Study) -> Iterator[str]:
             " allowed."
         )
     if task is not None and task.last_minutes > task.minutes:
-        yield f"The last {task.last_minutes:g} minutes of the task are longer than the task."
+        yield (
+            f"The last {task.last_minutes:g} minutes of the task cannot be longer than the task."
+        )
 
 
-def _of_condition(study: Study, condition: Condition) -> Iterator[str]:
+def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[str]:
     if not condition.controllers and not {"places", "map", "follow"}.intersection(
         condition.actions
     ):
-        yield "there is no controller and no way to send the robot: nobody could drive."
+        yield (
+            "there is no controller and no action that sends the robot (places, "
+            "map or follow): nobody could drive."
+        )
     for what, names in (
         ("controller", condition.controllers),
         ("action", condition.actions),
@@ -131,8 +136,8 @@ def _of_network(direction: str, impairment: Impairment | None, least_rate: float
         return
     if impairment.jitter > impairment.delay:
         yield (
-            f"{direction}, the jitter is greater than the delay, which it changes by up to so much"
-            " either way."
+            f"{direction}, the jitter varies the delay both ways, so it cannot be "
+            "greater than the delay."
         )
     if impairment.loss > MOST_LOSS:
         yield (
@@ -158,41 +163,41 @@ def length_of(course: Course) -> float:
     )
 
 
-def _of_course(study: Study, course: Course) -> Iterator[str]:
+def _of_course(study: StudyDefinition, course: Course) -> Iterator[str]:
     numbers = [checkpoint.number for checkpoint in course.checkpoints]
     if len(numbers) < LEAST_CHECKPOINTS:
         yield (
-            "there is no checkpoint beside the charging station."
+            "there is no checkpoint besides the charging station; add at least one."
             if numbers
-            else "there is no checkpoint."
+            else "there is no checkpoint; add at least one."
         )
     elif numbers != list(range(len(numbers))):
         yield f"the checkpoints are numbered {numbers}, not 0, 1, 2 …"
     if course.photo is not None and course.photo.checkpoint not in numbers[1:]:
-        yield f"the photo belongs to checkpoint {course.photo.checkpoint}, which is not there."
+        yield f"the photo belongs to checkpoint {course.photo.checkpoint}, which does not exist."
     yield from duplicates("door", course.doors)
     yield from duplicates("zone", (zone.name for zone in course.zones))
     if all(study.course_of(condition) is not course for condition in study.conditions):
         yield "no condition uses it."
 
 
-def _of_allocation(study: Study) -> Iterator[str]:
+def _of_allocation(study: StudyDefinition) -> Iterator[str]:
     if not study.conditions:
-        yield "There is no condition."
+        yield "There is no condition; add at least one."
         return
     for access in ("open", "invitation"):
         count = sum(condition.access == access for condition in study.conditions)
         if study.allocation.design == "within" and count > MOST_ORDERED:
             yield (
-                f"{count} conditions within one participant; at most {MOST_ORDERED} can be ordered."
+                f"{count} conditions for each participant; at most {MOST_ORDERED} can be ordered."
             )
     if bool(study.refill.outcomes) != bool(study.refill.most):
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
-        yield "The refill rule may not refill outcomes of the task itself (completed, timed out)."
+        yield "The refill rule cannot include outcomes of the task itself (completed, timed out)."
     known = {step.questionnaire for step in study.asking}
     if study.analysis.statements not in known:
         yield (
-            f"The statements of the analysis, {study.analysis.statements}, are not among the"
-            " questionnaires that are asked."
+            f"The statements of the analysis, {study.analysis.statements}, must "
+            "be among the study's questionnaires."
         )

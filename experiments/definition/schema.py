@@ -22,12 +22,12 @@ from msgspec import Meta
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
-from experiments.definition.steps.task import Task
+from experiments.definition.steps.task import TaskStep
 from robots.api.floorplan import Key as PlanKey
 from robots.api.floorplan import Length
 from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
 from robots.api.prepared import prepare
-from surveys.documents import Key, Language, Part, Slug, Text
+from surveys.documents import DocumentPart, Key, Language, Slug, Text
 
 if TYPE_CHECKING:
     AnyStep = Step
@@ -52,7 +52,7 @@ Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
 # --- where it is driven ---------------------------------------------------------------------------
 
 
-class Checkpoint(Part, frozen=True, kw_only=True):
+class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
     """A point of the course, passed within `radius` and in the same room. Number 0 is the charging
     station: it is left, and returned to.
     """
@@ -64,7 +64,7 @@ class Checkpoint(Part, frozen=True, kw_only=True):
     title: Text = {}
 
 
-class Photo(Part, frozen=True, kw_only=True):
+class PhotoTask(DocumentPart, frozen=True, kw_only=True):
     """The photo of one's own reflection, asked for within `radius` of a checkpoint that was passed.
 
     `view` is how far the mirror may lie off the camera's axis for the visitor to see the robot in
@@ -77,7 +77,7 @@ class Photo(Part, frozen=True, kw_only=True):
     view: Annotated[float, Meta(gt=0.0, lt=1.5)] = 0.6
 
 
-class Zone(Part, frozen=True, kw_only=True):
+class Zone(DocumentPart, frozen=True, kw_only=True):
     """A part of the floor for which times and collisions are told apart; `polygon` in order, not
     closed.
     """
@@ -87,7 +87,7 @@ class Zone(Part, frozen=True, kw_only=True):
     polygon: Annotated[tuple[Point, ...], Meta(min_length=3, max_length=100)]
 
 
-class Course(Part, frozen=True, kw_only=True):
+class Course(DocumentPart, frozen=True, kw_only=True):
     """What one series of robots drives at one site. `doors` have to be crossed, each only where the
     condition leaves it open.
     """
@@ -95,17 +95,17 @@ class Course(Part, frozen=True, kw_only=True):
     robot: PlanKey
     site: PlanKey
     dock: PlanKey = ""
-    checkpoints: Annotated[tuple[Checkpoint, ...], Meta(max_length=100)]
+    checkpoints: Annotated[tuple[StudyCheckpoint, ...], Meta(max_length=100)]
     path: Annotated[tuple[Point, ...], Meta(max_length=500)] = ()
     doors: tuple[PlanKey, ...] = ()
     zones: Annotated[tuple[Zone, ...], Meta(max_length=100)] = ()
-    photo: Photo | None = None
+    photo: PhotoTask | None = None
 
 
 # --- what is compared -----------------------------------------------------------------------------
 
 
-class Impairment(Part, frozen=True, kw_only=True):
+class Impairment(DocumentPart, frozen=True, kw_only=True):
     """What is put on one direction of the network: seconds, shares, and bit/s. The seed comes from
     the session.
     """
@@ -117,21 +117,21 @@ class Impairment(Part, frozen=True, kw_only=True):
     bitrate: Annotated[float, Meta(ge=1_000.0, le=1e9)] | None = None
 
 
-class Network(Part, frozen=True, kw_only=True):
+class Network(DocumentPart, frozen=True, kw_only=True):
     """The network of a condition, towards the robot and back from its camera."""
 
     control: Impairment | None = None
     video: Impairment | None = None
 
 
-class Speed(Part, frozen=True, kw_only=True):
+class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
     """A speed limit below the robot's own."""
 
     linear: Positive | None = None
     angular: Positive | None = None
 
 
-class Condition(Part, frozen=True, kw_only=True):
+class Condition(DocumentPart, frozen=True, kw_only=True):
     """One way to do the task. What it says, the visitor cannot change.
 
     `robot` is a series. `access` says who may be assigned to it: everybody who has the link, or
@@ -149,7 +149,7 @@ class Condition(Part, frozen=True, kw_only=True):
     actions: tuple[OwnAction, ...] = ()
     assist: AssistLevel = "off"
     interface: Key = "standard"
-    speed: Speed = Speed()
+    speed: SpeedChoice = SpeedChoice()
     doors_closed: tuple[PlanKey, ...] = ()
     network: Network = Network()
     idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
@@ -158,7 +158,7 @@ class Condition(Part, frozen=True, kw_only=True):
 # --- the rules ------------------------------------------------------------------------------------
 
 
-class Allocation(Part, frozen=True, kw_only=True):
+class Allocation(DocumentPart, frozen=True, kw_only=True):
     """Who gets which condition.
 
     Between participants each does one condition; within them each does all that are open to them,
@@ -171,7 +171,7 @@ class Allocation(Part, frozen=True, kw_only=True):
     quota: Annotated[int, Meta(ge=1, le=100_000)] | None = None
 
 
-class Refill(Part, frozen=True, kw_only=True):
+class Refill(DocumentPart, frozen=True, kw_only=True):
     """Exposed participants with one of these outcomes leave their place to another, at most `most`
     times a cell; they stay in its flow.
     """
@@ -180,7 +180,7 @@ class Refill(Part, frozen=True, kw_only=True):
     most: Annotated[int, Meta(ge=0, le=10_000)] = 0
 
 
-class Quality(Part, frozen=True, kw_only=True):
+class Quality(DocumentPart, frozen=True, kw_only=True):
     """What a session's record must be like to be called good; rates in Hz, times in s."""
 
     least_sample_rate: Annotated[float, Meta(ge=0.0, le=50.0)] = 3.5
@@ -190,7 +190,7 @@ class Quality(Part, frozen=True, kw_only=True):
     operator_absent: bool = True
 
 
-class Start(Part, frozen=True, kw_only=True):
+class Start(DocumentPart, frozen=True, kw_only=True):
     """What must hold before a participant gets the robot; else they wait, and researchers are told.
 
     `docked`: it is docked, at most `distance` metres and `heading` radians off the pose of the
@@ -204,7 +204,7 @@ class Start(Part, frozen=True, kw_only=True):
     charge: Share = 0.0
 
 
-class Analysis(Part, frozen=True, kw_only=True):
+class Analysis(DocumentPart, frozen=True, kw_only=True):
     """Which of several responses of one visitor counts in tables, and of which kind the intervals
     of confidence are.
     """
@@ -214,7 +214,7 @@ class Analysis(Part, frozen=True, kw_only=True):
     statements: Slug = "experience"
 
 
-class Study(Part, frozen=True, kw_only=True):
+class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     """A whole study."""
 
     format: Literal[1]
@@ -250,9 +250,9 @@ class Study(Part, frozen=True, kw_only=True):
         )
 
     @property
-    def task(self) -> Task | None:
+    def task(self) -> TaskStep | None:
         """The step in which the course is driven."""
-        return next((step for step in self.steps if isinstance(step, Task)), None)
+        return next((step for step in self.steps if isinstance(step, TaskStep)), None)
 
     @property
     def consent(self) -> Consent | None:
@@ -283,17 +283,17 @@ class Study(Part, frozen=True, kw_only=True):
         return next((step for step in self.drives if step.key == key), None)
 
 
-prepare(Study)
+prepare(StudyDefinition)
 
 
-def to_json(study: Study) -> bytes:
+def to_json(study: StudyDefinition) -> bytes:
     """Return a study as the JSON that import takes: indented, fields in the order
     of the classes.
     """
     return msgspec.json.format(msgspec.json.encode(study), indent=2) + b"\n"
 
 
-def digest(study: Study) -> str:
+def digest(study: StudyDefinition) -> str:
     """Return the SHA-256 of a study: equal exactly when two say the same, defaults written out or
     not. It freezes a published version.
     """
@@ -322,6 +322,6 @@ def _default(field: msgspec.structs.FieldInfo) -> Any:
     return field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
 
 
-def from_stored(document: Any) -> Study:
+def from_stored(document: Any) -> StudyDefinition:
     """Return the study that a database row holds; it was checked when it was stored."""
-    return msgspec.convert(document, Study)
+    return msgspec.convert(document, StudyDefinition)

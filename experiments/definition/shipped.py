@@ -5,12 +5,12 @@ assistance by every participant.
 from pathlib import Path
 
 from experiments.definition.problems import parse
-from experiments.definition.schema import Study
+from experiments.definition.schema import StudyDefinition
 
 SHIPPED = Path(__file__).resolve().parents[1] / "definitions"
 
 
-def shipped() -> dict[str, Study]:
+def shipped() -> dict[str, StudyDefinition]:
     """Return the studies that come with the site, by name."""
     studies = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {study.slug: study for study in studies}

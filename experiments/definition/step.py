@@ -10,18 +10,20 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from surveys.documents import Key, Part, Slug, Text
+from surveys.documents import DocumentPart, Key, Slug, Text
 
 Version = Annotated[int, Meta(ge=1, le=9999)]
 Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]
 
 
-class Step(Part, frozen=True, kw_only=True, tag_field="kind"):
+class Step(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
     """What every step says. With `repeat` it is gone through once for each condition of a
     participant, else once.
     """
 
     may_repeat: ClassVar[bool] = True
+    # Done on one visit, it is skipped on later ones (StepPage.is_done_for_good).
+    is_for_good: ClassVar[bool] = False
     # Whoever arrives at it has taken part to the end.
     is_end: ClassVar[bool] = False
 
@@ -42,7 +44,7 @@ class Step(Part, frozen=True, kw_only=True, tag_field="kind"):
     def problems(self) -> Iterator[str]:
         """Yield what is wrong with it, beside what types and texts tell."""
         if self.repeat and not self.may_repeat:
-            yield f"a {self.kind} is not repeated."
+            yield f"a {self.kind} step cannot be repeated."
 
     @classmethod
     def problems_among(cls, _steps: Sequence["Step"]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from hashlib import sha256
 
 from experiments.dataset.build import dataset_of
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of
 from experiments.export.format import ExportSource, File
 from experiments.export.formats import chosen
@@ -34,7 +34,7 @@ The tables and figures are made from this folder alone by
 """
 
 
-def export_files(study: Study, choice: Choice) -> Iterator[File]:
+def export_files(study: Study, choice: Selection) -> Iterator[File]:
     """Yield the files of an export in order, their sums last. Each must be read before the next one
     is asked for.
     """
@@ -52,7 +52,7 @@ def _summed(name: str, parts: Iterable[bytes], sums: list[str]) -> Iterator[byte
     sums.append(f"{found.hexdigest()}  {name}\n")
 
 
-def _files(study: Study, choice: Choice) -> Iterator[File]:
+def _files(study: Study, choice: Selection) -> Iterator[File]:
     classes = chosen(choice)
     drives = list(drives_of(study))
     dataset = dataset_of(study, choice=choice, drives=drives)

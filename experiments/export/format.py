@@ -8,12 +8,12 @@ from typing import ClassVar
 
 from django.utils.functional import Promise
 
+from experiments.access import Role
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.records import Dataset, Session
+from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.models import Drive
-from experiments.research.access import Role
 
 File = tuple[str, Iterable[bytes]]  # where in the export, and its content in parts
 
@@ -27,7 +27,7 @@ class ExportSource:
     dataset: Dataset
     drives: Sequence[Drive]
     names: Pseudonyms
-    choice: Choice
+    choice: Selection
     more: Mapping[str, tuple[Column, ...]]
 
 
@@ -43,7 +43,7 @@ class ExportFormat:
     tables: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
 
     @classmethod
-    def is_in(cls, name: str, choice: Choice) -> bool:
+    def is_in(cls, name: str, choice: Selection) -> bool:
         """Tell whether an export has it: when it was asked for by its name."""
         return name in choice.formats
 
@@ -54,7 +54,7 @@ class ExportFormat:
         """Yield the files of the whole study, which come first."""
         yield from ()
 
-    def of_session(self, session: Session, drive: Drive) -> Iterator[File]:
+    def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
         """Yield the files of one session; nothing of its record is kept."""
         yield from ()
 

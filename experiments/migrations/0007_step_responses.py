@@ -1,5 +1,5 @@
-"""Where in a study a response was asked stands in columns. Until now it was read from the context of
-the response, which stays as it is: taken back, this loses nothing.
+"""Where in a study a response was asked stands in columns. Until now it was read from the context
+of the response, which stays as it is: taken back, this loses nothing.
 """
 
 import re

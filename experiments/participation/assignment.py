@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Literal
 
-from experiments.definition.schema import Outcome, Refill, Study
+from experiments.definition.schema import Outcome, Refill, StudyDefinition
 
 Access = Literal["open", "invitation"]
 Stage = Literal["under_way", "freed", "filled", "refilled"]
@@ -51,7 +51,7 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Choice:
+class AssignmentChoice:
     """The cell of a participant, the ones that it was drawn from, and the seed
     that draws it again.
     """
@@ -61,7 +61,7 @@ class Choice:
     seed: int
 
 
-def cells(study: Study, access: Access = "open") -> tuple[Cell, ...]:
+def cells(study: StudyDefinition, access: Access = "open") -> tuple[Cell, ...]:
     """Return the cells that somebody who came by an open link, or by invitation, can be assigned
     to.
     """
@@ -103,7 +103,7 @@ def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
 
 def choose(
     offered: Sequence[Cell], held: Iterable[Held], quota: int | None, seed: int
-) -> Choice | None:
+) -> AssignmentChoice | None:
     """Return the cell for a new participant; None when all are full.
 
     Args:
@@ -119,7 +119,7 @@ def choose(
     least = min(loads[cell.key] for cell in free)
     candidates = [cell for cell in free if loads[cell.key] == least]
     drawn = random.Random(seed).choice(candidates)
-    return Choice(drawn, tuple(cell.key for cell in candidates), seed)
+    return AssignmentChoice(drawn, tuple(cell.key for cell in candidates), seed)
 
 
 def load(held: Iterable[Held]) -> Counter[str]:

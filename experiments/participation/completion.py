@@ -10,9 +10,17 @@ import hmac
 
 from django.db.models import Q
 
-from experiments.models import CODE_LENGTH, CODE_LETTERS, Drive, Participant, Study
+from accounts.passwordless import CODE_LETTERS
+from experiments.models import (
+    CODE_LENGTH,
+    DONE,
+    SCREENED_OUT,
+    TECHNICAL_FAILURE,
+    Drive,
+    Participant,
+    Study,
+)
 
-DONE, TECHNICAL_FAILURE, SCREENED_OUT = "done", "technical_failure", "screened_out"
 WAYS = (DONE, TECHNICAL_FAILURE, SCREENED_OUT)
 # Endings that are the system's, not the visitor's.
 TECHNICAL = frozenset(

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from experiments.definition.schema import Condition
 from experiments.models import Drive, Participant, StepVisit
 from experiments.participation import assignment, progress
-from experiments.participation.journey import Place
+from experiments.participation.journey import JourneyPlace
 from robots.models import Robot
 from sessions.models import Session
 
@@ -33,7 +33,7 @@ class DriveStatus:
 NEVER = DriveStatus("never")
 
 
-def driven(participant: Participant, place: Place) -> DriveStatus:
+def driven(participant: Participant, place: JourneyPlace) -> DriveStatus:
     """Return what became of a place at which the robot is driven: from its drives, and from visits
     that never got the robot.
     """
@@ -46,7 +46,7 @@ def driven(participant: Participant, place: Place) -> DriveStatus:
     return exposed or (done[0] if done else _without_drive(participant, place))
 
 
-def last_drive(participant: Participant, place: Place) -> DriveStatus:
+def last_drive(participant: Participant, place: JourneyPlace) -> DriveStatus:
     """Return what questions after driving are about: the last drive of the visit up to a place's
     round, or nothing.
     """
@@ -75,7 +75,7 @@ def _of_drive(drive: Drive) -> DriveStatus:
     )
 
 
-def _own_sessions(participant: Participant, place: Place) -> Any:
+def _own_sessions(participant: Participant, place: JourneyPlace) -> Any:
     """Sessions of the participant with a robot of the study since they came to a place."""
     began = StepVisit.objects.filter(
         participant=participant, visit=place.visit, round=place.round, step=place.step
@@ -89,14 +89,14 @@ def _own_sessions(participant: Participant, place: Place) -> Any:
     )
 
 
-def _living(participant: Participant, place: Place) -> Session | None:
+def _living(participant: Participant, place: JourneyPlace) -> Session | None:
     found: Session | None = (
         _own_sessions(participant, place).exclude(state=Session.State.ENDED).first()
     )
     return found
 
 
-def _without_drive(participant: Participant, place: Place) -> DriveStatus:
+def _without_drive(participant: Participant, place: JourneyPlace) -> DriveStatus:
     session = _own_sessions(participant, place).filter(granted_at=None, drive=None).first()
     return (
         DriveStatus("unexposed", session, session.outcome, session.outcome_reason)
@@ -135,7 +135,7 @@ def robot_for(
     fitting = tuple(
         condition for condition in conditions if (condition.robot, condition.site) == series
     )
-    robots = robots_of(fitting)
+    robots = [robot for robot in robots_of(fitting) if robot.shown_to_visitors]
     own = set(
         Session.objects.filter(visitor=participant.user, robot__in=robots)
         .exclude(state=Session.State.ENDED)

@@ -12,6 +12,18 @@ from experiments.participation.consent import may_agree
 OLDEST = 120
 
 
+class EntryCodeForm(forms.Form):
+    """The code that somebody without an account was shown when they began."""
+
+    code = forms.CharField(
+        label=_("Your code"),
+        max_length=40,
+        widget=forms.TextInput(
+            attrs={"autocomplete": "off", "autocapitalize": "characters", "spellcheck": "false"}
+        ),
+    )
+
+
 class ConsentForm(forms.Form):
     """The age, where the study asks for it, a guardian where that is needed, and the agreement
     itself.
@@ -24,7 +36,7 @@ class ConsentForm(forms.Form):
         widget=forms.NumberInput(attrs={"inputmode": "numeric"}),
     )
     guardian = forms.CharField(
-        label=_("Name of your parent or guardian, who agrees too"),
+        label=_("Name of the parent or guardian who also agrees"),
         max_length=120,
         required=False,
         widget=forms.TextInput(attrs={"autocomplete": "off"}),
@@ -67,6 +79,6 @@ class ConsentForm(forms.Form):
         if verdict == "guardian":
             self.add_error(
                 "guardian",
-                _("At your age a parent or guardian has to agree too: please give their name."),
+                _("At your age, a parent or guardian must agree too. Enter their name."),
             )
         return cleaned

@@ -12,24 +12,23 @@ drawn at the same moment one has to look again.
 """
 
 import datetime
-import logging
 import secrets
 from dataclasses import dataclass
 from typing import Any
 
 import msgspec
+import structlog
 from django.db import IntegrityError, transaction
 
 from accounts import audit
 from accounts.models import User
 from experiments.definition import conditions, start_condition
 from experiments.definition.course import CourseError
-from experiments.definition.schema import Condition
-from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import DriveStep
 from experiments.models import Drive, Kind, Participant, Study
 from experiments.participation import assignment, progress
-from experiments.participation.assignment import Cell, Choice, Held
+from experiments.participation.assignment import AssignmentChoice, Cell, Held
 from experiments.participation.drive_status import driven, series_of
 from experiments.participation.layout import laid_out
 from experiments.participation.robot_eligibility import is_lent
@@ -41,7 +40,7 @@ from sessions.leases.terms import NotGranted, Terms
 from sessions.models import Session
 from surveys.documents import spoken
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 GRACE_SECONDS = 120.0
 # to connect, and to see the end: a turn is never over before the time limit of the task
@@ -61,7 +60,7 @@ class Standing:
     """A participant who is to drive a robot now, and what may await them on it."""
 
     participant: Participant
-    definition: Definition
+    definition: StudyDefinition
     step: DriveStep
     robot: Robot
 
@@ -275,10 +274,10 @@ def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
             return None
         if _store(participant, chosen, 1 + max((number for number, _ in held), default=0), now):
             log.info(
-                "participant_assigned participant=%s study=%s cell=%s",
-                participant.code,
-                participant.study_id,
-                chosen.cell.key,
+                "participant_assigned",
+                participant=participant.code,
+                study=participant.study_id,
+                cell=chosen.cell.key,
             )
         participant.refresh_from_db()
     raise AssignmentContention(participant.code)
@@ -303,13 +302,15 @@ def _number_of(word: str) -> int:
     return int(number) if ":" in word and number.isdecimal() else 0
 
 
-def _choose(standing: Standing, held: list[tuple[int, Held]], seed: int) -> Choice | None:
+def _choose(standing: Standing, held: list[tuple[int, Held]], seed: int) -> AssignmentChoice | None:
     return assignment.choose(
         standing.cells, [place for _, place in held], standing.definition.allocation.quota, seed
     )
 
 
-def _store(participant: Participant, chosen: Choice, number: int, now: datetime.datetime) -> bool:
+def _store(
+    participant: Participant, chosen: AssignmentChoice, number: int, now: datetime.datetime
+) -> bool:
     """Write a draw down if its number is still free and nobody else, in another process, has drawn
     for the same participant.
     """
@@ -352,7 +353,7 @@ def _begin(
         try:
             assigned["track"] = laid_out(definition, condition, session.robot)
         except CourseError as error:
-            log.error("study_without_course study=%s reason=%s", definition.slug, error)
+            log.error("study_without_course", study=definition.slug, reason=str(error))
             raise NotGranted("not_allowed") from error
     here = {"step": participant.step, "visit": participant.visit, "round": participant.round}
     number = 1 + Drive.objects.filter(participant=participant, step=participant.step).count()

@@ -13,7 +13,7 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from experiments.definition.schema import Study
+from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import Step
 from experiments.participation.assignment import Access, cells
 
@@ -25,7 +25,7 @@ class NoPlaceError(ValueError):
 
 
 @dataclass(frozen=True)
-class Place:
+class JourneyPlace:
     """Where a participant stands; `visit` counts from 1, `round` from 0."""
 
     visit: int
@@ -38,7 +38,7 @@ class Place:
         return f"{self.visit}.{self.round}.{self.step}"
 
 
-def step_at(study: Study, place: Place) -> Step:
+def step_at(study: StudyDefinition, place: JourneyPlace) -> Step:
     """Return the step at a place.
 
     Raises:
@@ -50,19 +50,21 @@ def step_at(study: Study, place: Place) -> Step:
     return found
 
 
-def rounds(study: Study, access: Access) -> int:
+def rounds(study: StudyDefinition, access: Access) -> int:
     """Return how many conditions somebody who came that way goes through; at least 1, so that every
     step is passed.
     """
     return max((len(cell.conditions) for cell in cells(study, access)), default=1)
 
 
-def route(study: Study, number_of_rounds: int, visit: int) -> tuple[Place, ...]:
+def route(study: StudyDefinition, number_of_rounds: int, visit: int) -> tuple[JourneyPlace, ...]:
     """Return all places of a visit in order, whether or not some are skipped."""
-    return tuple(Place(visit, number, key) for number, key in _stations(study, number_of_rounds))
+    return tuple(
+        JourneyPlace(visit, number, key) for number, key in _stations(study, number_of_rounds)
+    )
 
 
-def _stations(study: Study, number_of_rounds: int) -> Iterator[tuple[int, str]]:
+def _stations(study: StudyDefinition, number_of_rounds: int) -> Iterator[tuple[int, str]]:
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
     first, behind = (
         (repeated[0], repeated[-1] + 1) if repeated else (len(study.steps), len(study.steps))
@@ -74,12 +76,14 @@ def _stations(study: Study, number_of_rounds: int) -> Iterator[tuple[int, str]]:
     yield from ((last, step.key) for step in study.steps[behind:])
 
 
-def begin(way: tuple[Place, ...], skipped: Collection[str] = ()) -> Place:
+def begin(way: tuple[JourneyPlace, ...], skipped: Collection[str] = ()) -> JourneyPlace:
     """Return where a visit begins: at its first step that is not skipped."""
     return next((place for place in way if place.step not in skipped), way[-1])
 
 
-def following(way: tuple[Place, ...], place: Place, skipped: Collection[str] = ()) -> Place | None:
+def following(
+    way: tuple[JourneyPlace, ...], place: JourneyPlace, skipped: Collection[str] = ()
+) -> JourneyPlace | None:
     """Return where one goes on from a place; None when it was the last.
 
     Raises:
@@ -90,7 +94,7 @@ def following(way: tuple[Place, ...], place: Place, skipped: Collection[str] = (
     return next((later for later in way[way.index(place) + 1 :] if later.step not in skipped), None)
 
 
-def read(word: str, way: tuple[Place, ...]) -> Place:
+def read(word: str, way: tuple[JourneyPlace, ...]) -> JourneyPlace:
     """Return the place that a page sent back.
 
     Raises:
@@ -99,13 +103,18 @@ def read(word: str, way: tuple[Place, ...]) -> Place:
     match = _WORD.match(word)
     if match is None:
         raise NoPlaceError(word[:80])
-    place = Place(int(match[1]), int(match[2]), match[3])
+    place = JourneyPlace(int(match[1]), int(match[2]), match[3])
     visit = way[0].visit
-    if place.visit > visit or Place(visit, place.round, place.step) not in way:
+    if place.visit > visit or JourneyPlace(visit, place.round, place.step) not in way:
         raise NoPlaceError(word[:80])
     return place
 
 
-def share_done(way: tuple[Place, ...], place: Place) -> tuple[int, int]:
-    """Return the number of a place, from 1, and how many there are: for the progress bar."""
-    return (way.index(place) + 1 if place in way else 1), len(way)
+def share_done(
+    way: tuple[JourneyPlace, ...], place: JourneyPlace, skipped: Collection[str] = ()
+) -> tuple[int, int]:
+    """Return the number of a place, from 1, and how many there are, without the steps that this
+    visit skips: "step 2 of 6".
+    """
+    passed = [one for one in way if one == place or one.step not in skipped]
+    return (passed.index(place) + 1 if place in passed else 1), len(passed)

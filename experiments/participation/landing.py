@@ -11,8 +11,7 @@ from django.utils.dates import WEEKDAYS_ABBR
 from django.utils.translation import gettext as _
 
 from experiments.definition import opening_hours
-from experiments.definition.schema import Controller
-from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import Controller, StudyDefinition
 from experiments.models import Participant, Study
 from experiments.participation import journey, progress
 from surveys.documents import spoken
@@ -26,6 +25,7 @@ Stand = Literal[
     "shut",
     "personal",
     "full",
+    "anonymous",
     "stranger",
     "welcome",
 ]
@@ -78,7 +78,7 @@ def landing(
 
 
 @dataclass(frozen=True)
-class Invitation:
+class StudyInvitation:
     """A study on the home page; `opens_at` is when one that is closed opens, by the clock in its
     own `time_zone`.
     """
@@ -91,18 +91,18 @@ class Invitation:
     time_zone: str
 
 
-def invitations(language: str, now: datetime.datetime) -> list[Invitation]:
+def invitations(language: str, now: datetime.datetime) -> list[StudyInvitation]:
     """Return the studies that everybody may take part in, now or when they open, in a language as
     near as they have it.
     """
     return [_invitation(study, language, now) for study in progress.visible_studies(now)]
 
 
-def _invitation(study: Study, language: str, now: datetime.datetime) -> Invitation:
+def _invitation(study: Study, language: str, now: datetime.datetime) -> StudyInvitation:
     definition = study.as_definition()
     spoken_in = progress.language_of(definition, language)
     opens_at = opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now)
-    return Invitation(
+    return StudyInvitation(
         study.slug,
         spoken(definition.title, spoken_in),
         spoken(definition.intro, spoken_in),
@@ -134,16 +134,18 @@ def _to_first_time_visitors(study: Study, user: Any) -> Stand:
         return "personal"
     if progress.is_full(study, "open", kind):
         return "full"
-    return "welcome" if user.is_authenticated else "stranger"
+    if user.is_authenticated and not user.is_guest:
+        return "welcome"
+    return "anonymous" if study.entry == Study.Entry.CODE else "stranger"
 
 
-def driving_minutes(definition: Definition) -> int:
+def driving_minutes(definition: StudyDefinition) -> int:
     """Return how many minutes somebody drives at most."""
     often = journey.rounds(definition, "open")
     return round(sum(step.minutes * (often if step.repeat else 1) for step in definition.drives))
 
 
-def controllers(definition: Definition) -> tuple[Controller, ...]:
+def controllers(definition: StudyDefinition) -> tuple[Controller, ...]:
     """Return with what somebody can drive in every condition, in the order of the first."""
     allowed = [condition.controllers for condition in definition.conditions]
     return tuple(

@@ -1,7 +1,8 @@
-"""Personal links: made once, shown once, redeemed once.
+"""Personal links: made once, shown once, redeemed by one person.
 
 Only a hash of the token is stored. A link is redeemed by POST alone, because programs that preview
-mail open every address in it.
+mail open every address in it. A person without an account gets one of their own, without a password
+(accounts/passwordless.py), and comes back by the same link until it is revoked.
 """
 
 import datetime
@@ -9,6 +10,7 @@ import hashlib
 import secrets
 from typing import Any, Literal
 
+from accounts.passwordless import sign_out_everywhere
 from experiments.models import Kind, Participant, PersonalLink, Study
 from experiments.participation import progress
 
@@ -48,12 +50,17 @@ def make(
 
 
 def revoke(link: PersonalLink, now: datetime.datetime) -> bool:
-    """Take back a link that nobody has used; False when somebody has."""
-    return bool(
-        PersonalLink.objects.filter(pk=link.pk, redeemed_at=None, revoked_at=None).update(
-            revoked_at=now
-        )
-    )
+    """Take back a link; False when it was, or when somebody used it with an account of their own.
+    Somebody who has no other account is signed out everywhere.
+    """
+    guest = link.guest
+    rows = PersonalLink.objects.filter(pk=link.pk, revoked_at=None)
+    if guest is None:
+        rows = rows.filter(redeemed_at=None)
+    done = bool(rows.update(revoked_at=now))
+    if done and guest is not None:
+        sign_out_everywhere(guest)
+    return done
 
 
 def _hash(token: str) -> str:
@@ -61,24 +68,27 @@ def _hash(token: str) -> str:
 
 
 def find(token: str, user: Any, now: datetime.datetime) -> PersonalLink:
-    """Return the link of a token that this user can redeem, or has redeemed.
+    """Return the link of a token that this user can redeem or has redeemed, or that lets its guest
+    in again.
 
     Raises:
         LinkError: there is none, somebody else used it, or it does not hold any more.
     """
     link = (
         PersonalLink.objects.filter(token_sha256=_hash(token))
-        .select_related("study", "participant")
+        .select_related("study", "participant__user")
         .first()
     )
     if link is None:
         raise LinkError("unknown")
     if _is_own(link, user):
         return link
-    if link.redeemed_at is not None:
-        raise LinkError("used")
     if link.revoked_at is not None:
         raise LinkError("revoked")
+    if link.guest is not None and (not user.is_authenticated or user.is_guest):
+        return link
+    if link.redeemed_at is not None:
+        raise LinkError("used")
     if link.expires_at is not None and link.expires_at <= now:
         raise LinkError("expired")
     refused = _why_not(link, user)

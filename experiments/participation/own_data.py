@@ -33,6 +33,7 @@ def gather(user: Any) -> dict[str, Any]:
     account = {
         "username": user.username,
         "displayName": user.display_name,
+        "kind": user.kind,
         "email": user.email,
         "joined": _iso(user.date_joined),
         "lastLogin": _iso(user.last_login),
@@ -176,6 +177,16 @@ def withdraw(participant: Participant, now: datetime.datetime) -> None:
     )
     reports.forget(participant.study)
     participant.refresh_from_db()
+
+
+def leave(participant: Participant, now: datetime.datetime) -> None:
+    """Take somebody out of a study by their own wish. The account of a guest goes with their last
+    study, because it is good for nothing else.
+    """
+    user = participant.user
+    withdraw(participant, now)
+    if user is not None and user.is_guest and not progress.of_user(user).exists():
+        delete_everything(user, now)
 
 
 def _was_exposed(participant: Participant) -> bool:

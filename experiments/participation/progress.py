@@ -1,5 +1,4 @@
-"""Taking part: coming in, standing on a step, going on, coming again. Where steps lead is
-experiments/participation/journey.py's to say.
+"""Taking part: coming in, and standing on a step. Going on from there is advance.py's.
 
 A place is changed only where it is still the one that was seen, and a user has one row a study
 (`Participant.slot`), so that nothing here happens twice under a reload, the back button, a second
@@ -14,14 +13,12 @@ from django.db import IntegrityError, transaction
 from django.db.models import Q, QuerySet
 
 from experiments.definition import opening_hours
-from experiments.definition.schema import Condition
-from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import Step
 from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
 from experiments.participation import assignment, completion, journey
 from experiments.participation.assignment import Access
-from experiments.participation.journey import Place
-from experiments.participation.steps import page_type
+from experiments.participation.journey import JourneyPlace
 from surveys.documents import spoken
 
 Status = Participant.Status
@@ -35,9 +32,9 @@ def visible_studies(now: datetime.datetime) -> list[Study]:
     """Return the studies to which everybody is invited, published and with an open link: those that
     are open now first, then the newest.
     """
-    found = Study.objects.filter(status=Study.Status.PUBLISHED, entry=Study.Entry.OPEN).order_by(
-        "-published_at"
-    )
+    found = Study.objects.filter(
+        status=Study.Status.PUBLISHED, entry__in=(Study.Entry.OPEN, Study.Entry.CODE)
+    ).order_by("-published_at")
     return sorted(found, key=lambda study: not is_open(study, now))
 
 
@@ -158,7 +155,7 @@ def kept_parameters(given: Mapping[str, str]) -> dict[str, str]:
     return dict(list(clean.items())[:MOST_PARAMETERS])
 
 
-def language_of(study: Definition, wanted: str) -> str:
+def language_of(study: StudyDefinition, wanted: str) -> str:
     """Return the language in which a study speaks to somebody who reads `wanted`
     ("es", "es-mx").
     """
@@ -198,9 +195,9 @@ def held(study: Study, kind: str) -> list[assignment.Held]:
 # --- where they are -------------------------------------------------------------------------------
 
 
-def place(participant: Participant) -> Place:
+def place(participant: Participant) -> JourneyPlace:
     """Return where a participant stands, as it was read."""
-    return Place(participant.visit, participant.round, participant.step)
+    return JourneyPlace(participant.visit, participant.round, participant.step)
 
 
 def step_of(participant: Participant) -> Step:
@@ -208,18 +205,32 @@ def step_of(participant: Participant) -> Step:
     return journey.step_at(participant.study.as_definition(), place(participant))
 
 
-def way_of(participant: Participant) -> tuple[Place, ...]:
+def way_of(participant: Participant) -> tuple[JourneyPlace, ...]:
     """Return all places of a participant's visit."""
     definition = participant.study.as_definition()
-    number = len(participant.conditions) or journey.rounds(definition, _access(participant))
+    number = len(participant.conditions) or journey.rounds(definition, access_of(participant))
     return journey.route(definition, number, participant.visit)
 
 
-def _access(participant: Participant) -> Access:
+def step_count(participant: Participant) -> tuple[int, int]:
+    """Return the number of a participant's step, from 1, and how many steps this visit has: each as
+    often as it is gone through, and without what an earlier visit has done for good.
+    """
+    skipped: set[str] = set()
+    if participant.visit > 1:
+        steps = participant.study.as_definition().steps
+        seen = StepVisit.objects.filter(participant=participant, visit=participant.visit)
+        for_good = {step.key for step in steps if step.is_for_good}
+        skipped = for_good - set(seen.values_list("step", flat=True))
+    return journey.share_done(way_of(participant), place(participant), skipped)
+
+
+def access_of(participant: Participant) -> Access:
+    """Return how somebody came in, and so which cells are open to them."""
     return "invitation" if participant.access == "invitation" else "open"
 
 
-def wanted_condition(participant: Participant, study: Definition) -> Condition | None:
+def wanted_condition(participant: Participant, study: StudyDefinition) -> Condition | None:
     """Return the condition of a participant's round; None before the assignment."""
     if participant.round >= len(participant.conditions):
         return None
@@ -242,7 +253,9 @@ def open_conditions(participant: Participant) -> tuple[Condition, ...]:
     if assigned is not None:
         return (assigned,)
     return tuple(
-        condition for condition in definition.conditions if condition.access == _access(participant)
+        condition
+        for condition in definition.conditions
+        if condition.access == access_of(participant)
     )
 
 
@@ -251,81 +264,6 @@ def see(participant: Participant, now: datetime.datetime) -> None:
     Participant.objects.filter(pk=participant.pk).update(seen_at=now)
     where = {"visit": participant.visit, "round": participant.round, "step": participant.step}
     StepVisit.objects.get_or_create(participant=participant, **where, defaults={"began_at": now})
-
-
-def go_on(participant: Participant, here: Place, now: datetime.datetime) -> bool:
-    """Lead a participant on from a place; False, and nothing done, when they are elsewhere.
-
-    Whoever arrives at the debriefing, or leaves the last step, is done.
-    """
-    try:
-        there = journey.following(way_of(participant), here, _skipped(participant))
-    except journey.NoPlaceError:
-        return False
-    standing = Participant.objects.filter(
-        pk=participant.pk, status=Status.ACTIVE, visit=here.visit, round=here.round, step=here.step
-    )
-    if standing.exists():
-        # before they are led on: what is cut off between the two is done again
-        _finish(participant, here, now)
-    moved = standing.update(
-        **(
-            {"round": there.round, "step": there.step}
-            if there is not None
-            else {"status": Status.FINISHED}
-        )
-    )
-    participant.refresh_from_db()
-    if not moved:
-        return False
-    _arrive(participant, is_end=there is None, now=now)
-    return True
-
-
-def _finish(participant: Participant, here: Place, now: datetime.datetime) -> None:
-    seen = StepVisit.objects.filter(
-        participant=participant, visit=here.visit, round=here.round, step=here.step
-    )
-    seen.filter(finished_at=None).update(finished_at=now)
-
-
-def _arrive(participant: Participant, *, is_end: bool, now: datetime.datetime) -> None:
-    if not is_end:
-        see(participant, now)
-    if is_end or step_of(participant).is_end:
-        completion.conclude(participant, now)
-
-
-def _skipped(participant: Participant) -> set[str]:
-    """Return the steps that were done for good: what was agreed to, and questions about the person
-    that were answered.
-    """
-    return {
-        step.key
-        for step in participant.study.as_definition().steps
-        if page_type(step.kind).is_done_for_good(participant, step)
-    }
-
-
-def come_again(participant: Participant, now: datetime.datetime) -> bool:
-    """Begin another visit of somebody who has finished one; False when they have not. The cell
-    stays.
-    """
-    definition = participant.study.as_definition()
-    way = journey.route(
-        definition,
-        len(participant.conditions) or journey.rounds(definition, _access(participant)),
-        participant.visit + 1,
-    )
-    start = journey.begin(way, _skipped(participant))
-    rows = Participant.objects.filter(
-        pk=participant.pk, status=Status.FINISHED, visit=participant.visit
-    )
-    moved = rows.update(status=Status.ACTIVE, visit=start.visit, round=start.round, step=start.step)
-    participant.refresh_from_db()
-    if moved:
-        see(participant, now)
-    return bool(moved)
 
 
 def screen_out(participant: Participant, now: datetime.datetime) -> None:

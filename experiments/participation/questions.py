@@ -12,10 +12,13 @@ from django.db import transaction
 
 from experiments.definition.step import AskingStep
 from experiments.models import Participant, StepResponse
-from experiments.participation.journey import Place
+from experiments.participation import progress
+from experiments.participation.journey import JourneyPlace
 from surveys import questionnaires, responses
+from surveys.definition import Definition
 from surveys.models import SEED_LIMIT, Response
 from surveys.models import Questionnaire as Row
+from surveys.outer_progress import OuterProgress
 from surveys.responses import Context, Respondent
 
 CONTEXT = "study"
@@ -26,17 +29,17 @@ def context_of_all(participant: Participant) -> str:
     return f"{CONTEXT}/{participant.pk}/"
 
 
-def context_key(participant: Participant, place: Place, step: AskingStep) -> str:
+def context_key(participant: Participant, place: JourneyPlace, step: AskingStep) -> str:
     """Return the context of a response."""
     return context_of_all(participant) + asked_at(place, step).word
 
 
-def asked_at(place: Place, step: AskingStep) -> Place:
+def asked_at(place: JourneyPlace, step: AskingStep) -> JourneyPlace:
     """Return the place to which a response belongs: one about the person is asked once for good."""
-    return Place(1, 0, place.step) if step.is_about_person else place
+    return JourneyPlace(1, 0, place.step) if step.is_about_person else place
 
 
-def is_answered(participant: Participant, place: Place, step: AskingStep) -> bool:
+def is_answered(participant: Participant, place: JourneyPlace, step: AskingStep) -> bool:
     """Tell whether the questions of a step are answered to the end."""
     given = Response.objects.filter(
         context=context_key(participant, place, step), questionnaire__slug=step.questionnaire
@@ -52,17 +55,27 @@ def questionnaire_of(step: AskingStep, now: datetime.datetime) -> Row:
         Row.DoesNotExist: nobody knows it.
     """
     row = Row.objects.filter(slug=step.questionnaire, version=step.version).first()
-    if row is not None:
-        return row
-    definition = questionnaires.shipped().get(step.questionnaire)
+    return row if row is not None else questionnaires.store(definition_of(step), now)
+
+
+def definition_of(step: AskingStep) -> Definition:
+    """Return what a step asks, without putting anything into the database.
+
+    Raises:
+        Row.DoesNotExist: nobody knows it.
+    """
+    row = Row.objects.filter(slug=step.questionnaire, version=step.version).first()
+    definition = (
+        row.as_definition() if row is not None else questionnaires.shipped().get(step.questionnaire)
+    )
     if definition is None or definition.version != step.version:
         raise Row.DoesNotExist(f"no questionnaire {step.questionnaire} {step.version}")
-    return questionnaires.store(definition, now)
+    return definition
 
 
 def ask(
     participant: Participant,
-    place: Place,
+    place: JourneyPlace,
     step: AskingStep,
     *,
     robot: tuple[str, ...],
@@ -101,3 +114,16 @@ def ask(
             response=response, defaults={"participant": participant, **fields}
         )
     return response
+
+
+def outer_progress(response: Response, language: str) -> OuterProgress | None:
+    """Return the study in which a response is asked, and the step of a participant who stands on it
+    (surveys.outer_progress.register_outer_progress).
+    """
+    asked = (
+        StepResponse.objects.filter(response=response).select_related("participant__study").first()
+    )
+    if asked is None or asked.step != asked.participant.step:
+        return None
+    number, total = progress.step_count(asked.participant)
+    return OuterProgress(progress.title_of(asked.participant.study, language), number, total)

@@ -30,4 +30,5 @@ def is_shown(robot: Robot, slug: str) -> bool:
     """Tell whether a study's researchers may see where a robot is and how it does: also that of a
     robot which is open to everybody.
     """
-    return (robot.enabled and robot.access == Robot.Access.OPEN) or is_lent(robot, slug)
+    is_open = robot.shown_to_visitors and robot.access == Robot.Access.OPEN
+    return (robot.enabled and is_open) or is_lent(robot, slug)

@@ -1,19 +1,35 @@
-"""The page of a study step, as every kind of step has it. A kind is one file in
-experiments/participation/steps/ with one subclass of `StepPage`, beside the file of its definition.
+"""The pages of study steps, as kinds of steps share them. A kind is one file in
+experiments/participation/steps/ with one subclass, beside the file of its definition.
 """
 
 import datetime
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, ClassVar
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import redirect, render
+from django.urls import reverse
 from django.utils.functional import Promise
 
+from experiments.definition.opening_hours import opens_on_the_wall
 from experiments.definition.step import Step
 from experiments.models import Participant, Study
-from experiments.participation import journey, progress
-from surveys.documents import spoken
+from experiments.participation import completion, progress, questions
+from experiments.participation.drive_status import (
+    NEVER,
+    DriveStatus,
+    driven,
+    last_drive,
+    robot_for,
+    series_of,
+)
+from surveys.conditions import Circumstances
+from surveys.definition import language_for
+from surveys.documents import BadDefinitionError, spoken
+from surveys.models import Questionnaire
+from surveys.outer_progress import OuterProgress
+from surveys.page_form import Reader, page_form_of
 
 
 class StepPage:
@@ -39,13 +55,15 @@ class StepPage:
         """Return the page."""
         raise NotImplementedError
 
-    def take(self, _request: HttpRequest, _now: datetime.datetime) -> HttpResponseBase | None:
-        """Take what the page sent; None leads to where the participant is then."""
-        return None
+    def take(self, _request: HttpRequest, _now: datetime.datetime) -> HttpResponseBase | bool:
+        """Take what the page sent: return a page to show, or whether the participant goes on."""
+        return False
 
-    def go_on(self, now: datetime.datetime) -> None:
-        """Lead the participant on from here."""
-        progress.go_on(self.participant, progress.place(self.participant), now)
+    def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+        """Return the page for a researcher who walks through. The participant is in no database:
+        nothing is asked of them, and nothing saved.
+        """
+        return self.show(request, now)
 
     def language(self, request: HttpRequest) -> str:
         """Return the language in which the study speaks."""
@@ -56,6 +74,149 @@ class StepPage:
     ) -> HttpResponse:
         """Return a page in the study's frame (templates/experiments/_frame.html)."""
         return render_in_frame(request, self.participant, template, more, status=status)
+
+
+class AskingPage(StepPage):
+    """A questionnaire, to which its address leads."""
+
+    def is_done(self) -> bool:
+        """Tell whether it is answered to the end."""
+        return questions.is_answered(self.participant, progress.place(self.participant), self.step)
+
+    def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+        """Lead to the questionnaire, begun at the first call."""
+        participant, here = self.participant, progress.place(self.participant)
+        last = last_drive(participant, here)
+        robot = (last.robot.name, series_of(last.robot)) if last.robot is not None else ()
+        try:
+            response = questions.ask(
+                participant,
+                here,
+                self.step,
+                robot=robot,
+                outcome=last.outcome,
+                return_to=reverse("study_step", args=[participant.study.slug]),
+                now=now,
+            )
+        except (Questionnaire.DoesNotExist, BadDefinitionError):
+            return self.render(request, "experiments/trouble.html", {"trouble": "questions"})
+        return redirect("survey", response.pk)
+
+    def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+        """Show a page of the questionnaire with all of its questions: `?page=2`."""
+        try:
+            definition = questions.definition_of(self.step)
+        except (Questionnaire.DoesNotExist, BadDefinitionError):
+            return self.render(request, "experiments/trouble.html", {"trouble": "questions"})
+        language = language_for(definition, request.LANGUAGE_CODE)
+        total = len(definition.pages)
+        asked = request.GET.get("page", "")
+        page = int(asked) if asked in {str(n) for n in range(1, total + 1)} else 1
+        reader = Reader(
+            language=language,
+            seed=0,
+            stored={},
+            circumstances=Circumstances(),
+            now=now,
+            sees_all=True,
+        )
+        title = progress.title_of(self.participant.study, request.LANGUAGE_CODE)
+        more = {
+            "form": page_form_of(definition, page - 1, reader, range(total)),
+            "title": spoken(definition.title, language),
+            "intro": spoken(definition.intro, language) if page == 1 else "",
+            "language": language,
+            "outer": OuterProgress(title, *progress.step_count(self.participant)),
+            "is_walk_through": True,
+            "following": page + 1 if page < total else None,
+            "user": self.participant.user,
+        }
+        return render(request, "surveys/page.html", more)
+
+
+class DrivePage(StepPage):
+    """What is shown before a drive."""
+
+    @cached_property
+    def done(self) -> DriveStatus:
+        """How the participant's drive at this place stands."""
+        return driven(self.participant, progress.place(self.participant))
+
+    def is_done(self) -> bool:
+        """Tell whether the robot was moved."""
+        return self.done.standing == "exposed"
+
+    def may_do_without(self, now: datetime.datetime) -> bool:
+        """Tell whether somebody may go on without driving: after a drive that never began, or where
+        none can begin now.
+        """
+        if self.done.standing == "living":
+            return False
+        is_closed = self.participant.study.status == Study.Status.CLOSED
+        if self.done.standing == "unexposed" or is_closed:
+            return True
+        robot, _conditions = robot_for(self.participant, now)
+        return robot is None or not robot.is_online(now)
+
+    def take(self, request: HttpRequest, now: datetime.datetime) -> bool:
+        """Lead on whoever does without, and may."""
+        return request.POST.get("go") == "without" and self.may_do_without(now)
+
+    def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+        """Show what is to be driven; whoever came when every cell was full is turned away."""
+        participant, study, done = self.participant, self.participant.study, self.done
+        is_full = not progress.has_place(participant) and progress.is_full(
+            study, progress.access_of(participant), participant.kind
+        )
+        if is_full and done.standing == "never":
+            progress.screen_out(participant, now)
+            return to_step(participant)
+        robot, _conditions = robot_for(participant, now)
+        more = {
+            "driven": done,
+            "robot": robot,
+            "is_practice": self.step.is_practice,
+            "minutes": round(self.step.minutes),
+            "is_online": robot is not None and robot.is_online(now),
+            "is_closed": study.status == Study.Status.CLOSED,
+            "is_full": is_full,
+            "opens_at": opens_on_the_wall(study.opening_hours, study.time_zone, now),
+            "may_do_without": self.may_do_without(now),
+        }
+        return self.render(request, "experiments/drive_step.html", more)
+
+    def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+        """Show what is to be driven, as if the robot were there."""
+        more = {
+            "driven": NEVER,
+            "is_practice": self.step.is_practice,
+            "minutes": round(self.step.minutes),
+            "is_online": True,
+        }
+        return self.render(request, "experiments/drive_step.html", more)
+
+
+def show_end(
+    request: HttpRequest, participant: Participant, now: datetime.datetime
+) -> HttpResponse:
+    """Return the page at which taking part has ended: thanks, and the completion code."""
+    if not participant.completion:
+        completion.conclude(participant, now)
+    last = progress.step_of(participant)
+    definition = participant.study.as_definition()
+    language = progress.language_of(definition, request.LANGUAGE_CODE)
+    more = {
+        "text": spoken(last.end_text, language),
+        "may_come_again": not is_walk_through(participant)
+        and participant.study.status != Study.Status.CLOSED
+        and progress.is_open(participant.study, now),
+    }
+    return render_in_frame(request, participant, "experiments/debrief.html", more)
+
+
+def is_walk_through(participant: Participant) -> bool:
+    """Tell whether a participant is in no database: a researcher's, who looks at the pages."""
+    return bool(participant._state.adding)
 
 
 def to_step(participant: Participant) -> HttpResponseBase:
@@ -76,7 +237,7 @@ def render_in_frame(
     language = progress.language_of(definition, request.LANGUAGE_CODE)
     here = progress.place(participant)
     step: Step = progress.step_of(participant)
-    number, total = journey.share_done(progress.way_of(participant), here)
+    number, total = progress.step_count(participant)
     context = {
         "study": participant.study,
         "participant": participant,
@@ -89,4 +250,6 @@ def render_in_frame(
         "is_draft": participant.study.status == Study.Status.DRAFT,
         **more,
     }
+    if is_walk_through(participant):
+        context |= {"is_walk_through": True, "user": participant.user}
     return render(request, template, context, status=status)

@@ -16,15 +16,13 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
 from experiments.definition.course import CourseError
-from experiments.definition.publishing import sites
 from experiments.models import Participant, Study
-from experiments.participation import journey, progress
+from experiments.participation import advance, drive_config, journey, progress
 from experiments.participation.drive_status import driven, robot_for
-from experiments.participation.end_page import show_end
-from experiments.participation.step_page import render_in_frame, to_step
+from experiments.participation.step_page import render_in_frame, show_end, to_step
 from experiments.participation.steps import page_of
 from experiments.participation.views import BAD
-from experiments.tasks import page
+from experiments.publishing import sites
 from robots.access import may_drive
 from sessions.views import page_config
 
@@ -55,8 +53,13 @@ def _take(request: HttpRequest, participant: Participant) -> HttpResponseBase:
         return render(request, "experiments/refused.html", {"study": participant.study}, status=BAD)
     if participant.status != Status.ACTIVE or here != progress.place(participant):
         return to_step(participant)
-    answer = page_of(participant, progress.step_of(participant)).take(request, timezone.now())
-    return to_step(participant) if answer is None else answer
+    now = timezone.now()
+    answer = page_of(participant, progress.step_of(participant)).take(request, now)
+    if isinstance(answer, bool):
+        if answer:
+            advance.go_on(participant, here, now)
+        return to_step(participant)
+    return answer
 
 
 def _show(request: HttpRequest, participant: Participant) -> HttpResponseBase:
@@ -76,7 +79,7 @@ def _catch_up(participant: Participant, now: datetime.datetime) -> None:
         participant.status == Status.ACTIVE
         and page_of(participant, progress.step_of(participant)).is_done()
     ):
-        if not progress.go_on(participant, progress.place(participant), now):
+        if not advance.go_on(participant, progress.place(participant), now):
             return
 
 
@@ -104,7 +107,7 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
             request, participant, "experiments/trouble.html", {"trouble": "robot"}
         )
     try:
-        guide = page.config(
+        guide = drive_config.config(
             participant,
             conditions,
             sites()[conditions[0].site],
@@ -114,11 +117,15 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
         return render_in_frame(
             request, participant, "experiments/trouble.html", {"trouble": "course"}
         )
+    number, total = progress.step_count(participant)
     return render(
         request,
         "sessions/drive.html",
         {
             "robot": robot,
             "config": {**page_config(robot, request.user), "practice": None, "study": guide},
+            "study_title": progress.title_of(participant.study, request.LANGUAGE_CODE),
+            "number": number,
+            "total": total,
         },
     )

@@ -1,5 +1,7 @@
 """The doors of a study: its front page, personal links, and a participant's own data."""
 
+import datetime
+import time
 from typing import Any
 
 from django.conf import settings
@@ -18,15 +20,26 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts import audit
-from accounts.attempts import Attempts
-from accounts.rate_limits import limited
-from experiments.models import ConsentReceipt, Participant, Study
-from experiments.participation import consent, landing, links, own_data, progress
+from accounts.attempts import Attempts, address_of
+from accounts.models import User
+from accounts.passwordless import (
+    NEW_GUESTS,
+    WRONG_CODES,
+    create_guest,
+    guest_of,
+    new_entry_code,
+    sign_in,
+)
+from accounts.rate_limits import limited, too_many
+from experiments.models import ConsentReceipt, Kind, Participant, PersonalLink, Study
+from experiments.participation import advance, consent, landing, links, own_data, progress
+from experiments.participation.forms import EntryCodeForm
 
 # in the browser's session: the parameters of recruitment links, by study
 CAME_WITH = "studies_came_with"
-GONE, FORBIDDEN, BAD = 410, 403, 400
+GONE, FORBIDDEN, BAD, WRONG = 410, 403, 400, 422
 LINKS, OWN_DATA = Attempts("study-link", limit=30), Attempts("own-data", limit=10)
+NEW_CODES = Attempts("new-codes", limit=5, seconds=300)
 
 
 def study_or_404(request: HttpRequest, slug: str) -> Study:
@@ -56,7 +69,13 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
         return render(
             request,
             "experiments/landing.html",
-            {"study": study, "page": page, "own": own, "sign_up": _sign_up(request)},
+            {
+                "study": study,
+                "page": page,
+                "own": own,
+                "sign_up": _sign_up(request),
+                "code_form": EntryCodeForm(),
+            },
         )
     return _come_in(request, study, own, page.stand)
 
@@ -67,23 +86,52 @@ def _come_in(
     now = timezone.now()
     if stand == "stranger":
         return redirect(_sign_up(request))
+    if stand == "anonymous":
+        return _come_in_anonymously(request, study, now)
     if stand == "finished" and own is not None:
-        progress.come_again(own, now)
+        advance.come_again(own, now)
     elif stand == "welcome":
-        kind = progress.kind_of(request.user, study)
-        came_with = request.session.get(CAME_WITH, {}).get(study.slug, {})
-        progress.enter(
-            study,
-            request.user,
-            access="open",
-            recruitment=came_with,
-            kind=kind,
-            language=get_language() or "",
-            now=now,
-        )
+        _enter(request, study, request.user, now)
     elif own is None:
         return redirect("study", study.slug)
     return redirect("study_step", study.slug)
+
+
+def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime) -> Participant:
+    return progress.enter(
+        study,
+        user,
+        access="open",
+        recruitment=request.session.get(CAME_WITH, {}).get(study.slug, {}),
+        kind=progress.kind_of(user, study),
+        language=get_language() or "",
+        now=now,
+    )
+
+
+def _come_in_anonymously(
+    request: HttpRequest, study: Study, now: datetime.datetime
+) -> HttpResponseBase:
+    """Make an account without a password, and show its code this once."""
+    if (refused := _too_many_guests(request)) is not None:
+        return refused
+    user = create_guest(User.Kind.PARTICIPANT, _("Participant"))
+    _enter(request, study, user, now)
+    sign_in(request, user)
+    return _show_code(request, user, reverse("study_step", args=[study.slug]))
+
+
+def _too_many_guests(request: HttpRequest) -> HttpResponse | None:
+    address, at = address_of(request), time.time()
+    if NEW_GUESTS.count(address, at):
+        return None
+    return too_many(request, NEW_GUESTS.wait(address, at))
+
+
+def _show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
+    """Answer with a new code; it is in no session and no address, and a reload shows none."""
+    code = new_entry_code(user)
+    return render(request, "experiments/entry_code.html", {"code": code, "go_on": go_on})
 
 
 def _keep_parameters(request: HttpRequest, slug: str) -> None:
@@ -98,6 +146,30 @@ def _sign_up(request: HttpRequest) -> str:
     return f"{reverse(page)}?{urlencode({'next': request.path})}"
 
 
+# --- coming back with a code ----------------------------------------------------------------------
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def enter_code(request: HttpRequest) -> HttpResponseBase:
+    """Ask for the code of somebody without an account; the right one leads to where they were."""
+    address, at = address_of(request), time.time()
+    if request.method != "POST":
+        return render(request, "experiments/enter_code.html", {"form": EntryCodeForm()})
+    if not WRONG_CODES.are_left(address, at):
+        return too_many(request, WRONG_CODES.wait(address, at))
+    form = EntryCodeForm(request.POST)
+    user = guest_of(form.cleaned_data["code"]) if form.is_valid() else None
+    if user is None:
+        WRONG_CODES.count(address, at)
+        if form.is_valid():
+            form.add_error("code", _("This code isn't known. Check each letter and digit."))
+        return render(request, "experiments/enter_code.html", {"form": form}, status=WRONG)
+    sign_in(request, user)
+    newest = progress.of_user(user).first()
+    return redirect("study_step", newest.study.slug) if newest is not None else redirect("own_data")
+
+
 # --- personal links -------------------------------------------------------------------------------
 
 
@@ -109,17 +181,51 @@ def link(request: HttpRequest, token: str) -> HttpResponseBase:
     now = timezone.now()
     try:
         found = links.find(token, request.user, now)
-        if request.method == "POST" and request.user.is_authenticated:
-            participant = links.redeem(token, request.user, language=get_language() or "", now=now)
-            return redirect("study_step", participant.study.slug)
+        if request.method == "POST":
+            return _follow(request, token, found, now)
     except links.LinkError as error:
         return render(
             request, "experiments/link_refused.html", {"reason": error.reason}, status=GONE
         )
-    if request.method == "POST":
-        return redirect(_sign_up(request))
     page = landing.landing(found.study, request.user, None, language=get_language() or "", now=now)
-    return render(request, "experiments/link.html", {"page": page, "sign_up": _sign_up(request)})
+    more = {
+        "page": page,
+        "sign_up": _sign_up(request),
+        "is_used": found.redeemed_at is not None,
+        "needs_account": found.kind == Kind.BOT,
+    }
+    return render(request, "experiments/link.html", more)
+
+
+def _follow(
+    request: HttpRequest, token: str, found: PersonalLink, now: datetime.datetime
+) -> HttpResponseBase:
+    """Let in whoever pressed the button of a link: again, with their account, or with a new one
+    that has no password. Bots make full accounts, whose names tell them apart.
+
+    Raises:
+        links.LinkError: somebody else used it meanwhile.
+    """
+    user: Any = request.user
+    language = get_language() or ""
+    guest = found.guest
+    if guest is not None:
+        sign_in(request, guest)
+    elif user.is_authenticated and not user.is_guest:
+        links.redeem(token, user, language=language, now=now)
+    elif found.kind == Kind.BOT:
+        return redirect(_sign_up(request))
+    else:
+        if (refused := _too_many_guests(request)) is not None:
+            return refused
+        guest = create_guest(User.Kind.PARTICIPANT, _("Participant"))
+        try:
+            links.redeem(token, guest, language=language, now=now)
+        except links.LinkError:
+            guest.delete()
+            raise
+        sign_in(request, guest)
+    return redirect("study_step", found.study.slug)
 
 
 # --- one's own data -------------------------------------------------------------------------------
@@ -163,28 +269,42 @@ def data_download(request: HttpRequest) -> JsonResponse:
 @limited(OWN_DATA)
 def data_delete(request: HttpRequest) -> HttpResponseBase:
     """Delete the account and all that belongs to it, when the user's name was typed as a
-    confirmation.
+    confirmation; a guest, who knows none, ticks a box.
     """
     user: Any = request.user
-    if request.POST.get("username", "") != user.username:
+    if user.is_guest and not request.POST.get("sure"):
+        messages.error(request, _("To confirm, tick the box. Nothing was deleted."))
+    elif not user.is_guest and request.POST.get("username", "") != user.username:
         messages.error(
             request,
-            _("Type your user name exactly, to show that you mean it. Nothing was deleted."),
+            _("To confirm, type your user name exactly. Nothing was deleted."),
         )
     elif own_data.is_driving(user):
         messages.error(
             request,
-            _("You are on a robot, or in line for one: leave it first. Nothing was deleted."),
+            _("You are driving a robot or waiting for one. Leave it first. Nothing was deleted."),
         )
     elif not own_data.delete_everything(user, timezone.now()):
         messages.error(
-            request, _("This account runs the site: another administrator has to delete it.")
+            request, _("This account administers the site. Another administrator must delete it.")
         )
     else:
         logout(request)
-        messages.success(request, _("Your account and all your data are deleted."))
+        messages.success(request, _("Your account and all your data have been deleted."))
         return redirect("home")
     return redirect("own_data")
+
+
+@never_cache
+@login_required
+@require_POST
+@limited(NEW_CODES)
+def new_code(request: HttpRequest) -> HttpResponse:
+    """Show somebody without an account a new code, with which they continue on another device."""
+    user: Any = request.user
+    if not user.is_guest:
+        raise Http404
+    return _show_code(request, user, reverse("own_data"))
 
 
 def _own(request: HttpRequest, code: str) -> Participant:
@@ -201,10 +321,13 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
     participant = _own(request, code)
     title = progress.title_of(participant.study, get_language() or "")
     if request.method != "POST":
-        return render(
-            request, "experiments/withdraw.html", {"participant": participant, "title": title}
-        )
-    own_data.withdraw(participant, timezone.now())
+        is_active = participant.status == Participant.Status.ACTIVE
+        number, total = progress.step_count(participant) if is_active else (0, 0)
+        more = {"participant": participant, "title": title, "number": number, "total": total}
+        return render(request, "experiments/withdraw.html", more)
+    own_data.leave(participant, timezone.now())
+    if getattr(request.user, "is_guest", False):
+        logout(request)
     return render(request, "experiments/withdrawn.html", {"title": title})
 
 

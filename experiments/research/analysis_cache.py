@@ -24,7 +24,7 @@ from django.db.models import Count, Max
 
 from experiments.analysis.dataset.records import EVERY, WITHOUT, Kind
 from experiments.analysis.metrics.sessions import VERSION
-from experiments.analysis.page import PAGE
+from experiments.analysis.page import LAYOUT, PAGE
 from experiments.export.reports import home
 from experiments.models import Drive, Participant, StepVisit, Study
 from sessions.models import StateChunk
@@ -97,7 +97,7 @@ def key_of(study: Study, kinds: Sequence[Kind]) -> str:
             .items()
         ),
         list(Questionnaire.objects.order_by("pk").values_list("pk", "sha256")),
-        (study.sha256, VERSION, sorted(kinds)),
+        (study.sha256, VERSION, LAYOUT, sorted(kinds)),
     )
     return hashlib.sha256(repr(about).encode()).hexdigest()[:24]
 
@@ -123,7 +123,9 @@ def fresh(study: Study, kinds: Sequence[Kind]) -> Stored:
     deadline = time.monotonic() + SECONDS
     while not _taken(lock):
         if time.monotonic() > deadline:
-            raise NotComputedError("Somebody else's computation of the same does not end.")
+            raise NotComputedError(
+                "Another computation of the same analysis has not finished. Try again later."
+            )
         time.sleep(LOOK_AGAIN)
         there = found(study, key)
         if there is not None:
@@ -183,7 +185,7 @@ def run_command(*words: str) -> None:
             text=True,
         )
     except subprocess.TimeoutExpired as error:
-        raise NotComputedError(f"It took longer than {SECONDS:.0f} s.") from error
+        raise NotComputedError(f"The analysis took longer than {SECONDS:.0f} s.") from error
     except subprocess.CalledProcessError as error:
         raise NotComputedError((error.stderr or "").strip().rpartition("\n")[2]) from error
 

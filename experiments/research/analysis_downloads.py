@@ -1,21 +1,32 @@
-"""The dataset of a study as a download: made by a process of its own, and sent while it is made."""
+"""The dataset of a study as a download, and the page that offers it: made by a process of its own,
+and sent while it is made.
+"""
 
 import asyncio
-import logging
 from collections.abc import AsyncIterator
 from typing import Any
 
-from django.http import Http404, HttpRequest, HttpResponseBase, StreamingHttpResponse
+import structlog
+from django.http import (
+    Http404,
+    HttpRequest,
+    HttpResponse,
+    HttpResponseBase,
+    StreamingHttpResponse,
+)
+from django.shortcuts import render
+from django.urls import reverse
+from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from accounts import audit
+from experiments.access import Role, for_role, may
 from experiments.export.formats import ON_REQUEST
-from experiments.research.access import Role, for_role, may
 from experiments.research.analysis_cache import command, environment
-from experiments.research.analysis_query import asked_of
+from experiments.research.analysis_query import asked_of, versions_of
 from sessions.system_log import log as keep
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 PART = 64 * 1024
 # What may be chosen, and who may.
 LEAST: dict[str, Role] = {
@@ -23,6 +34,28 @@ LEAST: dict[str, Role] = {
     "free_text": "researcher",
     "identified": "owner",
 }
+
+
+@never_cache
+@require_safe
+@for_role("viewer")
+def page(request: HttpRequest, slug: str) -> HttpResponse:
+    """Offer the dataset of a version, with what whoever asks may have in it."""
+    asked = asked_of(request, slug)
+    context = {
+        "asked": asked,
+        "study": asked.study,
+        "versions": versions_of(asked.study),
+        "dataset": reverse("analysis_dataset", args=[slug]),
+        "formats": [
+            (name, one.label)
+            for name, one in ON_REQUEST.items()
+            if may(request.user, slug, one.least)
+        ],
+        "may_see_text": may(request.user, slug, LEAST["free_text"]),
+        "may_identify": may(request.user, slug, LEAST["identified"]),
+    }
+    return render(request, "experiments/analysis/export.html", context)
 
 
 @require_safe
@@ -76,7 +109,7 @@ async def _output(words: list[str], obstacle_map: dict[str, str]) -> AsyncIterat
         while part := await process.stdout.read(PART):
             yield part
         if await process.wait():
-            logger.error("export_failed code=%s", process.returncode)
+            logger.error("export_failed", code=process.returncode)
             raise ConnectionAbortedError("the export failed")
     finally:
         if process.returncode is None:

@@ -58,6 +58,12 @@ def asked_of(request: HttpRequest, slug: str) -> Asked:
     return Asked(study, _kinds(request.GET.getlist("kind")), selection)
 
 
+def versions_of(study: Study) -> list[int]:
+    """Return the numbers of a study's versions, newest first."""
+    rows = Study.objects.filter(slug=study.slug).order_by("-version")
+    return list(rows.values_list("version", flat=True))
+
+
 def _kinds(given: Sequence[str]) -> tuple[Kind, ...]:
     known: tuple[Kind, ...] = ("participant", "pilot", "bot")
     return tuple(kind for kind in known if kind in given) or ("participant",)

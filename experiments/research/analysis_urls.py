@@ -7,6 +7,7 @@ from experiments.research import analysis_downloads, analysis_views
 urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/<uuid:pk>/analysis/", analysis_views.of_version, name="study_analysis"),
     path("studies/<slug:slug>/analysis/", analysis_views.page, name="analysis"),
+    path("studies/<slug:slug>/analysis/<slug:topic>/", analysis_views.page, name="analysis_topic"),
     path(
         "studies/<slug:slug>/analysis/tables/<slug:name>/",
         analysis_views.table,
@@ -22,6 +23,7 @@ urlpatterns: list[URLPattern | URLResolver] = [
         analysis_views.file,
         name="analysis_file",
     ),
+    path("studies/<slug:slug>/export/", analysis_downloads.page, name="analysis_export"),
     path(
         "studies/<slug:slug>/analysis/dataset.zip",
         analysis_downloads.dataset,

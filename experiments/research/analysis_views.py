@@ -1,5 +1,5 @@
-"""The analysis page of a study, for its researchers: tables and figures of which every number and
-part leads to its sessions.
+"""The analysis pages of a study, for its researchers, a topic each: tables and figures of which
+every number and part leads to its sessions.
 """
 
 from collections.abc import Iterable
@@ -21,15 +21,17 @@ from django.utils.safestring import SafeString, mark_safe
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
+from experiments.access import for_role, may
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.export.formats import ON_REQUEST
 from experiments.models import Drive, Kind, Study
 from experiments.research import analysis_cache
-from experiments.research.access import for_role, may
 from experiments.research.analysis_cache import NotComputedError, Stored
-from experiments.research.analysis_query import Asked, asked_of
+from experiments.research.analysis_query import Asked, asked_of, versions_of
+from experiments.research.analysis_topics import TOPICS, Topic, topic_of
 from experiments.research.figure_links import linked
+from sessions.models import Session
 
+OUTCOMES = dict(Session.Outcome.choices)
 SHORT = 60  # rows of a table that stands on the page as it is
 ROWS_A_PAGE = 100
 TYPES = {
@@ -53,8 +55,11 @@ def of_version(request: HttpRequest, pk: UUID) -> HttpResponse:
 @never_cache
 @require_safe
 @for_role("viewer")
-def page(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show tables and figures."""
+def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpResponse:
+    """Show the tables and figures of a topic that say something."""
+    here = next((one for one in TOPICS if one.key == topic), None)
+    if here is None:
+        raise Http404
     asked = asked_of(request, slug)
     try:
         stored = analysis_cache.fresh(asked.study, asked.kinds)
@@ -68,39 +73,40 @@ def page(request: HttpRequest, slug: str) -> HttpResponse:
     if asked.selection not in stored.selections:
         asked = Asked(asked.study, asked.kinds, stored.selections[0])
     summary = stored.read(asked.selection, "summary")
-    tables = [_table(asked, stored, head) for head in summary["tables"]]
-    figures = [_figure(asked, stored, about) for about in summary["figures"]]
-    context = _about(request, asked, stored) | {
-        "tables": tables,
-        "figures": figures,
+    parts = [*summary["figures"], *summary["tables"]]
+    context = _about(asked, stored) | {
+        "topic": here,
+        "topics": [
+            {"key": one.key, "label": one.title, "url": _page_of(asked, one)}
+            for one in TOPICS
+            if one is here or one is TOPICS[0] or one.of(parts)
+        ],
+        "selections": [
+            (name, name == asked.selection, _page_of(asked, here, selection=name))
+            for name in stored.selections
+        ],
+        "tables": [_table(asked, stored, head) for head in here.of(summary["tables"])],
+        "figures": [_figure(asked, stored, about) for about in here.of(summary["figures"])],
         "sessions": len(summary["sessions"]),
     }
     return render(request, "experiments/analysis/page.html", context)
 
 
-def _about(request: HttpRequest, asked: Asked, stored: Stored) -> dict[str, Any]:
+def _page_of(asked: Asked, topic: Topic, **more: object) -> str:
+    """Return the address of a topic's page; the first is the analysis itself."""
+    own = () if topic is TOPICS[0] else (topic.key,)
+    return asked.address("analysis_topic" if own else "analysis", *own, **more)
+
+
+def _about(asked: Asked, stored: Stored) -> dict[str, Any]:
     study = asked.study
     return {
         "asked": asked,
         "study": study,
         "stored": stored,
         "back": asked.address("analysis"),
-        "versions": Study.objects.filter(slug=study.slug)
-        .order_by("-version")
-        .values_list("version", flat=True),
+        "versions": versions_of(study),
         "kinds": [(kind.value, kind.label, kind.value in asked.kinds) for kind in Kind],
-        "selections": [
-            (name, name == asked.selection, asked.address("analysis", selection=name))
-            for name in stored.selections
-        ],
-        "dataset": asked.address("analysis_dataset"),
-        "formats": [
-            (name, one.label)
-            for name, one in ON_REQUEST.items()
-            if may(request.user, study.slug, one.least)
-        ],
-        "may_see_text": may(request.user, study.slug, "researcher"),
-        "may_identify": may(request.user, study.slug, "owner"),
     }
 
 
@@ -172,7 +178,8 @@ def table(request: HttpRequest, slug: str, name: str) -> HttpResponse:
         word: asked.address("analysis_table", name, page=number)
         for word, number in _neighbours(here)
     }
-    context = _about(request, asked, stored) | {
+    context = _about(asked, stored) | {
+        "back": _page_of(asked, topic_of(name)),
         "table": head | {"shown": _rows(asked, stored, list(here))},
         "here": here,
         "steps": steps,
@@ -217,11 +224,17 @@ def sessions(request: HttpRequest, slug: str, number: int) -> HttpResponse:
         raise Http404
     keys = _keys(asked.study)
     rows = [
-        known[code] | {"code": code, "replays": _replays(keys.get(code), known[code])}
+        known[code]
+        | {
+            "code": code,
+            "outcome": OUTCOMES.get(known[code]["outcome"], known[code]["outcome"]),
+            "kind_label": Kind(known[code]["kind"]).label,
+            "replays": _replays(keys.get(code), known[code]),
+        }
         for code in sets[number]
         if code in known
     ]
-    context = _about(request, asked, stored) | {
+    context = _about(asked, stored) | {
         "rows": rows,
         "people": len({row["participant"] for row in rows}),
     }

@@ -9,11 +9,16 @@ import datetime
 from collections.abc import Iterable
 from typing import Any
 
-from experiments.definition.schema import Study as Definition
-from experiments.definition.steps.task import Task
+import msgspec
+
+from experiments.definition.course import CourseError
+from experiments.definition.schema import StudyDefinition
+from experiments.definition.steps.task import TaskStep
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
+from experiments.participation.drive_config import ground
 from experiments.participation.robot_eligibility import is_shown
 from experiments.stored_states import newest_chunk
+from robots.api import floorplan
 from robots.models import Robot
 from robots.readiness_text import in_words
 from sessions.leases import store, terms
@@ -58,7 +63,9 @@ def robots_of(slug: str) -> list[Robot]:
     return _robots(slug, [study.as_definition() for study in Study.objects.filter(slug=slug)], ())
 
 
-def _robots(slug: str, definitions: Iterable[Definition], drives: Iterable[Drive]) -> list[Robot]:
+def _robots(
+    slug: str, definitions: Iterable[StudyDefinition], drives: Iterable[Drive]
+) -> list[Robot]:
     """Those of the conditions' series at their sites, and those that are being driven; few, because
     a site has few robots.
     """
@@ -81,13 +88,41 @@ def _robots(slug: str, definitions: Iterable[Definition], drives: Iterable[Drive
     ]
 
 
+def courses_of(
+    slug: str, robots: Iterable[Robot], language: str
+) -> dict[str, dict[int, dict[str, Any]]]:
+    """Return the course of each robot in each version of a study, as maps draw it; robots and
+    versions without one are left out.
+    """
+    studies = {row.version: row.as_definition() for row in Study.objects.filter(slug=slug)}
+    return {
+        robot.name: {
+            version: drawn
+            for version, study in studies.items()
+            if (drawn := _drawn(study, robot, language)) is not None
+        }
+        for robot in robots
+    }
+
+
+def _drawn(study: StudyDefinition, robot: Robot, language: str) -> dict[str, Any] | None:
+    course = next((one for one in study.courses if (one.robot, one.site) == _place(robot)), None)
+    if course is None or robot.floor_plan is None:
+        return None
+    try:
+        plan = floorplan.decode(msgspec.json.encode(robot.floor_plan.plan))
+        return ground(course, plan, language)
+    except (floorplan.FloorPlanError, CourseError):
+        return None
+
+
 def _place(robot: Robot) -> tuple[str, str]:
     return (robot.factsheet or {}).get(
         "series", ""
     ), robot.floor_plan.name if robot.floor_plan else ""
 
 
-def condition_title(definition: Definition, key: str, language: str) -> str:
+def condition_title(definition: StudyDefinition, key: str, language: str) -> str:
     """Return what a condition is called."""
     condition = definition.condition(key)
     return spoken(condition.title, language) if condition is not None else key
@@ -97,7 +132,7 @@ def condition_title(definition: Definition, key: str, language: str) -> str:
 
 
 def _people(
-    slug: str, definitions: dict[Any, Definition], language: str, now: datetime.datetime
+    slug: str, definitions: dict[Any, StudyDefinition], language: str, now: datetime.datetime
 ) -> list[dict[str, Any]]:
     rows = list(
         Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT).order_by(
@@ -117,7 +152,7 @@ def _began(people: list[Participant]) -> dict[tuple[Any, int, int, str], datetim
 
 def _person(
     row: Participant,
-    definition: Definition,
+    definition: StudyDefinition,
     began: dict[Any, datetime.datetime],
     language: str,
     now: datetime.datetime,
@@ -226,7 +261,7 @@ def _doors(robot: Robot, now: datetime.datetime) -> list[dict[str, Any]]:
 
 
 def _drive(
-    drive: Drive, definition: Definition, language: str, now: datetime.datetime
+    drive: Drive, definition: StudyDefinition, language: str, now: datetime.datetime
 ) -> dict[str, Any]:
     session = drive.session
     chunk = newest_chunk(session)
@@ -239,6 +274,7 @@ def _drive(
         "code": drive.participant.code,
         "kind": drive.participant.kind,
         "number": drive.number,
+        "version": definition.version,
         "condition": condition_title(definition, drive.condition, language),
         "state": session.state,
         "granted": drive.granted_at.timestamp(),
@@ -259,7 +295,9 @@ def _network(sample: NetworkSample | None, now: datetime.datetime) -> dict[str, 
     return {**figures, "age": now.timestamp() - sample.received_at}
 
 
-def _task(drive: Drive, definition: Definition, now: datetime.datetime) -> dict[str, Any] | None:
+def _task(
+    drive: Drive, definition: StudyDefinition, now: datetime.datetime
+) -> dict[str, Any] | None:
     """Return how far the task is, from what the engine has told; None on a step without one."""
     task = definition.task
     if task is None or drive.step != task.key:
@@ -282,11 +320,11 @@ def _task(drive: Drive, definition: Definition, now: datetime.datetime) -> dict[
     }
 
 
-def _limit(task: Task) -> float:
+def _limit(task: TaskStep) -> float:
     return task.minutes * 60.0
 
 
-def _count(definition: Definition, drive: Drive) -> int:
+def _count(definition: StudyDefinition, drive: Drive) -> int:
     condition = definition.condition(drive.condition)
     course = definition.course_of(condition) if condition is not None else None
     return len(course.checkpoints) - 1 if course is not None else 0

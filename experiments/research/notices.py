@@ -6,12 +6,13 @@ Also in the system log, as the events `queue_paused` (sessions/manager/return_to
 """
 
 import datetime
-import logging
 import smtplib
 from typing import Any
 
+import structlog
 from django.conf import settings
 from django.core.mail import EmailMessage, get_connection
+from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.translation import gettext as _
 
@@ -21,18 +22,18 @@ from robots.models import Robot
 from robots.readiness_text import in_words
 from sessions.models import Session
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 MAIL_SECONDS = 5.0  # that a mail server may keep the session manager waiting
 
 
 def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any) -> None:
     """Tell the researchers of every open study that uses a robot that its queue is paused."""
-    subject = _("%(study)s: the queue of %(robot)s is paused")
+    subject = _("%(study)s: the queue for %(robot)s is paused")
     text = _(
-        "Since %(at)s nobody is admitted to %(robot)s, because it could not be made ready for the"
-        " next visit: %(reason)s.\n\nIt goes on trying every two minutes. You get this mail once"
-        " for each pause."
+        "No visitors have been admitted to %(robot)s since %(at)s because it "
+        "could not be made ready for the next visit: %(reason)s.\n\nThe system "
+        "tries again every two minutes. You get one e-mail for each pause."
     )
     for study in studies_with(robot):
         addresses = addresses_of(study)
@@ -49,9 +50,10 @@ def publish_not_ready(
         return
     subject = _("%(study)s: %(robot)s is not ready for the next participant")
     text = _(
-        "Since %(at)s a participant waits for %(robot)s, which nobody drives: %(reason)s.\n\nPut"
-        " the robot into its charging station, or drive it there. The drive then begins by itself."
-        " You get this mail once for each participant who waits."
+        "A participant has been waiting for %(robot)s since %(at)s. Nobody is "
+        "driving the robot: %(reason)s.\n\nPut the robot in its charging station "
+        "or drive it there. The participant's drive then starts automatically. "
+        "You get one e-mail for each participant who waits."
     )
     addresses = addresses_of(standing.participant.study)
     if addresses:
@@ -76,6 +78,24 @@ def addresses_of(study: Study) -> list[str]:
         role=StudyMember.Role.VIEWER
     )
     return sorted({address for address in members.values_list("user__email", flat=True) if address})
+
+
+def mail_to_owner(_request: HttpRequest, robot: Robot) -> str:
+    """Say whether a robot's owner gets such mail: as a member of a study alone."""
+    owner = robot.owner
+    if owner is None:
+        return _("This robot has no owner.")
+    if not owner.email:
+        return _("No: the owner's account has no e-mail address.")
+    titles = [study.title for study in studies_with(robot) if owner.email in addresses_of(study)]
+    if not titles:
+        return _(
+            "No. Only researchers of a published study get an e-mail when its robot can't get "
+            "ready. The system log lists all problems."
+        )
+    return _("Yes, when the robot can't get ready, as a researcher of: %(studies)s.") % {
+        "studies": ", ".join(titles)
+    }
 
 
 def _send(
@@ -106,4 +126,4 @@ def _send(
             connection=connection,
         ).send()
     except (OSError, smtplib.SMTPException) as error:
-        log.error("staff_not_told study=%s robot=%s reason=%s", study.slug, robot.name, error)
+        log.error("staff_not_notified", study=study.slug, robot=robot.name, reason=str(error))

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from experiments.dataset.events import page_offset, robot_offset
-from experiments.dataset.states import Part, StoredState
+from experiments.dataset.states import StoredPart, StoredState
 from experiments.models import Drive, TaskEvent
+from experiments.research.event_text import in_words
 from experiments.stored_states import StateReader
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot
 
@@ -34,12 +35,9 @@ STATES = {
     "contacts": 0,
 }
 COMMANDS = {"t": 3, "v": 3, "w": 3, "method": 0, "way": 0, "age": 4}
-# Not shown beside an event: it is drawn on the map, or long and of no use to a reader.
-UNTOLD = frozenset({"pose", "sha256", "actionId"})
-LONGEST = 160
 
 
-class Applied(Part):
+class ReplayCommand(StoredPart):
     """A command that was applied; `stamp` by the page's clock."""
 
     stamp: float
@@ -53,7 +51,7 @@ class Applied(Part):
 class Recorded(StoredState):
     """A state with its commands as they were."""
 
-    applied: list[Applied] = []
+    applied: list[ReplayCommand] = []
 
 
 STORED = StateReader(Recorded)
@@ -123,7 +121,7 @@ def _state_row(at: float, state: Recorded) -> tuple[Any, ...]:
 
 
 def _command_rows(
-    at: float, applied: list[Applied], words: dict[str, int]
+    at: float, applied: list[ReplayCommand], words: dict[str, int]
 ) -> Iterable[tuple[Any, ...]]:
     """Yield the commands of a state; the newest stands at the state's time, the others as long
     before as they were given.
@@ -192,22 +190,6 @@ def _events(
         rows = TaskEvent.objects.filter(drive=drive).values_list("stamp", "type", "data")
         events += [[stamp - begin, "task", kind, in_words(data)] for stamp, kind, data in rows]
     return sorted([round(max(0.0, at), 3), *rest] for at, *rest in events)
-
-
-def in_words(data: dict[str, Any]) -> str:
-    """Return the data of an event in one line."""
-    told = [
-        f"{_told(value)}" if name in {"name", "detail"} else f"{name} {_told(value)}"
-        for name, value in data.items()
-        if name not in UNTOLD
-    ]
-    return " · ".join(told)[:LONGEST]
-
-
-def _told(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_told(part)}" for name, part in value.items())
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def photos_of(session: Session, begin: float) -> list[tuple[float, Snapshot]]:

@@ -11,8 +11,8 @@ from django.db.models import Model, QuerySet
 from django.http import Http404, HttpRequest
 
 from accounts.admin_filters import ShownFilters
+from experiments.access import Role, may
 from experiments.models import Study, StudyMember
-from experiments.research.access import Role, may
 
 
 def slugs_of(user: Any) -> "QuerySet[StudyMember, str]":
@@ -39,11 +39,16 @@ class OfStudies(ShownFilters):
 
     study = ""
 
-    def slug_of(self, row: Any) -> str:
-        """Return the name of the study that a row belongs to."""
+    def study_of(self, row: Any) -> Study:
+        """Return the study that a row belongs to."""
         for name in filter(None, self.study.split("__")):
             row = getattr(row, name)
-        return str(row.slug)
+        found: Study = row
+        return found
+
+    def slug_of(self, row: Any) -> str:
+        """Return the name of the study that a row belongs to."""
+        return self.study_of(row).slug
 
     def get_queryset(self, request: HttpRequest) -> Any:
         """Leave out what belongs to studies of others."""

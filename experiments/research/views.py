@@ -19,10 +19,10 @@ from django.views.decorators.http import require_POST, require_safe
 from accounts import audit
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
+from experiments.access import for_role, may, session_for
 from experiments.models import Drive, Study
 from experiments.participation.robot_eligibility import is_lent
 from experiments.research import interventions, live
-from experiments.research.access import for_role, may, session_for
 from experiments.research.replay import photos_of, replay
 from robots.access import may_observe, may_operate
 from robots.models import Robot
@@ -44,6 +44,7 @@ def live_page(request: HttpRequest, slug: str) -> HttpResponse:
     if study is None:
         raise Http404
     acts, robots = may(request.user, slug, "researcher"), live.robots_of(slug)
+    language = get_language() or "en"
     config = {
         "data": reverse("study_live_data", args=[slug]),
         "act": reverse("study_live_act", args=[slug]) if acts else None,
@@ -53,6 +54,9 @@ def live_page(request: HttpRequest, slug: str) -> HttpResponse:
             if acts and may_observe(request.user, robot)
         },
         "replay": reverse("replay", args=[uuid.UUID(int=0)]),
+        "record": reverse("replay_data", args=[uuid.UUID(int=0)]),
+        "version": _shown_version(slug),
+        "courses": live.courses_of(slug, robots, language),
         "sites": {
             robot.name: plan_content(robot.floor_plan) for robot in robots if robot.floor_plan
         },
@@ -60,6 +64,13 @@ def live_page(request: HttpRequest, slug: str) -> HttpResponse:
     return render(
         request, "experiments/research/live.html", {"study": study, "config": config, "acts": acts}
     )
+
+
+def _shown_version(slug: str) -> int | None:
+    """Return the version whose course is shown while nobody drives."""
+    rows = Study.objects.filter(slug=slug).order_by("-version")
+    shown = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
+    return shown.version if shown is not None else None
 
 
 @never_cache
@@ -91,9 +102,9 @@ def _act(request: HttpRequest, slug: str) -> str:
         raise Http404
     act, text = request.POST.get("act", ""), request.POST.get("text", "").strip()
     if act not in {"message", "end", "hold", "release"}:
-        return _("There is no such act.")
+        return _("Unknown action.")
     if not text and act != "release":
-        return _("Say what, or why.")
+        return _("Enter a message or reason.")
     if act in {"hold", "release"}:
         return _hold(request, slug, act, text)
     return _on_session(request, slug, act, text)
@@ -111,7 +122,7 @@ def _hold(request: HttpRequest, slug: str, act: str, text: str) -> str:
     return (
         ""
         if interventions.release(robot, request.user, timezone.now())
-        else _("Its visits go on already.")
+        else _("Visits have already resumed.")
     )
 
 
@@ -125,12 +136,12 @@ def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str:
     )
     session, now = drive.session, timezone.now()
     if session.state == Session.State.ENDED:
-        return _("The session is over already.")
+        return _("The session has already ended.")
     if act == "end":
         return (
             ""
             if interventions.end_session(session, text, request.user, now)
-            else _("The session is over already.")
+            else _("The session has already ended.")
         )
     return (
         ""

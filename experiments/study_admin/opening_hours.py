@@ -9,7 +9,7 @@ from zoneinfo import available_timezones
 
 from django import forms
 from django.utils.dates import WEEKDAYS, WEEKDAYS_ABBR
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from experiments.definition import opening_hours
@@ -62,7 +62,7 @@ def _span(text: str) -> tuple[str, str]:
 def summary(hours: Sequence[Mapping[str, Any]], time_zone: str) -> str:
     """Return opening hours in one line: "Mon-Fri 09:00-17:00 (Europe/Madrid)"."""
     if not hours:
-        return _now("always open")
+        return gettext("always open")
     spans = "; ".join(f"{_days(span['days'])} {span['start']}-{span['end']}" for span in hours)
     return f"{spans} ({time_zone})"
 
@@ -106,7 +106,8 @@ class HoursForm(forms.Form):
             except ValueError as error:
                 self.add_error(
                     name,
-                    _now("“%(text)s” is no time of the day such as 09:00-17:00.") % {"text": error},
+                    gettext("“%(text)s” is not a time range such as 09:00-17:00.")
+                    % {"text": error},
                 )
         if self.errors:
             return cleaned

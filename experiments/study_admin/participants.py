@@ -3,6 +3,7 @@ Nothing is edited or deleted.
 """
 
 import json
+import uuid
 from typing import Any
 
 from django.contrib import admin, messages
@@ -13,14 +14,14 @@ from django.urls import URLPattern, path, reverse
 from django.utils import timezone
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
-from experiments.definition import publishing
+from experiments import publishing
+from experiments.access import may
 from experiments.models import Drive, Participant, Rehearsal, Study
-from experiments.research.access import may
 from experiments.research.study_access import OfStudies
 from robots.admin import NOTHING, link_to
 
@@ -96,11 +97,34 @@ class MismatchFilter(admin.SimpleListFilter):
         return rows.get(self.value(), queryset)
 
 
+class StudyRows(OfStudies):
+    """Rows of a study, with its tabs above them: above a list as soon as a study is chosen."""
+
+    study_tab = ""
+
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
+        """Show the tabs of the chosen study."""
+        chosen = request.GET.get(StudyFilter.parameter_name, "")
+        study = Study.objects.filter(pk=chosen).first() if is_uuid(chosen) else None
+        return super().changelist_view(request, {**(extra_context or {}), **self._tabs_of(study)})
+
+    def render_change_form(
+        self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
+    ) -> Any:
+        """Show the tabs of the row's study."""
+        context |= self._tabs_of(self.study_of(context["original"]))
+        return super().render_change_form(request, context, *args, **options)
+
+    def _tabs_of(self, study: Study | None) -> dict[str, Any]:
+        return {} if study is None else {"study": study, "study_tab": self.study_tab}
+
+
 @admin.register(Participant)
-class ParticipantAdmin(OfStudies):
+class ParticipantAdmin(StudyRows):
     """Who takes part. Viewers see codes, not people."""
 
     study = "study"
+    study_tab = "participants"
     show_full_result_count = False
     list_display = (
         "code",
@@ -149,7 +173,7 @@ class ParticipantAdmin(OfStudies):
                 },
             ),
             (
-                _("Where they are"),
+                _("Progress"),
                 {
                     "fields": (
                         "status",
@@ -192,7 +216,7 @@ class ParticipantAdmin(OfStudies):
         """Return the user's shown name."""
         return row.user.shown_name if row.user is not None else NOTHING
 
-    @admin.display(description=_("at step"), ordering="step")
+    @admin.display(description=_("current step"), ordering="step")
     def where(self, row: Participant) -> str:
         """Return the step on which they stand."""
         return row.step or NOTHING
@@ -225,12 +249,13 @@ class ParticipantAdmin(OfStudies):
 
 
 @admin.register(Drive)
-class DriveAdmin(OfStudies):
+class DriveAdmin(StudyRows):
     """Drives: what was assigned, what was applied, how the task went; excluded and taken back with
     a reason.
     """
 
     study = "participant__study"
+    study_tab = "drives"
     show_full_result_count = False
     list_display = (
         "granted_at",
@@ -288,7 +313,7 @@ class DriveAdmin(OfStudies):
             },
         ),
         (
-            _("How it went"),
+            _("Outcome"),
             {
                 "fields": (
                     "granted_at",
@@ -322,7 +347,7 @@ class DriveAdmin(OfStudies):
         """Tell whether everything was as the condition says."""
         return not row.mismatches
 
-    @admin.display(description=_("counts"), boolean=True)
+    @admin.display(description=_("included"), boolean=True)
     def is_counted(self, row: Drive) -> bool:
         """Tell whether nobody excluded it."""
         return not row.excluded_reason
@@ -335,7 +360,7 @@ class DriveAdmin(OfStudies):
     @admin.display(description=_("replay"))
     def replay(self, row: Drive) -> str | SafeString:
         """Return the way to its replay."""
-        return link_to("replay", _now("Replay"), row.session_id)
+        return link_to("replay", gettext("Replay"), row.session_id)
 
     @admin.display(description=_("assigned"))
     def assigned_told(self, row: Drive) -> str | SafeString:
@@ -352,7 +377,7 @@ class DriveAdmin(OfStudies):
         """Return what the task came to."""
         return _shown(row.result)
 
-    @admin.display(description=_("robot at the beginning and at the end"))
+    @admin.display(description=_("robot at start and end"))
     def ends_told(self, row: Drive) -> str | SafeString:
         """Return how the robot stood in the first and in the last state."""
         return _shown(
@@ -370,7 +395,7 @@ class DriveAdmin(OfStudies):
     def excluded(self, row: Drive) -> str:
         """Return who excluded it, when and why."""
         if not row.excluded_reason:
-            return _now("no")
+            return gettext("no")
         who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
         return (
             f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})"
@@ -406,7 +431,7 @@ class DriveAdmin(OfStudies):
             error = (
                 ""
                 if LEAST_REASON <= len(reason) <= MOST_REASON
-                else _now("Write a reason, in at most %(n)d characters.") % {"n": MOST_REASON}
+                else gettext("Enter a reason of at most %(n)d characters.") % {"n": MOST_REASON}
             )
             if not error:
                 self._set(request, row, reason, exclude="exclude" in request.POST)
@@ -414,11 +439,13 @@ class DriveAdmin(OfStudies):
                     reverse("admin:experiments_drive_change", args=[row.pk])
                 )
         title = (
-            _now("Take back the exclusion") if row.excluded_reason else _now("Exclude this drive")
+            gettext("Undo the exclusion") if row.excluded_reason else gettext("Exclude this drive")
         )
         context = self.admin_site.each_context(request) | {
             "title": title,
             "opts": self.opts,
+            "study": row.participant.study,
+            "study_tab": self.study_tab,
             "drive": row,
             "error": error,
             "reason": reason,
@@ -445,28 +472,30 @@ class DriveAdmin(OfStudies):
             rows.update(**told)
             publishing.log(row, request.user, f"Excluded: {reason}")
             messages.success(
-                request, _now("The drive is excluded; tables are made with and without.")
+                request,
+                gettext("Drive excluded. Tables are made with and without excluded drives."),
             )
         else:
             rows.update(excluded_reason="", excluded_by=None, excluded_at=None)
             publishing.log(
                 row, request.user, f"Not excluded any more: {reason} (was: {row.excluded_reason})"
             )
-            messages.success(request, _now("The drive counts again."))
+            messages.success(request, gettext("The drive is included again."))
 
 
 @admin.register(Rehearsal)
-class RehearsalAdmin(OfStudies):
+class RehearsalAdmin(StudyRows):
     """Dress rehearsals, and what they found."""
 
     study = "study"
+    study_tab = "overview"
     list_display = ("began_at", "study", "finished_at", "passed", "is_of_this_definition")
     list_filter = (StudyFilter, "passed")
     list_select_related = ("study",)
     fields = ("study", "began_at", "finished_at", "passed", "is_of_this_definition", "told")
     readonly_fields = ("is_of_this_definition", "told")
 
-    @admin.display(description=_("of the definition as it is now"), boolean=True)
+    @admin.display(description=_("of the current definition"), boolean=True)
     def is_of_this_definition(self, row: Rehearsal) -> bool:
         """Tell whether nothing was changed since."""
         return row.sha256 == row.study.sha256
@@ -475,6 +504,15 @@ class RehearsalAdmin(OfStudies):
     def told(self, row: Rehearsal) -> str | SafeString:
         """Return what was found."""
         return _shown(row.report)
+
+
+def is_uuid(text: str) -> bool:
+    """Tell whether a text is the id of a row, as it stands in addresses."""
+    try:
+        uuid.UUID(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _shown(content: Any) -> str | SafeString:

@@ -17,11 +17,11 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
+from experiments import publishing
+from experiments.access import may
 from experiments.builder.forms import LinksForm, MemberForm
-from experiments.definition import publishing
 from experiments.models import PersonalLink, Study, StudyMember
 from experiments.participation import links
-from experiments.research.access import may
 from experiments.research.study_access import study_for
 from experiments.study_admin import opening_hours
 
@@ -60,6 +60,8 @@ class PeoplePages:
             "title": title,
             "opts": self.opts,
             "study": row,
+            "study_tab": "sharing",
+            "sharing_tab": name,
         }  # type: ignore[attr-defined]
         return render(request, f"admin/experiments/study/{name}.html", {**around, **context})
 
@@ -93,7 +95,7 @@ class PeoplePages:
     def _add(self, request: HttpRequest, row: Study, user: Any, role: str) -> None:
         member = StudyMember.objects.filter(slug=row.slug, user=user).first()
         if member is not None and role != StudyMember.Role.OWNER and self._is_last_owner(member):
-            messages.error(request, _("A study keeps one owner at least."))
+            messages.error(request, _("A study needs at least one owner."))
             return
         try:
             StudyMember.objects.update_or_create(slug=row.slug, user=user, defaults={"role": role})
@@ -102,7 +104,8 @@ class PeoplePages:
         publishing.log(row, request.user, f"Researcher {user.username}: {role}.")
         audit.note("member_added", actor=request.user, person=user, study=row.slug, detail=role)
         messages.success(
-            request, _("%(person)s belongs to the study.") % {"person": user.shown_name}
+            request,
+            _("%(person)s is now a researcher of this study.") % {"person": user.shown_name},
         )
 
     def _remove(self, request: HttpRequest, row: Study, pk: str) -> None:
@@ -117,14 +120,14 @@ class PeoplePages:
         if member is None:
             raise Http404
         if self._is_last_owner(member):
-            messages.error(request, _("A study keeps one owner at least."))
+            messages.error(request, _("A study needs at least one owner."))
             return
         member.delete()
         publishing.log(row, request.user, f"Researcher {member.user.username} removed.")
         audit.note("member_removed", actor=request.user, person=member.user, study=row.slug)
         messages.success(
             request,
-            _("%(person)s does not belong to the study any more.")
+            _("%(person)s is no longer a researcher of this study.")
             % {"person": member.user.shown_name},
         )
 
@@ -150,7 +153,9 @@ class PeoplePages:
                 return self._revoke(request, row, request.POST["revoke"])
             if form.is_valid():
                 return self._made(request, row, form)
-        rows = PersonalLink.objects.filter(study=row).select_related("participant")[:MOST_LISTED]
+        rows = PersonalLink.objects.filter(study=row).select_related("participant__user")[
+            :MOST_LISTED
+        ]
         return self._page(
             request, row, "links", _("Personal links"), links=rows, form=form, now=timezone.now()
         )
@@ -195,9 +200,9 @@ class PeoplePages:
         if links.revoke(link, timezone.now()):
             publishing.log(row, request.user, f"Personal link revoked: {link}.")
             audit.note("link_revoked", actor=request.user, study=row.slug, thing=link)
-            messages.success(request, _("The link leads nowhere any more."))
+            messages.success(request, _("Link revoked. It no longer works."))
         else:
-            messages.error(request, _("This link was used or revoked already."))
+            messages.error(request, _("This link has already been used or revoked."))
         return HttpResponseRedirect(request.path)
 
     # --- hours ------------------------------------------------------------------------------------

@@ -12,10 +12,10 @@ States before the first picture place the robot and no more. Nothing after the e
 from bisect import bisect_left
 from dataclasses import dataclass
 
-from experiments.definition.course import Track
+from experiments.definition.course import CourseTrack
 from experiments.definition.cues import Cue
 from experiments.definition.schema import Outcome
-from experiments.tasks.progress import Progress, Settled, TaskEvent, step, until
+from experiments.tasks.progress import Progress, ProgressEvent, Settled, step, until
 from experiments.tasks.records import Order, Record, identity, order
 
 PhotoOutcome = Settled | None
@@ -44,14 +44,14 @@ class Result:
 class TaskEngine:
     """One participant's task on a course."""
 
-    def __init__(self, track: Track) -> None:
+    def __init__(self, track: CourseTrack) -> None:
         self.track = track
         self._now = float("-inf")
         self._known: dict[tuple[int, str, int], Record] = {}
         self._orders: list[Order] = []
         self._records: list[Record] = []
-        self._folded: list[tuple[Progress, tuple[TaskEvent, ...]]] = []
-        self._told: set[TaskEvent] = set()
+        self._folded: list[tuple[Progress, tuple[ProgressEvent, ...]]] = []
+        self._told: set[ProgressEvent] = set()
 
     def feed(self, record: Record) -> None:
         """Take a record. Of two copies that say different times the earlier counts, whichever came
@@ -95,7 +95,7 @@ class TaskEngine:
         return until(self.track, self._folded[-1][0] if self._folded else Progress(), self._now)[0]
 
     @property
-    def events(self) -> tuple[TaskEvent, ...]:
+    def events(self) -> tuple[ProgressEvent, ...]:
         """All that has happened until now, in order."""
         self._fold()
         folded = [event for _, events in self._folded for event in events]
@@ -104,7 +104,7 @@ class TaskEngine:
             *until(self.track, self._folded[-1][0] if self._folded else Progress(), self._now)[1],
         )
 
-    def news(self) -> tuple[TaskEvent, ...]:
+    def news(self) -> tuple[ProgressEvent, ...]:
         """Return the events that were not handed out before.
 
         One that a late record changed is handed out again as it is now; what is stored for good is

@@ -11,12 +11,12 @@ waits for a long record.
 """
 
 import datetime
-import logging
 import time
 from collections.abc import Iterator
 from typing import Any
 
 import msgspec
+import structlog
 from django.db import transaction
 from django.db.models import F, Q
 
@@ -27,12 +27,12 @@ from experiments.participation import assignment, progress
 from experiments.participation.layout import track_of
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.manipulation_check import Gathering, as_stored
-from experiments.tasks.progress import TaskEvent as ToldEvent
+from experiments.tasks.progress import ProgressEvent
 from experiments.tasks.records import seen
 from experiments.tasks.stored_records import TASK, ended, events_of, of_event, offset_of, states_of
 from sessions.models import Session
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 SHARE_SECONDS = 0.05  # of a look of the session manager
 STATES_AT_ONCE = 50
@@ -88,7 +88,7 @@ class Settler:
             yield from _work(drive, now)
         except msgspec.ValidationError:
             self._refused.add(drive.pk)
-            log.exception("drive_not_settled drive=%s", drive.pk)
+            log.exception("drive_not_finalized", drive=drive.pk)
 
 
 def note_end(drive: Drive) -> None:
@@ -181,11 +181,11 @@ def _write(
     # Last of all: what is cut off before this is done again.
     Drive.objects.filter(pk=drive.pk).update(settled_at=max(now, closed_at))
     log.info(
-        "drive_settled drive=%s outcome=%s exposed=%s mismatches=%s",
-        drive.pk,
-        drive.outcome,
-        drive.exposed,
-        drive.mismatches,
+        "drive_settled",
+        drive=drive.pk,
+        outcome=drive.outcome,
+        exposed=drive.exposed,
+        mismatches=drive.mismatches,
     )
 
 
@@ -196,7 +196,7 @@ def _condition_of(drive: Drive) -> Condition | None:
     return msgspec.convert(assigned, Condition)
 
 
-def _write_events(drive: Drive, events: tuple[ToldEvent, ...]) -> None:
+def _write_events(drive: Drive, events: tuple[ProgressEvent, ...]) -> None:
     rows = [
         TaskEvent(drive=drive, number=number, stamp=event.at, type=event.type, data=event.data())
         for number, event in enumerate(events)

@@ -22,11 +22,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from experiments.definition.course import Motion, Sight, Track
+from experiments.definition.course import CourseTrack, Motion, Sight
 from experiments.definition.cues import FIRST, LEAVING, Cue, Situation, Window, choose
 from experiments.definition.schema import Outcome
 from experiments.tasks.records import (
-    Ended,
     FirstFrame,
     Input,
     PhotoAnswer,
@@ -34,6 +33,7 @@ from experiments.tasks.records import (
     PhotoTaken,
     Record,
     Seen,
+    TaskEnded,
 )
 from robots.api.docked import APART, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
@@ -67,7 +67,7 @@ LOST_FOR = 1.0  # seconds without a place before the visitor is told
 
 
 @dataclass(frozen=True)
-class TaskEvent:
+class ProgressEvent:
     """Something that happened once.
 
     `number` is a checkpoint's, or that of a contact with the charger, `name` that of a door, cue,
@@ -152,7 +152,7 @@ class Progress:
         """
         return self.last is not None and self.last.docked and (self.dock.docked or not self.is_out)
 
-    def remaining(self, track: Track, now: float) -> float | None:
+    def remaining(self, track: CourseTrack, now: float) -> float | None:
         """Return the seconds left, None while nothing counts."""
         return (
             None
@@ -161,10 +161,10 @@ class Progress:
         )
 
 
-Stepped = tuple[Progress, tuple[TaskEvent, ...]]
+Stepped = tuple[Progress, tuple[ProgressEvent, ...]]
 
 
-def step(track: Track, progress: Progress, record: Record) -> Stepped:
+def step(track: CourseTrack, progress: Progress, record: Record) -> Stepped:
     """Take the next record; return how things stand then, and what has happened."""
     progress, events = until(track, progress, record.at)
     if progress.outcome is not None:
@@ -177,39 +177,41 @@ def step(track: Track, progress: Progress, record: Record) -> Stepped:
     return _cued(track, progress, record.at, (*events, *more))
 
 
-def until(track: Track, progress: Progress, now: float) -> Stepped:
+def until(track: CourseTrack, progress: Progress, now: float) -> Stepped:
     """Let the time pass until `now`; return how things stand then, and what has happened."""
     if progress.started is None or progress.outcome is not None:
         return progress, ()
-    events: tuple[TaskEvent, ...] = ()
+    events: tuple[ProgressEvent, ...] = ()
     deadline = progress.started + track.limit
     if not progress.warned and 0.0 < track.last < track.limit and now >= deadline - track.last:
         progress = replace(progress, warned=True)
-        events = (TaskEvent(deadline - track.last, "time_warning", progress.pose),)
+        events = (ProgressEvent(deadline - track.last, "time_warning", progress.pose),)
     if now >= deadline:
         progress, ended = _end(progress, deadline, "timed_out")
         return _cued(track, progress, deadline, (*events, ended))
     return progress, events
 
 
-def _end(progress: Progress, at: float, outcome: Outcome) -> tuple[Progress, TaskEvent]:
-    return replace(progress, ended=at, outcome=outcome), TaskEvent(
+def _end(progress: Progress, at: float, outcome: Outcome) -> tuple[Progress, ProgressEvent]:
+    return replace(progress, ended=at, outcome=outcome), ProgressEvent(
         at, "task_ended", progress.pose, name=outcome
     )
 
 
-def _cued(track: Track, progress: Progress, at: float, events: tuple[TaskEvent, ...]) -> Stepped:
+def _cued(
+    track: CourseTrack, progress: Progress, at: float, events: tuple[ProgressEvent, ...]
+) -> Stepped:
     """Change the cue if the situation asks for another."""
     cue = choose(_situation(track, progress, at), track, progress.cue)
     if cue == progress.cue:
         return progress, events
     return replace(progress, cue=cue), (
         *events,
-        TaskEvent(at, "cue", progress.pose, number=cue.number, name=cue.key),
+        ProgressEvent(at, "cue", progress.pose, number=cue.number, name=cue.key),
     )
 
 
-def _situation(track: Track, progress: Progress, at: float) -> Situation:
+def _situation(track: CourseTrack, progress: Progress, at: float) -> Situation:
     pose, placed = progress.pose, progress.placed
     lost = (
         progress.last is not None
@@ -236,7 +238,7 @@ def _situation(track: Track, progress: Progress, at: float) -> Situation:
 # --- states ---------------------------------------------------------------------------------------
 
 
-def _seen(track: Track, progress: Progress, seen: Seen) -> Stepped:
+def _seen(track: CourseTrack, progress: Progress, seen: Seen) -> Stepped:
     before, dock = progress.placed, progress.dock
     progress = replace(
         progress,
@@ -246,7 +248,7 @@ def _seen(track: Track, progress: Progress, seen: Seen) -> Stepped:
     )
     if progress.started is None:
         return progress, ()
-    events: tuple[TaskEvent, ...] = ()
+    events: tuple[ProgressEvent, ...] = ()
     if seen.localized:
         motion = _motion(before, seen)
         for part in (_doors, _stops, _window):
@@ -270,7 +272,7 @@ def _motion(before: Seen | None, seen: Seen) -> Motion:
     return Motion((before.x, before.y) if followed else here, here)
 
 
-def _doors(track: Track, progress: Progress, motion: Motion) -> Stepped:
+def _doors(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
     """A door is passed when the robot has gone on; who turns round in the doorway has not passed
     it.
     """
@@ -284,18 +286,18 @@ def _doors(track: Track, progress: Progress, motion: Motion) -> Stepped:
         if doorway.name in begun and doorway.distance(*motion.end) > OUT
     )
     events = tuple(
-        TaskEvent(_now(progress), "door_passed", progress.pose, name=name) for name in names
+        ProgressEvent(_now(progress), "door_passed", progress.pose, name=name) for name in names
     )
     return replace(progress, in_doorway=begun - set(names), doors=progress.doors + names), events
 
 
-def _stops(track: Track, progress: Progress, motion: Motion) -> Stepped:
-    events: list[TaskEvent] = []
+def _stops(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
+    events: list[ProgressEvent] = []
     while len(progress.passed) < len(track.stops) and track.stops[len(progress.passed)].is_passed(
         motion
     ):
         events.append(
-            TaskEvent(
+            ProgressEvent(
                 _now(progress),
                 "checkpoint",
                 progress.pose,
@@ -306,13 +308,13 @@ def _stops(track: Track, progress: Progress, motion: Motion) -> Stepped:
     on_later = frozenset(_on_later(track, progress, motion))
     numbers = sorted(on_later - progress.on_later)
     events += [
-        TaskEvent(_now(progress), "out_of_order", progress.pose, number=number)
+        ProgressEvent(_now(progress), "out_of_order", progress.pose, number=number)
         for number in numbers
     ]
     return replace(progress, on_later=on_later), tuple(events)
 
 
-def _on_later(track: Track, progress: Progress, motion: Motion) -> Iterator[int]:
+def _on_later(track: CourseTrack, progress: Progress, motion: Motion) -> Iterator[int]:
     """Yield the numbers of later checkpoints on which the robot stands; it has left one only when
     it is well outside.
     """
@@ -324,7 +326,7 @@ def _on_later(track: Track, progress: Progress, motion: Motion) -> Iterator[int]
             yield stop.number
 
 
-def _window(track: Track, progress: Progress, motion: Motion) -> Stepped:
+def _window(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
     spot, photo = track.photo, progress.photo
     if spot is None or photo.settled or len(progress.passed) < spot.stop.number:
         return progress, ()
@@ -333,7 +335,11 @@ def _window(track: Track, progress: Progress, motion: Motion) -> Stepped:
     pose = progress.pose
     facing = spot.sight(pose) if pose is not None else None
     events = (
-        (TaskEvent(_now(progress), "photo_prompt", pose, number=spot.stop.number, sight=facing),)
+        (
+            ProgressEvent(
+                _now(progress), "photo_prompt", pose, number=spot.stop.number, sight=facing
+            ),
+        )
         if opens
         else ()
     )
@@ -342,7 +348,7 @@ def _window(track: Track, progress: Progress, motion: Motion) -> Stepped:
     ), events
 
 
-def _dock(track: Track, before: DockState, seen: Seen) -> DockState:
+def _dock(track: CourseTrack, before: DockState, seen: Seen) -> DockState:
     if track.docked is None:
         return DockState(docked=seen.docked)
     return follow(
@@ -358,7 +364,7 @@ def _dock(track: Track, before: DockState, seen: Seen) -> DockState:
     )
 
 
-def _contact(track: Track, progress: Progress, seen: Seen, *, was_touching: bool) -> Stepped:
+def _contact(track: CourseTrack, progress: Progress, seen: Seen, *, was_touching: bool) -> Stepped:
     """Once all checkpoints are passed each contact is an attempt to dock, and so is its loss a
     fact.
     """
@@ -367,16 +373,16 @@ def _contact(track: Track, progress: Progress, seen: Seen, *, was_touching: bool
     if progress.dock.touching:
         progress = replace(progress, dock_contacts=progress.dock_contacts + 1)
         return progress, (
-            TaskEvent(seen.at, "dock_contact", progress.pose, number=progress.dock_contacts),
+            ProgressEvent(seen.at, "dock_contact", progress.pose, number=progress.dock_contacts),
         )
     if progress.dock_contacts == 0:
         return progress, ()
     return progress, (
-        TaskEvent(seen.at, "dock_contact_lost", progress.pose, number=progress.dock_contacts),
+        ProgressEvent(seen.at, "dock_contact_lost", progress.pose, number=progress.dock_contacts),
     )
 
 
-def _station(track: Track, progress: Progress, seen: Seen, **_more: bool) -> Stepped:
+def _station(track: CourseTrack, progress: Progress, seen: Seen, **_more: bool) -> Stepped:
     """Leaving the charging station and coming back to it."""
     if not progress.docked:
         pose = progress.pose
@@ -387,15 +393,15 @@ def _station(track: Track, progress: Progress, seen: Seen, **_more: bool) -> Ste
             and pose.distance(track.dock) > OUT
         )
         leaves = away and not progress.is_out
-        events = (TaskEvent(seen.at, "left_station", pose, number=0),) if leaves else ()
+        events = (ProgressEvent(seen.at, "left_station", pose, number=0),) if leaves else ()
         return replace(progress, is_out=progress.is_out or leaves), events
     if len(progress.passed) == len(track.stops) and progress.dock.docked:
         ended, event = _end(progress, seen.at, "completed")
-        return ended, (TaskEvent(seen.at, "docked", progress.pose, number=0), event)
+        return ended, (ProgressEvent(seen.at, "docked", progress.pose, number=0), event)
     if progress.is_out:
         early = replace(progress, is_out=False, came_early=True)
         return early, (
-            TaskEvent(
+            ProgressEvent(
                 seen.at,
                 "docked_early",
                 progress.pose,
@@ -412,15 +418,15 @@ def _now(progress: Progress) -> float:
 # --- inputs ---------------------------------------------------------------------------------------
 
 
-def _input(track: Track, progress: Progress, record: Input) -> Stepped:
-    if isinstance(record, Ended):
+def _input(track: CourseTrack, progress: Progress, record: Input) -> Stepped:
+    if isinstance(record, TaskEnded):
         ended, event = _end(progress, record.at, record.outcome)
         return ended, (event,)
     if isinstance(record, FirstFrame):
         if progress.started is not None:
             return progress, ()
         return replace(progress, started=record.at), (
-            TaskEvent(record.at, "task_started", progress.pose),
+            ProgressEvent(record.at, "task_started", progress.pose),
         )
     if progress.started is None:
         return progress, ()
@@ -429,10 +435,10 @@ def _input(track: Track, progress: Progress, record: Input) -> Stepped:
     return _picture(track, progress, record)
 
 
-def _picture(track: Track, progress: Progress, record: PhotoTaken | PhotoFailed) -> Stepped:
+def _picture(track: CourseTrack, progress: Progress, record: PhotoTaken | PhotoFailed) -> Stepped:
     """A picture, wanted or not, is a fact; so is how the robot stood when it was taken."""
     if isinstance(record, PhotoFailed):
-        return progress, (TaskEvent(record.at, "photo_failed", progress.pose, name=record.id),)
+        return progress, (ProgressEvent(record.at, "photo_failed", progress.pose, name=record.id),)
     sight = (
         track.photo.sight(progress.pose)
         if track.photo is not None and progress.pose is not None
@@ -441,7 +447,7 @@ def _picture(track: Track, progress: Progress, record: PhotoTaken | PhotoFailed)
     waits = progress.photo.prompted and not progress.photo.settled
     photo = replace(progress.photo, pending=record.id) if waits else progress.photo
     return replace(progress, photo=photo), (
-        TaskEvent(record.at, "photo_taken", progress.pose, name=record.id, sight=sight),
+        ProgressEvent(record.at, "photo_taken", progress.pose, name=record.id, sight=sight),
     )
 
 
@@ -458,7 +464,7 @@ def _answer(progress: Progress, record: PhotoAnswer) -> Stepped:
         "skip": "photo_skipped",
     }
     settled: dict[str, Settled] = {"keep": "kept", "again": "", "skip": "skipped"}
-    event = TaskEvent(record.at, types[record.choice], progress.pose, name=photo.pending)
+    event = ProgressEvent(record.at, types[record.choice], progress.pose, name=photo.pending)
     return replace(progress, photo=replace(photo, pending="", settled=settled[record.choice])), (
         event,
     )

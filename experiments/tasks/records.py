@@ -72,7 +72,7 @@ class PhotoAnswer:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class TaskEnded:
     """The session is over for a reason that the task does not know of."""
 
     at: float
@@ -80,7 +80,7 @@ class Ended:
     outcome: Outcome
 
 
-Input = FirstFrame | PhotoTaken | PhotoFailed | PhotoAnswer | Ended
+Input = FirstFrame | PhotoTaken | PhotoFailed | PhotoAnswer | TaskEnded
 Record = Seen | Input
 Order = tuple[float, int, str, int]
 
@@ -90,7 +90,7 @@ _RANK: dict[type[Record], int] = {
     PhotoTaken: 2,
     PhotoFailed: 3,
     PhotoAnswer: 4,
-    Ended: 5,
+    TaskEnded: 5,
 }
 
 

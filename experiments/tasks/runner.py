@@ -14,11 +14,13 @@ drive ends as timed out when its turn would be over.
 """
 
 import datetime
-import logging
+import math
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+import structlog
 
 from experiments.models import Drive, TaskEvent
 from experiments.participation.layout import track_of
@@ -33,10 +35,10 @@ from sessions.leases.store import LIVE
 from sessions.manager import notices
 from sessions.models import Session
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 PATIENCE = 1.0  # s after a time limit in which a state from before it may still come
-REPEAT_AFTER_S = 10.0  # s between two times at which the page is told what is left
+REPEAT_AFTER_S = 10.0  # s between two times at which the page is told the same
 LAST_OF_PRACTICE = 60.0  # s of a practice drive that are announced
 TIME_OVER = "time_over"
 NEVER_SEEN = "no_picture"
@@ -243,18 +245,16 @@ class Runner:
             self._end(running, *over, now)
 
     def _publish(self, running: Running, now: float) -> None:
-        """Tell the page when anything has changed but the seconds, which it counts down by itself
-        and is told again now and then.
+        """Tell the page when anything has changed but the seconds, which it counts down by itself.
+        Until the end it is told again now and then, so that no page goes on with what is over.
         """
         shown = running.shown(now)
         changed = _without_seconds(shown) != _without_seconds(running.told) or (
             "remaining" in shown
         ) != ("remaining" in running.told)
-        again = (
-            "remaining" in shown
-            and not shown.get("outcome")
-            and now - running.published_at >= REPEAT_AFTER_S
-        )
+        if math.isinf(running.published_at):  # what is stored was told by whoever was here before
+            running.published_at = now
+        again = not shown.get("outcome") and now - running.published_at >= REPEAT_AFTER_S
         if changed or again:
             Drive.objects.filter(pk=running.drive.pk).update(shown=shown)
             session = str(running.drive.session_id)
@@ -268,7 +268,7 @@ class Runner:
     def _end(running: Running, outcome: str, reason: str, now: float) -> None:
         session = str(running.drive.session_id)
         if store.end(session, outcome, reason, datetime.datetime.fromtimestamp(now, datetime.UTC)):
-            log.info("task_ended session=%s outcome=%s reason=%s", session, outcome, reason)
+            log.info("task_ended", session=session, outcome=outcome, reason=str(reason))
 
 
 def _without_seconds(shown: Mapping[str, Any]) -> dict[str, Any]:

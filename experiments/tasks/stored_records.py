@@ -12,13 +12,13 @@ from experiments.definition.schema import Outcome
 from experiments.models import Drive
 from experiments.stored_states import StateReader, clock_offsets
 from experiments.tasks.records import (
-    Ended,
     FirstFrame,
     Input,
     PhotoAnswer,
     PhotoFailed,
     PhotoTaken,
     Record,
+    TaskEnded,
     seen,
 )
 from robots.api.messages import ActionStatus, Event, State
@@ -69,7 +69,7 @@ def _of_page(kind: str, stamp: float, received_at: float, data: Mapping[str, Any
     return None
 
 
-def ended(session: Session) -> Ended | None:
+def ended(session: Session) -> TaskEnded | None:
     """Return the end of a session as the task takes it: leaving it is no way to complete it. None
     while it lives.
     """
@@ -77,7 +77,7 @@ def ended(session: Session) -> Ended | None:
         return None
     left = session.outcome == Session.Outcome.COMPLETED and session.outcome_reason != TASK
     outcome: Outcome = "cancelled" if left else session.outcome
-    return Ended(session.ended_at.timestamp(), str(session.pk), outcome)
+    return TaskEnded(session.ended_at.timestamp(), str(session.pk), outcome)
 
 
 def offset_of(drive: Drive) -> float:

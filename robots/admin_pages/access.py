@@ -11,7 +11,7 @@ from django.core.exceptions import ValidationError
 from django.db.models import Model, QuerySet, Value
 from django.forms import CharField, ModelForm, TextInput
 from django.http import HttpRequest
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts.admin_filters import ShownFilters
@@ -81,7 +81,7 @@ class WithDriver(OfRobots):
         return (
             str(session.visitor.shown_name)
             if getattr(row, "names_driver", False)
-            else _now("somebody")
+            else gettext("someone")
         )
 
 
@@ -119,11 +119,13 @@ class PermitForm(ModelForm):
         if self.instance._state.adding:
             found = User.objects.filter(username=cleaned.get("person", ""), is_active=True).first()
             if found is None:
-                raise ValidationError({"person": _("There is no such user.")})
+                raise ValidationError(
+                    {"person": _("This user doesn't exist. Check the user name.")}
+                )
             if RobotPermit.objects.filter(
                 robot=self.instance.robot_id, user=found, kind=cleaned.get("kind", "")
             ).exists():
-                raise ValidationError({"person": _("This person has that permit already.")})
+                raise ValidationError({"person": _("This person already has that permit.")})
             self.instance.user = found
         return cleaned
 

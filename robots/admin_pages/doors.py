@@ -58,12 +58,12 @@ class DoorPage:
     def _move(self, request: HttpRequest, robot: Robot, name: str, state: str) -> None:
         titles = {door["name"]: door["title"] for door in doors_of(robot)}
         if name not in titles or state not in STATES:
-            messages.error(request, _("There is no such door."))
+            messages.error(request, _("This door doesn't exist."))
             return
         Robot.objects.filter(pk=robot.pk).update(doors=robot.doors | {name: state})
-        text = (_("%(door)s is opened.") if state == "open" else _("%(door)s is closed.")) % {
-            "door": titles[name]
-        }
+        text = (
+            _("%(door)s is set to open.") if state == "open" else _("%(door)s is set to closed.")
+        ) % {"door": titles[name]}
         self.log_change(request, robot, text)  # type: ignore[attr-defined]
         audit.note("door_moved", actor=request.user, robot=robot, thing=name, detail=state)
         messages.success(request, text)

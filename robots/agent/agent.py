@@ -7,6 +7,7 @@ adapter's watchdog when it does not.
 """
 
 import logging
+import os
 import random
 import secrets
 import signal
@@ -18,6 +19,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import FrameType
 from typing import Any
+
+import structlog
 
 from robots.agent.adapters import registry
 from robots.agent.broker_link.broker_discovery import believed, broker_urls
@@ -37,9 +40,10 @@ from robots.agent.timing import Backoff
 from robots.api.messages import Capability, Factsheet
 from robots.interpreter import set_up_for_latency
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 VERSION = "0.1.0"
+LAST_SECONDS = 5.0  # after a second Ctrl-C, until the process ends whatever it waits for
 GLANCE = 0.2  # s between two looks at the control thread; a signal is answered as soon
 
 MakeAdapter = Callable[[AgentConfig], Adapter]
@@ -126,10 +130,10 @@ class Agent:
             # Broad, because this is the supervisor: a robot nobody can reach has to come back by
             # itself, whatever went wrong.
             except Exception:
-                log.exception("agent_crashed robot=%s", self._config.robot)
+                log.exception("agent_crashed", robot=self._config.robot)
             if not self._stopping.is_set():
                 wait = backoff.failed(time.monotonic() - began)
-                log.warning("agent_restarts robot=%s after=%.1f", self._config.robot, wait)
+                log.warning("agent_restarted", robot=self._config.robot, after=round(wait, 1))
                 self._stopping.wait(wait)
 
     def _serve(self, endpoints: tuple[Endpoint, ...], built: Callable[[], None]) -> None:
@@ -156,19 +160,14 @@ class Agent:
         try:
             control.start(media)
             log.info(
-                "agent_started robot=%s adapter=%s boot=%s",
-                self._config.robot,
-                self._config.adapter,
-                boot,
+                "agent_started", robot=self._config.robot, adapter=self._config.adapter, boot=boot
             )
             while not self._stopping.is_set() and not control.wait(GLANCE):
                 pass
         finally:
             control.close()
             media.close()
-            log.info(
-                "agent_ended robot=%s boot=%s failed=%s", self._config.robot, boot, control.failed
-            )
+            log.info("agent_ended", robot=self._config.robot, boot=boot, failed=control.failed)
 
     def _prepare_store(self) -> None:
         try:
@@ -177,7 +176,8 @@ class Agent:
                 self._store.keep_latch(None)
         except OSError as error:
             raise ConfigError(
-                f"the agent cannot keep an e-stop in {self._config.var}: {error.strerror or error}"
+                f"the agent cannot store an emergency stop in {self._config.var}: "
+                f"{error.strerror or error}"
             ) from error
 
     def _keep_renewing(self) -> None:
@@ -200,8 +200,15 @@ class Agent:
         try:
             user = (self._config.user or self._config.robot) if self._config.token else None
             return Endpoint.of(url, user, self._config.token, self._config.ca)
+        except ConfigError:
+            raise
         except ValueError as error:
-            raise ConfigError(str(error)) from error
+            given = (
+                "set by --mqtt, TELEPRESENCE_MQTT_URL, or mqtt_url in the credentials file"
+                if self._config.mqtt_url
+                else f"given by {self._config.server}: correct MQTT_PUBLIC_URL there"
+            )
+            raise ConfigError(f"{error} ({given})") from error
 
 
 def new_boot(unix: float) -> str:
@@ -281,8 +288,15 @@ def run_until_signalled(agent: Agent) -> None:
     """
 
     def end(number: int, _frame: FrameType | None) -> None:
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, end_at_once)
         agent.stop()
+
+    def end_at_once(number: int, frame: FrameType | None) -> None:
+        # Interrupted anywhere, a thread may be left that never ends, and Python waits for it.
+        last = threading.Timer(LAST_SECONDS, os._exit, (128 + number,))
+        last.daemon = True
+        last.start()
+        signal.default_int_handler(number, frame)
 
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
@@ -294,7 +308,7 @@ def run_until_signalled(agent: Agent) -> None:
 
 def _log_thread(arguments: threading.ExceptHookArgs) -> None:
     thread = arguments.thread.name if arguments.thread else "?"
-    log.critical("thread_failed thread=%s", thread, exc_info=arguments.exc_value)
+    log.critical("thread_failed", thread=thread, exc_info=arguments.exc_value)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.api import network_words
@@ -35,6 +36,12 @@ SETTINGS = (
     "microphone",
     "loudspeaker",
 )
+TEXT: tuple[tuple[type, ...], str] = ((str,), "a text in quotes")
+# what a credentials file says that is no text: types, and their name in a sentence
+KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "viewers": ((int, str), "a whole number"),
+    "options": ((dict,), "a table"),
+}
 DEFAULT_ADAPTER = "simulator"
 DEFAULT_VIEWERS = 8
 MOST_VIEWERS = 64
@@ -72,9 +79,18 @@ class AgentConfig:
     loudspeaker: str = ""
 
 
+NO_SITE = """no site is known for the robot {robot}. What to do next:
+  The site is running, here or elsewhere: on its machine run
+      manage.py enrol {robot} --server https://ADDRESS-OF-THE-SITE
+    and then, on this machine, the command that it prints.
+  You have credentials already: add --credentials FILE, or --mqtt mqtt://HOST for a broker alone.
+  There is no site yet: `make demo` starts one on this machine, with two simulated robots.
+  You want to test the robot without a site: add --adapter NAME --check."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Name the command line's arguments; `run_robot` and `python -m robots.agent` have the same."""
-    parser.add_argument("robot", help="the robot's name, as the site has it")
+    parser.add_argument("robot", help="the robot's name on the site")
     _add_server(parser)
     _add_robot(parser)
     _add_media(parser)
@@ -82,50 +98,54 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--var",
         metavar="DIR",
         type=Path,
-        help="where the agent keeps an e-stop across restarts (default: var)",
+        help="where the agent stores an emergency stop across restarts (default: var)",
     )
     _add_network_lab(parser)
     parser.add_argument(
         "--check",
         action="store_true",
-        help="try the robot with its wheels off the ground, measure its watchdog, and end",
+        help="test the robot with its wheels off the ground, measure its watchdog, and exit",
     )
     parser.add_argument(
-        "--yes", action="store_true", help="with --check: its wheels are off the ground, do not ask"
+        "--yes",
+        action="store_true",
+        help="with --check: confirm that its wheels are off the ground, without being asked",
     )
     parser.add_argument(
         "--clear-estop",
         action="store_true",
-        help="let go of an e-stop that was latched: for whoever stands beside the robot",
+        help="release a latched emergency stop; use it only next to the robot",
     )
 
 
 def _add_server(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--server", metavar="URL", help="the site; it says where the broker is")
+    parser.add_argument(
+        "--server", metavar="URL", help="the site's address; the site names the broker"
+    )
     parser.add_argument(
         "--mqtt",
         metavar="URL",
         dest="mqtt_url",
-        help="the broker itself: mqtt://, mqtts://, ws:// or wss://host:port",
+        help="the broker's own address: mqtt://, mqtts://, ws:// or wss://host:port",
     )
     parser.add_argument(
         "--credentials",
         metavar="FILE",
         type=Path,
-        help="TOML with robot and token (default: credentials/ROBOT.toml in --var)",
+        help="TOML file with robot and token (default: credentials/ROBOT.toml in --var)",
     )
     parser.add_argument(
         "--enrol",
         metavar="TOKEN",
         help=(
-            "a one-time token: fetch the credentials from --server, keep them in that file, and"
-            " go on"
+            "a one-time token: fetch the credentials from --server, save them in "
+            "that file, and start"
         ),
     )
     parser.add_argument(
         "--ca",
         metavar="FILE",
-        help="certificates to trust besides the system's, for a self-made one",
+        help="certificates to trust besides the system's, for a self-signed one",
     )
 
 
@@ -133,17 +153,17 @@ def _add_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--adapter",
         help=(
-            f"which kind of robot control architecture: {', '.join(sorted(OURS))}, the name of an"
-            " adapter that an installed package brings, or a .py file (default without a --server:"
-            f" {DEFAULT_ADAPTER})"
+            f"the robot control architecture: {', '.join(sorted(OURS))}, the name "
+            "of an adapter from an installed package, or a .py file (default "
+            f"without --server: {DEFAULT_ADAPTER})"
         ),
     )
-    parser.add_argument("--profile", help="which robot of that kind (default: the robot's name)")
+    parser.add_argument("--profile", help="the robot's profile (default: the robot's name)")
     parser.add_argument(
         "--plan",
         help=(
-            "the site where the robot finds its way: a shipped one or a folder (default: what the"
-            " server says)"
+            "the site in which the robot navigates: a shipped one or a folder "
+            "(default: what the server sends)"
         ),
     )
     parser.add_argument(
@@ -163,18 +183,18 @@ def _add_media(parser: argparse.ArgumentParser) -> None:
         "--camera",
         metavar="DEVICE",
         help=(
-            "such as /dev/video0, rtsp://host/stream, a file, or none (default: the architecture's)"
+            "such as /dev/video0, rtsp://host/stream, a file, or none (default: the adapter's own)"
         ),
     )
     parser.add_argument(
         "--microphone",
         metavar="DEVICE",
-        help="such as alsa:default, or none (default: the architecture's)",
+        help="such as alsa:default, or none (default: the adapter's own)",
     )
     parser.add_argument(
         "--loudspeaker",
         metavar="DEVICE",
-        help="such as alsa:default, or none (default: the architecture's)",
+        help="such as alsa:default, or none (default: the adapter's own)",
     )
 
 
@@ -183,15 +203,15 @@ def _add_network_lab(parser: argparse.ArgumentParser) -> None:
         f"make the driver's network worse, such as {network_words.EXAMPLE},rate=400: ms, %%, kbit/s"
     )
     parser.add_argument(
-        "--control-network", metavar="WORDS", help=f"{lab}; for commands on their way to the robot"
+        "--control-network", metavar="WORDS", help=f"{lab}; for commands sent to the robot"
     )
     parser.add_argument(
         "--video-network",
         metavar="WORDS",
-        help="the same for picture and sound on their way to the driver",
+        help="the same for video and sound sent to the driver",
     )
     parser.add_argument(
-        "--network-seed", metavar="N", default="0", help="the seed of their chance (default: 0)"
+        "--network-seed", metavar="N", default="0", help="random seed for both (default: 0)"
     )
 
 
@@ -262,7 +282,8 @@ def _first(*values: Any) -> Any:
 def _checked_name(robot: str) -> str:
     if not ROBOT_NAME.match(robot) or robot in RESERVED_NAMES:
         raise ConfigError(
-            f"{robot!r} cannot be a robot's name: lower-case letters, digits and hyphens"
+            f"{robot!r} is not a valid robot name, or is reserved: use lower-case "
+            "letters, digits and hyphens"
         )
     return robot
 
@@ -294,17 +315,17 @@ def _credentials(path: Path, *, named: bool, robot: str) -> dict[str, Any]:
             f"the credentials file {path} cannot be read: {error.strerror or error}"
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"the credentials file {path} is not TOML: {error}") from error
+        raise ConfigError(f"the credentials file {path} is not valid TOML: {error}") from error
     if content.get("robot", robot) != robot:
         raise ConfigError(
-            f"the credentials file {path} is of the robot {content['robot']!r}, not of {robot!r}"
+            f"the credentials file {path} is for the robot {content['robot']!r}, not for {robot!r}"
         )
-    odd = [name for name in SETTINGS if not isinstance(content.get(name, ""), str | int)]
-    if odd or not isinstance(content.get("options", {}), dict):
-        raise ConfigError(
-            f"in the credentials file {path}, {odd[0] if odd else 'options'} is not what it"
-            " should be"
-        )
+    for name in (*SETTINGS, "options"):
+        kinds, expected = KINDS.get(name, TEXT)
+        if name in content and type(content[name]) not in kinds:
+            raise ConfigError(
+                f"in the credentials file {path}, {name} has the wrong type: it must be {expected}"
+            )
     return content
 
 
@@ -312,26 +333,45 @@ def _check_addresses(
     arguments: Mapping[str, Any], found: dict[str, Any], *, enrolling: bool
 ) -> None:
     if arguments.get("server") and arguments.get("mqtt_url"):
-        raise ConfigError(
-            "--server and --mqtt exclude each other: the server says where its broker is"
-        )
+        raise ConfigError("give --server or --mqtt, not both: the server names its broker")
     if arguments.get("server"):
         found["mqtt_url"] = None  # what the command line says overrules the file
     if not found["server"] and not found["mqtt_url"]:
-        raise ConfigError(
-            "where is the server? Give --server URL, or --mqtt URL for the broker itself, or"
-            " --credentials FILE with one of them"
-        )
+        raise ConfigError(NO_SITE.format(robot=arguments["robot"]))
     if not found["mqtt_url"]:
-        if not str(found["server"]).startswith(("https://", "http://")):
+        if not _is_site(str(found["server"])):
             raise ConfigError(
-                f"the server's address begins with https:// or http://, not {found['server']!r}"
+                "the server's address (--server, TELEPRESENCE_SERVER, or server in the credentials"
+                " file) must begin with https:// or http:// and name a host, such as"
+                f" https://robots.example.org, not {found['server']!r}"
             )
+        _check_token(found)
         if not found["token"] and not enrolling:
             raise ConfigError(
-                "the server asks for credentials: give --credentials FILE, which it hands out when"
-                " they are made"
+                "the server requires credentials: give --credentials FILE, which it "
+                "provides when you create them"
             )
+
+
+def _is_site(address: str) -> bool:
+    try:
+        parts = urlsplit(address)
+        is_whole = bool(parts.hostname) and parts.port != 0 and len(address.split()) == 1
+    except ValueError:
+        return False
+    return parts.scheme in {"https", "http"} and is_whole
+
+
+def _check_token(found: Mapping[str, Any]) -> None:
+    """Let nothing go into the header of a request, and from there into a log, that cannot be a
+    token of a site's.
+    """
+    token = str(found["token"] or "")
+    if not (token.isascii() and token.isprintable()) or " " in token:
+        raise ConfigError(
+            "the robot's token (TELEPRESENCE_TOKEN, or token in the credentials file) contains"
+            " blanks, line ends or other characters that no token has: copy it again"
+        )
 
 
 def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
@@ -340,7 +380,7 @@ def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
     """
     if not found["adapter"] and (enrolling or not found["mqtt_url"]):
         raise ConfigError(
-            f"which robot is this? Give --adapter ({', '.join(_adapter_names())}, or a .py file)"
+            f"no adapter is given: add --adapter ({', '.join(_adapter_names())}, or a .py file)"
         )
 
 
@@ -353,9 +393,9 @@ def _adapter_names() -> tuple[str, ...]:
 
 def _options(given: list[str]) -> dict[str, str]:
     pairs = [text.partition("=") for text in given]
-    for name, equals, _ in pairs:
+    for text, (name, equals, _) in zip(given, pairs, strict=True):
         if not (name and equals):
-            raise ConfigError(f"--option wants NAME=VALUE, not {name!r}")
+            raise ConfigError(f"--option needs NAME=VALUE, not {text!r}")
     return {name: value for name, _, value in pairs}
 
 
@@ -366,7 +406,7 @@ def _networks(arguments: Mapping[str, Any]) -> Networks:
     text = str(arguments.get("network_seed") or "0")
     if not (text.isdecimal() and int(text) <= LARGEST_SEED):
         raise ConfigError(
-            f"--network-seed is a whole number from 0 to {LARGEST_SEED}, not {text!r}"
+            f"--network-seed must be a whole number from 0 to {LARGEST_SEED}, not {text!r}"
         )
     seed = int(text)
     control = _network("--control-network", arguments.get("control_network"), seed)
@@ -383,8 +423,11 @@ def _network(option: str, words: Any, seed: int) -> NetworkLab | None:
 def _viewers(value: Any) -> int:
     try:
         viewers = int(DEFAULT_VIEWERS if value is None else value)
-    except ValueError as error:
-        raise ConfigError(f"--viewers wants a number, not {value!r}") from error
+    except ValueError:
+        viewers = -1
     if not 0 <= viewers <= MOST_VIEWERS:
-        raise ConfigError(f"--viewers is between 0 and {MOST_VIEWERS}, not {viewers}")
+        raise ConfigError(
+            "the number of viewers (--viewers, TELEPRESENCE_VIEWERS, or viewers in the credentials"
+            f" file) must be between 0 and {MOST_VIEWERS}, not {value!r}"
+        )
     return viewers

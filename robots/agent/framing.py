@@ -35,7 +35,7 @@ def length(header: bytes, limit: int = LIMIT) -> int:
     """
     size = int.from_bytes(header, "big")
     if size > limit:
-        raise WireError(f"a message of {size} bytes")
+        raise WireError(f"invalid message length: {size} bytes")
     return size
 
 

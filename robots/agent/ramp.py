@@ -135,13 +135,13 @@ def check_times(watchdog: float, limits: Limits) -> None:
     deadman = limits.deadman
     if not deadman <= LONGEST_DEADMAN:
         raise ValueError(
-            f"a deadman of {deadman:g} s is too long: the agent brakes at most {LONGEST_DEADMAN:g}"
-            " s after the last command"
+            f"a deadman of {deadman:g} s is too long: the agent must brake at "
+            f"most {LONGEST_DEADMAN:g} s after the last command"
         )
     if not watchdog <= LONGEST_WATCHDOG:
         raise ValueError(
-            f"a watchdog of {watchdog:g} s is too long: the base has to stop at most"
-            f" {LONGEST_WATCHDOG:g} s after the last velocity"
+            f"a watchdog of {watchdog:g} s is too long: the base must stop at "
+            f"most {LONGEST_WATCHDOG:g} s after the last velocity"
         )
     if not watchdog >= deadman:
         raise ValueError(

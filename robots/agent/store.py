@@ -7,16 +7,17 @@ where it is until somebody looks.
 
 import contextlib
 import json
-import logging
 import os
 from dataclasses import asdict
 from pathlib import Path
+
+import structlog
 
 from robots.agent.safety.estop_latch import UNREADABLE, EStopLatch
 from robots.agent.safety.lease import Remembered
 from robots.api.disk_space import MIB, DiskSpace
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 LOW_MB = 200  # of room for these files, logs and updates, below which the robot says so
 
 
@@ -68,7 +69,7 @@ class Store:
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError) as error:
-            log.exception("latch_unreadable file=%s", self._latch)
+            log.exception("latch_unreadable", file=self._latch)
             return EStopLatch(UNREADABLE, 0.0, "", str(error))
 
     def keep_latch(self, latch: EStopLatch | None) -> None:

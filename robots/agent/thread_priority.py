@@ -9,12 +9,13 @@ to whatever the thread starts; other systems have none, and an ordinary user may
 (`LimitNICE=` of a systemd unit allows it): then everything goes on as before.
 """
 
-import logging
 import os
 import sys
 import threading
 
-log = logging.getLogger(__name__)
+import structlog
+
+log = structlog.stdlib.get_logger(__name__)
 
 
 def nice() -> int | None:
@@ -33,7 +34,7 @@ def set_nice(value: int | None) -> bool:
     try:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), value)
     except PermissionError:
-        log.info("priority_refused nice=%d", value)
+        log.info("priority_refused", nice=value)
         return False
     return True
 

@@ -13,11 +13,12 @@ says nothing of the robot's own computer, where the agent runs.
     https://packaging.python.org/en/latest/specifications/entry-points/
 """
 
-import logging
 from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
 
-log = logging.getLogger(__name__)
+import structlog
+
+log = structlog.stdlib.get_logger(__name__)
 
 GROUP = "telepresence.adapters"
 OURS: Mapping[str, str] = {
@@ -45,13 +46,13 @@ def installed() -> dict[str, EntryPoint]:
     found: dict[str, EntryPoint] = {}
     for point in entry_points(group=GROUP):
         if point.name in OURS:
-            log.warning("adapter_name_taken name=%s package=%s", point.name, package_of(point))
+            log.warning("adapter_name_taken", name=point.name, package=package_of(point))
             continue
         other = found.setdefault(point.name, point)
         if other.value != point.value:
             raise AmbiguousAdapterError(
-                f"two installed packages name an adapter {point.name!r}: {package_of(other)} and"
-                f" {package_of(point)}; uninstall one of them"
+                f"two installed packages provide the adapter {point.name!r}: "
+                f"{package_of(other)} and {package_of(point)}; uninstall one of them"
             )
     return found
 

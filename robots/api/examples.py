@@ -233,7 +233,7 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
         "full": m.MediaClock(rtp=12, stamp=_STAMP, rate=48_000),
     },
     "signal/+/reply": {
-        "answer": m.Answer(sdp="v=0\r\n"),
+        "answer": m.SdpAnswer(sdp="v=0\r\n"),
         "candidate": m.Candidate(
             candidate="candidate:1 1 UDP 1 127.0.0.1 9 typ host", sdp_mid="0", sdp_m_line_index=0
         ),
@@ -352,10 +352,10 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
         "at-screen": m.PointCommand(stamp=_STAMP, at=(0.0, 1.0), role="screen", peer="p2"),
     },
     "signal/+": {
-        "offer": m.Offer(
+        "offer": m.SdpOffer(
             sdp="v=0\r\n", role="driver", session=_SESSION, epoch=12, who="Ana", ice_servers=(_ICE,)
         ),
-        "offer-least": m.Offer(sdp="v=0\r\n"),
+        "offer-least": m.SdpOffer(sdp="v=0\r\n"),
         "candidate": m.Candidate(),
         "bye": m.Bye(),
         "stay": m.Stay(),

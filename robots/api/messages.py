@@ -656,7 +656,9 @@ class EStop(Action, frozen=True, kw_only=True, tag_field="type", tag="estop"):
 
 
 class ClearEStop(Action, frozen=True, kw_only=True, tag_field="type", tag="clear_estop"):
-    """Let the robot move again; only from the server, with role `staff` or `owner` and a user."""
+    """Let the robot move again; only from the server, with role `staff`, `owner` or `screen` and a
+    user.
+    """
 
 
 class Tilt(Action, frozen=True, kw_only=True, tag_field="type", tag="tilt"):
@@ -678,7 +680,7 @@ class Relocalize(Action, frozen=True, kw_only=True, tag_field="type", tag="reloc
 
 
 class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
-    """Say a short text to whoever is on the other side: from the driver to the robot's screen,
+    """Say a short text to the people on the other side: from the driver to the robot's screen,
     `aloud` or only shown; or back (role `screen`).
     """
 
@@ -794,7 +796,7 @@ class IceServer(Message, frozen=True, kw_only=True):
     credential: Annotated[str, Meta(max_length=300)] = ""
 
 
-class Offer(Message, frozen=True, kw_only=True, tag_field="type", tag="offer"):
+class SdpOffer(Message, frozen=True, kw_only=True, tag_field="type", tag="offer"):
     """`signal/<peer>`: the page always offers. Role, session and epoch are
     stamped by the server.
     """
@@ -807,7 +809,7 @@ class Offer(Message, frozen=True, kw_only=True, tag_field="type", tag="offer"):
     ice_servers: Annotated[tuple[IceServer, ...], Meta(max_length=8)] = ()
 
 
-class Answer(Message, frozen=True, kw_only=True, tag_field="type", tag="answer"):
+class SdpAnswer(Message, frozen=True, kw_only=True, tag_field="type", tag="answer"):
     """`signal/<peer>/reply`: the agent answers, with all of its candidates in the SDP."""
 
     sdp: Sdp
@@ -835,14 +837,14 @@ class Stay(Message, frozen=True, kw_only=True, tag_field="type", tag="stay"):
     """The server vouches for a page that watches, or for a robot's own display: every minute, while
     it is there and may be.
 
-    The robot ends the connection of whoever it has heard neither an offer nor this of for 150 s,
-    but for the driver, for whom the lease speaks; a page can keep its connection when its socket is
-    gone, and must not see on by that.
+    The robot ends the connection of a page from which it has heard neither an offer nor this for
+    150 s; the driver's is covered by the lease. A page can keep its connection when its socket is
+    gone, and must not go on watching by that.
     """
 
 
-Signal = Offer | Candidate | Bye | Stay
-SignalReply = Answer | Candidate | Bye
+Signal = SdpOffer | Candidate | Bye | Stay
+SignalReply = SdpAnswer | Candidate | Bye
 
 
 # --- pictures without WebRTC ----------------------------------------------------------------------

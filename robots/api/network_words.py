@@ -58,16 +58,15 @@ def parse(text: str, seed: int = 0) -> NetworkLab:
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or name not in RANGES:
             raise ValueError(
-                f"{part.strip()!r} says nothing about a network: write {EXAMPLE}, with"
-                f" {', '.join(RANGES)}"
+                f"{part.strip()!r} is not a network setting: write {EXAMPLE}, using "
+                f"{', '.join(RANGES)}"
             )
         if name in values:
-            raise ValueError(f"{name} stands there twice")
+            raise ValueError(f"{name} is given twice")
         values[name] = _number(name, value)
     if values.get("jitter", 0.0) > values.get("delay", 0.0):
         raise ValueError(
-            "jitter changes the delay by up to so much either way, so it cannot be greater than the"
-            " delay"
+            "jitter varies the delay both ways, so it cannot be greater than the delay"
         )
     return NetworkLab(
         delay=values.get("delay", 0.0) * MS,
@@ -101,6 +100,6 @@ def _number(name: str, text: str) -> float:
         value = math.nan
     if not least <= value <= most:
         raise ValueError(
-            f"{name} is a number of {unit} from {least:.0f} to {most:.0f}, not {text!r}"
+            f"{name} must be a number of {unit} from {least:.0f} to {most:.0f}, not {text!r}"
         )
     return value

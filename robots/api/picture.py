@@ -47,9 +47,9 @@ def unpack(payload: bytes) -> tuple[float, bytes]:
         raise Rejection("malformed", "picture: too short")
     stamp, jpeg = _STAMP.unpack_from(payload)[0], payload[_STAMP.size :]
     if not (math.isfinite(stamp) and 0.0 <= stamp <= LATEST):
-        raise Rejection("malformed", "picture: its stamp is no time")
+        raise Rejection("malformed", "picture: its stamp is not a time")
     if not (jpeg.startswith(_BEGIN) and jpeg.endswith(_END)):
-        raise Rejection("malformed", "picture: no JPEG")
+        raise Rejection("malformed", "picture: not a JPEG")
     return stamp, jpeg
 
 

@@ -58,18 +58,141 @@ What robots, servers and pages say to each other. This page and
 
 ## What an agent must do by itself
 
-Stop, when in doubt. A velocity command moves the robot only when its session and epoch are those of
-a live lease, its seq is newer than every one before, and it is young enough by the clock offset
-that heartbeats gave; without a command for the factsheet's `deadman` the robot brakes. `stop` and
-`estop` are obeyed from any sender, at any age, under any lease; an `estop` of role `observer`
-counts as a `stop`, which the driver can drive on after. A lease lives for `ttl` seconds *from its
-receipt*, and a copy that the broker delivers from its store (retain = 1) never permits driving.
+Stop, when in doubt. The robot's own agent decides what moves the robot, because everything between
+it and the driver can fail or lie. These are the rules that our agent is tested for. Each refused
+command is counted in `refused` of the next `state`, by the word in parentheses. Numbers are ours;
+those of the factsheet's `limits` are the robot's.
+
+### Who drives
+
+- A lease lives for `ttl` seconds *from its receipt*, by a clock that nobody sets. A greater
+  `renewal` of the same session and epoch renews it. An empty message ends it at once.
+- A copy that the broker delivers from its store (retain = 1) tells which session is about to be
+  driven and never permits driving.
+- An older copy changes nothing (`old_lease`): a lower `renewal`, or a lower epoch. A lower epoch
+  counts only when no lease is live and its `stamp` is newer than that of every lease before.
+  Remember the newest session, epoch, renewal and stamp across a restart.
+- A repeated renewal can lower limits. They hold at once, and nothing is prolonged.
+- Another session or epoch: the old driver's last velocity and navigation end, and the new driver
+  begins with a robot that was measured to stand.
+- Every `state` names session and epoch. After the last one of a session, say the event
+  `session_closed` with its `seq` as `lastSeq`.
+
+### Velocities
+
+A velocity moves the robot only when it passes all of these, in this order:
+
+1. The broker had not stored it (`retained`), and it is a message (`malformed`, `oversized`,
+   `unknown_topic`, `wrong_direction`, `not_from_server`).
+2. A lease is live (`no_lease`), and session and epoch are its own (`wrong_session`, `wrong_epoch`).
+   On a data channel the peer of that channel must be the lease's (`observer`), whatever the message
+   says of itself.
+3. The lease allows this input method and transport (`not_allowed`).
+4. `seq` is greater than every `seq` of this session and epoch that was accepted, and than that of
+   the driver's own stop (`old_seq`). One that is overtaken before it was read is dropped
+   (`replaced`, `too_many`).
+5. Three echoes have told the sender's clock (`clock_unknown`). Its age by that clock is less than
+   the lease's `commandAge`, else the limits' one, and never more than `commandAgeCeiling`
+   (`stale`), and not negative by more than 0.05 s and half of the round trip, at most 0.25 s
+   (`future`).
+6. Unless `video` of the lease is `none`, it names a video frame (`no_frame`) that is younger than
+   `frameAge`, by the same rule (`frame_stale`), and not from the future by more than 0.1 s
+   (`frame_future`).
+7. No emergency stop is latched (`estop`), the base is reached (`fault`), and the driver has
+   [released the controls](#releasing-the-controls) where that is due (`stopped`).
+
+What passes is limited to the least of the robot's, the lease's and the assistance's speeds. From
+half of the age limit on, speeds fall linearly to zero at the limit. Speeds change no faster than
+the limits' accelerations and brakings.
+
+Without another accepted velocity for `deadman` seconds the robot brakes. Nobody fights a planner:
+send zeros from the last motion until the robot was measured to stand (at most 0.02 m/s and
+0.05 rad/s for 0.3 s), then nothing. A zero while the robot drives by itself does nothing
+(`navigating`). After a pause of the agent itself that is longer than `deadman` or `watchdog`, begin
+from zero.
+
+`deadman` is at most 1 s, `watchdog` at most 2 s and not below `deadman`. Refuse to start otherwise.
+
+### Stops
+
+- `stop` and `estop` are obeyed from any sender, at any age, under any lease, before anything else
+  that has arrived. Confirm at once: a `state` with `stopSeq` and `stopId`, the event `stopped` or
+  `estop`, and the action's status FINISHED.
+- The driver's own stop takes its `seq` from the velocities: none with this or a lower one moves the
+  robot any more. The same `actionId` within 3 s is the same stop.
+- `estop` latches across a restart of the agent: write it to the disk before you confirm it. One of
+  role `observer` counts as a `stop`.
+- `clear_estop` comes from the broker with role `staff`, `owner` or `screen` and a user
+  (`not_from_server`). `screen` clears only what `screen` has latched (`not_yours`). The robot's own
+  button latches, too: only the owner clears that (`owner_only`), after it was released
+  (`button_pressed`).
+
+### Releasing the controls
+
+A held key must not move the robot by surprise. So after a loss of connection, or a stop of somebody
+else, nobody drives on until the driver has released the controls. This is due
+
+- when the connection to the base was lost and is back;
+- when the agent was started in the middle of a drive: the first lease that it sees has a `renewal`
+  above 0;
+- when another agent of this robot has had it, or a message could not be processed;
+- after a stop that is not the driver's own, and after an emergency stop was cleared.
+
+Until then `safety.inhibited` is `stopped`, and velocities other than zero, `tilt` and everything
+that moves the robot are refused (`stopped`). Released means one of these:
+
+- a zero velocity of this driver that passes points 1 to 6 above;
+- a lease of another session or epoch than that under which it became due; without a live lease,
+  1 s;
+- 1 s without a velocity other than zero, while the driver's heartbeats arrive on the transport of
+  the driver's last velocity, at most 0.5 s apart. A silent network has released nothing.
+
+A gap in the driver's own network is not in this list: the robot brakes after `deadman`, and the
+next velocity that passes all points drives on. What was sent during the gap is too old by then.
+
+### Actions
+
+- An action is done once: an `actionId` that is known is answered with its last status. It ends
+  exactly once, FINISHED, FAILED or CANCELLED; what is refused is FAILED with the word as `reason`.
+- It is refused when the broker had stored it (`retained`), when it is more than 3 s old or from the
+  future by as much (`stale`, `future`; `clock_unknown`), when the robot lacks the capability
+  (`unsupported`), and, from a driver, as a velocity is (points 2 and 3). `cancel` is never
+  `not_allowed`.
+- Without a lease (else `role`, `observer`): `photo`, `relocalize`, `cancel` and `resend_states` for
+  roles `staff`, `owner` and `server`; `dock` and `tilt` for `server`; `clear_estop` as above; `say`
+  and `answer_call` for `screen`. `resend_states`, `clear_estop` and `answer_call` are never the
+  driver's. On a data channel the role is that of the offer, and its peer tells the driver.
+- What moves the robot begins, and is at its end, when the robot was measured to stand. A velocity
+  other than zero cancels it, and so do a stop, a lost base, a contact unless it docks, the end of
+  the lease, and 2 s after the driver's last heartbeat; the last two not what `server` ordered.
+
+### Reports
+
+- `state` four times a second, and at once for a stop. `seq` grows by one with each and begins at 1
+  with each `boot`. Every velocity that reached the base is in `applied` of exactly one state.
+- Nothing of the record is lost while the broker is away: keep states and events and send them in
+  order. Keep the states of ten minutes for `resend_states`.
+- `pose` while something moves, at most 15 times a second. `heartbeat` five times a second on both
+  transports, with one echo for each peer and transport.
+- A broker that is away stops no drive: commands of the data channel count until the lease ends.
+- What the robot does not know is left out, never guessed. A robot that reports nothing for 1 s, or
+  nonsense, is lost: `adapter_lost` in `errors` with the reason, and as an event.
+
+### Start, end and a second agent
+
+- Each run has a new `boot`; boots sort by the time of their start. An agent that reads ONLINE of a
+  greater boot on its own `connection` topic stops the robot, until that one is gone.
+- At its end an agent brakes first, waits for the stand, then says OFFLINE.
+
+### Docked
 
 `docked` in `state` and the events `docked` and `undocked` mean one thing everywhere: the charging
 contacts have met, or the robot has charged, for 2 s without a break while it stood still (at most
 0.03 m/s and 0.06 rad/s) and no velocity but zero was asked of its wheels; and the contacts have not
 been apart for 0.5 s since. `charger_contact` says whether they meet now. The `dock` action ends
 when the robot is docked.
+
+### Between two visits
 
 Between two visits there is no lease, and the server orders by itself what makes the robot ready for
 the next: `dock`, `tilt` (its home), `relocalize` and `photo`, with role `server`. Such a photo is a
@@ -171,7 +294,7 @@ after a second):
 7. *Believe `boot`*: `seq` of states begins anew with another `boot`; older ones of the same boot
    are repetitions.
 
-**What fails** stands in `server/status`: `part` is `broker`, `session_manager`, `database`,
+**What fails** is named in `server/status`: `part` is `broker`, `session_manager`, `database`,
 `disk_low`, `disk_full` or `robot` (its computer says nothing). `then` says what follows: `stops` in
 `seconds` unless the part is back before; `stopped`, until it is back; `goes_on`, driving is not
 touched; `waits`, nobody drives. All is well when `faults` is empty or left out.

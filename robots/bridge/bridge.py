@@ -18,7 +18,6 @@ import asyncio
 import collections
 import contextvars
 import functools
-import logging
 import random
 import secrets
 import time
@@ -27,6 +26,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import aiomqtt
+import structlog
 from django.conf import settings
 from prometheus_client import Histogram
 
@@ -42,7 +42,7 @@ from robots.bridge.quick_writing import QuickWriter, writer_of
 from robots.cancellation import cancel
 from robots.enrol.credentials import server_credentials
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 # The floor plan, which is large, is not among them.
 LISTENED = (
@@ -151,7 +151,7 @@ class Bridge:
             try:
                 await self._serve()
             except aiomqtt.MqttError as error:
-                log.warning("bridge_lost attempt=%d reason=%s", attempt, error)
+                log.warning("bridge_lost", attempt=attempt, reason=str(error))
             attempt = 0 if self._up.is_set() else attempt + 1
             self._up.clear()
             await asyncio.sleep(broker_address.backoff(attempt, self._rng.random()))
@@ -199,7 +199,7 @@ class Bridge:
                 self._depart()
 
     def _arrive(self) -> None:
-        log.info("bridge_connected host=%s port=%d", self._address.host, self._address.port)
+        log.info("bridge_connected", host=self._address.host, port=self._address.port)
         self._up.set()
         self._delivery.watch.link_changed(time.monotonic(), up=True)
         stops = [stop for stop in self._stops if stop.deadline > time.monotonic()]
@@ -233,10 +233,10 @@ class Bridge:
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
             log.warning(
-                "bridge_message_rejected topic=%s reason=%s count=%d",
-                topic,
-                rejection,
-                self.counts[rejection.reason],
+                "bridge_message_rejected",
+                topic=topic,
+                reason=str(rejection),
+                count=self.counts[rejection.reason],
             )
 
     # --- listening --------------------------------------------------------------------------------
@@ -406,7 +406,7 @@ class Bridge:
             raise error  # ours, and the loop logs it
         if error is not None or task.cancelled():
             self.counts["unconfirmed"] += 1
-            log.info("bridge_unconfirmed reason=%s", error or "link_lost")
+            log.info("bridge_unconfirmed", reason=error or "link_lost")
             if failed is not None:
                 failed()
         else:

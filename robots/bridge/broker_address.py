@@ -117,4 +117,4 @@ def check_subscribed(answers: Iterable[Any]) -> None:
     by an error.
     """
     if any(int(getattr(answer, "value", answer)) >= REFUSED for answer in answers):
-        raise aiomqtt.MqttError("a subscription was refused")
+        raise aiomqtt.MqttError("the broker refused a subscription")

@@ -167,4 +167,4 @@ def _decoded(decoder: "msgspec.json.Decoder[Decoded]", payload: bytes) -> Decode
     try:
         return decoder.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise Rejection("malformed", f"of a server: {error}") from error
+        raise Rejection("malformed", f"from a server: {error}") from error

@@ -2,10 +2,10 @@
 and a count of those left out.
 """
 
-import logging
 import time
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 PERIOD_S = 60.0
 LINES_OF_SUBJECT = 5  # of one event about one user or address in a period
@@ -13,18 +13,17 @@ LINES_OF_EVENT = 50
 
 
 class BoundedLog:
-    """Writes to `logger`. The event is the first word of a line, the subject is who it is about."""
+    """Writes to `logger`; the subject of an event is who it is about."""
 
-    def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, logger: Any, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger, self._clock = logger, clock
         self._began = clock()
         self._lines: Counter[tuple[str, str | None]] = Counter()
         self._left_out: Counter[str] = Counter()
 
-    def write(self, level: int, subject: str, line: str, *arguments: object) -> None:
-        """Write a line about a subject, or count it as left out."""
+    def write(self, level: int, subject: str, event: str, **fields: object) -> None:
+        """Write an event about a subject, or count it as left out."""
         self.flush()
-        event = line.partition(" ")[0]
         if (
             self._lines[event, None] >= LINES_OF_EVENT
             or self._lines[event, subject] >= LINES_OF_SUBJECT
@@ -33,7 +32,7 @@ class BoundedLog:
             return
         self._lines[event, None] += 1
         self._lines[event, subject] += 1
-        self._logger.log(level, line, *arguments)
+        self._logger.log(level, event, **fields)
 
     def flush(self) -> None:
         """When a period is over, say how many lines were left out in it, and begin anew."""
@@ -42,10 +41,7 @@ class BoundedLog:
             return
         for event, count in self._left_out.items():
             self._logger.warning(
-                "broker_log_left_out event=%s lines=%d seconds=%.0f",
-                event,
-                count,
-                now - self._began,
+                "broker_log_left_out", what=event, lines=count, seconds=round(now - self._began)
             )
         self._began = now
         self._lines.clear()

@@ -90,7 +90,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._desk.connections.add(self)
         displaced = self._desk.admission.arrive(self, self.address)
         if displaced is not None:
-            self._note(logging.WARNING, "broker_strangers_full displaced=%s", displaced.address)
+            self._note(logging.WARNING, "broker_strangers_full", displaced=displaced.address)
             displaced.kick()
         if self._tls is None:
             transport.set_write_buffer_limits(high=SEND_BUFFER)
@@ -150,10 +150,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         self.transport.write(data)
         if self.transport.get_write_buffer_size() > MAX_UNSENT:
             self._note(
-                logging.WARNING,
-                "broker_answers_not_taken address=%s user=%s",
-                self.address,
-                self.user,
+                logging.WARNING, "broker_answers_not_taken", address=self.address, user=self.user
             )
             self.kick()
 
@@ -199,7 +196,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             connect = self._reader.take()
         except packets.UnsupportedVersionError as error:
             self._note(
-                logging.WARNING, "broker_version_refused address=%s reason=%s", self.address, error
+                logging.WARNING, "broker_version_refused", address=self.address, reason=str(error)
             )
             self._send_away(packets.BAD_VERSION)
             return
@@ -218,14 +215,11 @@ class ClientConnection(asyncio.BufferedProtocol):
         now = time.monotonic()
         is_in, displaced = self._desk.admission.sign_in(self, user, now)
         if displaced is not None:
-            self._note(logging.WARNING, "broker_connections_of_user_full user=%s", user.name)
+            self._note(logging.WARNING, "broker_connections_of_user_full", user=user.name)
             displaced.kick()
         if not is_in:
             self._note(
-                logging.WARNING,
-                "broker_connection_refused user=%s address=%s",
-                user.name,
-                self.address,
+                logging.WARNING, "broker_connection_refused", user=user.name, address=self.address
             )
             self._send_away(packets.UNAVAILABLE)
             return
@@ -239,10 +233,10 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._heard = now
         self._note(
             logging.INFO,
-            "broker_connected user=%s client=%.80r address=%s",
-            user.name,
-            connect.client_id,
-            self.address,
+            "broker_connected",
+            user=user.name,
+            client=connect.client_id[:80],
+            address=self.address,
         )
         self.write(packets.connack(code, session_present=present))
         self._desk.hub.resume(self.session)
@@ -338,10 +332,10 @@ class ClientConnection(asyncio.BufferedProtocol):
         """End a connection that has no meaning any more."""
         self._note(
             logging.WARNING,
-            "broker_protocol_error address=%s user=%s reason=%s",
-            self.address,
-            self.user,
-            error,
+            "broker_protocol_error",
+            address=self.address,
+            user=self.user,
+            reason=str(error),
         )
         self.kick()
 
@@ -360,10 +354,10 @@ class ClientConnection(asyncio.BufferedProtocol):
         if silent or nameless or stuck:
             self._note(
                 logging.INFO,
-                "broker_gave_up address=%s user=%s silent=%s",
-                self.address,
-                self.user,
-                bool(silent),
+                "broker_gave_up",
+                address=self.address,
+                user=self.user,
+                silent=bool(silent),
             )
             self.kick()
 
@@ -375,7 +369,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         self.closing_since = time.monotonic()
         self.transport.close()
 
-    def _note(self, level: int, line: str, *arguments: object) -> None:
+    def _note(self, level: int, event: str, **fields: object) -> None:
         self._desk.log.write(
-            level, self.user if self.session is not None else self.address, line, *arguments
+            level, self.user if self.session is not None else self.address, event, **fields
         )

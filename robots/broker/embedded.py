@@ -11,6 +11,8 @@ import ssl
 import time
 from collections import deque
 
+import structlog
+
 from accounts.client_address import counted
 from robots.broker.admission import Admission
 from robots.broker.bounded_log import BoundedLog
@@ -21,7 +23,7 @@ from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, SESSION_SECONDS, ReadUsers, UsersUnavailableError
 from robots.enrol.credentials import Verifier, matches
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 SWEEP_SECONDS = 0.5
 REFRESH_SECONDS = 0.5  # least time between two extra looks at the database
@@ -132,7 +134,7 @@ class EmbeddedBroker:
             try:
                 self._take_users(await self._read_users())
             except UsersUnavailableError as error:
-                self._warn("", "broker_users_unavailable reason=%s", error)
+                self._warn("", "broker_users_unavailable", reason=str(error))
             self._read_at = begun
 
     def _take_users(self, users: dict[str, BrokerUser]) -> None:
@@ -146,7 +148,7 @@ class EmbeddedBroker:
         """
         name, token, network_prefix = connect.user, connect.password, counted(address)
         if name is None or token is None:
-            self._warn(network_prefix, "broker_anonymous_refused address=%s", address)
+            self._warn(network_prefix, "broker_anonymous_refused", address=address)
             return None
         known = self._users.get(name)
         if known is not None and self._verifier.knows(
@@ -159,9 +161,7 @@ class EmbeddedBroker:
             user = await self._verified(name, token)
         if user is None:
             self._verifier.note_failure(network_prefix, time.monotonic())
-            self._warn(
-                network_prefix, "broker_password_refused user=%.80r address=%s", name, address
-            )
+            self._warn(network_prefix, "broker_password_refused", user=name[:80], address=address)
         return user
 
     async def _verified(self, name: str, token: str) -> BrokerUser | None:
@@ -171,5 +171,5 @@ class EmbeddedBroker:
         self._verifier.note(token, user.credential_hash, time.monotonic())
         return user if self._users.get(name) == user else None  # it may have been revoked meanwhile
 
-    def _warn(self, subject: str, line: str, *arguments: object) -> None:
-        self.log.write(logging.WARNING, subject, line, *arguments)
+    def _warn(self, subject: str, event: str, **fields: object) -> None:
+        self.log.write(logging.WARNING, subject, event, **fields)

@@ -17,6 +17,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import structlog
 from msgspec.structs import replace
 from paho.mqtt.matcher import MQTTMatcher
 
@@ -27,7 +28,7 @@ from robots.broker.filters import is_filter, matches
 from robots.broker.packets import Connect, ProtocolError, PublishPacket, Subscribe
 from robots.broker.permissions import BrokerUser
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 WINDOW = 200  # QoS 1 messages sent and not yet acknowledged
 MAX_UNRELEASED = 1_000  # QoS 2 messages that a client has not released
@@ -125,13 +126,15 @@ class Hub:
             return None, packets.BAD_CLIENT_ID, False
         if connect.will is not None and not user.permissions.may_publish(connect.will.topic):
             self._warn(
-                user.name, "broker_will_refused user=%s topic=%.200r", user.name, connect.will.topic
+                user.name, "broker_will_refused", user=user.name, topic=connect.will.topic[:200]
             )
             return None, packets.NOT_AUTHORIZED, False
         key = (user.name, connect.client_id or f"anonymous-{id(link)}")
         old = self.sessions.get(key)
         if old is not None and old.link is not None:
-            self.log.write(logging.INFO, user.name, "broker_take_over user=%s client=%.80r", *key)
+            self.log.write(
+                logging.INFO, user.name, "broker_take_over", user=key[0], client=key[1][:80]
+            )
             old.link.kick()
             self.leave(old, old.link, graceful=False, now=now)
             old = self.sessions.get(key)
@@ -177,9 +180,9 @@ class Hub:
             self.log.write(
                 logging.INFO,
                 session.user.name,
-                "broker_revoked user=%s client=%.80r",
-                session.user.name,
-                session.client_id,
+                "broker_revoked",
+                user=session.user.name,
+                client=session.client_id[:80],
             )
             if session.link is not None:
                 session.link.kick()
@@ -219,9 +222,9 @@ class Hub:
         ):
             self._warn(
                 session.user.name,
-                "broker_subscribe_refused user=%s filter=%.200r",
-                session.user.name,
-                filter_,
+                "broker_subscribe_refused",
+                user=session.user.name,
+                filter=filter_[:200],
             )
             return packets.SUBSCRIPTION_REFUSED
         if session.filters.get(filter_) != qos:
@@ -270,9 +273,9 @@ class Hub:
         if not session.may_publish(message.topic):
             self._warn(
                 session.user.name,
-                "broker_publish_refused user=%s topic=%.200r",
-                session.user.name,
-                message.topic,
+                "broker_publish_refused",
+                user=session.user.name,
+                topic=message.topic[:200],
             )
             return
         # else one robot, which may write to as many topics as it likes, fills the store
@@ -306,7 +309,7 @@ class Hub:
         if message.packet_id in session.received:
             return
         if len(session.received) >= MAX_UNRELEASED:
-            raise ProtocolError(f"more than {MAX_UNRELEASED} messages not released")
+            raise ProtocolError(f"more than {MAX_UNRELEASED} unreleased messages")
         session.received.add(message.packet_id)
         self.publish(session, message)
 
@@ -346,7 +349,7 @@ class Hub:
                 message.topic, message.payload, min(message.qos, 1), retain=True
             )
         else:
-            self.log.write(logging.ERROR, "", "broker_retained_full topic=%.200r", message.topic)
+            self.log.write(logging.ERROR, "", "broker_retained_full", topic=message.topic[:200])
 
     @staticmethod
     def _send_at_most_once(session: MqttSession, data: bytes) -> None:
@@ -362,14 +365,14 @@ class Hub:
             self.log.write(
                 logging.ERROR,
                 user,
-                "broker_queue_full user=%s client=%.80r dropped=%d",
-                user,
-                client,
-                dropped,
+                "broker_queue_full",
+                user=user,
+                client=client[:80],
+                dropped=dropped,
             )
             return
         session.queue.append(message)
         session.held_bytes += _bytes(message)
 
-    def _warn(self, subject: str, line: str, *arguments: object) -> None:
-        self.log.write(logging.WARNING, subject, line, *arguments)
+    def _warn(self, subject: str, event: str, **fields: object) -> None:
+        self.log.write(logging.WARNING, subject, event, **fields)

@@ -12,7 +12,6 @@ may write to, not only where the topic table says so.
 """
 
 import asyncio
-import logging
 import os
 import shutil
 import signal
@@ -21,6 +20,8 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+import structlog
 
 from robots.broker.hub import WINDOW
 from robots.broker.permissions import SERVER_ALLOWANCE, BrokerUser
@@ -33,7 +34,7 @@ from robots.broker.users import (
 )
 from robots.processes import tied_to_parent
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 START_SECONDS = 10.0
 STOP_SECONDS = 5.0
@@ -193,7 +194,7 @@ class MosquittoBroker:
             try:
                 users = await self._read_users()
             except UsersUnavailableError as error:
-                logger.warning("broker_users_unavailable reason=%s", error)
+                logger.warning("broker_users_unavailable", reason=str(error))
                 continue
             if users != self._users:
                 self._write_users(users)
@@ -218,13 +219,13 @@ class MosquittoBroker:
 
     def _reload(self) -> None:
         if self._child is not None and sys.platform != "win32":
-            logger.info("broker_users_changed users=%d", len(self._users))
+            logger.info("broker_users_changed", users=len(self._users))
             self._child.send_signal(signal.SIGHUP)
 
     def _must_live(self) -> None:
         code = self._child.poll() if self._child is not None else None
         if code is not None:
-            raise MosquittoError(f"mosquitto ended with code {code}; its own words stand above")
+            raise MosquittoError(f"mosquitto ended with code {code}; see its output above")
 
     async def _answering(self, host: str, port: int) -> None:
         deadline = asyncio.get_running_loop().time() + START_SECONDS

@@ -162,7 +162,7 @@ class PacketReader:
             length |= (byte & 0x7F) << (7 * (index - 1))
             if not byte & _MORE:
                 if length + index + 1 > self.limit:
-                    raise ProtocolError(f"packet of {length} bytes")
+                    raise ProtocolError(f"packet of {length} bytes is too large")
                 return index + 1, index + 1 + length
         if len(self._buffer) > _LONGEST_LENGTH:
             raise ProtocolError("bad length")
@@ -196,7 +196,7 @@ class _Body:
         except UnicodeDecodeError as error:
             raise ProtocolError("text is not UTF-8") from error
         if "\0" in text:
-            raise ProtocolError("text holds U+0000")
+            raise ProtocolError("text contains U+0000")
         return text
 
     def packet_id(self) -> int:
@@ -219,7 +219,7 @@ def _packet(kind: int, flags: int, data: bytes) -> Packet:
     if kind == PUBLISH:
         return _publish(flags, body)
     if flags != _FLAGS.get(kind, 0):
-        raise ProtocolError(f"flags {flags} of packet type {kind}")
+        raise ProtocolError(f"wrong flags {flags} for packet type {kind}")
     packet = _other(kind, body)
     body.end()
     return packet
@@ -239,7 +239,7 @@ def _other(kind: int, body: _Body) -> Packet:
             return PingRequest()
         case 14:
             return Disconnect()
-    raise ProtocolError(f"packet type {kind}")
+    raise ProtocolError(f"unexpected packet type {kind}")
 
 
 def _publish(flags: int, body: _Body) -> PublishPacket:
@@ -265,7 +265,7 @@ def _connect(body: _Body) -> Connect:
     if name not in {"MQTT", "MQIsdp"}:
         raise ProtocolError("not MQTT")
     if level != LEVEL or name != "MQTT":
-        raise UnsupportedVersionError(f"MQTT protocol level {level}")
+        raise UnsupportedVersionError(f"unsupported MQTT protocol level {level}")
     flags, keep_alive, client_id = body.byte(), body.number(), body.text()
     if flags & _RESERVED or (flags & _PASSWORD and not flags & _USERNAME):
         raise ProtocolError("CONNECT flags")

@@ -2,10 +2,10 @@
 that it has. POST alone, no cookies.
 """
 
-import logging
 from typing import Any
 
 import msgspec
+import structlog
 from django.http import HttpRequest, JsonResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
@@ -18,7 +18,7 @@ from accounts.rate_limits import limited
 from robots.enrol import credentials, tokens
 from robots.enrol.credentials import Credentials, bearer
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 LARGEST = 4096
 ENROLLING, RENEWING = Attempts("enrol", limit=10), Attempts("renew", limit=20)
 
@@ -44,7 +44,7 @@ def enrol(request: HttpRequest) -> JsonResponse:
         )
     made = tokens.redeem(asked.robot, asked.token, timezone.now())
     if made is None:
-        log.warning("enrolment_refused robot=%.80r", asked.robot)
+        log.warning("enrolment_refused", robot=asked.robot[:80])
         detail = (
             "This token was used, has expired, or is another robot's: its owner can make a new one"
             " in the administration."

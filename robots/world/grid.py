@@ -136,15 +136,15 @@ def _told_size(start: bytes, name: str) -> tuple[int, int]:
         return int.from_bytes(start[16:20]), int.from_bytes(start[20:24])
     found = _PGM.match(start)
     if found is None:
-        raise MapError(
-            f"{name}: cannot be read as an image (neither the beginning of a PNG nor of a PGM)"
-        )
+        raise MapError(f"{name}: cannot be read as an image (it is neither PNG nor PGM)")
     return int(found[1]), int(found[2])
 
 
 def _check_size(width: int, height: int, name: str) -> None:
     if max(width, height) > MAXIMUM_SIDE:
-        raise MapError(f"{name}: {width} x {height} pixels, at most {MAXIMUM_SIDE} a side")
+        raise MapError(
+            f"{name}: {width} x {height} pixels; at most {MAXIMUM_SIDE} per side are allowed"
+        )
 
 
 def encode_png(image: npt.NDArray[np.uint8]) -> bytes:

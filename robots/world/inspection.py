@@ -41,7 +41,7 @@ def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
     nothing is.
     """
     if not grid.free().any():
-        return ("the map has no free cell: is `negate` right?",)
+        return ("the map has no free cell: check `negate`",)
     drawn = _drawn(plan)
     found = tuple(_disagreements(plan, grid, drawn))
     if found:
@@ -142,8 +142,8 @@ def _disagreements(plan: FloorPlan, grid: OccupancyGrid, drawn: OccupancyGrid) -
     walls, floor = landmarks.shown(grid)
     if walls < WALLS_SHOWN:
         yield (
-            f"plan and map do not show the same place: only {walls:.0%} of the plan's walls are on"
-            " the map; are resolution and origin right?"
+            f"plan and map do not show the same place: only {walls:.0%} of the "
+            "plan's walls are on the map; check resolution and origin"
         )
     elif floor < FLOOR_SHOWN:
         yield (
@@ -160,8 +160,8 @@ def _bad_scale(landmarks: Landmarks, grid: OccupancyGrid, fit: float) -> Iterato
         other = replace(grid, transform=replace(grid.transform, resolution=resolution))
         if sum(landmarks.shown(other)) > fit + MUCH_BETTER:
             yield (
-                f"plan and map differ in scale: they fit better at {resolution:g} m a pixel than at"
-                f" {grid.transform.resolution:g}"
+                f"plan and map differ in scale: they fit better at {resolution:g} m "
+                f"per pixel than at {grid.transform.resolution:g}"
             )
             return
 
@@ -213,12 +213,12 @@ def _drawn(plan: FloorPlan) -> OccupancyGrid:
 def _unreachable(plan: FloorPlan, floor: Floor, where: str) -> Iterator[str]:
     main = floor.largest
     if not main:
-        yield f"nowhere {where} is enough room for a robot"
+        yield f"there is not enough room for a robot anywhere {where}"
         return
     for opening in plan.openings:
         x, y = (opening.start[0] + opening.end[0]) / 2.0, (opening.start[1] + opening.end[1]) / 2.0
         if floor.about(x, y, WALL_TOLERANCE)[0] < HALF_WIDTH:
-            yield f"{opening.name!r} is walled up or too narrow for a robot {where}"
+            yield f"{opening.name!r} is blocked or too narrow for a robot {where}"
     for dock in plan.docks:
         yield from _bad_dock(dock, floor, where, main)
     spots: Spots = [(f"place {place.name!r}", place.x, place.y) for place in plan.places]
@@ -239,8 +239,8 @@ def _bad_spot(what: str, about: tuple[float, set[int]], where: str, main: int) -
         yield f"{what} lies in a wall or in furniture {where}"
     elif not regions:
         yield (
-            f"{what} is too near to a wall or to furniture {where}: a robot needs {HALF_WIDTH} m"
-            " about its middle"
+            f"{what} is too close to a wall or furniture {where}: a robot needs "
+            f"{HALF_WIDTH} m around its centre"
         )
     elif main not in regions:
         yield f"{what} cannot be reached {where}"
@@ -254,8 +254,8 @@ def _bad_dock(dock: ChargingDock, floor: Floor, where: str, main: int) -> Iterat
         x, y = docked.apply(-back, 0.0)
         if floor.about(x, y, cell)[0] < HALF_WIDTH - 2.0 * cell:
             yield (
-                f"dock {dock.name!r} is not free {where}: something stands at ({x:.2f}, {y:.2f}),"
-                f" {back:.1f} m behind the docked robot's middle"
+                f"dock {dock.name!r} is not free {where}: there is an obstacle at "
+                f"({x:.2f}, {y:.2f}), {back:.1f} m behind the docked robot's centre"
             )
             return
     x, y = docked.apply(-BACKED_OUT, 0.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import structlog
 
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlan
@@ -21,7 +22,7 @@ RESOLUTION = 0.05
 MARGIN = 0.1
 SAMPLES = 4  # a side of a cell
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 def rasterise(plan: FloorPlan, resolution: float = RESOLUTION) -> OccupancyGrid:

@@ -262,6 +262,6 @@ def model_of(series: str) -> RobotModel:
     """
     if series not in MODELS:
         raise UnknownProfileError(
-            f"no robot profile {series!r}; there are {', '.join(sorted(MODELS))}"
+            f"no robot profile {series!r}: choose one of {', '.join(sorted(MODELS))}"
         )
     return MODELS[series]

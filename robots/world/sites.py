@@ -39,8 +39,8 @@ def load_plan(name: str) -> tuple[FloorPlan, Path]:
         return floorplan.decode((directory / "plan.json").read_bytes()), directory
     except OSError as error:
         raise SiteError(
-            f"no site {name!r}: neither one of {', '.join(shipped_sites())} nor a folder with a"
-            " plan.json"
+            f"no site {name!r}: give one of {', '.join(shipped_sites())}, or a "
+            "folder with a plan.json"
         ) from error
     except FloorPlanError as error:
         raise SiteError(f"{directory / 'plan.json'}: {error}") from error

@@ -12,7 +12,7 @@ from django.db.models import Model, QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils import timezone
-from django.utils.translation import gettext as _now
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
@@ -72,7 +72,7 @@ class ApiKeyAdmin(OfRobots):
             request,
             obj,
             change,
-            help_texts={"label": _("What the key is for, such as home-assistant.")},
+            help_texts={"label": _("Purpose of the key, for example home-assistant.")},
             **kwargs,
         )
 
@@ -87,7 +87,7 @@ class ApiKeyAdmin(OfRobots):
     ) -> HttpResponse:
         """Show the key, once."""
         context = self.admin_site.each_context(request) | {
-            "title": _now("Key of %(robot)s") % {"robot": obj.robot},
+            "title": gettext("API key for %(robot)s") % {"robot": obj.robot},
             "opts": self.opts,
             "robot": obj.robot,
             "key": request.api_key,

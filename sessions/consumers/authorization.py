@@ -27,12 +27,12 @@ from robots.api.messages import (
     IceServer,
     Lease,
     Message,
-    Offer,
     Photo,
     PictureRequest,
     PointCommand,
     Relocalize,
     ResendStates,
+    SdpOffer,
     Stop,
     VelocityCommand,
 )
@@ -70,7 +70,7 @@ class Verb:
 
 
 @dataclass(frozen=True)
-class Report:
+class ReportFrame:
     """Tell the session manager for the record."""
 
     message: protocol.PageReport
@@ -84,7 +84,7 @@ class Spare:
 
 
 @dataclass(frozen=True)
-class Deny:
+class DenyFrame:
     """Tell the page that a frame of it was refused."""
 
     suffix: str
@@ -98,10 +98,10 @@ class Close:
     code: int
 
 
-Effect = Publish | Halt | Verb | Report | Spare | Deny | Close
+Effect = Publish | Halt | Verb | ReportFrame | Spare | DenyFrame | Close
 
 
-class Refused(Exception):
+class FrameRefused(Exception):
     """A frame that this page may not send now; the message is the reason in one word."""
 
 
@@ -191,7 +191,7 @@ class Authorization:
             return (self._effect(suffix, _decode(suffix, payload), lease, now),)
         except Rejection as rejection:
             return self.deny(suffix, rejection.reason, now)
-        except Refused as refused:
+        except FrameRefused as refused:
             return self.deny(suffix, str(refused), now)
 
     def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
@@ -205,7 +205,7 @@ class Authorization:
         if now - self._sent.get(key, float("-inf")) < REPEAT_SECONDS:
             return ()
         self._sent[key] = now
-        return (Deny(suffix[:80], reason),)
+        return (DenyFrame(suffix[:80], reason),)
 
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
         self._check_rate(message, now)
@@ -225,10 +225,10 @@ class Authorization:
                 return self._picture(message, lease)
             case PointCommand():
                 return self._point(suffix, message, lease)
-            case Offer() | Candidate() | Bye():
+            case SdpOffer() | Candidate() | Bye():
                 return Publish(f"signal/{self.peer}", self._stamp_signal(message, lease))
             case protocol.PageEvent() | protocol.PageNetwork():
-                return Report(self._report(suffix, message))
+                return ReportFrame(self._report(suffix, message))
             case protocol.Direct():
                 return Spare(message.direct)
         return Verb(message)
@@ -247,11 +247,11 @@ class Authorization:
                 not isinstance(message, Photo) or self._allowance.photo(now)
             )
         if not passes:
-            raise Refused("rate")
+            raise FrameRefused("rate")
 
     def _check_driver(self, lease: Lease | None) -> None:
         if not self.holds(lease):
-            raise Refused("observer" if self.watches else "not_driver")
+            raise FrameRefused("observer" if self.watches else "not_driver")
 
     def _velocity(self, command: VelocityCommand, lease: Lease | None, now: float) -> Publish:
         self._check_driver(lease)
@@ -265,7 +265,7 @@ class Authorization:
 
     def _picture(self, request: PictureRequest, lease: Lease | None) -> Publish:
         if not (self.watches or self.holds(lease)):
-            raise Refused("not_driver" if self.standing == "driver" else "no_role")
+            raise FrameRefused("not_driver" if self.standing == "driver" else "no_role")
         self.awaits_picture = True
         return Publish(
             "command/picture", msgspec.structs.replace(request, peer=self.peer), wanted=False
@@ -292,12 +292,12 @@ class Authorization:
 
     def _stamp_action(self, action: Action, lease: Lease | None) -> Action:
         if isinstance(action, ResendStates):
-            raise Refused("not_allowed")
+            raise FrameRefused("not_allowed")
         if isinstance(action, ClearEStop) or (
             self.operator and isinstance(action, OPERATORS_OWN) and not self.holds(lease)
         ):
             if self.operator is None:
-                raise Refused("not_allowed")
+                raise FrameRefused("not_allowed")
             return msgspec.structs.replace(
                 action, session=None, epoch=0, role=self.operator, user=self.who
             )
@@ -306,13 +306,13 @@ class Authorization:
             action, session=self.session, epoch=self.epoch, role="driver", user=self.who
         )
 
-    def _stamp_signal(self, signal: Offer | Candidate | Bye, lease: Lease | None) -> Message:
+    def _stamp_signal(self, signal: SdpOffer | Candidate | Bye, lease: Lease | None) -> Message:
         drives = self.holds(lease)
         if not drives and not self.watches:
-            raise Refused("not_driver" if self.standing == "driver" else "no_role")
-        if not isinstance(signal, Offer):
+            raise FrameRefused("not_driver" if self.standing == "driver" else "no_role")
+        if not isinstance(signal, SdpOffer):
             return signal
-        return Offer(
+        return SdpOffer(
             sdp=signal.sdp,
             role="driver" if drives else "observer",
             session=self.session if drives else None,
@@ -323,11 +323,11 @@ class Authorization:
 
     def _report(self, suffix: str, message: Message) -> protocol.PageReport:
         if self.session is None:
-            raise Refused("no_session")
+            raise FrameRefused("no_session")
         assert suffix in {"page/event", "page/network"}
         encoded = codec.encode(message)
         if len(encoded) > protocol.MAX_REPORT:
-            raise Refused("oversized")
+            raise FrameRefused("oversized")
         return protocol.PageReport(
             suffix=suffix,  # type: ignore[arg-type]
             session=self.session,

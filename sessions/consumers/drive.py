@@ -3,7 +3,6 @@ in page_session.py.
 """
 
 import asyncio
-import logging
 import random
 import secrets
 import time
@@ -12,6 +11,7 @@ from collections.abc import Coroutine
 from typing import Any
 
 import msgspec
+import structlog
 from channels.db import database_sync_to_async
 from django.conf import settings
 from django.db import DatabaseError, InterfaceError
@@ -28,11 +28,11 @@ from sessions.consumers import queries, relay
 from sessions.consumers.authorization import (
     Authorization,
     Close,
-    Deny,
+    DenyFrame,
     Effect,
     Halt,
     Publish,
-    Report,
+    ReportFrame,
     Spare,
     Verb,
 )
@@ -44,7 +44,7 @@ from sessions.consumers.sender import Sender
 from sessions.devices import device_of, headers_of_scope
 from sessions.leases.policy import PAGE_SEEN_EVERY
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 WELCOME_EVERY = 60.0
 SPREAD_SECONDS = 2.0
@@ -140,11 +140,11 @@ class RobotConsumer(DirectConsumer):
         self._stop_listening(self.page_session)
         await self.page_session.page_gone()
         log.info(
-            "page_left robot=%s code=%s refused=%s dropped=%d",
-            self.name,
-            code,
-            dict(self.authorization.refused),
-            self.sender.queue.dropped,
+            "page_left",
+            robot=self.name,
+            code=code,
+            refused=dict(self.authorization.refused),
+            dropped=self.sender.queue.dropped,
         )
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -191,11 +191,11 @@ class RobotConsumer(DirectConsumer):
                     self.bridge.send_stop(self.name, message)
                 case Verb(message):
                     self._ask(message)
-                case Report(message):
+                case ReportFrame(message):
                     self.bridge.report(protocol.page_reports(message.session), message)
                 case Spare(direct):
                     self.sparing.direct = direct
-                case Deny(suffix, reason):
+                case DenyFrame(suffix, reason):
                     self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
                 case Close(code):
                     self.sender.end(code)
@@ -313,7 +313,7 @@ class RobotConsumer(DirectConsumer):
             if welcome:
                 await self.page_session.confirm()
         except (DatabaseError, InterfaceError) as error:
-            log.warning("page_not_checked robot=%s reason=%s", self.name, error)
+            log.warning("page_not_checked", robot=self.name, reason=str(error))
 
     # --- what time brings -------------------------------------------------------------------------
 
@@ -334,7 +334,7 @@ class RobotConsumer(DirectConsumer):
                         if await page_session.still_welcome():
                             page_session.vouch()
             except (DatabaseError, InterfaceError) as error:
-                log.warning("page_not_checked robot=%s reason=%s", self.name, error)
+                log.warning("page_not_checked", robot=self.name, reason=str(error))
 
     async def _send_frame(self, frame: str | bytes) -> None:
         if isinstance(frame, bytes):

@@ -3,12 +3,12 @@ Asks the database, tells everybody.
 """
 
 import asyncio
-import logging
 import time
 from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
+import structlog
 from channels.db import database_sync_to_async
 from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
@@ -31,7 +31,7 @@ from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Session
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 MAX_WAITING_VERBS = 5
 
 
@@ -55,7 +55,7 @@ class PageSession:
     sender: Sender
     turn: asyncio.Lock = field(default_factory=asyncio.Lock)
     waiting_verbs: int = 0
-    described: protocol.Room | None = None
+    described: protocol.RoomState | None = None
 
     # --- verbs ------------------------------------------------------------------------------------
 
@@ -72,7 +72,7 @@ class PageSession:
                 if not self.sender.closed and await self.still_welcome():
                     await self._do(verb)
             except (DatabaseError, InterfaceError, store.LeaseContention):
-                log.exception("verb_failed robot=%s verb=%s", self.robot.name, type(verb).__name__)
+                log.exception("verb_failed", robot=self.robot.name, verb=type(verb).__name__)
                 self.sender.post(
                     "denied",
                     protocol.Denied(
@@ -105,20 +105,20 @@ class PageSession:
             now=timezone.now(),
         )
         match taken:
-            case store.Granted():
+            case store.TakeGranted():
                 self._granted(taken)
-            case store.Queued(session, place, minutes, reason):
+            case store.TakeQueued(session, place, minutes, reason):
                 self._follow(session)
                 self.authorization.wait(session)
                 self.sender.notify(
                     protocol.Queued(session=session, place=place, minutes=minutes, reason=reason)
                 )
-            case store.Refused(reason, session):
+            case store.TakeRefused(reason, session):
                 self.sender.post(
                     "session/refused", protocol.Refused(reason=reason, session=session)
                 )
 
-    def _granted(self, granted: store.Granted) -> None:
+    def _granted(self, granted: store.TakeGranted) -> None:
         self._follow(granted.session)
         self.authorization.drive(granted.session, granted.epoch, granted.peer)
         if granted.resumed:
@@ -216,7 +216,7 @@ class PageSession:
         try:
             notice = protocol.decode_notice(frame)
         except Rejection as rejection:
-            log.error("notice_rejected robot=%s reason=%s", self.robot.name, rejection)
+            log.error("notice_rejected", robot=self.robot.name, reason=str(rejection))
             return
         if isinstance(notice, protocol.Ended):
             self._over(notice)
@@ -295,9 +295,7 @@ class PageSession:
                 self.stop_watching()
                 self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
             return True
-        log.warning(
-            "page_sent_away robot=%s user=%s reason=%s", self.robot.name, self.user.pk, answer
-        )
+        log.warning("page_dismissed", robot=self.robot.name, user=self.user.pk, reason=answer)
         session, drove = self.authorization.session, self.authorization.standing == "driver"
         self.hang_up()
         if session is not None:

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from robots.bridge.known import KnownRobot
 from sessions.consumers.authorization import Authorization
-from sessions.protocol import Room as RoomFrame
+from sessions.protocol import RoomState
 
 
 class Member(Protocol):
@@ -32,7 +32,7 @@ class Peers:
         """How many of the pages here watch."""
         return sum(member.authorization.watches for member in self.members)
 
-    def describe(self, known: KnownRobot, now: float) -> RoomFrame:
+    def describe(self, known: KnownRobot, now: float) -> RoomState:
         """Return who is here; `now` is monotonic seconds.
 
         The robot counts the viewers of every web process, this process those whose picture is still
@@ -43,7 +43,7 @@ class Peers:
             lease is not None and known.state is not None and known.state.session == lease.session
         )
         viewers = max(0, known.state.viewers - drives) if known.state is not None else 0
-        return RoomFrame(
+        return RoomState(
             driver=lease.who if lease is not None else None,
             driving=drives,
             observers=max(viewers, self.observers),

@@ -137,7 +137,7 @@ def take(
     robot.refresh_from_db()
     verdict = may_drive(user, robot)
     if not verdict:
-        return turns.Refused(verdict.reason)  # type: ignore[arg-type]
+        return turns.TakeRefused(verdict.reason)  # type: ignore[arg-type]
     held = turns.holder_of(robot, user)
     if held is not None and turns.is_free_drive(held) and terms.claims(user, robot):
         # What was driven for oneself is no part of what begins now, and the robot goes home in
@@ -146,7 +146,7 @@ def take(
         held = session = None
     reason = terms.why_not(user, robot, now)
     if reason and held is None:  # whoever drives already may finish
-        return turns.Refused(reason)  # type: ignore[arg-type]
+        return turns.TakeRefused(reason)  # type: ignore[arg-type]
     return turns.take(
         robot,
         user,

@@ -3,12 +3,12 @@ sessions/consumers/screen_authorization.py.
 """
 
 import asyncio
-import logging
 import secrets
 import time
 from typing import Any
 
 import msgspec
+import structlog
 from channels.db import database_sync_to_async
 from django.db import DatabaseError, InterfaceError
 
@@ -21,7 +21,7 @@ from robots.models import Robot
 from robots.screens import cookie_of, screen_of
 from sessions import protocol
 from sessions.consumers import relay
-from sessions.consumers.authorization import Close, Deny, Effect, Halt, Publish
+from sessions.consumers.authorization import Close, DenyFrame, Effect, Halt, Publish
 from sessions.consumers.backpressure import IS_FULL, never_full
 from sessions.consumers.base import DirectConsumer
 from sessions.consumers.screen_authorization import ScreenAuthorization
@@ -29,7 +29,7 @@ from sessions.consumers.sender import Sender
 from sessions.leases.terms import of as terms_of
 from sessions.models import Session
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 POLL_INTERVAL_S = 2.0  # s between two looks at a lease that may have run out
 WELCOME_EVERY = 60.0  # s between two looks at the key
@@ -78,7 +78,7 @@ class ScreenConsumer(DirectConsumer):
         self.sender.post("hello", hello)
         self.visitor_changed.set()
         self.looking = asyncio.get_running_loop().create_task(self._tick())
-        log.info("screen_joined robot=%s", self.name)
+        log.info("screen_joined", robot=self.name)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """Live from the first to the last frame, and leave nothing behind however it ends."""
@@ -91,9 +91,7 @@ class ScreenConsumer(DirectConsumer):
                 # a connection to the robot lives without this socket
                 self._publish_to_robot(Bye(reason="left"))
                 self.bridge.ignore(self.name, self)
-                log.info(
-                    "screen_left robot=%s refused=%s", self.name, dict(self.authorization.refused)
-                )
+                log.info("screen_left", robot=self.name, refused=dict(self.authorization.refused))
 
     # --- what the display says --------------------------------------------------------------------
 
@@ -125,7 +123,7 @@ class ScreenConsumer(DirectConsumer):
                         )
                 case Halt(message):
                     self.bridge.send_stop(self.name, message)
-                case Deny(suffix, reason):
+                case DenyFrame(suffix, reason):
                     self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
                 case Close(code):
                     self.sender.end(code)
@@ -171,7 +169,7 @@ class ScreenConsumer(DirectConsumer):
                     else:
                         self._publish_to_robot(Stay())
             except (DatabaseError, InterfaceError) as error:
-                log.warning("screen_not_checked robot=%s reason=%s", self.name, error)
+                log.warning("screen_not_checked", robot=self.name, reason=str(error))
 
     def _publish_to_robot(self, signal: Bye | Stay) -> None:
         if self.authorization is not None:

@@ -17,12 +17,12 @@ from robots.api.messages import (
     EStop,
     IceServer,
     Lease,
-    Offer,
     PointCommand,
     Say,
+    SdpOffer,
     Stop,
 )
-from sessions.consumers.authorization import Authorization, Effect, Halt, Publish, Refused
+from sessions.consumers.authorization import Authorization, Effect, FrameRefused, Halt, Publish
 
 
 class ScreenAuthorization(Authorization):
@@ -49,14 +49,14 @@ class ScreenAuthorization(Authorization):
                     message, role="screen", peer=self.peer, session=None, epoch=0
                 )
                 return Publish(suffix, stamped, wanted=False)
-            case Offer():
-                offer = Offer(
+            case SdpOffer():
+                offer = SdpOffer(
                     sdp=message.sdp, role="screen", who=self.who, ice_servers=self.ice_servers
                 )
                 return Publish(f"signal/{self.peer}", offer)
             case Candidate() | Bye():
                 return Publish(f"signal/{self.peer}", message)
-        raise Refused("not_allowed")
+        raise FrameRefused("not_allowed")
 
     def _as_screen(self, action: Any) -> Any:
         stamped = msgspec.structs.replace(

@@ -18,9 +18,9 @@ from sessions.leases.transitions import (
     Act,
     FirstMotion,
     Free,
-    Link,
     Lose,
     Move,
+    RobotLink,
     TurnLimited,
     TurnUnlimited,
     Withdraw,
@@ -31,7 +31,7 @@ from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarnin
 
 
 def tick(
-    robot: Robot, link: Link, now: datetime.datetime, scene: Scene | None = None
+    robot: Robot, link: RobotLink, now: datetime.datetime, scene: Scene | None = None
 ) -> tuple[Act, ...]:
     """Do what is due at one robot and return what was really done; `scene` by whoever has read
     those of many at once.
@@ -44,7 +44,7 @@ def tick(
     )
 
 
-def _perform(act: Act, scene: Scene, link: Link, robot: Robot, now: datetime.datetime) -> bool:
+def _perform(act: Act, scene: Scene, link: RobotLink, robot: Robot, now: datetime.datetime) -> bool:
     match act:
         case Free(epoch):
             return change_lease(robot, epoch, session=None, peer="", now=now)

@@ -50,7 +50,8 @@ class ActiveSession:
     """A session that has not ended. `seen_at` is None when its page has closed its socket, `drove`
     whether it ever moved the robot.
 
-    `turn`, `grace` and `idle` are what its terms say instead of the robot's rules, in seconds.
+    `turn`, `grace` and `idle` are what its terms say instead of the robot's rules, in seconds;
+    `turn_always` is whether the turn is a limit even while nobody waits.
     `not_ready` says why the robot is not yet as its terms want it, empty when it is; it is known
     only of whoever would be next.
     """
@@ -68,6 +69,7 @@ class ActiveSession:
     turn: float | None = None
     grace: float | None = None
     idle: float | None = None
+    turn_always: bool = False
     not_ready: str = ""
 
     def page_open(self, now: float) -> bool:

@@ -39,7 +39,7 @@ ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 
 @dataclass(frozen=True)
-class Condition:
+class RobotCondition:
     """What the robot says of itself.
 
     `heard` is false when its last state is too old to go by, `level` when its head looks elsewhere,
@@ -95,7 +95,7 @@ class Readiness:
 
 
 def decide(
-    turnaround: Readiness, condition: Condition, now: float
+    turnaround: Readiness, condition: RobotCondition, now: float
 ) -> tuple[Readiness, Kind | None]:
     """Return how things stand now, and what the robot is to be told, if anything."""
     if not condition.heard:
@@ -126,7 +126,7 @@ def _looked_at(turnaround: Readiness) -> Readiness:
     return replace(turnaround, order=None, attempts=0, tried_at=None, seen=True)
 
 
-def _is_done(kind: Kind, condition: Condition) -> bool:
+def _is_done(kind: Kind, condition: RobotCondition) -> bool:
     return {
         "dock": condition.docked,
         "level": condition.level,
@@ -136,7 +136,7 @@ def _is_done(kind: Kind, condition: Condition) -> bool:
 
 
 def _at_home(
-    turnaround: Readiness, condition: Condition, now: float
+    turnaround: Readiness, condition: RobotCondition, now: float
 ) -> tuple[Readiness, Kind | None]:
     missing: Kind | None = (
         "relocalize" if not condition.localized else "level" if not condition.level else None

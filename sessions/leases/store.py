@@ -7,8 +7,8 @@ read, and `live_key` is unique, so that a visitor has one living session at a ro
 
 What a consumer calls, each through `database_sync_to_async`:
 
-- `take` for `session/take`. On `Granted` publish `granted.lease` (retained) at once; the session
-  manager renews it.
+- `take` for `session/take`. On `TakeGranted` publish `granted.lease` (retained) at once; the
+  session manager renews it.
 - `seen`, through consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's
   socket is open with a session; `take` says it, too;
 - `page_gone` when the socket closes: the session goes on for as long as its heartbeat or its grace
@@ -70,7 +70,7 @@ class LeaseContention(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Granted:
+class TakeGranted:
     """The page drives. `resumed`: epoch and peer are those of before; `turn_seconds` is None while
     nobody else waits.
 
@@ -89,7 +89,7 @@ class Granted:
 
 
 @dataclass(frozen=True)
-class Queued:
+class TakeQueued:
     """The page waits at `place` (1 is next) for about `minutes`; `reason` says why a free robot is
     not ready.
     """
@@ -101,14 +101,14 @@ class Queued:
 
 
 @dataclass(frozen=True)
-class Refused:
+class TakeRefused:
     """No; `reason` is one of sessions.protocol.Refused."""
 
     reason: Refusal
     session: str | None = None
 
 
-Taken = Granted | Queued | Refused
+Taken = TakeGranted | TakeQueued | TakeRefused
 
 
 def take(  # noqa: D417 -- the rest is what the page said
@@ -173,7 +173,7 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
     """
     match decision:
         case Deny(reason, session):
-            return Refused(reason, session)
+            return TakeRefused(reason, session)
         case Resume(session):
             seen({session}, asker.now)
             return _granted(scene, scene.hold, asker, resumed=True)
@@ -182,7 +182,7 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
             if session is None:
                 return None
             seen({session}, asker.now)
-            return Queued(session, place, minutes, reason)
+            return TakeQueued(session, place, minutes, reason)
         case Grant():
             return _grant(decision, scene, asker)
 
@@ -208,7 +208,7 @@ def _join(asker: _Asker) -> str | None:
     return str(made.pk)
 
 
-def _grant(grant: Grant, scene: Scene, asker: _Asker) -> Granted | Refused | None:
+def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | TakeRefused | None:
     session = _join(asker) if grant.session is None else grant.session
     if session is None:
         return None
@@ -221,7 +221,7 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> Granted | Refused | Non
         fix_terms(session, asker.now)
     except terms.NotGranted as refusal:
         end(session, Session.Outcome.CANCELLED, str(refusal), asker.now)
-        return Refused(str(refusal), session)  # type: ignore[arg-type]
+        return TakeRefused(str(refusal), session)  # type: ignore[arg-type]
     changes: dict[str, Any] = {
         "state": grant.state,
         "seen_at": asker.now,
@@ -258,7 +258,7 @@ def fix_terms(session: str, now: datetime.datetime) -> None:
         Session.objects.filter(pk=session).update(terms=terms.stored(fixed))
 
 
-def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> Granted:
+def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> TakeGranted:
     assert hold.session is not None
     session, now, key = Session.objects.get(pk=hold.session), asker.now.timestamp(), hold.session
     fixed = terms.of(session)
@@ -266,10 +266,8 @@ def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> Grant
     holder = before or ActiveSession(
         key, str(asker.visitor.pk), "connecting", now, granted_at=now, turn=fixed.turn_seconds
     )
-    others_wait = any(waiting.id != key for waiting in scene.queue)
-    turn_seconds = (
-        max(0.0, turn_end(holder, rules_of(asker.robot), now) - now) if others_wait else None
-    )
+    limited = fixed.turn_always or any(waiting.id != key for waiting in scene.queue)
+    turn_seconds = max(0.0, turn_end(holder, rules_of(asker.robot), now) - now) if limited else None
     renewal = (
         Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
     )
@@ -277,7 +275,7 @@ def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> Grant
     lease = lease_message(
         asker.robot, who, hold, renewal=renewal, stamp=now, assist=session.assist, fixed=fixed
     )
-    return Granted(
+    return TakeGranted(
         key, hold.epoch, hold.peer, resumed, turn_seconds, lease, fixed, terms.shown(key)
     )
 
@@ -581,6 +579,7 @@ def session_of(session: Session) -> ActiveSession:
         turn=fixed.turn_seconds,
         grace=fixed.grace_seconds,
         idle=fixed.idle_seconds,
+        turn_always=fixed.turn_always,
     )
 
 

@@ -27,8 +27,9 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     radians, seconds.
 
     `actions` are types of Robot API actions, `controllers` input methods. A visitor who drives and
-    then leaves has completed the session only where `leaving_completes`. `study` is what the app
-    above wants to find again; it means nothing here.
+    then leaves has completed the session only where `leaving_completes`. A turn ends after
+    `turn_seconds` if somebody waits, and with `turn_always` even if nobody does. `study` is what
+    the app above wants to find again; it means nothing here.
     """
 
     label: str = ""
@@ -40,6 +41,7 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     control_way: Literal["any", "datachannel", "mqtt"] = "any"
     interface: str = ""
     turn_seconds: float | None = None
+    turn_always: bool = False
     grace_seconds: float | None = None
     idle_seconds: float | None = None
     doors: dict[str, DoorState] = {}

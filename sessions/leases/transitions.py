@@ -11,9 +11,9 @@ Rules, all in seconds unless said otherwise:
 - A robot that is not heard of for ROBOT_SILENCE ends the session as robot_fault.
 - `turn` and `grace` are the robot's, or what the terms of the session say
   (sessions/leases/terms.py).
-- A turn is a limit only while somebody waits whose page is open. It then ends `turn` after the
-  grant, but never earlier than `warning` after the moment from which somebody waited. When nobody
-  waits any more, the limit is lifted.
+- A turn is a limit only while somebody waits whose page is open, or where the terms say that it
+  always is. It then ends `turn` after the grant, but never earlier than `warning` after the moment
+  from which somebody waited. When nobody waits any more, the limit is lifted.
 - A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after
   ANSWER_SECONDS, and ON_THE_WAY for question and answer to arrive, the session ends as if its turn
   were over. Driving, a touch of the page, a call and what the robot does by itself are signs; a
@@ -23,8 +23,8 @@ Rules, all in seconds unless said otherwise:
   may take it. After `start` the offer lapses, that session is cancelled, and the next one is asked.
   Who waits with a closed page keeps the place for `grace`.
 
-Decided on plain snapshots. No deadline counts from before `Link.since`, when the session manager
-began to hear robots: nobody is punished for its own absence.
+Decided on plain snapshots. No deadline counts from before `RobotLink.since`, when the session
+manager began to hear robots: nobody is punished for its own absence.
 """
 
 from collections.abc import Iterator, Mapping
@@ -51,7 +51,7 @@ IDLE = "idle"  # the reason of a session whose driver gave no sign any more
 
 
 @dataclass(frozen=True)
-class Link:
+class RobotLink:
     """What was last heard of the robot: anything at all at `last_received_at`; the newest state at
     `state_at`, with these of its fields.
 
@@ -145,7 +145,7 @@ Act = (
 )
 
 
-def decide_tick(scene: Scene, link: Link, rules: Rules, now: float) -> tuple[Act, ...]:
+def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tuple[Act, ...]:
     """Return what is to be done now, in order; nothing when all is well."""
     acts = [*_orphans(scene), *_waiting(scene, link, rules, now)]
     holder = scene.holder
@@ -167,11 +167,12 @@ def _orphans(scene: Scene) -> Iterator[Act]:
             yield Ended(session=session.id, outcome="connection_lost", reason="lease_gone")
 
 
-def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act]:
+def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterator[Act]:
     for session in scene.queue:
         # An offer that nobody could take does not lapse: it is withdrawn.
         if (
             scene.ready
+            and session.page_open(now)
             and not session.not_ready
             and session.offered_at is not None
             and now - max(session.offered_at, link.since) >= rules.start
@@ -179,14 +180,17 @@ def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act
             yield Ended(session=session.id, outcome="cancelled", reason="turn_not_taken")
         elif session.page_open(now):
             continue
-        elif session.lost_at is None:
-            yield Lose(session.id, now)
-        elif now - max(session.lost_at, link.since) > rules.grace:
+        elif session.lost_at is not None and now - max(session.lost_at, link.since) > rules.grace:
             yield Ended(session=session.id, outcome="cancelled", reason="page_gone")
+        else:
+            if session.lost_at is None:
+                yield Lose(session.id, now)
+            if session.offered_at is not None:
+                yield Withdraw(session.id)  # who has no page cannot take a turn; the place is kept
 
 
 def _driver(
-    scene: Scene, holder: ActiveSession, link: Link, rules: Rules, now: float
+    scene: Scene, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
 ) -> Iterator[Act]:
     fault = _fault(scene, holder, link, now)
     if fault is not None:
@@ -208,7 +212,7 @@ def _driver(
         yield from _turn(scene, holder, rules, now)
 
 
-def _fault(scene: Scene, holder: ActiveSession, link: Link, now: float) -> Ended | None:
+def _fault(scene: Scene, holder: ActiveSession, link: RobotLink, now: float) -> Ended | None:
     if not scene.enabled:
         return Ended(session=holder.id, outcome="stopped_by_operator", reason="robot_disabled")
     heard = max(link.since, link.last_received_at or 0.0, holder.granted_at or 0.0)
@@ -217,7 +221,7 @@ def _fault(scene: Scene, holder: ActiveSession, link: Link, now: float) -> Ended
     return None
 
 
-def visitor_here(hold: Hold, holder: ActiveSession, link: Link, now: float) -> bool | None:
+def visitor_here(hold: Hold, holder: ActiveSession, link: RobotLink, now: float) -> bool | None:
     """Tell whether the driver is connected to the robot; None when the robot's silence leaves it
     open.
     """
@@ -230,12 +234,12 @@ def visitor_here(hold: Hold, holder: ActiveSession, link: Link, now: float) -> b
     )
 
 
-def _speaks_of(link: Link, holder: ActiveSession, hold: Hold) -> bool:
+def _speaks_of(link: RobotLink, holder: ActiveSession, hold: Hold) -> bool:
     return link.session == holder.id and link.epoch == hold.epoch
 
 
 def _connection(
-    hold: Hold, holder: ActiveSession, link: Link, rules: Rules, now: float
+    hold: Hold, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
 ) -> Move | Ended | None:
     if holder.state == "waiting":  # the process that granted the lease did not live to say so
         return Move(holder.id, "connecting")
@@ -264,7 +268,7 @@ def _connection(
 
 
 def _idle(
-    holder: ActiveSession, link: Link, rules: Rules, now: float
+    holder: ActiveSession, link: RobotLink, rules: Rules, now: float
 ) -> AskedThere | FoundThere | Ended | None:
     still_since = max(
         link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0
@@ -282,7 +286,7 @@ def _idle(
 
 
 def _turn(scene: Scene, holder: ActiveSession, rules: Rules, now: float) -> Iterator[Act]:
-    if not any(ready(session, now) for session in scene.queue):
+    if not holder.turn_always and not any(ready(session, now) for session in scene.queue):
         if holder.turn_ends_at is not None:
             yield TurnUnlimited(holder.id)
         return

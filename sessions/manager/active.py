@@ -4,12 +4,12 @@ again.
 
 import asyncio
 import functools
-import logging
 import random
 from collections.abc import Callable
 from typing import Any
 
 import aiomqtt
+import structlog
 from django.conf import settings
 from django.db import DatabaseError, InterfaceError
 
@@ -30,7 +30,7 @@ from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.scheduler import Scheduler
 from sessions.recording.recorder import Recorder
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 FLUSH_SECONDS = 20.0
 
@@ -113,11 +113,11 @@ class ActiveManager:
         self._ending = True
         await cancel(self._serving)
         if not await asyncio.to_thread(self.recorder.stop, FLUSH_SECONDS):
-            logger.error("record_not_finished counts=%s", dict(self.recorder.counts))
+            logger.error("record_not_finished", counts=dict(self.recorder.counts))
         self._work.disk.close()
         await self._work.thread.close()
         counts = self.recorder.counts + self._work.ingest.counts
-        logger.info("session_manager_stopped counts=%s", dict(counts))
+        logger.info("session_manager_stopped", counts=dict(counts))
 
     async def _serve_for_ever(self) -> None:
         attempt = 0
@@ -125,10 +125,10 @@ class ActiveManager:
             try:
                 await self._serve()
             except aiomqtt.MqttError as error:
-                logger.warning("session_manager_offline attempt=%d reason=%s", attempt, error)
+                logger.warning("session_manager_offline", attempt=attempt, reason=str(error))
             except (DatabaseError, InterfaceError) as error:
                 logger.warning(
-                    "session_manager_without_database attempt=%d reason=%s", attempt, error
+                    "session_manager_without_database", attempt=attempt, reason=str(error)
                 )
             attempt = 0 if self._connected.is_set() else attempt + 1
             self._connected.clear()
@@ -150,7 +150,7 @@ class ActiveManager:
             await connection.begin()
             self._connected.set()
             logger.info(
-                "session_manager_connected host=%s port=%d", self._address.host, self._address.port
+                "session_manager_connected", host=self._address.host, port=self._address.port
             )
             self._connection = connection
             try:

@@ -10,7 +10,6 @@ copy) and is replaced at the beginning.
 
 import asyncio
 import itertools
-import logging
 import secrets
 import time
 from collections import deque
@@ -19,13 +18,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import aiomqtt
+import structlog
 from django.utils import timezone
 
 from robots.api import codec, messages, topics
 from robots.bridge import broker_address
 from robots.presence import PresenceWriter
 from sessions import signals, system_log
-from sessions.leases.transitions import Link
+from sessions.leases.transitions import RobotLink
 from sessions.manager import notices
 from sessions.manager.database_thread import DatabaseThread
 from sessions.manager.desired_state import DesiredState
@@ -41,7 +41,7 @@ from sessions.models import Session
 from sessions.recording.items import CloseItem
 from sessions.recording.recorder import Recorder
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 IDENTIFIER = "session-manager"
 POLL_INTERVAL_S = 0.5
@@ -143,7 +143,7 @@ class BrokerConnection:
         work.scheduler.outbox.extend(map(notice_message, notices.drain()))
         robots = dict(work.ingest.last_received)
         links = {name: robot.link(self._since, work.ingest.signs) for name, robot in robots.items()}
-        closing = work.scheduler.tick(links, Link(since=self._since), now)
+        closing = work.scheduler.tick(links, RobotLink(since=self._since), now)
         work.scheduler.outbox.extend(self._desired_state.tick(now))
         work.scheduler.outbox.extend(work.return_to_dock.tick(robots, now))
         return closing
@@ -218,15 +218,13 @@ class BrokerConnection:
         )
         self._asking.add(asking)
         asking.add_done_callback(self._asking.discard)
-        logger.info(
-            "states_asked_again robot=%s boot=%s first=%d last=%d", robot, boot, first, last
-        )
+        logger.info("states_requested", robot=robot, boot=boot, first=first, last=last)
 
     async def _publish_quietly(self, topic: str, payload: bytes) -> None:
         try:
             await self._client.publish(topic, payload, qos=1)
         except aiomqtt.MqttError as error:
-            logger.info("states_not_asked reason=%s", error)
+            logger.info("states_not_requested", reason=str(error))
 
 
 class Publishing(Protocol):

@@ -4,17 +4,18 @@ for it.
 
 import asyncio
 import functools
-import logging
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import structlog
 from django.db import DatabaseError, InterfaceError, connection
 
-from sessions.manager.health import ManagerHealth, is_disk_full
+from sessions.disk_full import is_disk_full
+from sessions.manager.health import ManagerHealth
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 
 class DatabaseThread:
@@ -45,7 +46,7 @@ class DatabaseThread:
             return await self.run(step, *arguments)
         except (DatabaseError, InterfaceError) as error:
             self._health.refused(error, time.monotonic())
-            logger.warning("database_step_refused step=%s reason=%s", step.__name__, error)
+            logger.warning("database_step_refused", step=step.__name__, reason=str(error))
             return refused
 
     def _watched(self, step: Callable[..., Any], *arguments: Any) -> Any:

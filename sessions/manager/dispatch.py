@@ -2,8 +2,9 @@
 scheduler's thread.
 """
 
-import logging
 from collections.abc import Iterable, Mapping
+
+import structlog
 
 from robots.api.errors import Rejection
 from sessions import protocol, signals
@@ -11,7 +12,7 @@ from sessions.manager.ingest import Fresh
 from sessions.manager.scheduler import send
 from sessions.recording.items import ActionItem, EventItem, PageItem, StateItem
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 
 def send_all(items: Iterable[Fresh], offsets: Mapping[str, float | None]) -> None:
@@ -60,6 +61,6 @@ def _send_page(item: PageItem) -> None:
     try:
         message = protocol.decode(report.suffix, bytes(report.message).decode())
     except (Rejection, UnicodeDecodeError) as error:
-        logger.warning("page_report_malformed session=%s reason=%s", report.session, error)
+        logger.warning("page_report_malformed", session=report.session, reason=str(error))
         return
     _send("", report.session, message, item.received_at, None)

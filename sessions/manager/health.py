@@ -5,13 +5,12 @@ seconds.
 from typing import Literal
 
 from robots.api.disk_space import DiskState
+from sessions.disk_full import is_disk_full
 
 HELD_SECONDS = 0.6  # for which a step may take its time
 # for which one that was refused, or took longer, counts: others between them may only have read
 FAILED_SECONDS = 2.0
 Fault = Literal["database", "disk_low", "disk_full"]
-_SQLITE_FULL = "database or disk is full"
-_POSTGRES_FULL = "53100"  # SQLSTATE disk_full
 
 
 class ManagerHealth:
@@ -46,12 +45,3 @@ class ManagerHealth:
         elif disk == "low" and "disk_full" not in found:
             found.add("disk_low")
         return tuple(sorted(found))
-
-
-def is_disk_full(error: Exception) -> bool:
-    """Tell whether a database refused because there is no room: SQLite's own sentence, or
-    PostgreSQL's code.
-    """
-    return (
-        _SQLITE_FULL in str(error) or getattr(error.__cause__, "sqlstate", None) == _POSTGRES_FULL
-    )

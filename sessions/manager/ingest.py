@@ -5,7 +5,6 @@ Runs in the loop's thread and waits for nothing. Bytes that are no message are c
 dropped.
 """
 
-import logging
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any
 
 import aiomqtt
 import msgspec
+import structlog
 
 from robots.api import codec, messages, topics
 from robots.api.errors import Rejection
@@ -22,7 +22,7 @@ from sessions.manager.robot_liveness import RobotLiveness
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 LISTENED = ("connection", "factsheet", "state", "event", "action", "heartbeat", "photo/+")
 MAX_UNSENT = 10_000
@@ -88,10 +88,10 @@ class Intake:
             self.counts[rejection.reason] += 1
             if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:
                 logger.warning(
-                    "message_rejected topic=%s reason=%s count=%d",
-                    topic,
-                    rejection,
-                    self.counts[rejection.reason],
+                    "message_rejected",
+                    topic=topic,
+                    reason=str(rejection),
+                    count=self.counts[rejection.reason],
                 )
 
     def _on_message(self, topic: str, payload: bytes, *, retained: bool) -> None:

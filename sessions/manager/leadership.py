@@ -20,12 +20,11 @@ from django.utils import timezone
 from sessions.manager.database_thread import DatabaseThread
 from sessions.manager.health import ManagerHealth
 from sessions.manager.lock_file import LockFile
-from sessions.models import ManagerBeat
+from sessions.models import STALE_SECONDS, ManagerBeat
 
 NAME = "session_manager"
 HEARTBEAT_INTERVAL_S = 1.0
 WAIT_SECONDS = 0.5  # between two attempts of one that waits
-STALE_SECONDS = 4.0
 _LONG_AGO = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
 
 

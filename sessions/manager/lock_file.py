@@ -11,17 +11,18 @@ name stands which file it was written into, and on which computer.
 """
 
 import contextlib
-import logging
 import os
 import socket
 from pathlib import Path
+
+import structlog
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 MODE = 0o600
 LONGEST = 500
@@ -53,7 +54,7 @@ class LockFile:
         except BlockingIOError:
             return ""
         except OSError as error:
-            logger.info("life_sign_unavailable path=%s reason=%s", self._path, error)
+            logger.info("lock_file_unavailable", path=self._path, reason=str(error))
             return ""
 
     def sign(self, holder: str) -> None:
@@ -65,7 +66,7 @@ class LockFile:
             os.pwrite(self._file, f"{holder}\n{_place_of(self._file)}".encode(), 0)
             self._signed = holder
         except OSError as error:
-            logger.info("life_sign_unavailable path=%s reason=%s", self._path, error)
+            logger.info("lock_file_unavailable", path=self._path, reason=str(error))
             self.release()
 
     def release(self) -> None:

@@ -7,22 +7,23 @@ going on.
 """
 
 import datetime
-import logging
 import math
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import structlog
+
 from robots.api import codec, messages, topics
 from robots.models import Robot
 from sessions import signals, system_log
-from sessions.leases.readiness import LEVEL, ORDERED, Condition, Kind, Order, Readiness, decide
+from sessions.leases.readiness import LEVEL, ORDERED, Kind, Order, Readiness, RobotCondition, decide
 from sessions.leases.store import LIVE
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.manager.scheduler import ManagerMessage, send
 from sessions.models import Lease
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 STATE_SILENCE = 3.0
 USER = "session-manager"
@@ -91,9 +92,7 @@ class ReturnToDock:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
             outbound_messages.append(_outbound(robot, action))
-            logger.info(
-                "robot_sent_home robot=%s kind=%s action=%s", robot.name, kind, action.action_id
-            )
+            logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
         self._under_way[robot.name] = turnaround
         self._save(robot, turnaround, now)
         return outbound_messages
@@ -134,7 +133,7 @@ def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Rea
 
 def _condition(
     robot: Robot, known: _Known, last_received: RobotLiveness | None, now: datetime.datetime
-) -> Condition:
+) -> RobotCondition:
     state = last_received.state if last_received is not None else None
     if (
         last_received is None
@@ -142,11 +141,11 @@ def _condition(
         or last_received.state_at is None
         or now.timestamp() - last_received.state_at > STATE_SILENCE
     ):
-        return Condition(heard=False)
+        return RobotCondition(heard=False)
     level = (
         known.tilt_home is None or state.tilt is None or abs(state.tilt - known.tilt_home) <= LEVEL
     )
-    return Condition(
+    return RobotCondition(
         let_go=state.session is None,
         prompt=last_received.is_prompt(now.timestamp()),
         sees=known.sees,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from robots.api.messages import ActionStatus, Connection, Heartbeat, State
-from sessions.leases.transitions import Link
+from sessions.leases.transitions import RobotLink
 from sessions.manager.clock_offset import ClockOffset
 
 PEER = "server"
@@ -101,13 +101,13 @@ class RobotLiveness:
             trip is not None and at is not None and trip <= ROUND_TRIP and now - at <= ECHO_SECONDS
         )
 
-    def link(self, since: float, signs: Mapping[str, float] = NO_SIGNS) -> Link:
+    def link(self, since: float, signs: Mapping[str, float] = NO_SIGNS) -> RobotLink:
         """Return what the scheduler needs to know; `signs` are those of pages, of every session."""
         state = self.state
         if state is None:
-            return Link(since=since, last_received_at=self.last_received_at, signs=signs)
+            return RobotLink(since=since, last_received_at=self.last_received_at, signs=signs)
         moved = self.moved == (state.session, state.epoch)
-        return Link(
+        return RobotLink(
             since,
             self.last_received_at,
             self.state_at,

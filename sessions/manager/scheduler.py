@@ -7,13 +7,13 @@ published it, so that an error half-way loses nothing.
 """
 
 import datetime
-import logging
 import random
 from collections import deque
 from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
+import structlog
 from django.conf import settings
 from django.db import DatabaseError
 from django.dispatch import Signal
@@ -22,6 +22,7 @@ from robots import log_ids
 from robots.api import codec, topics
 from robots.models import Robot
 from sessions import protocol, signals, system_log
+from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms
 from sessions.leases.policy import Hold, Scene, minutes_until_turn
 from sessions.leases.store import LIVE, lease_message, load_scene, load_scenes, rules_of
@@ -29,17 +30,16 @@ from sessions.leases.transitions import (
     ANSWER_SECONDS,
     Act,
     FirstMotion,
-    Link,
     Move,
+    RobotLink,
     TurnLimited,
     TurnUnlimited,
 )
-from sessions.manager.health import is_disk_full
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import AskedThere, Ended, FoundThere, Notice, Offered, TurnWarning
 from sessions.recording.items import CloseItem
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 CLOSE_AGAIN_SECONDS = 5.0
 # for which a robot is not as the next session needs it before anybody is called: one that has just
@@ -96,7 +96,7 @@ class Scheduler:
         self._places = {}
 
     def tick(
-        self, links: dict[str, Link], default: Link, now: datetime.datetime
+        self, links: dict[str, RobotLink], default: RobotLink, now: datetime.datetime
     ) -> list[CloseItem]:
         """Do what is due everywhere; return the sessions whose record can be closed.
 
@@ -385,4 +385,4 @@ def send(signal: Signal, **news: Any) -> None:
     """Send a signal; what a receiver raises is logged and stops nobody."""
     for receiver, answer in signal.send_robust(sender=Session, **news):
         if isinstance(answer, Exception):
-            logger.error("signal_receiver_failed receiver=%s", receiver, exc_info=answer)
+            logger.error("signal_receiver_failed", receiver=receiver, exc_info=answer)

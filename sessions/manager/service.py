@@ -11,11 +11,11 @@ when the recorder has died, for then nothing would be recorded any more.
 """
 
 import asyncio
-import logging
 import random
 import time
 from collections.abc import Callable
 
+import structlog
 from django.conf import settings
 
 from robots.bridge import broker_address
@@ -23,7 +23,7 @@ from sessions.manager.active import ActiveManager
 from sessions.manager.health import ManagerHealth
 from sessions.manager.leadership import HEARTBEAT_INTERVAL_S, WAIT_SECONDS, LeaderElection
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 
 class SessionManager:
@@ -69,7 +69,7 @@ class SessionManager:
                 if await self._election.win():
                     await self._lead()
                 elif not waits:
-                    logger.info("session_manager_waits holder=%s", self._election.holder)
+                    logger.info("session_manager_waiting", holder=self._election.holder)
                     waits = True
                 await self._pause(WAIT_SECONDS)
         finally:
@@ -77,7 +77,7 @@ class SessionManager:
 
     async def _lead(self) -> None:
         """Lead until this process is to stop, or another one has taken over."""
-        logger.info("session_manager_started holder=%s", self._election.holder)
+        logger.info("session_manager_started", holder=self._election.holder)
         self.active = active = ActiveManager(
             self._address,
             self._credentials,
@@ -89,7 +89,7 @@ class SessionManager:
         try:
             while not self._stopping.is_set():
                 if not await self._election.keep(active.report()):
-                    logger.error("session_manager_replaced holder=%s", self._election.holder)
+                    logger.error("session_manager_replaced", holder=self._election.holder)
                     return
                 active.check()
                 await self._pause(HEARTBEAT_INTERVAL_S)

@@ -6,13 +6,13 @@ DatabaseError the same item can be taken again.
 """
 
 import datetime
-import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import msgspec
+import structlog
 from django.db.models import Model
 
 from robots.api.errors import Rejection
@@ -29,11 +29,11 @@ from sessions.recording.items import (
     PhotoItem,
     StateItem,
 )
-from sessions.recording.photos import Photo, Photos
+from sessions.recording.photos import Photos, RecordedPhoto
 from sessions.recording.sequence_tracker import Loss, SequenceTracker
 from sessions.recording.store import RecordStore, key_of, row_of
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 # Events of a robot that matter beyond the session in which they happen.
 LOGGED = {
@@ -251,7 +251,7 @@ class RecordBuilder:
     def _log(
         self, event: str, level: str, robot: Any, session: str | None, now: float, **fields: Any
     ) -> None:
-        logger.info("%s robot=%s session=%s %s", event, robot, session, fields)
+        logger.info(event, robot=robot, session=session, **fields)
         at = datetime.datetime.fromtimestamp(now, datetime.UTC)
         key = key_of(event, robot, session, fields, now)
         self.rows.append(
@@ -266,7 +266,7 @@ class RecordBuilder:
             )
         )
 
-    def _photo(self, photo: Photo | None, now: float) -> None:
+    def _photo(self, photo: RecordedPhoto | None, now: float) -> None:
         if photo is None:
             return
         event = photo.event
@@ -356,7 +356,7 @@ class RecordBuilder:
     def _lose(self, boot: str, loss: Loss, now: float) -> None:
         data = {"boot": boot, "ranges": [list(pair) for pair in loss.ranges], "count": loss.count}
         for session in sorted(loss.sessions):
-            logger.warning("states_missing session=%s boot=%s count=%d", session, boot, loss.count)
+            logger.warning("states_missing", session=session, boot=boot, count=loss.count)
             self._touched.add(session)
             self._session_event(
                 session, SessionEvent.Source.SERVER, "states_missing", now, now, data

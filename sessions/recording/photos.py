@@ -12,7 +12,7 @@ MOST = 64
 
 
 @dataclass(frozen=True)
-class Photo:
+class RecordedPhoto:
     """A whole photo; `intact` says whether the bytes are those that the robot hashed."""
 
     robot: str
@@ -33,23 +33,23 @@ class Photos:
         self._events: dict[tuple[str, str], tuple[float, Event]] = {}
         self._jpegs: dict[tuple[str, str], tuple[float, bytes]] = {}
 
-    def event(self, robot: str, event: Event, now: float) -> Photo | None:
+    def event(self, robot: str, event: Event, now: float) -> RecordedPhoto | None:
         """Take the event of a photo."""
         key = (robot, event.action_id or "")
         self._events[key] = (now, event)
         return self._whole(key)
 
-    def jpeg(self, robot: str, action_id: str, jpeg: bytes, now: float) -> Photo | None:
+    def jpeg(self, robot: str, action_id: str, jpeg: bytes, now: float) -> RecordedPhoto | None:
         """Take the bytes of a photo."""
         key = (robot, action_id)
         self._jpegs[key] = (now, jpeg)
         return self._whole(key)
 
-    def _whole(self, key: tuple[str, str]) -> Photo | None:
+    def _whole(self, key: tuple[str, str]) -> RecordedPhoto | None:
         if key not in self._events or key not in self._jpegs:
             return None
         (_, event), (_, jpeg) = self._events.pop(key), self._jpegs.pop(key)
-        return Photo(key[0], event, jpeg, hashlib.sha256(jpeg).hexdigest())
+        return RecordedPhoto(key[0], event, jpeg, hashlib.sha256(jpeg).hexdigest())
 
     def forgotten(self, now: float) -> list[tuple[str, str]]:
         """Return and drop what has waited too long, or is too much; oldest first."""

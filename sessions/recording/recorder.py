@@ -6,21 +6,21 @@ and the buffer grows to its bound; what comes after that is counted, logged and 
 that, states are missed by their numbers and asked for again once there is room.
 """
 
-import logging
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
 
+import structlog
 from django.db import DatabaseError, InterfaceError, close_old_connections, connection
 
-from sessions.manager.health import is_disk_full
-from sessions.manager.leadership import STALE_SECONDS
+from sessions.disk_full import is_disk_full
+from sessions.models import STALE_SECONDS
 from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import Item
 from sessions.recording.store import RecordStore
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 LIMIT = 100_000
 BATCH = 2000
@@ -124,7 +124,7 @@ class Recorder:
         now = self._clock()
         if now - self._reported_at > REPORT_SECONDS:
             self._reported_at = now
-            logger.error("record_buffer_full dropped=%d", self._dropped)
+            logger.error("record_buffer_full", dropped=self._dropped)
         return False
 
     def stop(self, seconds: float) -> bool:
@@ -167,10 +167,10 @@ class Recorder:
             except (DatabaseError, InterfaceError) as error:
                 self._failures += 1
                 logger.error(
-                    "record_not_written failures=%d waiting=%d reason=%s",
-                    self._failures,
-                    len(self._buffer),
-                    error,
+                    "record_not_written",
+                    failures=self._failures,
+                    waiting=len(self._buffer),
+                    reason=str(error),
                 )
                 time.sleep(pause)
                 pause = min(LAST_RETRY, pause * 2)

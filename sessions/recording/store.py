@@ -8,13 +8,13 @@ supported database can ignore conflicts.
 
 import datetime
 import json
-import logging
 import os
 import uuid
 from collections import Counter
 from typing import Any
 
 import msgspec
+import structlog
 from django.db import DataError, IntegrityError, connection, transaction
 from django.db.models import Model
 
@@ -24,7 +24,7 @@ from sessions.recording.chunks import Chunk
 from sessions.recording.sequence_tracker import Intervals, Range
 from sessions.recording.summary import summarise
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 
 _NAMESPACE = uuid.UUID("5b1b7a9e-8f0e-4f6b-9c57-6a1f0c8f4d21")
 BATCH = 500
@@ -229,7 +229,7 @@ class RecordStore:
 
     def _refuse(self, row: Model, error: Exception) -> None:
         self.counts["refused"] += 1
-        logger.error("record_row_refused kind=%s reason=%s", type(row).__name__, error)
+        logger.error("record_row_refused", kind=type(row).__name__, reason=str(error))
 
     def reopen(self, sessions: set[str]) -> None:
         """Have the summaries of closed sessions made again, for which something came late."""

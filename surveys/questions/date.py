@@ -36,7 +36,7 @@ class Date(Item, frozen=True, kw_only=True, tag="date"):
             try:
                 days += [datetime.date.fromisoformat(day)] if day not in {None, "today"} else []
             except ValueError:
-                yield f"{day} is not a day."
+                yield f"{day} is not a date: write YYYY-MM-DD or today."
         if len(days) == len((self.earliest, self.latest)) and days[0] > days[1]:
             yield "the earliest day is after the latest."
 
@@ -56,12 +56,12 @@ class Date(Item, frozen=True, kw_only=True, tag="date"):
         try:
             day = datetime.date.fromisoformat(values[0])
         except ValueError as error:
-            raise RefusedError(_("Please give a day as year-month-day.")) from error
+            raise RefusedError(_("Enter the date as year-month-day.")) from error
         earliest, latest = self.days_between(now)
         if earliest is not None and day < earliest:
-            raise RefusedError(_("The earliest day is %(day)s.") % {"day": earliest.isoformat()})
+            raise RefusedError(_("The earliest date is %(day)s.") % {"day": earliest.isoformat()})
         if latest is not None and day > latest:
-            raise RefusedError(_("The latest day is %(day)s.") % {"day": latest.isoformat()})
+            raise RefusedError(_("The latest date is %(day)s.") % {"day": latest.isoformat()})
         return day.isoformat()
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:

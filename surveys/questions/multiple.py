@@ -22,7 +22,7 @@ class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
         yield from super().problems(scales)
         most = len(self.options) if self.at_most is None else self.at_most
         if not 0 <= self.at_least <= most or not 1 <= most <= len(self.options):
-            yield "so many options cannot be chosen."
+            yield "at_least and at_most do not fit the number of options."
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> list[str]:
         """Return the values that were chosen, in written order."""
@@ -30,11 +30,13 @@ class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
             one_of({option.value: value for option in self.options}, value)
         chosen = [option for option in self.options if option.value in values]
         if len(chosen) > 1 and any(option.alone for option in chosen):
-            raise RefusedError(_("One of your choices excludes the others."))
+            raise RefusedError(
+                _("One of your choices excludes the others. Choose it alone, or remove it.")
+            )
         if len(chosen) < self.at_least and not any(option.alone for option in chosen):
-            raise RefusedError(_("Please choose at least %(n)d.") % {"n": self.at_least})
+            raise RefusedError(_("Choose at least %(n)d.") % {"n": self.at_least})
         if self.at_most is not None and len(chosen) > self.at_most:
-            raise RefusedError(_("Please choose at most %(n)d.") % {"n": self.at_most})
+            raise RefusedError(_("Choose at most %(n)d.") % {"n": self.at_most})
         return [option.value for option in chosen]
 
     def cell(self, value: Any) -> str:

@@ -43,7 +43,7 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
             and isinstance(self.maximum, float)
             and self.minimum > self.maximum
         ):
-            yield "the least number is larger than the greatest."
+            yield "the minimum is greater than the maximum."
 
     def greatest(self, now: datetime.datetime) -> float | None:
         """Return the upper bound; None without one."""
@@ -55,12 +55,12 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
         """Return the number, as an int where it has to be whole."""
         number = parsed_number(values[0])
         if self.whole and number != int(number):
-            raise RefusedError(_("Please give a whole number."))
+            raise RefusedError(_("Enter a whole number."))
         least, greatest = self.minimum, self.greatest(now)
         if least is not None and number < least:
-            raise RefusedError(_("The least number is %(n)s.") % {"n": plain(least)})
+            raise RefusedError(_("Enter a number of at least %(n)s.") % {"n": plain(least)})
         if greatest is not None and number > greatest:
-            raise RefusedError(_("The greatest number is %(n)s.") % {"n": plain(greatest)})
+            raise RefusedError(_("Enter a number of at most %(n)s.") % {"n": plain(greatest)})
         return int(number) if self.whole else number
 
     def sent(self, value: Any) -> list[str]:

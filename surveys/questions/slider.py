@@ -10,9 +10,9 @@ from django.utils.translation import gettext as _
 from surveys.documents import Text, spoken
 from surveys.item import (
     Item,
-    Point,
     Question,
     RefusedError,
+    ScalePoint,
     Scales,
     ScoringRule,
     Viewing,
@@ -43,7 +43,7 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
     def problems(self, scales: Scales) -> Iterator[str]:
         """Yield that its ends do not fit its step."""
         if self.minimum >= self.maximum or (self.maximum - self.minimum) % self.step:
-            yield "its ends must differ by a multiple of its step."
+            yield "its maximum must be above its minimum by a multiple of its step."
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> int:
         """Return the number."""
@@ -55,18 +55,17 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
         ):
             words = {"least": self.minimum, "greatest": self.maximum, "step": self.step}
             raise RefusedError(
-                _("Please give a number from %(least)d to %(greatest)d in steps of %(step)d.")
-                % words
+                _("Enter a number from %(least)d to %(greatest)d in steps of %(step)d.") % words
             )
         return int(number)
 
-    def score_values(self, points: Sequence[Point]) -> Sequence[int]:
+    def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
         """Return the numbers between its ends."""
         return range(self.minimum, self.maximum + 1, self.step)
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return an input for a number between its ends; static/js/survey/slider.js puts a slider
-        beside it.
+        """Return an input for a number between its ends; a script puts a slider beside it
+        (static/js/pages/survey/slider.js).
         """
         return Widget(
             "surveys/_slider.html",

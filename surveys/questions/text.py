@@ -21,7 +21,7 @@ class TextItem(Item, frozen=True, kw_only=True, tag="text"):
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> str:
         """Return the text."""
         if len(values[0]) > self.max_length:
-            raise RefusedError(_("Please write at most %(n)d characters.") % {"n": self.max_length})
+            raise RefusedError(_("Use at most %(n)d characters.") % {"n": self.max_length})
         return values[0]
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:

@@ -19,17 +19,17 @@ from django.core.management import call_command
 from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
-from experiments.definition.publishing import NotPublishableError
+from experiments.publishing import NotPublishableError
 from robots.models import Robot
 from robots.processes import ignore_end_signals, interrupted_by_signals
 from sessions.models import ManagerBeat
+from telepresence_site.children import Child, Children, DemoPart, StartFailed
 from telepresence_site.demo import lan
-from telepresence_site.demo.children import Child, Children, Part, StartFailed
 from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import RESEARCHER, ROBOTS, seed
 from telepresence_site.demo.study import publish_study
 from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
-from telepresence_site.management.commands.run_practice import READY
+from telepresence_site.practice.supervisor import READY
 from telepresence_site.serving import APPLICATION, DAPHNE
 
 # each robot lives in a simulated office of its own; somebody walks about in Giraff's
@@ -101,8 +101,8 @@ def require_free(host: str, port: int) -> None:
             ) from error
         except (OSError, OverflowError) as error:
             raise DemoError(
-                f"Port {port} is in use: stop what listens there, or choose another one with make"
-                f" demo PORT={port % 64000 + 1}."
+                f"Port {port} is in use: stop the program that uses it, or choose "
+                f"another one with make demo PORT={port % 64000 + 1}."
             ) from error
 
 
@@ -114,8 +114,8 @@ class Demo:
         self.hosts = lan.addresses() if options.lan else []
         if options.lan and not self.hosts:
             raise DemoError(
-                "No network address was found that other devices could reach: connect to a network,"
-                " or leave LAN=1 out."
+                "No network address was found that other devices can reach: connect "
+                "to a network, or leave out LAN=1."
             )
         self.scheme, self.host = ("https", self.hosts[0]) if options.lan else ("http", LOOPBACK)
         self.token = secrets.token_urlsafe(12)
@@ -167,8 +167,8 @@ class Demo:
         connection.close()
         if settings.DATABASES["default"]["ENGINE"] != "django.db.backends.sqlite3":
             raise DemoError(
-                "RESET=1 empties the built-in database only: DATABASE_URL names another one, which"
-                " is left alone."
+                "RESET=1 empties the built-in database only, but DATABASE_URL names "
+                "another one: leave out RESET=1 or DATABASE_URL."
             )
         for name in (
             "telepresence.sqlite3",
@@ -185,26 +185,26 @@ class Demo:
         manage = str(settings.BASE_DIR / "manage.py")
         run_broker = [manage, "run_broker", "--host", LOOPBACK, "--port", mqtt_port]
         parts = [
-            Part(
+            DemoPart(
                 "broker",
                 run_broker,
                 lambda child: "broker listening" in child.output(),
                 is_essential=True,
             ),
-            Part(
+            DemoPart(
                 "session manager",
                 [manage, "run_session_manager"],
                 _session_manager_beats,
                 is_essential=True,
             ),
-            Part(
+            DemoPart(
                 "web server", self._daphne(), lambda _child: self._web_answers(), is_essential=True
             ),
         ]
         for name, title, *_ in ROBOTS:
             run_robot = [manage, "run_robot", name, *MOVING_THINGS.get(name, [])]
             parts.append(
-                Part(
+                DemoPart(
                     f"simulated {title}",
                     run_robot,
                     lambda child, name=name: _robot_is_online(name, child.started_at),
@@ -212,7 +212,7 @@ class Demo:
             )
         # Its robots come when somebody waits.
         parts.append(
-            Part(
+            DemoPart(
                 "practice supervisor",
                 [manage, "run_practice"],
                 lambda child: READY in child.output(),
@@ -249,7 +249,9 @@ class Demo:
         print(f"\n  Drive Giraff now:  {link}\n", flush=True)
         if self.options.lan:
             lan.qr_code(link)
-            print("\n  The certificate is self-made: the browser will ask once whether to go on.\n")
+            print(
+                "\n  The certificate is self-signed: your browser asks once whether to continue.\n"
+            )
         print(f"  Everybody else:    {self.address}/")
         if self.study:
             self._say_where_to_take_part()

@@ -7,7 +7,7 @@ import datetime
 from django.db import transaction
 
 from accounts.models import User
-from experiments.definition import publishing
+from experiments import publishing
 from experiments.definition.shipped import shipped
 from experiments.models import Study, StudyMember
 from telepresence_site.demo.seed import RESEARCHER

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
-from telepresence_site.demo.children import Child, Children, Part, StartFailed
+from telepresence_site.children import Child, Children, DemoPart, StartFailed
 from telepresence_site.demo.restart import (
     GiveUp,
     Restart,
@@ -29,7 +29,7 @@ class _Service:
     apply now.
     """
 
-    part: Part
+    part: DemoPart
     child: Child
     started_at: float
     died_at: float | None = None  # of the death that is not yet told to be over
@@ -65,7 +65,7 @@ class ServiceSupervisor:
 
     def start(
         self,
-        parts: Sequence[Part],
+        parts: Sequence[DemoPart],
         *,
         within: float,
         step: Callable[[str], AbstractContextManager[None]],

@@ -13,7 +13,7 @@ KEY = "django_mongodb_backend.fields.ObjectIdAutoField"
 NAME = "telepresence"  # of the database, when the address does not say
 _APPS = {
     "telepresence_site.web.administration.AdminConfig": (
-        "telepresence_site.mongodb.apps.AdminConfig"
+        "telepresence_site.mongodb.apps.MongoAdminConfig"
     ),
     "django.contrib.auth": "telepresence_site.mongodb.apps.AuthConfig",
     "django.contrib.contenttypes": "telepresence_site.mongodb.apps.ContentTypesConfig",

@@ -8,7 +8,7 @@ from telepresence_site.mongodb import KEY
 from telepresence_site.web.administration import AdminConfig as Admin
 
 
-class AdminConfig(Admin):
+class MongoAdminConfig(Admin):
     """Django's administration."""
 
     default_auto_field = KEY

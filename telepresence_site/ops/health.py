@@ -7,8 +7,8 @@ everybody's business.
 """
 
 import datetime
-import logging
 
+import structlog
 from channels.db import database_sync_to_async
 from django.conf import settings
 from django.db import DatabaseError
@@ -20,11 +20,11 @@ from django.views.decorators.http import require_safe
 from robots.api.disk_space import DiskSpace
 from robots.bridge import bridge
 from sessions import page_channel
-from sessions.manager.leadership import NAME, STALE_SECONDS
-from sessions.models import ManagerBeat
+from sessions.manager.leadership import NAME
+from sessions.models import STALE_SECONDS, ManagerBeat
 from sessions.recording.recorder import LIMIT
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 PATIENCE_SECONDS = 1.0
 # A disk that is nearly full is told in time, and turns nobody away; nor does a channel layer that
 # is away: pages only hear later of what staff do (sessions/page_channel.py).
@@ -47,9 +47,7 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
     }
     ready = all(word in {WELL, LOW, SLOW} for word in parts.values())
     if any(word != WELL for word in parts.values()):
-        log.warning(
-            "not_ready parts=%s", {part: word for part, word in parts.items() if word != WELL}
-        )
+        log.warning("not_ready", parts={part: word for part, word in parts.items() if word != WELL})
     return JsonResponse({"ready": ready, **parts}, status=200 if ready else 503)
 
 
@@ -57,7 +55,7 @@ def _of_the_database(now: datetime.datetime) -> tuple[str, str]:
     try:
         row = ManagerBeat.objects.filter(name=NAME).first()
     except DatabaseError as error:
-        log.warning("database_away reason=%s", error)
+        log.warning("database_away", reason=str(error))
         return "away", "unknown"
     return WELL, manager_state(row, now)
 

@@ -1,8 +1,5 @@
 """Log lines for machines: one event a line, as JSON or as key=value, with what it is about and
-without secrets.
-
-Our own messages are `event_name field=%s other=%.1f`: event and fields are read from the template
-and its arguments, so that a value with spaces stays one value. Whatever other libraries say becomes
+without secrets. Processors of structlog, for its formatter; whatever other libraries say becomes
 the field `message`.
 
 Secrets are not meant to be logged anywhere. As a second line of defence the values that this site
@@ -10,20 +7,21 @@ keeps secret, passwords in addresses, cookies, and fields with such names are st
 paths, which may hold one-time links, are replaced by the route they match.
 """
 
-import json
+import functools
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, MutableMapping
 from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+import structlog
+
 from robots import log_ids
+from robots.logs import TRACEBACK, pairs
 from telepresence_site.web.request_log import route_of
 
 STRUCK = "***"
-_EVENT = re.compile(r"[a-z][a-z0-9_]*")
-_FIELD = re.compile(r"([A-Za-z_]\w*)=(%[-+# 0-9.]*[a-zA-Z]|[^\s%]*)")
 _SECRET_NAME = re.compile(r"password|secret|token|cookie|authorization|credential$", re.IGNORECASE)
 _NAMES = r"sessionid|csrftoken|screen-[a-z0-9-]+|password|token|secret"
 _SECRETS = (
@@ -34,118 +32,92 @@ _SECRETS = (
     ),
     (re.compile(r"(\b(?:Bearer|Basic)\s+)[\w+/=.~-]+", re.IGNORECASE), rf"\1{STRUCK}"),
 )
-_PLAIN = re.compile(r"[^\s\"=]+")
 LEAST_SECRET = 6  # characters: what is shorter would strike out ordinary words
+Fields = MutableMapping[str, Any]
 
 
-def fields_of(record: logging.LogRecord) -> tuple[str, dict[str, Any]]:
-    """Return the event's name and its fields; for a message that is no event of ours, the logger's
-    last name and the message.
-    """
-    if record.name == "django.request" and isinstance(record.args, tuple) and len(record.args) > 1:
-        return "request_problem", {
-            "reason": record.args[0],
-            "route": route_of(str(record.args[1])),
+def of_other_libraries(_logger: Any, _name: str, event: Fields) -> Fields:
+    """Name the event of a line that is none of ours."""
+    record: logging.LogRecord = event["_record"]
+    message, arguments = event.pop("event"), event.pop("positional_args")
+    if record.name == "django.request" and isinstance(arguments, tuple) and len(arguments) > 1:
+        return event | {
+            "event": "request_problem",
+            "reason": arguments[0],
+            "route": route_of(str(arguments[1])),
             "status": getattr(record, "status_code", None),
         }
-    event, *words = str(record.msg).split(" ")
-    found = [_FIELD.fullmatch(word) for word in words]
-    # logging unpacks a lone mapping.
-    arguments = [record.args] if isinstance(record.args, Mapping) else list(record.args or ())
-    if (
-        not _EVENT.fullmatch(event)
-        or not all(found)
-        or sum(match[2].startswith("%") for match in found if match) != len(arguments)
-    ):
-        return record.name.rpartition(".")[2], {"message": record.getMessage()}
-    rest = iter(arguments)
-    return event, {match[1]: _value(match[2], rest) for match in found if match}
+    return event | {"event": record.name.rpartition(".")[2], "message": message}
 
 
-def _value(word: str, rest: Any) -> Any:
-    if not word.startswith("%"):
-        return word
-    value = next(rest)
-    if value is None or (isinstance(value, bool | int | str) and word in {"%s", "%d"}):
-        return value
-    if isinstance(value, float) and word.endswith("f"):
-        return float(word % value)
-    return (
-        {str(name): count for name, count in value.items()}
-        if isinstance(value, dict)
-        else word % (value,)
-    )
+def in_order(_logger: Any, _name: str, event: Fields) -> Fields:
+    """Say when, how grave and by whom, then what, and what it is about."""
+    record: logging.LogRecord = event.pop("_record")
+    del event["_from_structlog"]
+    error = event.pop(TRACEBACK, None)
+    at = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds")
+    line = {
+        "time": at.replace("+00:00", "Z"),
+        "level": record.levelname.lower(),
+        "logger": record.name,
+        "event": event.pop("event"),
+        **log_ids.current(),
+        **event,
+    }
+    if error:
+        line["traceback"] = logging.Formatter().formatException(error)
+    return line
 
 
-class _Line(logging.Formatter):
-    """Collects what a line says; a subclass writes it down."""
+class Redaction:
+    """Strikes out secrets."""
 
-    def __init__(self, *_: Any, **__: Any) -> None:
-        super().__init__()
-        self._known_secrets: tuple[str, ...] | None = None
+    @functools.cached_property
+    def _known(self) -> tuple[str, ...]:
+        return known_secrets()  # there are none before the settings are read
 
-    def fields(self, record: logging.LogRecord) -> dict[str, Any]:
-        """Return everything that a line says, in order."""
-        event, own = fields_of(record)
-        at = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds")
-        line = {
-            "time": at.replace("+00:00", "Z"),
-            "level": record.levelname.lower(),
-            "logger": record.name,
-            "event": event,
-        }
-        line |= {**log_ids.current(), **own}
-        if record.exc_info:
-            line["traceback"] = self.formatException(record.exc_info)
-        return {name: self._clean(name, value) for name, value in line.items()}
+    def __call__(self, _logger: Any, _name: str, event: Fields) -> Fields:
+        """Return the fields without them."""
+        return {name: self._clean(name, value) for name, value in event.items()}
 
     def _clean(self, name: str, value: Any) -> Any:
         if _SECRET_NAME.search(name) and isinstance(value, str):
             return STRUCK
         if value is None or isinstance(value, bool | int | float):
             return value
-        return (
-            {key: self._clean(str(key), inner) for key, inner in value.items()}
-            if isinstance(value, dict)
-            else self._struck(str(value))
-        )
-
-    def _struck(self, text: str) -> str:
-        if self._known_secrets is None:
-            self._known_secrets = known_secrets()
-        for secret in self._known_secrets:
+        if isinstance(value, Mapping):
+            return {str(key): self._clean(str(key), inner) for key, inner in value.items()}
+        text = str(value)
+        for secret in self._known:
             text = text.replace(secret, STRUCK)
         for pattern, instead in _SECRETS:
             text = pattern.sub(instead, text)
         return text
 
 
-class JsonLine(_Line):
-    """One JSON object a line."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Return the line."""
-        return json.dumps(self.fields(record), ensure_ascii=False, default=str)
-
-
-class KeyValueLine(_Line):
-    """`key=value` pairs; what holds spaces, quotes or line ends is quoted as in JSON. A traceback
-    follows on lines of its own.
-    """
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Return the line."""
-        fields = self.fields(record)
-        traceback = fields.pop("traceback", None)
-        line = " ".join(
-            f"{name}={_quoted(value)}" for name, value in fields.items() if value is not None
-        )
-        return line if traceback is None else f"{line}\n{traceback}"
+def key_value(_logger: Any, _name: str, event: Fields) -> str:
+    """Render `key=value` pairs; a traceback follows on lines of its own."""
+    traceback = event.pop("traceback", None)
+    line = pairs({name: value for name, value in event.items() if value is not None})
+    return line if traceback is None else f"{line}\n{traceback}"
 
 
-def _quoted(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str)
-    return text if _PLAIN.fullmatch(text) else json.dumps(text, ensure_ascii=False)
+def json_lines() -> logging.Formatter:
+    """Return the formatter of one JSON object a line."""
+    return _formatter(structlog.processors.JSONRenderer(ensure_ascii=False, default=str))
+
+
+def key_value_lines() -> logging.Formatter:
+    """Return the formatter of `key=value` pairs."""
+    return _formatter(key_value)
+
+
+def _formatter(renderer: Any) -> logging.Formatter:
+    return structlog.stdlib.ProcessorFormatter(
+        processors=[in_order, Redaction(), renderer],
+        foreign_pre_chain=[of_other_libraries],
+        pass_foreign_args=True,
+    )
 
 
 def known_secrets() -> tuple[str, ...]:

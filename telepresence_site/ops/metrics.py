@@ -144,11 +144,10 @@ def _sessions() -> Iterator[Metric]:
 
 
 def _robots(now: datetime.datetime) -> Iterator[Metric]:
-    robots = list(Robot.objects.filter(enabled=True))
+    in_use = Robot.objects.filter(enabled=True, practice=False)
+    robots = list(in_use)
     waiting = Count("sessions", filter=Q(sessions__state=Session.State.WAITING))
-    queues = dict(
-        Robot.objects.filter(enabled=True).order_by().annotate(n=waiting).values_list("name", "n")
-    )
+    queues = dict(in_use.order_by().annotate(n=waiting).values_list("name", "n"))
     held = set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
     charges = {
         robot.name: (robot.report or {}).get("battery", {}).get("charge") for robot in robots

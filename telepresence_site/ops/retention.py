@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from django.conf import settings
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 
 from accounts import audit
+from accounts.models import User
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.models import Drive
 from robots.models import Enrolment
@@ -21,10 +22,11 @@ from sessions.models import NetworkSample, Session, Snapshot, SystemLog
 from sessions.recording.batches import iter_batches
 
 PART = 200
+GUESTS_KEPT = datetime.timedelta(days=1)
 
 
 @dataclass(frozen=True)
-class Kind:
+class RetentionKind:
     """Something that is kept for so many days: how to count, and how to forget, what is older than
     a moment.
     """
@@ -45,6 +47,18 @@ def forget_all(now: datetime.datetime, *, dry_run: bool) -> Iterator[tuple[str, 
             yield kind.name, kind.count(before) if dry_run else kind.forget(before)
     stale = Enrolment.objects.filter(expires_at__lt=now)
     yield "enrolments", stale.count() if dry_run else stale.delete()[0]
+    idle = _idle_guests(now - GUESTS_KEPT)
+    yield "guests", idle.count() if dry_run else idle.delete()[1].get(User._meta.label, 0)
+
+
+def _idle_guests(before: datetime.datetime) -> "QuerySet[User]":
+    """Return accounts without a password that were made so long ago and are good for nothing any
+    more: visitors who tried a simulated robot, whose drives go with them, and participants who
+    withdrew while they were driving.
+    """
+    withdrawn = Q(kind=User.Kind.PARTICIPANT, participations=None, robot_sessions=None)
+    tried = Q(kind=User.Kind.VISITOR, last_login__lt=before)
+    return User.objects.filter(withdrawn | tried, date_joined__lt=before)
 
 
 def _of_no_study(before: datetime.datetime) -> "QuerySet[Session]":
@@ -102,15 +116,17 @@ def _forget_addresses(before: datetime.datetime) -> int:
 
 # In this order: what goes with its session need not be forgotten before.
 KINDS = (
-    Kind("sessions", *_rows(_of_no_study)),
-    Kind(
+    RetentionKind("sessions", *_rows(_of_no_study)),
+    RetentionKind(
         "photos", *_rows(lambda before: Snapshot.objects.filter(session__in=_of_no_study(before)))
     ),
-    Kind(
+    RetentionKind(
         "network_samples",
         *_rows(lambda before: NetworkSample.objects.filter(session__in=_of_no_study(before))),
     ),
-    Kind("addresses", lambda before: sum(1 for _ in _with_address(before)), _forget_addresses),
-    Kind("system_log", *_rows(lambda before: SystemLog.objects.filter(at__lt=before))),
-    Kind("audit_log", lambda before: audit.forget(before, dry_run=True), audit.forget),
+    RetentionKind(
+        "addresses", lambda before: sum(1 for _ in _with_address(before)), _forget_addresses
+    ),
+    RetentionKind("system_log", *_rows(lambda before: SystemLog.objects.filter(at__lt=before))),
+    RetentionKind("audit_log", lambda before: audit.forget(before, dry_run=True), audit.forget),
 )

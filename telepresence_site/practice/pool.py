@@ -27,8 +27,8 @@ class Process:
 
 @dataclass(frozen=True)
 class Demand:
-    """Who is there: `wanted_at` is when somebody last waited for a real robot, `taken` the practice
-    robots with living visits.
+    """Who is there: `wanted_at` is when somebody last waited for a real robot, or a guest for a
+    practice robot, `taken` the practice robots with living visits.
 
     `left_at` says when the last visitor of each left, of those that had one.
     """
@@ -39,14 +39,14 @@ class Demand:
 
 
 @dataclass(frozen=True)
-class Start:
-    """Start this robot's process."""
+class StartRobot:
+    """StartRobot this robot's process."""
 
     name: str
 
 
 @dataclass(frozen=True)
-class Stop:
+class StopRobot:
     """End this robot's process."""
 
     name: str
@@ -54,7 +54,7 @@ class Stop:
 
 def decide(
     names: Sequence[str], demand: Demand, processes: Mapping[str, Process], now: float
-) -> list[Start | Stop]:
+) -> list[StartRobot | StopRobot]:
     """Return what is to be done now.
 
     Args:
@@ -72,13 +72,13 @@ def decide(
     kept = [name for name in alive if name not in used]
     spare = demand.wanted_at is not None and now - demand.wanted_at < LINGER
     needed = min(len(names), len(demand.taken) + spare)
-    acts: list[Start | Stop] = [Stop(name) for name in sorted(used)]
+    acts: list[StartRobot | StopRobot] = [StopRobot(name) for name in sorted(used)]
     missing = [name for name in names if name not in alive and _may_start(processes.get(name), now)]
     # whoever practises first: theirs has died
     missing.sort(key=lambda name: name not in demand.taken)
-    acts += [Start(name) for name in missing[: max(0, needed - len(kept))]]
+    acts += [StartRobot(name) for name in missing[: max(0, needed - len(kept))]]
     idle = [name for name in reversed(kept) if name not in demand.taken]
-    return acts + [Stop(name) for name in idle[: max(0, len(kept) - needed)]]
+    return acts + [StopRobot(name) for name in idle[: max(0, len(kept) - needed)]]
 
 
 def _may_start(process: Process | None, now: float) -> bool:

@@ -5,23 +5,24 @@ Children die with this process. A new one finds in the database who practises, a
 robots again.
 """
 
-import logging
 import os
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import structlog
 from django.conf import settings
 from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
-from telepresence_site.demo.children import Child, Children
+from telepresence_site.children import Child, Children
 from telepresence_site.practice import robots
-from telepresence_site.practice.pool import Process, Start, Stop, decide
+from telepresence_site.practice.pool import Process, StartRobot, StopRobot, decide
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 POLL_INTERVAL_S = 1.0
+READY = "practice ready"  # what `run_practice` says once it may be asked
 MANAGE = str(settings.BASE_DIR / "manage.py")
 
 
@@ -57,7 +58,7 @@ class Supervisor:
                 try:
                     self.look()
                 except (DatabaseError, InterfaceError) as error:
-                    log.warning("practice_looks_again reason=%s", error)
+                    log.warning("practice_database_retry", reason=str(error))
                     connection.close()
         finally:
             self._children.stop()
@@ -72,9 +73,9 @@ class Supervisor:
         }
         for act in decide(self._names, demand, processes, time.time()):
             match act:
-                case Start(name):
+                case StartRobot(name):
                     self._start(name)
-                case Stop(name):
+                case StopRobot(name):
                     self._stop(name)
 
     def _forget_dead(self) -> None:
@@ -82,20 +83,20 @@ class Supervisor:
         for name, child in list(self._running.items()):
             if child.process.poll() is not None:
                 log.warning(
-                    "practice_robot_died robot=%s reason=%r log=%s",
-                    name,
-                    child.cause_of_death(),
-                    child.log,
+                    "practice_robot_died",
+                    robot=name,
+                    reason=child.cause_of_death(),
+                    log=child.log,
                 )
                 self._end(name)
 
     def _start(self, name: str) -> None:
-        log.info("practice_robot_started robot=%s", name)
+        log.info("practice_robot_started", robot=name)
         self._running[name] = self._children.start(name, self._command(name))
         self._started_at[name] = time.time()
 
     def _stop(self, name: str) -> None:
-        log.info("practice_robot_stopped robot=%s", name)
+        log.info("practice_robot_stopped", robot=name)
         self._end(name)
 
     def _end(self, name: str) -> None:

@@ -26,15 +26,14 @@ from experiments.bots.diary import Diary
 from experiments.bots.endings import ABOUT_PHOTO, Ending
 from experiments.bots.pace import Pace, own_pace
 from experiments.bots.persona import effect
-from experiments.definition import rehearsed
-from experiments.definition.publishing import obstacles_here
-from experiments.definition.rehearsal import Report, judge
-from experiments.definition.schema import Condition
-from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import Drive, Kind, Study
 from experiments.participation import links
+from experiments.publishing import obstacles_here
+from experiments.rehearsal import findings
+from experiments.rehearsal.report import RehearsalReport, judge
 from robots.processes import tied_to_parent
-from telepresence_site.demo.children import STOP_SECONDS
+from telepresence_site.children import STOP_SECONDS
 from telepresence_site.rehearsal import sandbox
 
 ORDERS, FINDINGS, PACE = "orders.json", "findings.json", "pace"
@@ -66,7 +65,7 @@ class Orders:
 class Played:
     """What came of it: a report on the study, and the bots' diaries as data."""
 
-    report: Report
+    report: RehearsalReport
     diaries: list[dict[str, Any]]
     seconds: float
     real_seconds: float
@@ -151,16 +150,16 @@ def carry_out(told: Callable[[str], None]) -> None:
 
 def _perform(
     study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace
-) -> tuple[list[Diary], Report]:
+) -> tuple[list[Diary], RehearsalReport]:
     """Let the bots play, unless what the sandbox has makes it impossible."""
     definition = study.as_definition()
     wrong = obstacles_here(definition)
     if wrong:
-        return [], Report(0, problems=wrong)
+        return [], RehearsalReport(0, problems=wrong)
     diaries = asyncio.run(crowd_of(study, orders, site, told, pace).run())
     _settle(study)
     pace.set(1.0)
-    return diaries, judge(definition, diaries, rehearsed.findings(study))
+    return diaries, judge(definition, diaries, findings.findings(study))
 
 
 def crowd_of(
@@ -197,7 +196,7 @@ def bot_links(study: Study, endings: Sequence[Ending]) -> list[str]:
     return [f"/studies/link/{token}/" for _row, token in made]
 
 
-def ways_in(definition: Definition, endings: Sequence[Ending]) -> list[str]:
+def ways_in(definition: StudyDefinition, endings: Sequence[Ending]) -> list[str]:
     """Return how each bot comes in: as often by each way as there are conditions for it, and by
     turns, so that no robot waits long.
 

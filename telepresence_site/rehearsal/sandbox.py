@@ -18,7 +18,7 @@ from django.core.management import call_command
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import StudyDefinition
 from experiments.models import Study
 from robots.api.credentials_file import ENVIRONMENT
 from robots.enrol import credentials
@@ -28,7 +28,7 @@ from robots.world.robot_models import MODELS
 from robots.world.sites import shipped_sites
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow
-from telepresence_site.demo.children import Child, Children, Part, StartFailed
+from telepresence_site.children import Child, Children, DemoPart, StartFailed
 from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import OFFICE
 from telepresence_site.serving import APPLICATION, DAPHNE
@@ -106,7 +106,7 @@ def unpack() -> Study:
     return row
 
 
-def _make_robots(definition: Definition) -> None:
+def _make_robots(definition: StudyDefinition) -> None:
     owner = User.objects.create(username="sandbox", is_staff=True, is_superuser=True)
     for name, (series, site) in _robots(definition).items():
         plan = FloorPlan.objects.filter(name=site).first() or store_floor_plan(OFFICE.parent / site)
@@ -123,7 +123,7 @@ def _make_robots(definition: Definition) -> None:
         )
 
 
-def problems(definition: Definition) -> list[str]:
+def problems(definition: StudyDefinition) -> list[str]:
     """Return why a study cannot be played in a sandbox, in sentences: it needs robots that nobody
     simulates.
     """
@@ -135,7 +135,7 @@ def problems(definition: Definition) -> list[str]:
     ]
 
 
-def _robots(definition: Definition) -> dict[str, tuple[str, str]]:
+def _robots(definition: StudyDefinition) -> dict[str, tuple[str, str]]:
     """Return series and site of each robot by its name: the series, with a number where there are
     several (a site's name may be none for a robot).
     """
@@ -150,7 +150,7 @@ def _robots(definition: Definition) -> dict[str, tuple[str, str]]:
 
 
 @contextmanager
-def running(definition: Definition, sites: Path) -> Iterator[str]:
+def running(definition: StudyDefinition, sites: Path) -> Iterator[str]:
     """Run the sandbox's servers and robots, and yield where its site is; everything is ended
     afterwards.
 
@@ -160,7 +160,7 @@ def running(definition: Definition, sites: Path) -> Iterator[str]:
             take them.
 
     Raises:
-        telepresence_site.demo.children.StartFailed: one of them did not come up, or ended
+        telepresence_site.children.StartFailed: one of them did not come up, or ended
         meanwhile; one sentence.
     """
     children = Children(settings.VAR_DIR / "log", {**os.environ})
@@ -176,22 +176,22 @@ def running(definition: Definition, sites: Path) -> Iterator[str]:
         children.stop()
 
 
-def _start(children: Children, definition: Definition, sites: Path) -> str:
+def _start(children: Children, definition: StudyDefinition, sites: Path) -> str:
     manage = str(settings.BASE_DIR / "manage.py")
     mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), free_port()
     site = f"http://{LOOPBACK}:{web_port}"
     parts = [
-        Part(
+        DemoPart(
             "broker",
             [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)],
             lambda _child: listening(mqtt_port),
         ),
-        Part(
+        DemoPart(
             "session manager",
             [manage, "run_session_manager"],
             lambda _child: ManagerBeat.objects.exists(),
         ),
-        Part(
+        DemoPart(
             "web server",
             [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION],
             lambda _child: answers(site),
@@ -201,7 +201,7 @@ def _start(children: Children, definition: Definition, sites: Path) -> str:
         where = plan if plan in shipped_sites() else str(sites / plan)
         options = [f"--option={key}={value}" for key, value in (("plan", where), ("fps", FPS))]
         parts.append(
-            Part(
+            DemoPart(
                 f"simulated {name}",
                 [manage, "run_robot", name, "--profile", series, *options],
                 _online(name),

@@ -3,16 +3,17 @@ ours, and too many at once.
 """
 
 import collections
-import logging
 import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 from urllib.parse import urlsplit
 
+import structlog
+
 from accounts.client_address import counted, visitor_address
 from robots.api.bucket import Bucket
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 
@@ -130,7 +131,7 @@ class ConnectLimit:
         if self._bucket(address_of(scope, self._proxies)).spend(self._now()):
             await self._application(scope, receive, send)
         else:
-            log.warning("sockets_refused reason=rate")
+            log.warning("sockets_refused", reason="rate")
             await send({"type": "websocket.close", "code": 1013})
 
     def _bucket(self, address: str) -> Bucket:
@@ -163,7 +164,7 @@ class OpenLimit:
         elif self._open[who] < self._limit:
             await self._counted(who, scope, receive, send)
         else:
-            log.warning("sockets_refused reason=open")
+            log.warning("sockets_refused", reason="open")
             await send({"type": "websocket.close", "code": 1013})
 
     async def _counted(self, who: str, scope: dict[str, Any], receive: Any, send: Any) -> None:

@@ -9,7 +9,6 @@ from django.http.response import HttpResponseBase
 # ours; of the rest nothing is used.
 UNUSED = (
     "accelerometer",
-    "bluetooth",
     "browsing-topics",
     "geolocation",
     "gyroscope",

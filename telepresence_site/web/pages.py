@@ -6,6 +6,7 @@ import datetime
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from django.conf import settings
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import render
 from django.templatetags.static import static
@@ -48,6 +49,7 @@ def home(request: HttpRequest) -> HttpResponse:
     context = {
         "cards": cards,
         "invitation": _invitation(request.user, cards),
+        "can_try": settings.PRACTICE_ROBOTS > 0,
         "studies": invitations(get_language() or "", timezone.now()),
     }
     return render(request, "site/home.html", context)
@@ -57,8 +59,16 @@ def home(request: HttpRequest) -> HttpResponse:
 @never_cache
 @limited(LISTS, reading=True, json=True)
 def robots_json(request: HttpRequest) -> JsonResponse:
-    """Return the cards of the landing page again, for the page that keeps them fresh."""
-    return JsonResponse({"robots": [asdict(c) for c in cards_for(request.user, timezone.now())]})
+    """Return the invitation and the cards of the landing page again, for the page that keeps them
+    fresh.
+    """
+    cards = cards_for(request.user, timezone.now())
+    return JsonResponse(
+        {
+            "invitation": asdict(_invitation(request.user, cards)),
+            "robots": [asdict(card) for card in cards],
+        }
+    )
 
 
 @require_safe
@@ -110,7 +120,7 @@ def manifest(_request: HttpRequest) -> JsonResponse:
 
 def _shortcuts(home: str) -> list[dict[str, Any]]:
     icon = {"src": static("img/icons/icon-192.png"), "sizes": "192x192", "type": "image/png"}
-    named = ((_("Robots"), f"{home}#robots"), (_("What is recorded"), reverse("about")))
+    named = ((_("Robots"), f"{home}#robots"), (_("What we record"), reverse("about")))
     return [{"name": name, "url": url, "icons": [icon]} for name, url in named]
 
 

@@ -13,12 +13,13 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+import structlog
 from django.urls import Resolver404, resolve
 from prometheus_client import Counter, Gauge, Histogram
 
 from robots import log_ids
 
-log = logging.getLogger("telepresence.request")
+log = structlog.stdlib.get_logger("telepresence.request")
 HEADER = b"x-request-id"
 ELSEWHERE = "elsewhere"
 METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
@@ -105,9 +106,9 @@ def _note(asked: str, route: str, status: int, seconds: float) -> None:
     level = logging.DEBUG if route in QUIET else logging.INFO
     log.log(
         level,
-        "request_done method=%s route=%s status=%d milliseconds=%.1f",
-        method,
-        route,
-        status,
-        1000.0 * seconds,
+        "request_done",
+        method=method,
+        route=route,
+        status=status,
+        milliseconds=round(1000.0 * seconds, 1),
     )

@@ -20,7 +20,7 @@ class HashedModules(CompressedManifestStaticFilesStorage):
     under both names.
 
     Nothing else in a script is changed: what a visitor's browser runs is what was written and
-    tested (docs/explanation/decisions.md).
+    tested (docs/explanation/decisions/).
     """
 
     # A name is known once the names of all that the module imports are: a pass for each module of

@@ -1,7 +1,7 @@
 """What every adapter must do. A test module of an adapter subclasses `AdapterConformance` and says
 how to make one.
 
-Written against contract.Adapter alone: the same sentences hold for a simulator, for ROS and for
+Written against robot_interface.Adapter alone: the same sentences hold for a simulator, for ROS and for
 MOOS.
 """
 
@@ -20,6 +20,7 @@ from robots.api.messages import Config, Goto, Tilt, Velocity
 from tests.support.host_jitter import HostJitter, pauses, watched
 from tests.support.loop_guard import ADVICE, guarded
 from tests.support.patience import patient
+from tests.support.patient_adapters import make_patient
 
 STILL = Velocity(linear=0.0, angular=0.0)
 LONGEST_DELAY = 1.5  # s that a busy machine keeps one of several processes waiting
@@ -65,7 +66,6 @@ def stands(state: RcaState) -> bool:
     return abs(state.velocity.linear) < 0.005 and abs(state.velocity.angular) < 0.005
 
 
-@pytest.mark.usefixtures("patient_adapters")
 class AdapterConformance:
     """Subclass me."""
 
@@ -78,6 +78,10 @@ class AdapterConformance:
         knows.
         """
         return 0.0
+
+    @pytest.fixture(autouse=True)
+    def _patience(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        make_patient(monkeypatch)
 
     @pytest.fixture(autouse=True)
     def _blocking_is_named(self) -> Iterator[None]:

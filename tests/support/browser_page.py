@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from playwright.async_api import Browser, Page, async_playwright
 
 from robots.agent.media import MediaSide
-from robots.api.messages import Candidate, Offer, Role
+from robots.api.messages import Candidate, Role, SdpOffer
 from tests.support.chromium import CHROMIUM, FLAGS
 from tests.support.loopback_peer import Exchange, until
 from tests.support.patience import patient
@@ -84,7 +84,7 @@ class BrowserPage:
 
     async def _offer(self, sdp: str) -> str | None:
         answered = len(self.exchange.answers(self.peer))
-        self.media.signal(self.peer, Offer(sdp=sdp, role=self.role))
+        self.media.signal(self.peer, SdpOffer(sdp=sdp, role=self.role))
         await until(
             lambda: (
                 len(self.exchange.answers(self.peer)) > answered or self.exchange.byes(self.peer)

@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import Speed
+from experiments.bots.steering import SpeedSetting
 from experiments.bots.view import View
 from experiments.definition.cues import LEAVING, NEAR_HOME
 from experiments.definition.shipped import shipped
@@ -79,7 +79,7 @@ class Person:
         )
         stops = [{"number": stop.number, "x": stop.x, "y": stop.y} for stop in course.checkpoints]
         self.guide = Guide.of({"checkpoints": stops}, plan, "giraff")
-        self.node = Mind(Driver(plan, self.guide, Speed(0.6, 0.6)))
+        self.node = Mind(Driver(plan, self.guide, SpeedSetting(0.6, 0.6)))
         self.sim = Simulation(GIRAFF, plan, seed=self.seed, start=self.start)
         self.sim.set_doors(
             {door.name: "closed" if door.name in self.closed else "open" for door in plan.doors}

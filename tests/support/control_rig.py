@@ -216,7 +216,7 @@ class ControlRig:
         begun = self.now()
         while not until():
             assert self.now() < begun + patient(within), (
-                f"never so: {self.robot.velocities()[-3:]} {self.kernel.refused}"
+                f"never so: {getattr(self.robot, 'velocities', list)()[-3:]} {self.kernel.refused}"
             )
             self.push(linear, way=way, **fields)
             self.sleep(every)

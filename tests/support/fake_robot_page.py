@@ -102,7 +102,7 @@ class FakeRobotPage:
         )
         self.heard: list[tuple[int, str, str, Any]] = []
         self.applied: list[tuple[str, m.VelocityCommand]] = []
-        self.study = study  # what experiments.tasks.page tells a page
+        self.study = study  # what experiments.participation.drive_config tells a page
         self.terms: protocol.GrantedTerms | None = None
         # action id to JPEG: what the server has of what was photographed
         self.photos: dict[str, bytes] = {}
@@ -313,7 +313,7 @@ class FakeRobotPage:
                 page.say("session/observing", protocol.Observing())
             case protocol.Leave() if self._holds(page):
                 self._end("completed")
-            case m.Offer():
+            case m.SdpOffer():
                 role: m.Role = "driver" if self._holds(page) else "observer"
                 self.media.signal(page.peer, msgspec.structs.replace(message, role=role))
             case m.Candidate() | m.Bye():
@@ -396,7 +396,7 @@ class FakeRobotPage:
         others = sum(page.watches for page in self._pages.values())
         self._tell(
             "room",
-            protocol.Room(
+            protocol.RoomState(
                 driver=driver,
                 driving=driver is not None,
                 observers=others,

@@ -19,7 +19,7 @@ from playwright.sync_api import CDPSession, Locator, Page
 from playwright.sync_api import TimeoutError as PlaywrightTimeout
 
 from experiments.bots.driver import Driver, Guide, Intent
-from experiments.bots.steering import STAND, Speed
+from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sites import load_plan
@@ -27,23 +27,23 @@ from sessions import protocol
 from tests.support.patience import patient
 
 CUES = {
-    "Well done!": "completed",
+    "Well done": "completed",
     "Drive backwards out": "leave_station",
     "Go to checkpoint": "go_to_checkpoint",
     "This one comes later": "wrong_checkpoint",
     "turn left": "photo_turn_left",
     "turn right": "photo_turn_right",
-    "drive until you stand": "photo_move",
+    "drive until you are in front": "photo_move",
     "Do you see the robot": "photo_ready",
     "keep it, or take another": "photo_review",
     "Return to the charging station": "return_home",
     "Drive slowly into": "dock_now",
-    "Let go and wait": "dock_hold",
+    "Release the controls and wait": "dock_hold",
     "Contact lost": "dock_again",
-    "Not home yet": "docked_early",
+    "is still missing. Drive backwards": "docked_early",
     "does not know where it is": "lost",
-    "Done!": "completed",
-    "The time is up": "timed_out",
+    "Done. The robot is back": "completed",
+    "Time is up": "timed_out",
     "The task is over": "ended",
 }
 OVER = {"completed", "timed_out", "ended"}
@@ -60,7 +60,10 @@ LOOK = """() => {
 AHEAD = 0.25
 # m/s and rad/s that are worth a key
 ENOUGH = {"ArrowUp": 0.05, "ArrowDown": 0.05, "ArrowLeft": 0.13, "ArrowRight": 0.13}
-FULL = {"Slow": Speed(0.28, 0.44), "Normal": Speed(0.49, 0.58)}  # what the steps feel like
+FULL = {
+    "Slow": SpeedSetting(0.28, 0.44),
+    "Normal": SpeedSetting(0.49, 0.58),
+}  # what the steps feel like
 BACK = 0.3  # m/s, the most backwards
 # of a stick's radius and of full speed: as far as a finger must move, and what it then does
 DEAD, LEAST = 0.14, 0.12
@@ -70,7 +73,7 @@ AT_A_DOOR = 0.9  # metres from its middle
 class Hands(Protocol):
     """Something that steers."""
 
-    def steer(self, speed: Speed, step: str) -> None:
+    def steer(self, speed: SpeedSetting, step: str) -> None:
         """Do it at a step of speed."""
 
     def let_go(self) -> None:
@@ -84,7 +87,7 @@ class Keys:
     page: Page
     down: set[str] = field(default_factory=set)
 
-    def steer(self, speed: Speed, step: str) -> None:
+    def steer(self, speed: SpeedSetting, step: str) -> None:
         wanted = {
             "ArrowUp": speed.linear,
             "ArrowDown": -speed.linear,
@@ -123,7 +126,7 @@ class Finger:
     touch: CDPSession
     is_down: bool = False
 
-    def steer(self, speed: Speed, step: str) -> None:
+    def steer(self, speed: SpeedSetting, step: str) -> None:
         full = FULL[step]
         ahead, left = (
             speed.linear / (full.linear if speed.linear > 0.0 else BACK),
@@ -223,7 +226,7 @@ class FirstTimeUser:
         ]
         plan, _ = load_plan("office")
         guide = Guide.of(study, plan, "giraff")
-        node, step = Mind(Driver(plan, guide, Speed(0.6, 0.6))), "Normal"
+        node, step = Mind(Driver(plan, guide, SpeedSetting(0.6, 0.6))), "Normal"
         deadline = time.monotonic() + patient(within)
         while time.monotonic() < deadline:
             view, bumped = self.look(guide)
@@ -264,7 +267,7 @@ class FirstTimeUser:
             x=at and at[0],
             y=at and at[1],
         )
-        return view, "touching something" in seen["alert"]
+        return view, "touching an obstacle" in seen["alert"]
 
     def _do(self, intent: Intent, step: str) -> None:
         self.hands.steer(intent.speed, step)

@@ -19,9 +19,9 @@ from sessions.leases.policy import (
 from sessions.leases.transitions import (
     FirstMotion,
     Free,
-    Link,
     Lose,
     Move,
+    RobotLink,
     TurnLimited,
     TurnUnlimited,
     Withdraw,
@@ -58,9 +58,9 @@ class World:
         )
 
     @property
-    def link(self) -> Link:
+    def link(self) -> RobotLink:
         if not self.online:
-            return Link(
+            return RobotLink(
                 0.0, self.offline_since, self.offline_since, self.hold.session, self.hold.epoch, 0.1
             )
         holder = self.scene.holder
@@ -71,7 +71,9 @@ class World:
             "asked": self.asked,
             "signs": self.signs,
         }
-        return Link(0.0, self.now, self.now, self.hold.session, self.hold.epoch, silence, **known)
+        return RobotLink(
+            0.0, self.now, self.now, self.hold.session, self.hold.epoch, silence, **known
+        )
 
     def session_of(self, visitor: str) -> ActiveSession | None:
         return next((each for each in self.sessions.values() if each.visitor == visitor), None)
@@ -144,7 +146,7 @@ class World:
                     lost_at=None if each.state == "waiting" else each.lost_at,
                 )
 
-    def tick(self, link: Link | None = None):
+    def tick(self, link: RobotLink | None = None):
         acts = decide_tick(self.scene, link or self.link, self.rules, self.now)
         for act in acts:
             match act:

@@ -14,7 +14,7 @@ from aiortc.mediastreams import MediaStreamError
 from robots.agent.media import MediaSide
 from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.api.codec import decode_frame
-from robots.api.messages import Answer, Bye, Offer, Role, SignalReply
+from robots.api.messages import Bye, Role, SdpAnswer, SdpOffer, SignalReply
 from tests.support.patience import patient
 
 
@@ -52,7 +52,7 @@ class Exchange:
         return [
             message.sdp
             for name, message in self.replies
-            if name == peer and isinstance(message, Answer)
+            if name == peer and isinstance(message, SdpAnswer)
         ]
 
 
@@ -88,7 +88,7 @@ class LoopbackPage:
     async def connect(self, role: Role = "observer", timeout: float = 10.0) -> None:
         """Offer, take the answer, and wait until media and data can flow."""
         answered = len(self.exchange.answers(self.peer))
-        self.media.signal(self.peer, Offer(sdp=await self.offer_sdp(), role=role))
+        self.media.signal(self.peer, SdpOffer(sdp=await self.offer_sdp(), role=role))
         await until(lambda: len(self.exchange.answers(self.peer)) > answered, timeout, "an answer")
         await self.take_answer()
         await until(lambda: self.channel.readyState == "open", timeout, "an open data channel")

@@ -23,7 +23,7 @@ class Mosquitto:
     certificate) in PEM files.
     """
 
-    def __init__(self, directory, certificate=None, host="127.0.0.1"):
+    def __init__(self, directory, certificate=None, host="127.0.0.1", *, anonymous=True):
         self.host = host
         self.ports = {
             scheme: free_port()
@@ -31,7 +31,7 @@ class Mosquitto:
         }
         self.port = self.ports["mqtt"]
         lines = [
-            "allow_anonymous true",
+            f"allow_anonymous {str(anonymous).lower()}",
             "persistence false",
             "max_queued_messages 0",
             f"user {getpass.getuser()}",

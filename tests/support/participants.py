@@ -10,8 +10,8 @@ from django.conf import settings
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.definition import publishing
-from experiments.definition.schema import Study as Definition
+from experiments import publishing
+from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import Drive, Participant, Study
 from experiments.participation import progress
@@ -39,7 +39,7 @@ def site(name: str = "office", *, series: str = "giraff") -> Robot:
     )
 
 
-def published(definition: Definition, **fields: Any) -> Study:
+def published(definition: StudyDefinition, **fields: Any) -> Study:
     """A study that is open, whatever robots there are."""
     now = timezone.now()
     row = publishing.store(definition, now)
@@ -49,9 +49,9 @@ def published(definition: Definition, **fields: Any) -> Study:
     return Study.objects.get(pk=row.pk)
 
 
-def of(name: str, **changes: Any) -> Definition:
+def of(name: str, **changes: Any) -> StudyDefinition:
     """A shipped study with some of it replaced."""
-    return msgspec.convert({**msgspec.to_builtins(shipped()[name]), **changes}, Definition)
+    return msgspec.convert({**msgspec.to_builtins(shipped()[name]), **changes}, StudyDefinition)
 
 
 def comer(study: Study, user: User, **more: Any) -> Participant:

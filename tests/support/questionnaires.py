@@ -17,12 +17,13 @@ OPTIONS = [
 
 
 def item(kind: str, key: str, **more) -> dict:
-    """Return an item in English; scales are `agree`, options a to f."""
+    """Return an item in English; scales are `agree`, options a to f, those ranked a to c."""
     needs = {
         "likert": {"scale": "agree"},
         "grid": {"scale": "agree"},
         "single": {"options": OPTIONS},
         "multiple": {"options": OPTIONS},
+        "ranking": {"options": OPTIONS[:3]},
         "slider": {"low": {"en": "Low"}, "high": {"en": "High"}},
     }
     return {

@@ -20,7 +20,13 @@ DOCKING = {"/dock": "dock", "/undock": "undock", "/cancel_dock": "cancel"}
 
 
 class RobotBus(ros1.NodeBus):
+    """A node of the robot's own, under a name that stays the same when it is started again."""
+
     script = Path(__file__).with_name("ros1_robot_node.py")
+
+    def __init__(self, master, name):
+        super().__init__(ros1.Ros1Options(master=master.uri, ip=master.host, watchdog=0.6))
+        self.arguments = (f"__name:={name}",)
 
     def offer(self, service, kind, handler):
         self._handlers[service] = handler
@@ -85,9 +91,7 @@ class Ros1Rig(RcaRig):
         freeze(self._bus._child.pid, on=on)
 
     async def start_robot(self):
-        self._bus = RobotBus(
-            ros1.Ros1Options(master=self.master.uri, ip=self.master.host, watchdog=0.6)
-        )
+        self._bus = RobotBus(self.master, "base_driver")
         await self._bus.open(self.lost.append, None)
         robot = self.robot
         for topic, kind in robot.TOPICS.items():
@@ -106,6 +110,12 @@ class Ros1Rig(RcaRig):
                 service, "std_srvs/Trigger", lambda _, verb=verb: getattr(self.world, verb)()
             )
         robot.restarted()
+
+    async def restart_robot(self):
+        self.running = False
+        await self._bus.shut()
+        await self.start_robot()
+        self.running = True
 
     async def down(self):
         self.master.kill()

@@ -1,5 +1,6 @@
 """The simulated robot's own node of ROS 1: besides what the adapter's node does, it offers
-services. Run by the Python that has rospy.
+services, and goes on without a master as every rospy and roscpp node does, which registers once
+(rospy/impl/registration.py, RegManager.start). Run by the Python that has rospy.
 """
 
 import pathlib
@@ -23,6 +24,9 @@ class RobotNode(ros1_node.Node):
         self.subscribers.append(
             self.rospy.Service(service, self.roslib.message.get_service_class(kind), called)
         )
+
+    def watch_master(self):
+        """Nothing: a driver of ROS 1 does not look after its master."""
 
 
 if __name__ == "__main__":

@@ -29,8 +29,19 @@ def hear(bus, topic, kind, *, best_effort):
     bus._readers.append((reader, lambda message: say(topic, message)))
 
 
-async def main(domain, cmd_vel, velocity, best_effort=""):
-    bus = DdsBus(domain)
+class NamespacedBus(DdsBus):
+    """The topics of a robot of ROS 2 whose nodes were started in a namespace, such as /robot1."""
+
+    def __init__(self, domain, namespace):
+        super().__init__(domain)
+        self._namespace = namespace
+
+    def _topic(self, name, kind):
+        return super()._topic(self._namespace + name, kind)
+
+
+async def main(domain, cmd_vel, velocity, best_effort="", namespace=""):
+    bus = NamespacedBus(domain, namespace)
     await bus.open(sys.exit, None)
     for topic, kind in (RosRobot.TOPICS | GOALS).items():
         bus.advertise(topic, kind, latched=topic in LATCHED, sensor=topic == "/scan")

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 from playwright.sync_api import CDPSession, Page
 
 from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import Speed
+from experiments.bots.steering import SpeedSetting
 from experiments.bots.view import View
 from experiments.bots.ways import RouteGrid
 from robots.api.floorplan import FloorPlan
@@ -76,7 +76,7 @@ class Pad:
     def __post_init__(self) -> None:
         self.page.evaluate(PAD)
 
-    def steer(self, speed: Speed, step: str) -> None:
+    def steer(self, speed: SpeedSetting, step: str) -> None:
         full = FULL[step]
         ahead, left = (
             speed.linear / (full.linear if speed.linear > 0.0 else BACK),
@@ -143,7 +143,7 @@ class Thumb:
     pointer: Pointer
     is_down: bool = False
 
-    def steer(self, speed: Speed, step: str) -> None:
+    def steer(self, speed: SpeedSetting, step: str) -> None:
         full = FULL[step]
         ahead, left = (
             speed.linear / (full.linear if speed.linear > 0.0 else BACK),
@@ -215,7 +215,7 @@ class Tour:
     def steer(self, hands: Hands, within: float) -> float:
         """Visit the stops with hands that steer, and return the seconds that it took."""
         guide = Guide.of({}, self.plan, "giraff")
-        node, step = Mind(Driver(self.plan, guide, Speed(0.6, 0.6))), "Normal"
+        node, step = Mind(Driver(self.plan, guide, SpeedSetting(0.6, 0.6))), "Normal"
         began = time.monotonic()
         for number, (x, y) in enumerate(self.stops, 1):
             task = protocol.Task(

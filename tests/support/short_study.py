@@ -6,12 +6,12 @@ import sys
 
 import msgspec
 
-from experiments.definition.schema import Study
+from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from tests.support.site import ROOT, Site
 
 
-def short_study(*, minutes: float = 5.0) -> Study:
+def short_study(*, minutes: float = 5.0) -> StudyDefinition:
     """The paper's study with Giraff, all doors open, and a short course without a photo."""
     written = msgspec.to_builtins(shipped()["exploration"])
     course = next(one for one in written["courses"] if one["robot"] == "giraff")
@@ -31,11 +31,11 @@ def short_study(*, minutes: float = 5.0) -> Study:
     conditions = [one for one in written["conditions"] if one["key"] == "giraff_open"]
     return msgspec.convert(
         {**written, "slug": "short", "steps": steps, "conditions": conditions, "courses": [course]},
-        Study,
+        StudyDefinition,
     )
 
 
-def as_json(study: Study) -> str:
+def as_json(study: StudyDefinition) -> str:
     """The study as Python code may hold it."""
     return json.dumps(msgspec.to_builtins(study))
 
@@ -43,7 +43,7 @@ def as_json(study: Study) -> str:
 def store_in(site: Site) -> None:
     """Put the study into a site's database, as a draft."""
     site.django(
-        "import json; from django.utils import timezone; from experiments.definition import publishing; from"
+        "import json; from django.utils import timezone; from experiments import publishing; from"
         " experiments.definition.schema import"
         f" from_stored;publishing.store(from_stored(json.loads({as_json(short_study())!r})),"
         " timezone.now())"

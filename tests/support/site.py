@@ -42,14 +42,13 @@ APART = 7  # some programs take the port above theirs as well
 
 
 def _ports() -> Iterator[int]:
-    """Numbers of ports, each a long time before it comes again. Tests that run beside these have
-    another share of them.
+    """Numbers of ports, each a long time before it comes again. Tests that run beside these, in
+    this lane of deploy/run_tests.sh or the other one, have another share of them.
     """
-    each, worker = (
-        PORTS // SHARES,
-        int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")),
-    )
-    first, begun = LOWEST_PORT + worker % SHARES * each, random.SystemRandom().randrange(each)
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    share = 2 * worker + int(os.environ.get("TEST_LANE", "0"))
+    each = PORTS // SHARES
+    first, begun = LOWEST_PORT + share % SHARES * each, random.SystemRandom().randrange(each)
     return (first + (begun + APART * number) % each for number in itertools.count())
 
 

@@ -74,14 +74,22 @@ class SoundServer:
             if command[0] == "dbus-daemon":
                 assert eventually((self.home / "run/bus").exists)
         assert eventually(lambda: self._pactl("info").returncode == 0, 30.0), "no sound server"
+        if self.kind == "pipewire":  # a card that comes before its session manager may stay unused
+            assert eventually(
+                lambda: "WirePlumber [export]" in self._pactl("list", "clients").stdout, 30.0
+            ), self._programs_now()
         self.plug()
+
+    def _programs_now(self) -> dict[str, int | None]:
+        """Return the programs of the server, and with what each has ended."""
+        return {str(program.args[0]): program.poll() for program in self._programs}
 
     def plug(self) -> None:
         """Plug the card in."""
         assert self._pactl("load-module", "module-null-sink", "sink_name=robot").returncode == 0
         assert eventually(
             lambda: "Default Source: robot.monitor" in self._pactl("info").stdout, 30.0
-        ), self._pactl("info").stdout
+        ), (self._programs_now(), self._pactl("info").stdout)
 
     def unplug(self) -> None:
         """Pull the card out."""

@@ -4,7 +4,7 @@ a mirror.
 
 import msgspec
 
-from experiments.definition.schema import Study
+from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlan
 
@@ -114,6 +114,6 @@ def cabin() -> FloorPlan:
     return floorplan.decode(msgspec.json.encode(PLAN))
 
 
-def small_study(**changes: object) -> Study:
+def small_study(**changes: object) -> StudyDefinition:
     """The study, with fields of its JSON replaced."""
-    return msgspec.convert({**STUDY, **changes}, Study)
+    return msgspec.convert({**STUDY, **changes}, StudyDefinition)

@@ -13,15 +13,15 @@ from experiments.analysis.dataset.columns import NETWORK, STATES
 from experiments.analysis.dataset.records import (
     Columns,
     Dataset,
-    Event,
-    Page,
-    Participant,
-    Response,
-    Robot,
-    Session,
+    EventRecord,
+    PageRecord,
+    ParticipantRecord,
+    ResponseRecord,
+    RobotRecord,
+    SessionRecord,
     columns_of,
 )
-from experiments.definition.schema import Course, Study
+from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.shipped import shipped
 from robots.world.sites import load_plan
 from surveys.definition import Definition
@@ -49,13 +49,13 @@ DEVICES = (
     ("other", "Opera"),
 )
 ROBOTS = (
-    Robot(
+    RobotRecord(
         name="giraff",
         title="Giraff",
         series="giraff",
         facts={"Base": "Giraff", "OS": "Windows", "RCA": "MOOS", "Users": "novice"},
     ),
-    Robot(
+    RobotRecord(
         name="rhodon",
         title="Rhodon",
         series="rhodon",
@@ -166,7 +166,7 @@ def made_up(
     rng: np.random.Generator,
     participants: int = 12,
     *,
-    study: Study | None = None,
+    study: StudyDefinition | None = None,
     slower: float = 1.0,
 ) -> Dataset:
     """A study with every kind of ending, answer and device in it; about two sessions a participant.
@@ -183,7 +183,7 @@ def made_up(
         dropped = index % 11 == 10
         age = float("nan") if index % 12 == 11 else float(rng.integers(15, 63))
         people.append(
-            Participant(
+            ParticipantRecord(
                 who,
                 age=age,
                 cell="" if dropped else condition.key,
@@ -194,7 +194,7 @@ def made_up(
         )
         steps = study.steps[:1] if dropped else study.steps
         pages += [
-            Page(
+            PageRecord(
                 who,
                 step.key,
                 seconds=float("nan") if dropped else float(rng.gamma(4.0, 10.0)),
@@ -237,15 +237,21 @@ def made_up(
 
 
 def visit(
-    study: Study, who: str, number: int, key: str, rng: np.random.Generator, *, slower: float
-) -> tuple[Session, Driven | None, list[Event]]:
+    study: StudyDefinition,
+    who: str,
+    number: int,
+    key: str,
+    rng: np.random.Generator,
+    *,
+    slower: float,
+) -> tuple[SessionRecord, Driven | None, list[EventRecord]]:
     condition = study.condition(key)
     assert condition is not None
     course = study.course_of(condition)
     assert course is not None
     outcome = "completed" if rng.random() < 0.85 else str(rng.choice(OUTCOMES[1:]))
     system, browser = DEVICES[int(rng.integers(len(DEVICES)))]
-    session = Session(
+    session = SessionRecord(
         f"{who}-{number}",
         who,
         condition.robot,
@@ -268,15 +274,15 @@ def visit(
     )
     session = replace(session, first_frame=0.4, first_motion=5.2, ended=driven.end + 2.0)
     events = [
-        Event(session.id, at, "task", "checkpoint", {"number": n})
+        EventRecord(session.id, at, "task", "checkpoint", {"number": n})
         for n, at in driven.checkpoints.items()
     ]
     if outcome == "completed":
-        events.append(Event(session.id, driven.end - 2.5, "task", "docked", {}))
+        events.append(EventRecord(session.id, driven.end - 2.5, "task", "docked", {}))
     return (
         session,
         driven,
-        [*events, Event(session.id, driven.end, "task", "task_ended", {"name": outcome})],
+        [*events, EventRecord(session.id, driven.end, "task", "task_ended", {"name": outcome})],
     )
 
 
@@ -297,24 +303,26 @@ def link(seconds: float, rng: np.random.Generator) -> Columns:
     )
 
 
-def registration(who: str, rng: np.random.Generator) -> Response:
+def registration(who: str, rng: np.random.Generator) -> ResponseRecord:
     scale = ("computer", "smartphone", "browser", "messaging", "videoconferencing", "games")
     values = {"gender": str(rng.choice(("woman", "man"), p=(0.2, 0.8)))} | {
         key: int(rng.integers(0, 5)) for key in scale
     }
-    return Response(f"{who}-ict", "ict", who, values, missing={"birth_year": "preferred_not"})
+    return ResponseRecord(f"{who}-ict", "ict", who, values)
 
 
-def final(study: Study, who: str, session: Session, rng: np.random.Generator) -> Response:
+def final(
+    study: StudyDefinition, who: str, session: SessionRecord, rng: np.random.Generator
+) -> ResponseRecord:
     values = {
         f"q{n}": int(np.clip(round(rng.normal(1.2 if n != 7 else 0.6, 0.8)), -2, 2))
         for n in range(1, 9)
     }
     missing = {}
     if session.robot != "giraff" or rng.random() < 0.1:
-        missing["q7"] = "not_applicable" if session.robot != "giraff" else "skipped"
+        missing["q7"] = "not_asked" if session.robot != "giraff" else "skipped"
         del values["q7"]
-    return Response(
+    return ResponseRecord(
         f"{session.id}-q",
         study.analysis.statements,
         who,

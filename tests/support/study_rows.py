@@ -13,7 +13,7 @@ import numpy as np
 
 from accounts.models import User
 from experiments.analysis.dataset.columns import METHODS, MODES, WAYS
-from experiments.analysis.dataset.records import Columns, Dataset, Session
+from experiments.analysis.dataset.records import Columns, Dataset, SessionRecord
 from experiments.definition.schema import digest
 from experiments.models import Drive, Participant, StepResponse, StepVisit, Study, TaskEvent
 from robots.api import floorplan
@@ -136,7 +136,7 @@ def _participant(study: Study, person, now: datetime.datetime) -> Participant:
     )
 
 
-def _drive(dataset: Dataset, session: Session, stored: Stored, robot: Robot) -> Drive:
+def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robot) -> Drive:
     who = stored.people[session.participant]
     granted = who.created_at + session.number * 30 * MINUTE
     device = {

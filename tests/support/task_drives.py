@@ -5,7 +5,7 @@ page would give.
 import math
 from dataclasses import replace
 
-from experiments.definition.course import Track, lay_out
+from experiments.definition.course import CourseTrack, lay_out
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import FirstFrame, Record, Seen
 from robots.api.docked import DOCKED
@@ -22,7 +22,7 @@ BACK = (*BY_ARCHWAY[::-1], (1.5, 2.0), HOME)
 START = 1000.0
 
 
-def track(condition: str = "all_open", **changes: object) -> Track:
+def track(condition: str = "all_open", **changes: object) -> CourseTrack:
     """The cabin's course under a condition; fields of the track replaced."""
     study = small_study()
     return replace(lay_out(study, study.condition(condition), cabin()), **changes)
@@ -117,7 +117,9 @@ def whole_drive() -> Drive:
     return Drive().go(*THERE, *BACK).dock()
 
 
-def run(records: list[Record], on: Track | None = None, until: float | None = None) -> TaskEngine:
+def run(
+    records: list[Record], on: CourseTrack | None = None, until: float | None = None
+) -> TaskEngine:
     """An engine that was fed with records."""
     engine = TaskEngine(on or track())
     for record in records:

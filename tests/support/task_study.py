@@ -61,7 +61,7 @@ def main(name: str, minutes: float) -> None:
     from experiments.participation import progress
 
     now, document = timezone.now(), definition_of(minutes)
-    sha256 = schema.digest(msgspec.convert(document, schema.Study))
+    sha256 = schema.digest(msgspec.convert(document, schema.StudyDefinition))
     row = Study.objects.create(
         slug="short",
         version=1,

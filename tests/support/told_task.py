@@ -4,7 +4,7 @@ import json
 import time
 
 from experiments.definition.shipped import shipped
-from experiments.tasks import page
+from experiments.participation import drive_config
 from robots.world.sites import load_plan
 from sessions import protocol
 from tests.support.fake_robot_page import STEP, FakeRobotPage
@@ -13,7 +13,7 @@ from tests.support.fake_robot_page import STEP, FakeRobotPage
 def guide(**changes):
     study = shipped()["exploration"]
     plan, _ = load_plan("office")
-    told = page.guide(
+    told = drive_config.guide(
         study, study.task, [study.condition("giraff_open")], plan, language="en", step_url=STEP
     )
     return json.loads(json.dumps({**told, **changes}))

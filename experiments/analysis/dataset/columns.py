@@ -193,8 +193,8 @@ ANSWERS = (
     Column(
         "missing",
         "",
-        "why there is no value: skipped, preferred_not, not_applicable or not_reached; withheld"
-        " where there is one that tells too much",
+        "why there is no value: skipped, preferred_not, not_applicable (“Does not apply” was"
+        " chosen), not_asked or not_reached; withheld where there is one that tells too much",
     ),
     Column("seconds", "s", "how long it took"),
 )

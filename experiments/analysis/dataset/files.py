@@ -22,17 +22,18 @@ from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.records import (
     Columns,
     Dataset,
-    Event,
+    EventRecord,
     Floats,
-    Page,
-    Participant,
-    Response,
-    Session,
+    PageRecord,
+    ParticipantRecord,
+    ResponseRecord,
+    SessionRecord,
 )
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
 from surveys.definition import Definition, cells_of, columns_of, to_json
 from surveys.documents import spoken
+from surveys.item import Question
 from surveys.scoring import scores
 
 File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
@@ -72,7 +73,7 @@ def contents(dataset: Dataset) -> Iterator[File]:
 
 def tables(
     dataset: Dataset,
-    events: Iterable[Event],
+    events: Iterable[EventRecord],
     more: Mapping[str, tuple[Column, ...]] = MappingProxyType({}),
 ) -> Iterator[File]:
     """Yield everything but states and network samples.
@@ -86,7 +87,7 @@ def tables(
         DatasetError: two sessions with codes that would have the same file.
     """
     if len({one.id.replace("-", "") for one in dataset.sessions}) < len(dataset.sessions):
-        raise DatasetError("two sessions have codes that differ by nothing but hyphens")
+        raise DatasetError("two sessions have codes that differ only in hyphens")
     yield from about(dataset, more)
     yield table("participants", (cells(one, columns.PARTICIPANTS) for one in dataset.participants))
     yield table("sessions", (cells(one, columns.SESSIONS) for one in dataset.sessions))
@@ -137,12 +138,14 @@ def _csv(rows: Iterable[Sequence[Any]]) -> str:
     return text.getvalue()
 
 
-def cells(record: Participant | Session | Event | Page, layout: tuple[Column, ...]) -> list[Any]:
+def cells(
+    record: ParticipantRecord | SessionRecord | EventRecord | PageRecord, layout: tuple[Column, ...]
+) -> list[Any]:
     """Return the cells of a record in the order of its columns."""
     return [_cell(getattr(record, column.name)) for column in layout]
 
 
-def answer_rows(response: Response) -> Iterator[list[Any]]:
+def answer_rows(response: ResponseRecord) -> Iterator[list[Any]]:
     """Yield a row an item of a response; a response without items keeps one row without an item."""
     own = [
         response.id,
@@ -210,7 +213,7 @@ def _number(value: float) -> str:
 
 def wide(dataset: Dataset) -> Iterator[File]:
     """Yield, for each questionnaire, a table with a line a response: two columns a question (its
-    value, and why there is none) and the scores.
+    value, for which a type may need several, and why there is none) and the scores.
     """
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
@@ -227,7 +230,7 @@ def wide_head(versions: Sequence[Definition]) -> list[str]:
 
 
 def _wide_rows(
-    versions: Sequence[Definition], responses: Iterable[Response]
+    versions: Sequence[Definition], responses: Iterable[ResponseRecord]
 ) -> Iterator[list[Any]]:
     known = {one.version: one for one in versions}
     layout, named = columns_of(versions), _scores(versions)
@@ -288,7 +291,7 @@ def numbers_path(name: str, session: str) -> str:
 
 def _named(name: str, pattern: re.Pattern[str]) -> str:
     if not pattern.match(name):
-        raise DatasetError(f"{name!r} cannot be the name of a file")
+        raise DatasetError(f"{name!r} cannot be used as a file name")
     return name
 
 
@@ -323,18 +326,20 @@ def _variables(
             yield column.name, column.unit, f"{file}: {column.meaning}"
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
-        texts = {
-            question.key: spoken(question.text, dataset.language)
+        asked = dict(
+            pair
             for one in versions
             for question in one.questions()
-        }
+            for pair in _asked(question, dataset.language)
+        )
         for name in wide_head(versions)[len(WIDE) :]:
-            asked = texts.get(name.removesuffix("_missing"), "score")
-            yield (
-                name,
-                "",
-                (
-                    f"{slug}:"
-                    f" {'why there is no answer to: ' if name.endswith('_missing') else ''}{asked}"
-                ),
-            )
+            yield name, "", f"{slug}: {asked.get(name, 'score')}"
+
+
+def _asked(question: Question, language: str) -> Iterator[tuple[str, str]]:
+    """Yield each column of a question, and what it says."""
+    text, item = spoken(question.text, language), question.item
+    for name, label in zip(item.columns(question.key), item.column_labels(), strict=True):
+        about = spoken(label, language)
+        yield name, f"{text} – {about}" if about else text
+    yield f"{question.key}_missing", f"why there is no answer to: {text}"

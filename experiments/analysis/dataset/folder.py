@@ -38,15 +38,15 @@ from experiments.analysis.dataset.files import (
 from experiments.analysis.dataset.records import (
     Columns,
     Dataset,
-    Event,
-    Page,
-    Participant,
-    Response,
-    Robot,
-    Session,
+    EventRecord,
+    PageRecord,
+    ParticipantRecord,
+    ResponseRecord,
+    RobotRecord,
+    SessionRecord,
     columns_of,
 )
-from experiments.definition.schema import Study
+from experiments.definition.schema import StudyDefinition
 from robots.api import floorplan
 from surveys.definition import Definition
 
@@ -79,14 +79,16 @@ def read(folder: Path) -> Dataset:
         DatasetError: a file that is missing or broken.
     """
     return Dataset(
-        study=_decoded(folder / "study.json", Study),
-        robots=_decoded(folder / "robots.json", tuple[Robot, ...]),
+        study=_decoded(folder / "study.json", StudyDefinition),
+        robots=_decoded(folder / "robots.json", tuple[RobotRecord, ...]),
         participants=tuple(
-            _record(Participant, row, "participants") for row in _rows(folder, "participants")
+            _record(ParticipantRecord, row, "participants") for row in _rows(folder, "participants")
         ),
-        sessions=tuple(_record(Session, row, "sessions") for row in _rows(folder, "sessions")),
-        events=tuple(_record(Event, row, "events") for row in _rows(folder, "events")),
-        pages=tuple(_record(Page, row, "pages") for row in _rows(folder, "pages")),
+        sessions=tuple(
+            _record(SessionRecord, row, "sessions") for row in _rows(folder, "sessions")
+        ),
+        events=tuple(_record(EventRecord, row, "events") for row in _rows(folder, "events")),
+        pages=tuple(_record(PageRecord, row, "pages") for row in _rows(folder, "pages")),
         responses=tuple(_responses(_rows(folder, "answers"))),
         questionnaires=tuple(
             _decoded(path, Definition)
@@ -110,13 +112,13 @@ def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ..
     with path.open(encoding="utf-8") as file:
         head = file.readline().strip()
         if head.split(",") != [column.name for column in layout]:
-            raise DatasetError(f"{path.name} has other columns than are expected: {head[:200]}")
+            raise DatasetError(f"{path.name} has unexpected columns: {head[:200]}")
         try:
             return Columns(layout, np.loadtxt(file, delimiter=",", ndmin=2))
         except ValueError as error:
             raise DatasetError(
-                f"{path.name} holds a cell that is no number, or a line that is too short or too"
-                " long"
+                f"{path.name} has a cell that is not a number, or a line that is too "
+                "short or too long"
             ) from error
 
 
@@ -163,17 +165,17 @@ def _value(cell: str, kind: Any) -> Any:
         return float(cell) if cell else math.nan
     if kind == tuple[str, ...]:
         return tuple(cell.split("|")) if cell else ()
-    return json.loads(cell) if kind == Event.__dataclass_fields__["data"].type else cell
+    return json.loads(cell) if kind == EventRecord.__dataclass_fields__["data"].type else cell
 
 
-def _responses(rows: Iterator[dict[str, str]]) -> Iterator[Response]:
+def _responses(rows: Iterator[dict[str, str]]) -> Iterator[ResponseRecord]:
     together: dict[str, list[dict[str, str]]] = {}
     for row in rows:
         together.setdefault(row["response"], []).append(row)
     for code, lines in together.items():
         first, items = lines[0], [line for line in lines if line["item"]]
         try:
-            yield Response(
+            yield ResponseRecord(
                 id=code,
                 questionnaire=first["questionnaire"],
                 version=int(first["version"]),

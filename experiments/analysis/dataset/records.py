@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from experiments.analysis.dataset.columns import NETWORK, STATES, Column
-from experiments.definition.schema import Course, Study
+from experiments.definition.schema import Course, StudyDefinition
 from robots.api.floorplan import FloorPlan
 from surveys.definition import Definition
 from surveys.documents import spoken
@@ -26,7 +26,7 @@ EVERY, WITHOUT = "all", "without-excluded"  # selections of sessions, and their 
 WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
 
 
-class Robot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class RobotRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A robot of the study; `series` is what courses are made for, `facts` are the rows of Table 1,
     by name.
     """
@@ -38,7 +38,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 @dataclass(frozen=True)
-class Participant:
+class ParticipantRecord:
     """A row of the participants (columns.PARTICIPANTS); an age that was not told is NaN."""
 
     id: str
@@ -52,7 +52,7 @@ class Participant:
 
 
 @dataclass(frozen=True)
-class Session:
+class SessionRecord:
     """A row of the sessions (columns.SESSIONS); a time that never came is NaN."""
 
     id: str
@@ -102,7 +102,7 @@ class Session:
 
 
 @dataclass(frozen=True)
-class Event:
+class EventRecord:
     """A row of the events (columns.EVENTS)."""
 
     session: str
@@ -113,7 +113,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Page:
+class PageRecord:
     """A row of the pages (columns.PAGES); `seconds` is NaN for one that was left."""
 
     participant: str
@@ -124,7 +124,7 @@ class Page:
 
 
 @dataclass(frozen=True)
-class Response:
+class ResponseRecord:
     """A filled-in questionnaire; `missing` tells why an item has no value."""
 
     id: str
@@ -144,7 +144,7 @@ class Columns:
     def __init__(self, layout: tuple[Column, ...], values: Floats) -> None:
         if values.ndim != 2 or values.shape[1] != len(layout):
             raise ValueError(
-                f"{len(layout)} columns are expected, not an array of shape {values.shape}"
+                f"expected {len(layout)} columns, not an array of shape {values.shape}"
             )
         self.layout = layout
         self.values = values
@@ -177,13 +177,13 @@ class Dataset:
     which may have none.
     """
 
-    study: Study
-    robots: tuple[Robot, ...] = ()
-    participants: tuple[Participant, ...] = ()
-    sessions: tuple[Session, ...] = ()
-    events: tuple[Event, ...] = ()
-    pages: tuple[Page, ...] = ()
-    responses: tuple[Response, ...] = ()
+    study: StudyDefinition
+    robots: tuple[RobotRecord, ...] = ()
+    participants: tuple[ParticipantRecord, ...] = ()
+    sessions: tuple[SessionRecord, ...] = ()
+    events: tuple[EventRecord, ...] = ()
+    pages: tuple[PageRecord, ...] = ()
+    responses: tuple[ResponseRecord, ...] = ()
     questionnaires: tuple[Definition, ...] = ()
     plans: Mapping[str, FloorPlan] = field(default_factory=dict)
     states: Callable[[str], Columns] = lambda _: NO_STATES
@@ -209,14 +209,14 @@ class Dataset:
         wanted = set(participants)
         return tuple(one.id for one in self.sessions if one.participant in wanted)
 
-    def robot(self, name: str) -> Robot:
+    def robot(self, name: str) -> RobotRecord:
         """Return a robot; one that the dataset does not describe is called by its name."""
         return next(
             (one for one in self.robots if one.name == name),
-            Robot(name=name, title=name, series=name),
+            RobotRecord(name=name, title=name, series=name),
         )
 
-    def course(self, session: Session) -> Course | None:
+    def course(self, session: SessionRecord) -> Course | None:
         """Return what was to be driven in a session."""
         series = self.robot(session.robot).series
         return next(

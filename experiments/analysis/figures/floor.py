@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon, Rectangle
 
 from experiments.analysis.dataset.records import Floats
 from experiments.analysis.figures.drawing import FAINT, FLOOR, INK, WALL
-from experiments.definition.schema import Checkpoint
+from experiments.definition.schema import StudyCheckpoint
 from robots.api.floorplan import ChargingDock, Door, FloorPlan, Mirror
 from robots.world.solids import bar
 
@@ -146,7 +146,7 @@ def draw_dock(axes: Axes, dock: ChargingDock, label: str, colour: str) -> None:
 
 
 def draw_checkpoint(
-    axes: Axes, stop: Checkpoint, colour: str, *, shift: tuple[float, float] = (0.0, 0.0)
+    axes: Axes, stop: StudyCheckpoint, colour: str, *, shift: tuple[float, float] = (0.0, 0.0)
 ) -> None:
     """Draw a checkpoint as a disc with its number."""
     x, y = stop.x + shift[0], stop.y + shift[1]

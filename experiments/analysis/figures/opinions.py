@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from experiments.analysis.dataset.records import Dataset, Response
+from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.figures.drawing import FAINT, INK, SCALE, WIDTH, Drawing, house_style
 from experiments.analysis.statistics.descriptive import shares
 from experiments.analysis.tables.paper_tables import (
@@ -20,7 +20,7 @@ from experiments.analysis.tables.paper_tables import (
     signed,
 )
 from experiments.analysis.tables.response_selection import note
-from experiments.analysis.tables.table import Cell, Table, count, number, words
+from experiments.analysis.tables.table import Table, TableCell, count, number, words
 from surveys.likert import Line
 
 BAR = 0.72
@@ -80,7 +80,7 @@ def figure_8b(dataset: Dataset) -> Drawing:
     scale = scale_of(dataset)
     title = "Final questionnaire: balance between non-positive and positive responses."
     found: Behind = {}
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[tuple[TableCell, ...]] = []
     with house_style():
         figure, axes = _canvas(lines)
         for at, line in enumerate(lines):
@@ -162,7 +162,7 @@ def _canvas(lines: Sequence[Line]) -> tuple[Figure, Axes]:
 
 
 def _stack(
-    axes: Axes, at: int, line: Line, responses: Sequence[Response], scale: Sequence[int]
+    axes: Axes, at: int, line: Line, responses: Sequence[ResponseRecord], scale: Sequence[int]
 ) -> Behind:
     mean, parts = line.summary.mean, line.summary.percentages
     if mean is None or parts is None:
@@ -200,7 +200,9 @@ def _balance(line: Line) -> tuple[float, ...] | None:
     return shares((total - above, above))
 
 
-def _numbers(line: Line, responses: Sequence[Response], scale: Sequence[int]) -> tuple[Cell, ...]:
+def _numbers(
+    line: Line, responses: Sequence[ResponseRecord], scale: Sequence[int]
+) -> tuple[TableCell, ...]:
     about = behind(line, responses)
     parts = shares(line.summary.counts) or (None,) * len(scale)
     return (

@@ -12,7 +12,7 @@ from experiments.analysis.dataset.records import Dataset, Floats
 from experiments.analysis.figures.drawing import INK, ROBOTS, WIDTH, Drawing, house_style
 from experiments.analysis.figures.floor import draw_checkpoint, draw_dock, draw_plan, thinned
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.table import Table, count, number, words
+from experiments.analysis.tables.table import Table, amount, count, number, words
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Course
 
@@ -169,7 +169,8 @@ def _draw_panel(
         draw_checkpoint(axes, stop, INK)
     name = next((one.title for one in dataset.robots if one.series == robot), robot)
     people = len({found.session.participant for found, _ in own})
-    axes.set_title(f"({letter}) {name}: {len(own)} sessions of {people} participants", loc="left")
+    behind = f"{amount(len(own), 'session')} of {amount(people, 'participant')}"
+    axes.set_title(f"({letter}) {name}: {behind}", loc="left")
     return {f"session-{found.session.id}": (found.session.id,) for found, _ in own}
 
 

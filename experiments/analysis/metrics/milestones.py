@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from experiments.analysis.dataset.records import Event, Floats, Session
-from experiments.analysis.metrics.motion import Track
+from experiments.analysis.dataset.records import EventRecord, Floats, SessionRecord
+from experiments.analysis.metrics.motion import Trajectory
 from experiments.definition.schema import Course
 
 CHECKPOINT = "checkpoint"
@@ -37,7 +37,9 @@ class Milestones:
         return max(self.checkpoints.values(), default=math.nan)
 
 
-def milestones(session: Session, events: Iterable[Event], course: Course | None) -> Milestones:
+def milestones(
+    session: SessionRecord, events: Iterable[EventRecord], course: Course | None
+) -> Milestones:
     """Return when a session came how far, from its own events; docking counts once every checkpoint
     was passed.
     """
@@ -66,7 +68,7 @@ def milestones(session: Session, events: Iterable[Event], course: Course | None)
     return Milestones(start, session.first_motion, passed, docked, photo, end)
 
 
-def docking_attempts(track: Track, dock: tuple[float, float], start: float) -> int:
+def docking_attempts(track: Trajectory, dock: tuple[float, float], start: float) -> int:
     """Count how often a robot came near its charging station after a time."""
     later = track.between(start, math.nan)
     away: Floats = ((later.states["x"] - dock[0]) ** 2 + (later.states["y"] - dock[1]) ** 2) ** 0.5

@@ -26,7 +26,7 @@ Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Track:
+class Trajectory:
     """States of a session, or of a part of it: `at` is each state's time by the server's clock,
     `lasts` how long it held; gaps hold nothing.
     """
@@ -36,7 +36,7 @@ class Track:
     lasts: Floats
 
     @classmethod
-    def of(cls, states: Columns) -> "Track":
+    def of(cls, states: Columns) -> "Trajectory":
         """Return the track of states in the order in which they were made."""
         offset = states["clock_offset"]
         known = offset[np.isfinite(offset)]
@@ -45,10 +45,10 @@ class Track:
         alive = np.diff(states["boot"], append=np.nan) == 0.0
         return cls(states, at, np.where(alive & (steps > 0.0) & (steps <= GAP_SECONDS), steps, 0.0))
 
-    def between(self, start: float, end: float) -> "Track":
+    def between(self, start: float, end: float) -> "Trajectory":
         """Return the part from one time to another; a bound that is NaN bounds nothing."""
         inside = ~(self.at < start) & ~(self.at > end)
-        return Track(
+        return Trajectory(
             Columns(self.states.layout, self.states.values[inside]),
             self.at[inside],
             self.lasts[inside],
@@ -73,7 +73,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveMotion:
     """How a robot was driven: metres, seconds, radians, m/s. `jumps` are places that it did not
     drive to.
     """
@@ -101,7 +101,7 @@ class Drive:
         return self.path / self.moving if self.moving > 0.0 else math.nan
 
 
-def drive(track: Track) -> Drive:
+def drive(track: Trajectory) -> DriveMotion:
     """Return how a robot was driven along a track."""
     states = track.states
     path, jumps = travelled(states["x"], states["y"], track.at)
@@ -109,7 +109,7 @@ def drive(track: Track) -> Drive:
     turning = np.abs(states["angular"]) > TURNING
     near, begun = _near(states["clearance"])
     clearance = states["clearance"][np.isfinite(states["clearance"])]
-    return Drive(
+    return DriveMotion(
         path=path,
         rotation=_turned(states["theta"]),
         jumps=jumps,

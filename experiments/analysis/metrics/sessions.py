@@ -11,10 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.analysis.dataset.columns import METHODS, WAYS, Column
-from experiments.analysis.dataset.records import COMPLETED, Columns, Dataset, Event, Floats, Session
+from experiments.analysis.dataset.records import (
+    COMPLETED,
+    Columns,
+    Dataset,
+    EventRecord,
+    Floats,
+    SessionRecord,
+)
 from experiments.analysis.metrics.geodesic import nearer
 from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
-from experiments.analysis.metrics.motion import Track, drive
+from experiments.analysis.metrics.motion import Trajectory, drive
 from experiments.definition.schema import Course
 
 VERSION = 2
@@ -121,7 +128,7 @@ class Measured:
     metres.
     """
 
-    session: Session
+    session: SessionRecord
     milestones: Milestones
     values: Values
     segments: tuple[Segment, ...]
@@ -131,17 +138,17 @@ class Measured:
 
 def measure_all(dataset: Dataset) -> list[Measured]:
     """Return every session with its numbers, in the dataset's order."""
-    events: dict[str, list[Event]] = {}
+    events: dict[str, list[EventRecord]] = {}
     for event in dataset.events:
         events.setdefault(event.session, []).append(event)
     return [measure(dataset, session, events.get(session.id, [])) for session in dataset.sessions]
 
 
-def measure(dataset: Dataset, session: Session, events: Iterable[Event]) -> Measured:
+def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord]) -> Measured:
     """Return a session with its numbers."""
     course = dataset.course(session)
     found = milestones(session, events, course)
-    whole = Track.of(dataset.states(session.id))
+    whole = Trajectory.of(dataset.states(session.id))
     network = dataset.network(session.id)
     task = whole.between(found.start, found.end)
     segments = tuple(_segments(dataset, session, course, found, task, network))
@@ -162,7 +169,7 @@ def measure(dataset: Dataset, session: Session, events: Iterable[Event]) -> Meas
     return Measured(session, found, ordered, segments, way[np.isfinite(way).all(axis=1)], share)
 
 
-def _times(session: Session, found: Milestones) -> Values:
+def _times(session: SessionRecord, found: Milestones) -> Values:
     return {
         "total_time": found.end - found.start,
         "time_to_motion": found.motion - found.start,
@@ -173,11 +180,11 @@ def _times(session: Session, found: Milestones) -> Values:
     }
 
 
-def _numbers(track: Track, network: Columns) -> Values:
+def _numbers(track: Trajectory, network: Columns) -> Values:
     return _driving(track) | _commands(track) | _link(network)
 
 
-def _driving(track: Track) -> Values:
+def _driving(track: Trajectory) -> Values:
     if not len(track):
         return {}
     found = drive(track)
@@ -188,14 +195,14 @@ def _driving(track: Track) -> Values:
     } | {"odometer": _odometer(track)}
 
 
-def _odometer(track: Track) -> float:
+def _odometer(track: Trajectory) -> float:
     """A run's odometer only grows; what lies between two runs is not known."""
     steps = np.diff(track.states["distance"])
     same = np.diff(track.states["boot"]) == 0.0
     return float(np.nansum(np.where(same, np.maximum(steps, 0.0), 0.0)))
 
 
-def _commands(track: Track) -> Values:
+def _commands(track: Trajectory) -> Values:
     if not len(track):
         return {}
     states = track.states
@@ -252,7 +259,7 @@ def _link(network: Columns) -> Values:
     }
 
 
-def _record(track: Track) -> Values:
+def _record(track: Trajectory) -> Values:
     gaps, offsets = track.gaps(), np.abs(track.states["clock_offset"])
     known = offsets[np.isfinite(offsets)]
     return {
@@ -265,10 +272,10 @@ def _record(track: Track) -> Values:
 
 def _segments(
     dataset: Dataset,
-    session: Session,
+    session: SessionRecord,
     course: Course | None,
     found: Milestones,
-    task: Track,
+    task: Trajectory,
     network: Columns,
 ) -> Iterable[Segment]:
     if course is None:
@@ -304,7 +311,9 @@ def _during(network: Columns, start: float, end: float) -> Columns:
     return Columns(network.layout, network.values[inside])
 
 
-def _shortest(dataset: Dataset, session: Session, part: Track, goal: tuple[float, float]) -> float:
+def _shortest(
+    dataset: Dataset, session: SessionRecord, part: Trajectory, goal: tuple[float, float]
+) -> float:
     plan = dataset.plans.get(session.site)
     x, y = part.states["x"], part.states["y"]
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))

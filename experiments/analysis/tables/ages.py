@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.table import Cell, Table, count, number, words
+from experiments.analysis.tables.table import Table, TableCell, count, number, words
 from experiments.definition.schema import Condition
 from robots.api.network_words import spell
 
@@ -46,7 +46,7 @@ def ages(dataset: Dataset, measured: Sequence[Measured]) -> Table:
     )
 
 
-def _row(condition: Condition, own: Sequence[Measured]) -> tuple[Cell, ...]:
+def _row(condition: Condition, own: Sequence[Measured]) -> tuple[TableCell, ...]:
     ids = [one.session.id for one in own]
     networks = (
         words(spell(impairment) or "clean")

@@ -9,7 +9,7 @@ study's rule, one a participant and condition unless all count.
 import math
 from collections.abc import Mapping, Sequence
 
-from experiments.analysis.dataset.records import Dataset, Response
+from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.descriptive import holm
 from experiments.analysis.tables.effects import compared, difference, head_of
 from experiments.analysis.tables.paper_tables import behind, label_of, lines_of
@@ -44,7 +44,7 @@ def compare_answers(dataset: Dataset) -> Table:
     return Table("answers", "Final questionnaire by condition.", ("", *head_of(keys)), rows, below)
 
 
-def scores(responses: Sequence[Response], statements: Sequence[str]) -> Mapping[str, float]:
+def scores(responses: Sequence[ResponseRecord], statements: Sequence[str]) -> Mapping[str, float]:
     """Return each participant's score; who answered none of the statements has none."""
     found: dict[str, list[float]] = {}
     for one in responses:

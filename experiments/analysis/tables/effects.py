@@ -26,7 +26,7 @@ from experiments.analysis.statistics.descriptive import (
     wilson,
     within,
 )
-from experiments.analysis.tables.table import Cell, Table, count, number, probability, words
+from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
 
 OUTCOMES = (
     "total_time",
@@ -96,11 +96,11 @@ def compared(
     groups: Sequence[tuple[Mapping[str, float], Sequence[str]]],
     test: Test,
     corrected: float,
-) -> tuple[Cell, ...]:
+) -> tuple[TableCell, ...]:
     """Return a row: what was compared, each group (a value a participant, and the sessions behind
     them), and the test.
     """
-    cells: list[Cell] = []
+    cells: list[TableCell] = []
     for values, ids in groups:
         about = spread(list(values.values()))
         cells += [count(about.n, ids), number(about.mean, 3, ids), number(about.sd, 3)]
@@ -245,7 +245,7 @@ def by_network(measured: Sequence[Measured]) -> Table:
     return Table("network-classes", "Outcome and driving by class of network.", head, tuple(rows))
 
 
-def _classes(measured: Sequence[Measured], cause: str) -> list[tuple[Cell, ...]]:
+def _classes(measured: Sequence[Measured], cause: str) -> list[tuple[TableCell, ...]]:
     edges = (-math.inf, *BINS[cause], math.inf)
     rows = []
     for low, high in pairwise(edges):
@@ -262,7 +262,7 @@ def _classes(measured: Sequence[Measured], cause: str) -> list[tuple[Cell, ...]]
     return rows
 
 
-def _class_row(head: str, label: str, own: Sequence[Measured]) -> tuple[Cell, ...]:
+def _class_row(head: str, label: str, own: Sequence[Measured]) -> tuple[TableCell, ...]:
     ids = [one.session.id for one in own]
     done = [one.session.id for one in own if one.session.outcome == COMPLETED]
     medians = (number(spread([one.values[name] for one in own]).median, 3, ids) for name in LEARNT)

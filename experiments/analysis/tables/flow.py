@@ -10,14 +10,14 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from experiments.analysis.dataset.records import Dataset, Participant
+from experiments.analysis.dataset.records import Dataset, ParticipantRecord
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.table import Cell, Table, count, number, words
+from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 
 FLOW = ("arrived", "assigned", "exposed", "ended with an outcome", "answered")
 STILL_THERE = "no word (yet)"
-Row = tuple[Cell, ...]
+Row = tuple[TableCell, ...]
 
 
 def flow(dataset: Dataset) -> Table:
@@ -37,13 +37,13 @@ def flow(dataset: Dataset) -> Table:
     return Table(
         "flow",
         "Flow of participants.",
-        ("Cell", "Stage", "Reason", "Participants"),
+        ("Condition", "Stage", "Reason", "Participants"),
         tuple(rows),
         (below,),
     )
 
 
-def _stages(dataset: Dataset, people: list[Participant], cell: str) -> list[Row]:
+def _stages(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> list[Row]:
     sessions = {
         one.id: [session for session in dataset.sessions if session.participant == one.id]
         for one in people
@@ -53,7 +53,7 @@ def _stages(dataset: Dataset, people: list[Participant], cell: str) -> list[Row]
         for one in dataset.responses
         if one.questionnaire == dataset.study.analysis.statements and one.finished
     }
-    tests: tuple[Callable[[Participant], bool], ...] = (
+    tests: tuple[Callable[[ParticipantRecord], bool], ...] = (
         lambda _: True,
         lambda one: bool(one.cell or sessions[one.id]),
         lambda one: any(session.exposed for session in sessions[one.id]),
@@ -88,7 +88,7 @@ def _stages(dataset: Dataset, people: list[Participant], cell: str) -> list[Row]
     return rows
 
 
-def _outcomes(dataset: Dataset, people: list[Participant], cell: str) -> list[Row]:
+def _outcomes(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> list[Row]:
     """How their first tasks ended."""
     known = {one.id for one in people}
     first: dict[str, tuple[str, str]] = {}
@@ -105,7 +105,7 @@ def _outcomes(dataset: Dataset, people: list[Participant], cell: str) -> list[Ro
     ]
 
 
-def _reason(one: Participant) -> str:
+def _reason(one: ParticipantRecord) -> str:
     return "withdrew" if one.withdrawn else one.left or STILL_THERE
 
 
@@ -124,8 +124,8 @@ def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
     rows += [_page_row(dataset, key) for key in steps[len(steps) if task is None else task + 1 :]]
     people, sessions = len(dataset.participants), len(dataset.sessions)
     below = (
-        f"{people} participants, {sessions} sessions. Pages are counted by participant, milestones"
-        " by session."
+        f"{amount(people, 'participant')}, {amount(sessions, 'session')}. Pages are counted by"
+        " participant, milestones by session."
     )
     return Table(
         "funnel",

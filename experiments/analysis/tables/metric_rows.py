@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.records import Dataset, Event, Session
+from experiments.analysis.dataset.records import Dataset, EventRecord, SessionRecord
 from experiments.analysis.metrics.sessions import METRICS, VERSION, measure
 from experiments.analysis.tables.reliability import judge
 
@@ -23,7 +23,9 @@ METRIC_TABLE = (
 )
 
 
-def metric_row(dataset: Dataset, session: Session, events: Iterable[Event]) -> list[Any]:
+def metric_row(
+    dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord]
+) -> list[Any]:
     """Return the row of a session, from its own events."""
     measured = measure(dataset, session, events)
     problems = "|".join(word for word, _ in judge(measured, dataset.study.quality).problems)

@@ -3,11 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from experiments.analysis.dataset.records import Dataset, Response
+from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.descriptive import shares
 from experiments.analysis.tables.response_selection import counted, note
-from experiments.analysis.tables.table import Cell, Table, count, number, words
+from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 from sessions.devices import OTHER
+from surveys.answers import Missing
 from surveys.definition import Definition
 from surveys.likert import Line, likert_table
 
@@ -60,7 +61,7 @@ def table_3(dataset: Dataset) -> Table:
     systems = _with_others(SYSTEMS, (system for system, _, _ in found))
     browsers = _with_others(BROWSERS, (browser for _, browser, _ in found))
 
-    def cell(system: str | None, browser: str | None) -> Cell:
+    def cell(system: str | None, browser: str | None) -> TableCell:
         ids = [one for s, b, one in found if system in {s, None} and browser in {b, None}]
         return count(len(ids), ids)
 
@@ -72,8 +73,8 @@ def table_3(dataset: Dataset) -> Table:
     networks = len({one.network for one in dataset.sessions if one.network})
     people = len({one.participant for one in dataset.sessions})
     below = (
-        f"{people} participants, {len(found)} sessions, {networks} different networks. OS:"
-        " operating system."
+        f"{amount(people, 'participant')}, {amount(len(found), 'session')},"
+        f" {amount(networks, 'different network')}. OS: operating system."
     )
     return Table(
         "table-3",
@@ -119,7 +120,9 @@ def table_4(dataset: Dataset) -> Table:
     )
 
 
-def lines_of(dataset: Dataset, condition: str | None = None) -> tuple[list[Line], list[Response]]:
+def lines_of(
+    dataset: Dataset, condition: str | None = None
+) -> tuple[list[Line], list[ResponseRecord]]:
     """Return the rows of Table 5 and the responses that count in it; no rows without a
     questionnaire of statements.
     """
@@ -140,7 +143,7 @@ def lines_of(dataset: Dataset, condition: str | None = None) -> tuple[list[Line]
     )
 
 
-def _on_the_scale(definition: Definition, response: Response) -> dict[str, int | None]:
+def _on_the_scale(definition: Definition, response: ResponseRecord) -> dict[str, int | None]:
     return {one.key: response.values.get(one.key) for one in definition.questions() if one.points}
 
 
@@ -153,12 +156,24 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     head = ("", *(f"% {signed(value)}" for value in scale), "n", "Mean", "SD", "CI95", "CI99")
     rows = tuple(_summary_row(line, responses, scale) for line in lines)
     pooled = "Percentages of all answers; mean, SD and CI of the respondents' means."
-    below = (note(dataset, responses), INTERVALS[dataset.study.analysis.interval], pooled)
+    below = (
+        note(dataset, responses),
+        INTERVALS[dataset.study.analysis.interval],
+        pooled,
+        *_not_applicable(lines, responses),
+    )
     suffix = f"-{condition}" if condition else ""
     title = "Summary of final questionnaire responses" + (
         f", condition {condition}." if condition else "."
     )
     return Table(f"table-5{suffix}", title, head, rows, below)
+
+
+def _not_applicable(lines: Sequence[Line], responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
+    """Return how often "Does not apply" was answered to the statements; nothing when never."""
+    keys = {key for line in lines for key in line.statements}
+    times = sum(one.missing.get(key) == Missing.NOT_APPLICABLE for one in responses for key in keys)
+    return (f"Answers “Does not apply”: {times}; they count as missing.",) if times else ()
 
 
 def scale_of(dataset: Dataset) -> tuple[int, ...]:
@@ -170,7 +185,7 @@ def scale_of(dataset: Dataset) -> tuple[int, ...]:
     return tuple(point.value for point in points)
 
 
-def behind(line: Line, responses: Sequence[Response]) -> tuple[str, ...]:
+def behind(line: Line, responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
     """Return the sessions whose answers a row of Table 5 is made of."""
     return tuple(
         one.session
@@ -179,7 +194,7 @@ def behind(line: Line, responses: Sequence[Response]) -> tuple[str, ...]:
     )
 
 
-def said(line: Line, responses: Sequence[Response], values: Sequence[int]) -> tuple[str, ...]:
+def said(line: Line, responses: Sequence[ResponseRecord], values: Sequence[int]) -> tuple[str, ...]:
     """Return the sessions in which one of some values was answered to one of a row's statements."""
     return tuple(
         one.session
@@ -194,8 +209,8 @@ def label_of(line: Line) -> str:
 
 
 def _summary_row(
-    line: Line, responses: Sequence[Response], scale: Sequence[int]
-) -> tuple[Cell, ...]:
+    line: Line, responses: Sequence[ResponseRecord], scale: Sequence[int]
+) -> tuple[TableCell, ...]:
     found, about = line.summary, behind(line, responses)
     parts = shares(found.counts) or (None,) * len(scale)
     cells = [

@@ -5,10 +5,16 @@ of participants.
 import math
 from collections.abc import Collection, Iterator, Sequence
 
-from experiments.analysis.dataset.records import WITHHELD, Dataset, Participant, Response
+from experiments.analysis.dataset.records import (
+    WITHHELD,
+    Dataset,
+    ParticipantRecord,
+    ResponseRecord,
+)
 from experiments.analysis.statistics.descriptive import shares, spread
 from experiments.analysis.tables.response_selection import counted, note
-from experiments.analysis.tables.table import Cell, Table, count, number, words
+from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from surveys.answers import Missing
 from surveys.item import Question
 
 AGES = (
@@ -19,8 +25,9 @@ AGES = (
     (60.0, math.inf, "60 and older"),
 )
 NOT_REPORTED = "not reported"
+DOES_NOT_APPLY = "does not apply"
 HEAD = ("Question", "Answer", "n", "%")
-Row = tuple[Cell, ...]
+Row = tuple[TableCell, ...]
 
 
 def table_2(dataset: Dataset) -> Table:
@@ -65,11 +72,11 @@ def participants_table(dataset: Dataset) -> Table:
     for question in definition.questions() if definition else ():
         if question.labelled_values and not question.item.takes_several:
             rows += _question_rows(dataset, question, responses)
-    below = f"{len(people)} participants, {len(dataset.sessions)} sessions."
+    below = f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}."
     return Table("participants", "Participants.", ("", "", "n", "%"), tuple(rows), (below,))
 
 
-def _age_rows(dataset: Dataset, people: Sequence[Participant]) -> Iterator[Row]:
+def _age_rows(dataset: Dataset, people: Sequence[ParticipantRecord]) -> Iterator[Row]:
     members = [
         (label, [one.id for one in people if low <= one.age < high]) for low, high, label in AGES
     ]
@@ -99,15 +106,15 @@ def _row(dataset: Dataset, head: str, label: str, ids: Collection[str], total: i
 
 
 def _question_rows(
-    dataset: Dataset, question: Question, responses: Sequence[Response]
+    dataset: Dataset, question: Question, responses: Sequence[ResponseRecord]
 ) -> Iterator[Row]:
     """A question with options or a scale has a row each; another one has how many answered it. Who
-    gave none stands in a row of its own.
+    gave none stands in a row of its own, and so do those to whom it does not apply.
     """
     given = {one.participant: one.values.get(question.key) for one in responses}
     options = _options(dataset, question)
     groups = [
-        (label, [who for who, said in given.items() if _says(said, value)])
+        (label, [who for who, said in given.items() if _says(question, said, value)])
         for value, label in options
     ]
     if not options:
@@ -116,7 +123,16 @@ def _question_rows(
         }
         given |= dict.fromkeys(withheld, WITHHELD)
         groups = [("answered", [who for who, said in given.items() if said is not None])]
-    groups.append((NOT_REPORTED, [who for who, said in given.items() if said is None]))
+    silent = [who for who, said in given.items() if said is None]
+    declined = {
+        one.participant
+        for one in responses
+        if one.missing.get(question.key) == Missing.NOT_APPLICABLE
+    }
+    if question.item.not_applicable:
+        groups.append((DOES_NOT_APPLY, [who for who in silent if who in declined]))
+        silent = [who for who in silent if who not in declined]
+    groups.append((NOT_REPORTED, silent))
     parts = None if question.item.takes_several else shares([len(ids) for _, ids in groups])
     for index, (label, ids) in enumerate(groups):
         share = parts[index] if parts else 100.0 * len(ids) / len(given) if given else None
@@ -128,5 +144,6 @@ def _options(dataset: Dataset, question: Question) -> list[tuple[str | int, str]
     return [(value, dataset.say(label) or str(value)) for value, label in question.labelled_values]
 
 
-def _says(said: object, value: str | int) -> bool:
-    return value in said if isinstance(said, list) else said == value
+def _says(question: Question, said: object, value: str | int) -> bool:
+    compared = None if said is None else question.item.compared(said)
+    return value in compared if isinstance(compared, list) else compared == value

@@ -11,7 +11,7 @@ from experiments.definition.schema import Quality
 
 
 @dataclass(frozen=True)
-class Verdict:
+class QualityVerdict:
     """`problems` has a word and a sentence each; the record is good without any."""
 
     problems: tuple[tuple[str, str], ...]
@@ -22,9 +22,9 @@ class Verdict:
         return not self.problems
 
 
-def judge(measured: Measured, rules: Quality) -> Verdict:
+def judge(measured: Measured, rules: Quality) -> QualityVerdict:
     """Return the verdict on a session; one that never moved is judged by what it has."""
-    return Verdict(tuple(_problems(measured, rules)))
+    return QualityVerdict(tuple(_problems(measured, rules)))
 
 
 def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:

@@ -4,7 +4,8 @@ the table.
 
 from collections.abc import Sequence
 
-from experiments.analysis.dataset.records import Dataset, Response
+from experiments.analysis.dataset.records import Dataset, ResponseRecord
+from experiments.analysis.tables.table import amount
 
 RULES = {
     "first": "Of several responses of one participant the first counts.",
@@ -13,7 +14,9 @@ RULES = {
 }
 
 
-def counted(dataset: Dataset, questionnaire: str, condition: str | None = None) -> list[Response]:
+def counted(
+    dataset: Dataset, questionnaire: str, condition: str | None = None
+) -> list[ResponseRecord]:
     """Return the finished responses to a questionnaire that count, in the order of the sessions
     that they were asked about.
 
@@ -33,14 +36,14 @@ def counted(dataset: Dataset, questionnaire: str, condition: str | None = None) 
     rule = dataset.study.analysis.counts
     if rule == "all":
         return finished
-    by_participant: dict[str, Response] = {}
+    by_participant: dict[str, ResponseRecord] = {}
     for one in finished if rule == "last" else reversed(finished):
         by_participant[one.participant] = one
     kept = {one.id for one in by_participant.values()}
     return [one for one in finished if one.id in kept]
 
 
-def note(dataset: Dataset, responses: Sequence[Response]) -> str:
+def note(dataset: Dataset, responses: Sequence[ResponseRecord]) -> str:
     """Return the sentence under a table: the rule, and how many participants and
     sessions it left.
     """
@@ -49,6 +52,6 @@ def note(dataset: Dataset, responses: Sequence[Response]) -> str:
         {one.session for one in responses if one.session},
     )
     return (
-        f"{RULES[dataset.study.analysis.counts]} {len(people)} participants, {len(sessions)}"
-        f" sessions, {len(responses)} responses."
+        f"{RULES[dataset.study.analysis.counts]} {amount(len(people), 'participant')},"
+        f" {amount(len(sessions), 'session')}, {amount(len(responses), 'response')}."
     )

@@ -15,8 +15,8 @@ from experiments.analysis.metrics.sessions import (
     Values,
 )
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.reliability import Verdict
-from experiments.analysis.tables.table import Cell, Table, count, number, words
+from experiments.analysis.tables.reliability import QualityVerdict
+from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 
 OF_SEGMENTS = ("seconds", "path", "efficiency", "stops", "near_seconds", "collisions")
 SPREAD = ("n", "Mean", "SD", "p5", "Median", "p95")
@@ -28,18 +28,13 @@ def metrics_table(measured: Sequence[Measured]) -> Table:
         _spread_row(column, [(one.session.id, one.values) for one in measured])
         for column in METRICS
     )
-    below = (
-        (
-            f"{_people(measured)} participants, {len(measured)} sessions; definitions of version"
-            f" {VERSION}."
-        ),
-    )
+    below = ((f"{_amounts(measured)}; definitions of version {VERSION}."),)
     return Table("metrics", "Session metrics.", ("Metric", "Unit", *SPREAD), rows, below)
 
 
 def _spread_row(
-    column: Column, found: Sequence[tuple[str, Values]], *before: Cell
-) -> tuple[Cell, ...]:
+    column: Column, found: Sequence[tuple[str, Values]], *before: TableCell
+) -> tuple[TableCell, ...]:
     known = [
         (session, values[column.name])
         for session, values in found
@@ -53,7 +48,7 @@ def _spread_row(
     return *before, words(column.name), words(column.unit), count(about.n, ids), *cells
 
 
-def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]) -> Table:
+def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, QualityVerdict]) -> Table:
     """Return a row a session: who, where, how it ended, whether its record is good, and every
     metric.
     """
@@ -72,7 +67,7 @@ def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]
     return Table("sessions", "Sessions.", head, rows)
 
 
-def _session_row(one: Measured, verdict: Verdict) -> tuple[Cell, ...]:
+def _session_row(one: Measured, verdict: QualityVerdict) -> tuple[TableCell, ...]:
     session, own = one.session, (one.session.id,)
     quality = "good" if verdict.good else " ".join(word for word, _ in verdict.problems)
     who = (
@@ -102,7 +97,7 @@ def segments_table(measured: Sequence[Measured]) -> Table:
     return Table("segments", "Segments from checkpoint to checkpoint.", head, rows)
 
 
-def _segment_row(one: Measured, segment: Segment) -> tuple[Cell, ...]:
+def _segment_row(one: Measured, segment: Segment) -> tuple[TableCell, ...]:
     own = (one.session.id,)
     about = (
         words(one.session.id, own),
@@ -144,7 +139,7 @@ def segment_spreads(measured: Sequence[Measured], names: Sequence[str] = OF_SEGM
     )
 
 
-def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]) -> Table:
+def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, QualityVerdict]) -> Table:
     """Return how many records are good, and how many fail each rule."""
     good = [one.session.id for one in measured if verdicts[one.session.id].good]
     failed: dict[str, list[str]] = {}
@@ -163,10 +158,7 @@ def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]
         (words("excluded by hand"), words(reason), count(len(ids), ids))
         for reason, ids in sorted(excluded.items())
     ]
-    below = (
-        f"{_people(measured)} participants, {len(measured)} sessions. A record may fail several"
-        " rules; what fails is kept."
-    )
+    below = f"{_amounts(measured)}. A record may fail several rules; what fails is kept."
     return Table(
         "quality",
         "Quality of the records.",
@@ -176,5 +168,6 @@ def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, Verdict]
     )
 
 
-def _people(measured: Sequence[Measured]) -> int:
-    return len({one.session.participant for one in measured})
+def _amounts(measured: Sequence[Measured]) -> str:
+    people = len({one.session.participant for one in measured})
+    return f"{amount(people, 'participant')}, {amount(len(measured), 'session')}"

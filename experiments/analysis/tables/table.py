@@ -44,7 +44,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True)
-class Cell:
+class TableCell:
     """What is printed, the number behind it (None for words), and the ids of the sessions behind
     that.
     """
@@ -63,7 +63,7 @@ class Table:
     name: str
     title: str
     head: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
+    rows: tuple[tuple[TableCell, ...], ...]
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -71,32 +71,37 @@ class Table:
             raise ValueError(f"{self.name}: every row needs {len(self.head)} cells")
 
 
-def words(text: str, sessions: Iterable[str] = ()) -> Cell:
+def words(text: str, sessions: Iterable[str] = ()) -> TableCell:
     """Return a cell of words."""
-    return Cell(text, None, tuple(sessions))
+    return TableCell(text, None, tuple(sessions))
 
 
-def number(value: float | None, decimals: int = 2, sessions: Iterable[str] = ()) -> Cell:
+def number(value: float | None, decimals: int = 2, sessions: Iterable[str] = ()) -> TableCell:
     """Return a cell of a number; a dash when there is none."""
     if value is None or not math.isfinite(value):
-        return Cell(NOTHING, None, tuple(sessions))
+        return TableCell(NOTHING, None, tuple(sessions))
     text = f"{value:.{decimals}f}"
-    return Cell(
+    return TableCell(
         text.removeprefix("-") if float(text) == 0.0 else text.replace("-", "−"),
         float(value),
         tuple(sessions),
     )
 
 
-def count(value: int, sessions: Iterable[str] = ()) -> Cell:
+def count(value: int, sessions: Iterable[str] = ()) -> TableCell:
     """Return a cell of a count."""
-    return Cell(str(value), float(value), tuple(sessions))
+    return TableCell(str(value), float(value), tuple(sessions))
 
 
-def probability(value: float) -> Cell:
+def amount(value: int, noun: str) -> str:
+    """Return how many there are of something, as one says it: `1 session`, `2 sessions`."""
+    return f"{value} {noun}" if value == 1 else f"{value} {noun}s"
+
+
+def probability(value: float) -> TableCell:
     """Return a cell of a p value."""
     if math.isfinite(value) and value < 0.001:
-        return Cell("<0.001", value)
+        return TableCell("<0.001", value)
     return number(value, 3)
 
 
@@ -142,11 +147,11 @@ def _line(cells: Sequence[str]) -> str:
     return " & ".join(latex(cell) for cell in cells) + r" \\"
 
 
-def _is_numeric(rows: Iterable[tuple[Cell, ...]]) -> bool:
+def _is_numeric(rows: Iterable[tuple[TableCell, ...]]) -> bool:
     return any(cell.value is not None for row in rows for cell in row[1:])
 
 
-def _exact(cell: Cell) -> str:
+def _exact(cell: TableCell) -> str:
     if cell.value is None:
         return "" if cell.text == NOTHING else _safe(cell.text)
     return (

@@ -1,12 +1,58 @@
-"""Informed consent."""
+"""Informed consent, and the text with which that of a new study begins.
 
-from collections.abc import Iterator, Sequence
+A placeholder is a name in double brackets, `[[institution]]`. Publishing refuses a text that still
+has one.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
 from experiments.definition.step import Step, Version
 from surveys.documents import Text
+
+PLACEHOLDER = re.compile(r"\[\[[^\[\]]+\]\]")
+# By language; a study in another language begins with the English one.
+TEMPLATE: Mapping[str, str] = {
+    "en": """\
+[[institution]] invites you to take part in this study. You will drive a real robot in a real \
+building over the Internet, and answer some questions. It takes about [[duration]].
+
+Taking part is voluntary. You may stop at any time, without giving a reason.
+
+Risks: [[risks]]
+
+While you drive, we record where the robot is and how you drive it, the photos that you take with \
+it, which kind of device and connection you use, and your answers. People near the robot can see \
+and hear you through it if you switch on your camera and microphone.
+
+We keep your data for [[retention]]. You can download it or have it deleted at any time on the \
+page “Your data”.
+
+Ethics approval: [[ethics approval]]
+
+If you have questions, write to [[contact]].""",
+    "es": """\
+[[institución]] te invita a participar en este estudio. Conducirás un robot real en un edificio \
+real a través de Internet y contestarás a unas preguntas. Se tarda unos [[duración]].
+
+La participación es voluntaria. Puedes dejarlo en cualquier momento, sin dar explicaciones.
+
+Riesgos: [[riesgos]]
+
+Mientras conduces registramos dónde está el robot y cómo lo conduces, las fotos que tomes con él, \
+qué tipo de dispositivo y de conexión usas, y tus respuestas. Quienes estén cerca del robot pueden \
+verte y oírte a través de él si activas tu cámara y tu micrófono.
+
+Conservamos tus datos durante [[conservación]]. Puedes descargarlos o borrarlos en cualquier \
+momento en la página «Tus datos».
+
+Aprobación ética: [[aprobación ética]]
+
+Si tienes preguntas, escribe a [[contacto]].""",
+}
 
 
 class Consent(Step, frozen=True, kw_only=True, tag="consent"):
@@ -15,17 +61,28 @@ class Consent(Step, frozen=True, kw_only=True, tag="consent"):
     """
 
     may_repeat: ClassVar[bool] = False
+    is_for_good: ClassVar[bool] = True
 
     version: Version = 1
     text: Text
     minimum_age: Annotated[int, Meta(ge=0, le=99)] = 18
     minors: Literal["refused", "guardian"] = "refused"
 
+    def unfilled(self) -> Iterator[str]:
+        """Yield, as one problem, the placeholders that the text still has, by language."""
+        found = {
+            language: ", ".join(dict.fromkeys(PLACEHOLDER.findall(text)))
+            for language, text in self.text.items()
+        }
+        listed = "; ".join(f"{language}: {names}" for language, names in found.items() if names)
+        if listed:
+            yield f"Step {self.key}: fill in the placeholders of the text. {listed}."
+
     @classmethod
     def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
         """Yield that there are several, or that something comes before it."""
         count = sum(isinstance(step, cls) for step in steps)
         if count > 1:
-            yield f"There are {count} consent steps; one is enough."
+            yield f"There are {count} consent steps; only one is allowed."
         if count and not isinstance(steps[0], cls):
-            yield "The consent is not the first step."
+            yield "The consent must be the first step."

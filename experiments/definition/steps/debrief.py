@@ -24,4 +24,4 @@ class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
     def problems_among(cls, steps: Sequence[Step]) -> Iterator[str]:
         """Yield that something comes after it."""
         if any(isinstance(step, cls) for step in steps[:-1]):
-            yield "The debriefing is not the last step."
+            yield "The debriefing must be the last step."

@@ -7,10 +7,10 @@ from msgspec import Meta
 
 from experiments.definition.step import Step
 from robots.api.floorplan import Key as PlanKey
-from surveys.documents import Part, Text
+from surveys.documents import DocumentPart, Text
 
 
-class InstructionPage(Part, frozen=True, kw_only=True):
+class InstructionPage(DocumentPart, frozen=True, kw_only=True):
     """One page of the instructions; `picture` is the name of a picture of the site's own."""
 
     text: Text
@@ -29,4 +29,4 @@ class Instructions(Step, frozen=True, kw_only=True, tag="instructions"):
         """Yield that it has no pages."""
         yield from super().problems()
         if not self.leaves:
-            yield "there is nothing to read."
+            yield "there is no page to read; add at least one."

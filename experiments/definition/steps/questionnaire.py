@@ -3,5 +3,5 @@
 from experiments.definition.step import AskingStep
 
 
-class Questionnaire(AskingStep, frozen=True, kw_only=True, tag="questionnaire"):
+class QuestionnaireStep(AskingStep, frozen=True, kw_only=True, tag="questionnaire"):
     """Questions about what was done; asked after every outcome."""

@@ -9,7 +9,7 @@ from experiments.definition.step import DriveStep, Minutes, Step
 from robots.api.docked import DOCKED
 
 
-class Task(DriveStep, frozen=True, kw_only=True, tag="task"):
+class TaskStep(DriveStep, frozen=True, kw_only=True, tag="task"):
     """The course of the condition's robot, within a time limit from the first picture shown; what
     is left is shown in the last minutes.
 
@@ -27,6 +27,6 @@ class Task(DriveStep, frozen=True, kw_only=True, tag="task"):
         count = sum(isinstance(step, cls) for step in steps)
         if count != 1:
             yield (
-                f"There are {count} task steps; a study has one, which is repeated for each"
-                " condition."
+                f"There are {count} task steps; a study needs exactly one, which is "
+                "repeated for each condition."
             )

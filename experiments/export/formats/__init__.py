@@ -2,7 +2,7 @@
 add one). Files stand in an export in the order of these names.
 """
 
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat
 from surveys.registry import family
 
@@ -16,7 +16,7 @@ FORMATS = family(__name__, __path__, ExportFormat)
 ON_REQUEST = {name: one for name, one in FORMATS.items() if one.label}
 
 
-def chosen(choice: Choice) -> list[type[ExportFormat]]:
+def chosen(choice: Selection) -> list[type[ExportFormat]]:
     """Return the formats of an export, in the order of their files.
 
     Raises:

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from experiments.analysis.dataset.files import numbers, table, tables
-from experiments.analysis.dataset.records import Session
+from experiments.analysis.dataset.records import SessionRecord
 from experiments.analysis.tables.metric_rows import METRIC_TABLE, metric_row
 from experiments.dataset.build import ANALYSED
 from experiments.dataset.events import events_of
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
 
@@ -21,7 +21,7 @@ class CsvFormat(ExportFormat):
     tables = {"metrics": METRIC_TABLE}
 
     @classmethod
-    def is_in(cls, _name: str, _choice: Choice) -> bool:
+    def is_in(cls, _name: str, _choice: Selection) -> bool:
         """Tell that every export has it."""
         return True
 
@@ -35,7 +35,7 @@ class CsvFormat(ExportFormat):
         events = events_of(one.drives, one.names, one.choice)
         yield from encoded(tables(one.dataset, events, one.more))
 
-    def of_session(self, session: Session, drive: Drive) -> Iterator[File]:
+    def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
         """Yield states and network samples."""
         dataset, names = self.source.dataset, self.source.names
         yield from encoded(numbers("states", session.id, dataset.states(session.id)))

@@ -5,8 +5,8 @@ from typing import Any
 
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.records import Session
-from experiments.dataset.selection import Choice
+from experiments.analysis.dataset.records import SessionRecord
+from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, File, encoded
 from experiments.models import Drive
 
@@ -30,7 +30,7 @@ class IdentitiesFormat(ExportFormat):
     tables = {"identities": IDENTITIES}
 
     @classmethod
-    def is_in(cls, _name: str, choice: Choice) -> bool:
+    def is_in(cls, _name: str, choice: Selection) -> bool:
         """Tell whether the export is identified."""
         return choice.identified
 
@@ -40,7 +40,7 @@ class IdentitiesFormat(ExportFormat):
         yield from encoded([table("identities", rows, IDENTITIES)])
 
 
-def _identity(session: Session, drive: Drive) -> Sequence[Any]:
+def _identity(session: SessionRecord, drive: Drive) -> Sequence[Any]:
     user, visit, device = drive.participant.user, drive.session, drive.session.device or {}
     recruitment = "&".join(
         f"{name}={value}" for name, value in sorted(drive.participant.recruitment.items())

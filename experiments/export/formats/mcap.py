@@ -23,7 +23,7 @@ from django.utils.translation import gettext_lazy as _
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
-from experiments.analysis.dataset.records import Columns, Dataset, Event, Session
+from experiments.analysis.dataset.records import Columns, Dataset, EventRecord, SessionRecord
 from experiments.dataset.events import events_of
 from experiments.dataset.sessions import granted
 from experiments.export.format import ExportFormat, File
@@ -82,10 +82,10 @@ Message = tuple[float, str, dict[str, Any]]  # when, in seconds since the grant;
 class McapFormat(ExportFormat):
     """A recording a session."""
 
-    label = _("with a recording for Foxglove of each session")
-    help = "with a recording for Foxglove of every session"
+    label = _("with a Foxglove recording of each session")
+    help = "with a Foxglove recording of each session"
 
-    def of_session(self, session: Session, drive: Drive) -> Iterator[File]:
+    def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
         """Yield the recording of a session; only an identified one says when it was."""
         one = self.source
         begin = granted(drive) if one.choice.identified else 0.0
@@ -97,7 +97,7 @@ class McapFormat(ExportFormat):
 
 
 def recording(
-    dataset: Dataset, session: Session, events: Iterable[Event], *, begin: float = 0.0
+    dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord], *, begin: float = 0.0
 ) -> bytes:
     """Return a session as an MCAP file; `begin` is the time of the grant in Unix seconds, or 0
     where that is nobody's business.
@@ -147,7 +147,7 @@ def _register(writer: Writer, topic: str) -> int:
     )
 
 
-def _once(dataset: Dataset, session: Session, states: Columns) -> Iterator[Message]:
+def _once(dataset: Dataset, session: SessionRecord, states: Columns) -> Iterator[Message]:
     course = dataset.course(session)
     if course is not None:
         points = course.path or tuple((stop.x, stop.y) for stop in course.checkpoints)
@@ -193,7 +193,7 @@ def _of_network(network: Columns) -> Iterator[Message]:
         yield at, "/network", _named(NETWORK, rest)
 
 
-def _of_events(events: Iterable[Event]) -> Iterator[Message]:
+def _of_events(events: Iterable[EventRecord]) -> Iterator[Message]:
     for event in events:
         text = (
             f"{event.type} {json.dumps(event.data, ensure_ascii=False)}"

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from django.utils.translation import gettext_lazy as _
 
-from experiments.analysis.dataset.records import Session
-from experiments.dataset.selection import Choice
+from experiments.analysis.dataset.records import SessionRecord
+from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, File
 from experiments.models import Drive
 from sessions.models import Snapshot
@@ -19,11 +19,11 @@ class SnapshotsFormat(ExportFormat):
     least = "researcher"
 
     @classmethod
-    def is_in(cls, name: str, choice: Choice) -> bool:
+    def is_in(cls, name: str, choice: Selection) -> bool:
         """Tell whether they were asked for, or everything was."""
         return choice.identified or super().is_in(name, choice)
 
-    def of_session(self, session: Session, drive: Drive) -> Iterator[File]:
+    def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
         """Yield the photos of a session in the order in which they were taken."""
         shots = (
             Snapshot.objects.filter(session=drive.session)

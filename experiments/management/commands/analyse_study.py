@@ -13,7 +13,7 @@ from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
 from experiments.dataset.build import dataset_of
-from experiments.participation.study_lookup import study_named
+from experiments.management.study_lookup import study_named
 
 KINDS = ("participant", "pilot", "bot")
 
@@ -28,18 +28,22 @@ class Command(BaseCommand):
             "study",
             nargs="?",
             default="",
-            help="name of the study, and version after a colon; none with --dataset",
+            help="name of the study, or name:version; leave out with --dataset",
         )
         parser.add_argument(
-            "--dataset", type=Path, help="folder that export_study wrote, in place of the database"
+            "--dataset", type=Path, help="folder written by export_study, instead of the database"
         )
-        parser.add_argument("--out", type=Path, required=True, help="folder, which is made")
-        parser.add_argument("--page", action="store_true", help="also what the analysis page shows")
+        parser.add_argument(
+            "--out", type=Path, required=True, help="output folder, which is created"
+        )
+        parser.add_argument(
+            "--page", action="store_true", help="also write what the analysis page shows"
+        )
         parser.add_argument(
             "--kind",
             choices=KINDS,
             action="append",
-            help="whose sessions count, may be given several times [participant]",
+            help="whose sessions to include; may be repeated [participant]",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:

@@ -9,42 +9,44 @@ from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
-from experiments.participation.study_lookup import study_named
+from experiments.management.study_lookup import study_named
 
 
 class Command(BaseCommand):
     """Writes the dataset of one version of a study, pseudonymous unless asked otherwise."""
 
-    help = (
-        "Write everything that was recorded of a study as a Psych-DS folder, or a ZIP archive"
-        " of it."
-    )
+    help = "Export everything recorded in a study as a Psych-DS folder, or as a ZIP archive of it."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument(
-            "study", help="name of the study, and version after a colon: exploration, exploration:2"
+            "study", help="name of the study, or name:version: exploration, exploration:2"
         )
         parser.add_argument(
             "--out",
             type=Path,
             required=True,
-            help="folder, which must be empty or not there; with --zip the file, - for the output",
+            help=(
+                "folder, which must be empty or not exist yet; with --zip the file, "
+                "- for standard output"
+            ),
         )
         parser.add_argument("--zip", action="store_true", help="write one ZIP archive")
         parser.add_argument(
             "--identified", action="store_true", help="with names, addresses, free text and photos"
         )
-        parser.add_argument("--free-text", action="store_true", help="with what people wrote")
+        parser.add_argument(
+            "--free-text", action="store_true", help="with the free text that people wrote"
+        )
         for name, one in ON_REQUEST.items():
             parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=one.help)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]
-        choice = Choice(
+        choice = Selection(
             identified=options["identified"],
             free_text=options["free_text"],
             formats=frozenset(name for name in ON_REQUEST if options[name]),
@@ -55,7 +57,7 @@ class Command(BaseCommand):
             )
             return
         if out.exists() and (options["zip"] or not out.is_dir() or any(out.iterdir())):
-            raise CommandError(f"{out} is there already.")
+            raise CommandError(f"{out} already exists: choose another --out.")
         files = export_files(study_named(options["study"]), choice)
         if options["zip"]:
             out.parent.mkdir(parents=True, exist_ok=True)

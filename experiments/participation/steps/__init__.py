@@ -1,20 +1,13 @@
 """The pages of study steps, by name: each module of this package has the page of the step whose
 definition has the same name in experiments/definition/steps/.
-
-Pages are loaded when one is first asked for, because they lead on by
-experiments/participation/progress.py, which asks them in turn what is done.
 """
 
 from functools import cache
-from importlib import import_module
-from typing import TYPE_CHECKING
 
 from experiments.definition.step import Step
+from experiments.models import Participant
+from experiments.participation.step_page import StepPage
 from surveys.registry import family
-
-if TYPE_CHECKING:
-    from experiments.models import Participant
-    from experiments.participation.step_page import StepPage
 
 
 class UnknownStepError(LookupError):
@@ -22,23 +15,22 @@ class UnknownStepError(LookupError):
 
 
 @cache
-def _pages() -> "dict[str, type[StepPage]]":
-    base: type[StepPage] = import_module("experiments.participation.step_page").StepPage
-    return family(__name__, __path__, base)
+def _pages() -> dict[str, type[StepPage]]:
+    return family(__name__, __path__, StepPage)
 
 
-def page_type(kind: str) -> "type[StepPage]":
+def page_type(kind: str) -> type[StepPage]:
     """Return the class of a kind's page.
 
     Raises:
         UnknownStepError: there is none.
     """
     if kind not in _pages():
-        raise UnknownStepError(f"there is no page of a study step {kind!r}")
+        raise UnknownStepError(f"there is no page for a study step {kind!r}")
     return _pages()[kind]
 
 
-def page_of(participant: "Participant", step: Step) -> "StepPage":
+def page_of(participant: Participant, step: Step) -> StepPage:
     """Return the page of a step in front of a participant.
 
     Raises:

@@ -3,6 +3,7 @@
 import datetime
 from typing import Any
 
+from django.contrib.auth import logout
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
 from django.utils.translation import gettext_lazy as _
@@ -41,22 +42,21 @@ class ConsentStepPage(StepPage):
         more = {"text": text, "form": form}
         return self.render(request, "experiments/consent.html", more, status=status)
 
-    def take(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase | None:
+    def take(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase | bool:
         """Take the consent, or its refusal."""
         participant, asked = self.participant, self.step
         if request.POST.get("go") == "decline":
-            own_data.withdraw(participant, now)
-            return render(
-                request,
-                "experiments/withdrawn.html",
-                {"title": progress.title_of(participant.study, request.LANGUAGE_CODE)},
-            )
+            title = progress.title_of(participant.study, request.LANGUAGE_CODE)
+            own_data.leave(participant, now)
+            if getattr(request.user, "is_guest", False):
+                logout(request)
+            return render(request, "experiments/withdrawn.html", {"title": title})
         form = ConsentForm(asked, request.POST)
         if not form.is_valid() and not form.is_too_young:
             return self._form(request, form, status=WRONG)
         if form.is_too_young:
             progress.screen_out(participant, now)
-            return None
+            return False
         given = form.cleaned_data
         consent.agree(
             participant,
@@ -66,8 +66,7 @@ class ConsentStepPage(StepPage):
             guardian=_guardian(asked, given),
             now=now,
         )
-        self.go_on(now)
-        return None
+        return True
 
 
 def _guardian(asked: Consent, given: dict[str, Any]) -> str:

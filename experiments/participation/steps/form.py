@@ -4,18 +4,18 @@ from django.utils.translation import gettext_lazy as _
 
 from experiments.definition.step import AskingStep
 from experiments.models import Participant
-from experiments.participation.asking_page import AskingPage
-from experiments.participation.journey import Place
+from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import is_answered
+from experiments.participation.step_page import AskingPage
 
 
 class FormStepPage(AskingPage):
     """A questionnaire that is answered once for good."""
 
-    label = _("Form about the person")
-    blank = {"questionnaire": "ict"}
+    label = _("Participant questionnaire")
+    blank = {"questionnaire": "ict", "version": 2}
 
     @classmethod
     def is_done_for_good(cls, participant: Participant, step: AskingStep) -> bool:
         """Tell whether it was answered on any visit."""
-        return is_answered(participant, Place(1, 0, step.key), step)
+        return is_answered(participant, JourneyPlace(1, 0, step.key), step)

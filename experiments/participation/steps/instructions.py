@@ -8,7 +8,7 @@ from django.utils.translation import gettext_lazy as _
 
 from experiments.definition.steps.instructions import InstructionPage
 from experiments.participation import progress
-from experiments.participation.step_page import StepPage, to_step
+from experiments.participation.step_page import StepPage
 from surveys.documents import spoken
 
 PICTURES = frozenset(
@@ -22,12 +22,13 @@ class InstructionsStepPage(StepPage):
     label = _("Instructions")
     blank = {"leaves": []}
 
+    def is_done(self) -> bool:
+        """Tell whether no page is for the robots of this participant."""
+        return not self.pages()
+
     def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Show the page that is asked for; where none is for this participant, lead on."""
+        """Show the page that is asked for."""
         participant, pages = self.participant, self.pages()
-        if not pages:
-            self.go_on(now)
-            return to_step(participant)
         asked = request.GET.get("leaf", "1")
         number = (
             min(max(int(asked), 1), len(pages))
@@ -46,6 +47,12 @@ class InstructionsStepPage(StepPage):
         }
         return self.render(request, "experiments/instructions.html", more)
 
+    def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
+        """Show them, or that there are none."""
+        if not self.pages():
+            return self.render(request, "experiments/trouble.html", {"trouble": "instructions"})
+        return self.show(request, now)
+
     def pages(self) -> tuple[InstructionPage, ...]:
         """Return the pages that are for the robots that the participant may drive."""
         robots = {condition.robot for condition in progress.open_conditions(self.participant)}
@@ -53,7 +60,6 @@ class InstructionsStepPage(StepPage):
             page for page in self.step.leaves if not page.robot or robots.intersection(page.robot)
         )
 
-    def take(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase | None:
+    def take(self, request: HttpRequest, now: datetime.datetime) -> bool:
         """Lead on whoever has read them."""
-        self.go_on(now)
-        return None
+        return True

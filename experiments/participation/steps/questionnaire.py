@@ -2,11 +2,11 @@
 
 from django.utils.translation import gettext_lazy as _
 
-from experiments.participation.asking_page import AskingPage
+from experiments.participation.step_page import AskingPage
 
 
 class QuestionnaireStepPage(AskingPage):
     """A questionnaire that is answered once a visit and round."""
 
-    label = _("Questionnaire about the drive")
+    label = _("Post-drive questionnaire")
     blank = {"questionnaire": "experience"}

@@ -2,7 +2,7 @@
 
 from django.utils.translation import gettext_lazy as _
 
-from experiments.participation.drive_page import DrivePage
+from experiments.participation.step_page import DrivePage
 
 
 class TaskStepPage(DrivePage):

@@ -1,1 +1,3 @@
-"""One file a robot control architecture; contract.py says what each must be."""
+"""A folder for each kind of robot control architecture; robots/agent/robot_interface.py says what
+each must do.
+"""

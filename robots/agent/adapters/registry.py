@@ -59,8 +59,8 @@ def create(
     adapter = cast("Adapter", module.create(profile_name, options or {}))
     if not adapter.profile.watchdog > 0.0:
         raise AdapterError(
-            f"the adapter {adapter_name!r} names no watchdog: nothing would stop the base of a dead"
-            " agent"
+            f"the adapter {adapter_name!r} has no watchdog: nothing would stop "
+            "the base if the agent died"
         )
     try:
         check_times(adapter.profile.watchdog, adapter.profile.limits)
@@ -85,9 +85,9 @@ def _module(name: str) -> ModuleType:
     if "." in name:
         return importlib.import_module(name)
     raise AdapterError(
-        f"no adapter {name!r}; there are {', '.join(names)}. A package can bring another one as an"
-        f" entry point of the group {GROUP!r} (none of that name is installed here), or give the"
-        " path of a .py file"
+        f"no adapter {name!r}; there are {', '.join(names)}. Install a "
+        f"package that provides it (entry point group {GROUP!r}), or give the "
+        "path of a .py file"
     )
 
 
@@ -117,4 +117,4 @@ def autonomous(adapter: Adapter, plan: str = "", memory: Path | None = None) -> 
     try:
         return wrapped(adapter, update_of(load_site(name)) if name else None, memory)
     except SiteError as error:
-        raise AdapterError(str(error)) from error
+        raise AdapterError(f"--plan: {error}" if plan else str(error)) from error

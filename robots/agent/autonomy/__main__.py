@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import structlog
 
 from robots.agent import framing
 from robots.agent.autonomy import wire
@@ -20,7 +21,7 @@ from robots.agent.autonomy.navigation_node import ActionError, NavigationNode
 from robots.processes import interrupted_by_signals
 from robots.world.sensing import LaserScan
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 PIECE = 256 << 10
 
 
@@ -60,7 +61,7 @@ class Conversation:
             case wire.CancelAction(action_id) if self._node is not None:
                 self._node.cancel(action_id)
             case _:
-                log.warning("said_too_early message=%s", type(message).__name__)
+                log.warning("said_too_early", message=type(message).__name__)
 
     def _settle(self, message: wire.Settle) -> str:
         try:
@@ -128,7 +129,7 @@ def main(arguments: Sequence[str]) -> int:
             link.sendall(framing.pack(wire.Token(token)))
             serve(link)
     except (OSError, framing.WireError) as error:
-        log.warning("mind_ended reason=%r", str(error))
+        log.warning("navigation_node_ended", reason=str(error))
         return 1
     except KeyboardInterrupt:
         return 0

@@ -7,8 +7,9 @@ import binascii
 import hashlib
 import io
 import json
-import logging
 from dataclasses import dataclass
+
+import structlog
 
 from robots.api import floorplan
 from robots.api.floorplan import ChargingDock, FloorPlan, FloorPlanError
@@ -17,7 +18,7 @@ from robots.api.messages import FloorPlanUpdate
 from robots.world.grid import MapError, OccupancyGrid, decode_grey, encode_png
 from robots.world.sites import Site
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class AreaError(ValueError):
@@ -94,5 +95,5 @@ def dock_of(update: FloorPlanUpdate, series: str) -> ChargingDock | None:
     try:
         return own_dock(plan_of(update), series)
     except AreaError as error:
-        log.warning("plan_refused reason=%r", str(error))
+        log.warning("plan_refused", reason=str(error))
         return None

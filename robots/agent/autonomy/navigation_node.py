@@ -141,20 +141,20 @@ class NavigationNode:
             case Undock():
                 self.navigator.undock()
             case _:
-                raise ActionError(f"navigation cannot do {type(action).__name__.lower()}")
+                raise ActionError(f"navigation does not support {type(action).__name__.lower()}")
 
     def _goal(self, action: Goto) -> tuple[float, float, float | None]:
         if action.place is not None:
             return self._named(action.place)
         if action.x is None or action.y is None:
-            raise ActionError("where to? a goal has x and y, or the name of a place")
+            raise ActionError("the goal is missing: give x and y, or the name of a place")
         return action.x, action.y, action.theta
 
     def _named(self, name: str) -> tuple[float, float, float | None]:
         for place in self._area.plan.places if self._area.plan else ():
             if name.casefold() in {place.name.casefold(), place.title.casefold()}:
                 return place.x, place.y, place.theta
-        raise ActionError(f"no place is called {name!r} here")
+        raise ActionError(f"no place here is called {name!r}")
 
     def _relocalize(self, action: Relocalize) -> None:
         if action.x is None or action.y is None:

@@ -1,17 +1,18 @@
 """Asking the server where its broker is: `GET /api/v1/agent/` with the robot's credentials."""
 
 import json
-import logging
 import ssl
 import urllib.error
 import urllib.request
 from collections.abc import Callable
 from http import HTTPStatus
 
+import structlog
+
 from robots.agent.config import AgentConfig, ConfigError
 from robots.agent.timing import Backoff
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 PATH = "/api/v1/agent/"
 TIMEOUT = 10.0
@@ -47,7 +48,10 @@ def broker_urls(
         except ServerAwayError as error:
             wait = backoff.failed()
             log.warning(
-                "server_away server=%s reason=%r again_in=%.1f", config.server, str(error), wait
+                "server_away",
+                server=config.server,
+                reason=str(error),
+                again_in=round(wait, 1),
             )
             if pause(wait):
                 return None
@@ -75,14 +79,14 @@ def ask(config: AgentConfig) -> tuple[str, ...]:
     except urllib.error.HTTPError as error:
         if error.code in REFUSALS:
             raise ConfigError(
-                f"the server refused the credentials of {config.robot!r}: make new ones in its"
-                " admin"
+                f"the server refused the credentials of {config.robot!r}: create new "
+                "ones in its administration"
             ) from error
         if error.code == HTTPStatus.NOT_FOUND:
             raise ConfigError(
-                f"{config.server} is no telepresence server: it has no {PATH}"
+                f"{config.server} is not a telepresence server: it has no {PATH}"
             ) from error
-        raise ServerAwayError(f"it answered {error.code}") from error
+        raise ServerAwayError(f"it answered with HTTP status {error.code}") from error
     except (OSError, ValueError) as error:
         raise ServerAwayError(str(getattr(error, "reason", error))) from error
     return _urls_in(answer, config)
@@ -93,13 +97,14 @@ def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
         content = json.loads(answer)
         robot, urls = content["robot"], content.get("mqttUrls") or [content["mqttUrl"]]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ServerAwayError("its answer is not understood") from error
-    if (
-        robot != config.robot
-        or not isinstance(urls, list)
-        or not all(isinstance(url, str) for url in urls)
-    ):
-        raise ConfigError(f"these are the credentials of {robot!r}, not of {config.robot!r}")
+        raise ServerAwayError("its answer is invalid") from error
+    if robot != config.robot:
+        raise ConfigError(f"these credentials are for {robot!r}, not for {config.robot!r}")
+    if not isinstance(urls, list) or not all(isinstance(url, str) and url for url in urls):
+        raise ConfigError(
+            f"{config.server} names no usable broker: the addresses must be texts such as"
+            f" mqtts://host:8883, not {json.dumps(urls)[:200]}; correct MQTT_PUBLIC_URL there"
+        )
     return tuple(urls)
 
 

@@ -6,7 +6,6 @@ Both are a POST to the server, over HTTPS; in the clear only to this very machin
 
 import ipaddress
 import json
-import logging
 import os
 import urllib.error
 import urllib.request
@@ -15,6 +14,8 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
+
+import structlog
 
 from robots.agent.broker_link.broker_discovery import (
     LARGEST_ANSWER,
@@ -25,7 +26,7 @@ from robots.agent.broker_link.broker_discovery import (
 from robots.agent.config import AgentConfig, ConfigError, credentials_path, load
 from robots.api import credentials_file
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 ENROL_PATH, RENEW_PATH = "/api/v1/agent/enrol/", "/api/v1/agent/renew/"
 RENEW_EVERY = 1800.0  # s between two questions whether new credentials are wanted
@@ -63,7 +64,7 @@ def enrol_if_asked(
         return
     server = arguments.get("server") or environment.get(f"{credentials_file.ENVIRONMENT}SERVER")
     if not server:
-        raise ConfigError("--enrol wants --server URL: the site where the token was made")
+        raise ConfigError("--enrol needs --server URL: the site where the token was created")
     config = load(arguments, environment, enrolling=True)
     check(config)
     enrol(
@@ -89,12 +90,12 @@ def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None
             path, credentials_file.toml(_lines(answer, robot) | {"server": server.rstrip("/")})
         )
     except ServerAwayError as error:
-        raise ConfigError(f"{server} could not be asked: {error}") from error
+        raise ConfigError(f"the request to {server} failed: {error}") from error
     except OSError as error:
         raise ConfigError(
-            f"the credentials cannot be kept in {path}: {error.strerror or error}"
+            f"the credentials cannot be saved in {path}: {error.strerror or error}"
         ) from error
-    log.info("agent_enrolled robot=%s file=%s", robot, path)
+    log.info("agent_enrolled", robot=robot, file=path)
 
 
 def renew(config: AgentConfig) -> dict[str, str] | None:
@@ -129,9 +130,9 @@ def renew(config: AgentConfig) -> dict[str, str] | None:
         )
     except OSError as error:
         raise ConfigError(
-            f"new credentials cannot be kept in {config.credentials}: {error.strerror or error}"
+            f"new credentials cannot be saved in {config.credentials}: {error.strerror or error}"
         ) from error
-    log.info("agent_credentials_renewed robot=%s file=%s", config.robot, config.credentials)
+    log.info("agent_credentials_renewed", robot=config.robot, file=config.credentials)
     return lines
 
 
@@ -145,9 +146,7 @@ def keep_renewing(
         try:
             fresh = renew(config)
         except (ServerAwayError, ConfigError) as error:
-            log.warning(
-                "agent_credentials_not_renewed robot=%s reason=%r", config.robot, str(error)
-            )
+            log.warning("agent_credentials_not_renewed", robot=config.robot, reason=str(error))
             continue
         if fresh is not None:
             renewed(fresh)
@@ -165,7 +164,7 @@ def check_private(server: str) -> None:
         parts.scheme == "http" and _is_this_machine(parts.hostname or "")
     ):
         return
-    raise ConfigError(f"credentials travel over https:// alone, not to {server!r}")
+    raise ConfigError(f"credentials are sent over https:// only, not to {server!r}")
 
 
 def _is_this_machine(host: str) -> bool:
@@ -178,7 +177,7 @@ def _is_this_machine(host: str) -> bool:
 def _lines(answer: Mapping[str, Any], robot: str) -> dict[str, str]:
     lines = {name: answer[name] for name in KEPT if isinstance(answer.get(name), str)}
     if lines.get("robot") != robot or not lines.get("token"):
-        raise ServerAwayError("its answer is not understood")
+        raise ServerAwayError("its answer is invalid")
     return lines
 
 
@@ -196,12 +195,12 @@ def _post(
             answer = json.loads(response.read(LARGEST_ANSWER))
     except urllib.error.HTTPError as error:
         if error.code in REFUSALS:
-            raise ConfigError(f"the server refused: {_reason(error)}") from error
-        raise ServerAwayError(f"it answered {error.code}") from error
+            raise ConfigError(f"the server refused the request: {_reason(error)}") from error
+        raise ServerAwayError(f"it answered with HTTP status {error.code}") from error
     except (OSError, ValueError) as error:
         raise ServerAwayError(str(getattr(error, "reason", error))) from error
     if not isinstance(answer, dict):
-        raise ServerAwayError("its answer is not understood")
+        raise ServerAwayError("its answer is invalid")
     return answer
 
 

@@ -7,9 +7,9 @@ next one is up, and is then answered with ONLINE.
 """
 
 import asyncio
-import logging
 import math
 import random
+import re
 import secrets
 import ssl
 import time
@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 from urllib.parse import unquote, urlsplit
 
+import structlog
 from aiomqtt import Client, MqttError, Will
 from aiomqtt import Message as Delivery
 from paho.mqtt.reasoncodes import ReasonCode
@@ -29,13 +30,14 @@ from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 KEEPALIVE = 5
 TIMEOUT = 5.0
 FAREWELL = 2.0
 IN_FLIGHT = 20
 INCOMING = 5000
+REFUSALS = {134, 135}  # MQTT 5's reason codes: bad user name or password, not authorized
 SUBSCRIPTION_REFUSED = 0x80
 PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
 
@@ -84,14 +86,16 @@ class Endpoint:
         Raises:
             ValueError: not such an address, or the file cannot be read; one sentence.
         """
-        parts = urlsplit(url)
-        if parts.scheme not in PORTS or not parts.hostname:
+        if fault := _fault_in(url):
+            without_password = re.sub(r"//.*@", "//…@", url)
             raise ValueError(
-                f"the broker's address is mqtt://, mqtts://, ws:// or wss://host:port, not {url!r}"
+                "the broker's address must be mqtt://, mqtts://, ws:// or wss://host:port, not"
+                f" {without_password!r}: {fault}"
             )
+        parts = urlsplit(url)
         web = parts.scheme in {"ws", "wss"}
         return cls(
-            host=parts.hostname,
+            host=str(parts.hostname),
             port=parts.port or PORTS[parts.scheme],
             transport="websockets" if web else "tcp",
             tls=believed(ca) if parts.scheme in {"mqtts", "wss"} else None,
@@ -99,6 +103,24 @@ class Endpoint:
             username=username or (unquote(parts.username) if parts.username else None),
             password=password or (unquote(parts.password) if parts.password else None),
         )
+
+
+def _fault_in(url: str) -> str:
+    """Return why a text is no address of a broker, "" when it is one."""
+    try:
+        parts = urlsplit(url)
+    except ValueError as error:
+        return str(error)
+    if parts.scheme not in PORTS:
+        return "it begins with none of these"
+    if not parts.hostname:
+        return "it names no host"
+    if len(url.split()) != 1:
+        return "it contains blanks"
+    try:  # what stands there may be of a password, with a slash that was not written as %2F
+        return "the port must be from 1 to 65535" if parts.port == 0 else ""
+    except ValueError:
+        return "the port must be from 1 to 65535"
 
 
 class MqttLink:
@@ -151,12 +173,13 @@ class MqttLink:
             try:
                 await self._connection(inbox)
             except* (MqttError, OSError) as errors:
-                reasons = "; ".join(sorted({str(error) for error in _leaves(errors)}))
+                name = self._factsheet.name
+                reasons = "; ".join(sorted({_reason(error, name) for error in _leaves(errors)}))
                 log.warning(
-                    "broker_unreachable host=%s port=%s reason=%r",
-                    self._endpoint.host,
-                    self._endpoint.port,
-                    reasons,
+                    "broker_unreachable",
+                    host=self._endpoint.host,
+                    port=self._endpoint.port,
+                    reason=reasons,
                 )
             held = time.monotonic() - began if self.connected else 0.0
             if not self.connected:
@@ -184,9 +207,7 @@ class MqttLink:
                 receiving = tasks.create_task(self._receive(client, inbox))
                 await self._greet(client)
                 self.connected = True
-                log.info(
-                    "broker_connected host=%s port=%s", self._endpoint.host, self._endpoint.port
-                )
+                log.info("broker_connected", host=self._endpoint.host, port=self._endpoint.port)
                 inbox.link_changed(up=True)
                 await self._send(client, tasks)
                 await self._farewell(client)
@@ -218,7 +239,7 @@ class MqttLink:
             (code.value if isinstance(code, ReasonCode) else code) >= SUBSCRIPTION_REFUSED
             for code in granted
         ):
-            raise MqttError("the broker does not let this robot read its own topics")
+            raise MqttError("the broker does not allow this robot to read its own topics")
         await client.publish(
             self._topic("factsheet"), codec.encode(self._factsheet), qos=1, retain=True
         )
@@ -275,10 +296,10 @@ class MqttLink:
                 inbox.arrived(suffix, message, retained=bool(delivery.retain))
         except Rejection as rejection:
             log.warning(
-                "message_rejected suffix=%s reason=%s detail=%r",
-                suffix[:80],
-                rejection.reason,
-                rejection.detail[:200],
+                "message_rejected",
+                suffix=suffix[:80],
+                reason=rejection.reason,
+                detail=rejection.detail[:200],
             )
             inbox.rejected(rejection.reason)
 
@@ -313,13 +334,24 @@ class MqttLink:
             async with asyncio.timeout(seconds if seconds < math.inf else None):
                 await self._closing.wait()
         except TimeoutError:
-            log.debug("broker_again after=%.1f", seconds)
+            log.debug("broker_again", after=round(seconds, 1))
 
     def _topic(self, suffix: str) -> str:
         return topics.of(self._factsheet.name, suffix)
 
     def _presence(self, state: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]) -> bytes:
         return codec.encode(Connection(boot=self._factsheet.boot, state=state, stamp=self._unix()))
+
+
+def _reason(error: BaseException, robot: str) -> str:
+    """Return why there is no connection, and what to do where somebody has to do something."""
+    if getattr(getattr(error, "rc", None), "value", None) in REFUSALS:
+        return (
+            "the site does not accept this robot's password: on the site's machine run"
+            f" `manage.py enrol {robot} --server https://ADDRESS-OF-THE-SITE`, then here the"
+            " command that it prints"
+        )
+    return str(error)
 
 
 def _leaves(group: BaseExceptionGroup[Any]) -> list[BaseException]:

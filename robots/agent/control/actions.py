@@ -3,13 +3,13 @@ reported until it ends.
 """
 
 import asyncio
-import logging
 from collections import OrderedDict
 from collections.abc import Callable, Coroutine
 from typing import Any
 
 import av
 import msgspec
+import structlog
 
 from robots.agent.control.calls import CallControl
 from robots.agent.control.publisher import Publisher
@@ -69,7 +69,7 @@ class ActionHistory:
         return last is not None and last.status not in ENDED
 
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 # s between two answers to what was refused: a flood of nonsense earns no flood of answers
 REFUSALS_ANSWERED = 0.05
@@ -160,7 +160,7 @@ class Actions:
         elif reason := self._kernel.permit(
             action, sender, now=self._times.now(), unix=self._times.unix()
         ):
-            log.info("action_refused type=%s reason=%s way=%s", kind_of(action), reason, sender.way)
+            log.info("action_refused", type=kind_of(action), reason=str(reason), way=sender.way)
             if self._refusals.due(self._times.now()):
                 self._out.send("action", self._status(action, "FAILED", reason))
         else:
@@ -199,7 +199,7 @@ class Actions:
             try:
                 await self._adapter.cancel(action_id)
             except AdapterError as error:
-                log.warning("cancel_failed action=%s reason=%r", action_id, str(error))
+                log.warning("cancel_failed", action=action_id, reason=str(error))
                 if action_id not in self._final:
                     return
                 self._reports.errors[CANCEL] = f"{CANCEL}: {error}"[:300]
@@ -273,7 +273,7 @@ class Actions:
     def _latched(self, detail: str, action: EStop | None) -> None:
         latch = self._kernel.latch
         source = latch.label if latch else ""
-        log.warning("estop source=%r detail=%r", source, detail)
+        log.warning("estop", source=source, detail=detail)
         self._reports.event(
             "estop",
             action_id=action.action_id if action else None,
@@ -311,7 +311,7 @@ class Actions:
         self._kernel.clear_estop(self._times.now())
         self._history.record(self._status(action, "RUNNING"))
         if was is not None:
-            log.warning("estop_cleared by=%s:%s was=%r", action.role, action.user, was.label)
+            log.warning("estop_cleared", by=f"{action.role}:{action.user}", was=was.label)
             self._reports.event(
                 "estop_cleared", action_id=action.action_id, detail=f"{action.role}:{action.user}"
             )
@@ -374,7 +374,7 @@ class Actions:
             frame = await asyncio.to_thread(self._snapshot)
             photo = await asyncio.to_thread(develop, frame) if frame is not None else None
         except (AdapterError, av.FFmpegError, ValueError) as error:
-            log.warning("photo_failed reason=%r", str(error))
+            log.warning("photo_failed", reason=str(error))
             frame = photo = None
         finally:
             self._photos -= 1

@@ -1,17 +1,18 @@
 """Where everything that a robot hears meets the safety kernel: one handler a message, all of them
 on the control loop.
 
-The pilot decides nothing that matters for safety: it asks the kernel, tells the wheels, and
+The dispatcher decides nothing that matters for safety: it asks the kernel, tells the wheels, and
 reports.
 """
 
 import asyncio
 import contextlib
 import functools
-import logging
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
+
+import structlog
 
 from robots.agent.autonomy.area import dock_of
 from robots.agent.control.actions import Actions
@@ -46,21 +47,21 @@ from robots.api.messages import (
     FloorPlanUpdate,
     LabReport,
     Lease,
-    Offer,
     PictureRequest,
     PointCommand,
     Pointer,
     Role,
+    SdpOffer,
     Signal,
     Stay,
     VelocityCommand,
 )
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 HEARTBEAT_PERIOD = 0.2
 DISK_PERIOD = 5.0
-ADAPTER_LOST = "adapter_lost"
+ADAPTER_LOST, ADAPTER_STARTING = "adapter_lost", "adapter_starting"
 RIVAL = "rival"
 CLOSING = "closing"
 STORE = "store"
@@ -69,7 +70,7 @@ RUNS_ON = "runs_on"
 
 @dataclass(frozen=True)
 class DispatcherParts:
-    """What a pilot is made of."""
+    """What a dispatcher is made of."""
 
     kernel: Kernel
     adapter: AdapterLink
@@ -132,7 +133,7 @@ class CommandDispatcher:
         self._faults: dict[str, str] = {}
         self._config: Config | None = None
         self._was_up = False
-        self._set_fault(ADAPTER_LOST, "not reached yet")
+        self._set_fault(ADAPTER_STARTING, "the agent is connecting to the robot")
 
     # --- from the broker (mqtt.Inbox) -------------------------------------------------------------
 
@@ -150,7 +151,7 @@ class CommandDispatcher:
                 self._heartbeat(message.peer, message, sender)
             case Lease():
                 self._lease(message, retained=retained)
-            case Offer() | Candidate() | Bye() | Stay():
+            case SdpOffer() | Candidate() | Bye() | Stay():
                 self._signal(suffix, message, retained=retained)
             case PictureRequest() if not retained:
                 self._media.picture_wanted(message)
@@ -159,7 +160,7 @@ class CommandDispatcher:
             case Config():
                 self._configure(message)
             case FloorPlanUpdate():
-                log.info("floorplan_received map=%s sha256=%s", message.map_id, message.sha256)
+                log.info("floorplan_received", map=message.map_id, sha256=message.sha256)
                 self._adapter.take_floorplan(message)
                 self._dock = dock_of(message, self._adapter.adapter.profile.series)
             case None if suffix == "lease":
@@ -173,7 +174,7 @@ class CommandDispatcher:
         try:
             yield
         except Exception:
-            log.exception("message_failed suffix=%s", suffix)
+            log.exception("message_failed", suffix=suffix)
             self.rejected("failed")
             self._kernel.brake(self._times.now())
             self.turn_wheels()
@@ -184,7 +185,7 @@ class CommandDispatcher:
 
     def link_changed(self, *, up: bool) -> None:
         """The broker was reached, or lost: neither stops a drive, the lease's own time does."""
-        log.info("link_changed up=%s", up)
+        log.info("link_changed", up=up)
 
     def rival(self, boot: str | None) -> None:
         """Another, newer agent is this robot: yield to it, for two of them on one base cannot be
@@ -193,7 +194,7 @@ class CommandDispatcher:
         if boot is None:
             self._clear_fault(RIVAL)
         else:
-            log.error("rival_agent boot=%s", boot)
+            log.error("rival_agent", boot=boot)
             self._set_fault(RIVAL, "another agent runs as this robot")
 
     # --- from the data channels -------------------------------------------------------------------
@@ -262,6 +263,11 @@ class CommandDispatcher:
 
     def adapter_changed(self, *, up: bool, reason: str = "") -> None:
         """The RCA was reached, or lost."""
+        if not up:
+            if ADAPTER_LOST not in self._faults and self._was_up:
+                self.reports.event("adapter_lost", detail=reason)
+            self._set_fault(ADAPTER_LOST, reason)
+        self._clear_fault(ADAPTER_STARTING)
         if up:
             self.reports.connected()
             self._clear_fault(ADAPTER_LOST)
@@ -270,10 +276,6 @@ class CommandDispatcher:
             if self._was_up:
                 self.reports.event("adapter_back")
             self._was_up = True
-            return
-        if ADAPTER_LOST not in self._faults and self._was_up:
-            self.reports.event("adapter_lost", detail=reason)
-        self._set_fault(ADAPTER_LOST, reason)
 
     # --- time -------------------------------------------------------------------------------------
 
@@ -378,9 +380,9 @@ class CommandDispatcher:
         newest = kernel.leases.newest
         if not kernel.take_lease(lease, retained=retained, now=now):
             log.info(
-                "lease_ignored epoch=%s renewal=%s",
-                lease.epoch if lease else None,
-                lease.renewal if lease else None,
+                "lease_ignored",
+                epoch=lease.epoch if lease else None,
+                renewal=lease.renewal if lease else None,
             )
             return
         self.turn_wheels()
@@ -399,9 +401,7 @@ class CommandDispatcher:
         if after is not None and (
             before is None or (before.session, before.epoch) != (after.session, after.epoch)
         ):
-            log.info(
-                "lease_taken session=%s epoch=%s peer=%s", after.session, after.epoch, after.peer
-            )
+            log.info("lease_taken", session=after.session, epoch=after.epoch, peer=after.peer)
             self.reports.event("lease_taken", detail=after.who)
         peer = after.peer if after else None
         if peer != (before.peer if before else None):
@@ -410,7 +410,7 @@ class CommandDispatcher:
     def _lapse(self) -> None:
         lapsed = self._kernel.leases.lapse(self._times.now())
         if lapsed is not None:
-            log.warning("lease_expired session=%s epoch=%s", lapsed.session, lapsed.epoch)
+            log.warning("lease_expired", session=lapsed.session, epoch=lapsed.epoch)
             self.reports.event("lease_expired", lapsed)
             self._close_session(lapsed)
             self._media.lease_changed(None)
@@ -425,7 +425,7 @@ class CommandDispatcher:
         if not (self._adapter.up and self._kernel.runs_on(self._times.now())):
             self.reports.errors.pop(RUNS_ON, None)
         elif RUNS_ON not in self.reports.errors:
-            log.error("robot_runs_on velocity=%s", self.reports.reading.velocity)
+            log.error("robot_runs_on", velocity=self.reports.reading.velocity)
             self.reports.errors[RUNS_ON] = (
                 f"{RUNS_ON}: the robot moves though it is told to stand still"
             )
@@ -437,7 +437,7 @@ class CommandDispatcher:
         passing = self._calls.passing(self._driver(), self._times.now())
         if passing != self._passing:
             self._passing = passing
-            log.info("visitor_media audio=%s video=%s", passing.audio, passing.video)
+            log.info("visitor_media", audio=passing.audio, video=passing.video)
             self._media.let_through(audio=passing.audio, video=passing.video, volume=passing.volume)
 
     def _close_session(self, lease: Lease) -> None:
@@ -482,10 +482,7 @@ class CommandDispatcher:
             return
         self._networks = networks
         log.info(
-            "network_lab session=%s control=%s video=%s",
-            networks.session,
-            networks.control,
-            networks.video,
+            "network_lab", session=networks.session, control=networks.control, video=networks.video
         )
         if self._line is not None:
             self._line.close()

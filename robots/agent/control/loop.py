@@ -6,12 +6,13 @@ When the thread itself is stuck, the base's own watchdog stops it.
 """
 
 import asyncio
-import logging
 import random
 import threading
 from collections.abc import Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
+
+import structlog
 
 from robots.agent.control.dispatcher import CommandDispatcher, DispatcherParts
 from robots.agent.control.ingress import Ingress
@@ -28,7 +29,7 @@ from robots.agent.timing import TimeSource
 from robots.api.messages import Capability, Message, Role, SignalReply
 from robots.cancellation import cancel
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 PERIOD = 0.02
 LATE = 0.2
@@ -202,7 +203,7 @@ class ControlLoop:
                     task.result()
             now = self._times.now()
             if now - next_tick > LATE:
-                log.warning("control_loop_late seconds=%.3f", now - next_tick)
+                log.warning("control_loop_late", seconds=round(now - next_tick, 3))
             if now >= next_tick:
                 next_tick = max(next_tick + PERIOD, now)
             dispatcher.tick()

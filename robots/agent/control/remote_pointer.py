@@ -5,16 +5,17 @@ counted, and nobody is answered. It is counted here and not among what the safet
 because studies take that for commands that did not reach the wheels.
 """
 
-import logging
 from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
+
+import structlog
 
 from robots.agent.safety.permissions import CommandSender, forbidden, mismatch, role_of
 from robots.api.bucket import Bucket
 from robots.api.messages import Lease, PointCommand
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 RATE = 20.0  # dots a second of one peer, a third more than our pages send
 BURST = 10.0
@@ -69,7 +70,7 @@ class Pointing:
             return "driver" if role == "driver" else "screen"
         self.refused[reason] += 1
         if self.refused[reason] == 1:
-            log.info("point_refused reason=%s role=%s way=%s", reason, role, sender.way)
+            log.info("point_refused", reason=str(reason), role=role, way=sender.way)
         return None
 
     def _refusal(

@@ -300,15 +300,15 @@ def check_robot(arguments: Mapping[str, Any], say: Say, ask: Callable[[str], str
     check = _prepared(config, say, params)
     say(WARNING.format(speed=params.speed, driving=params.driving))
     if not arguments.get("yes") and not _agreed(ask):
-        raise ConfigError("Nothing was moved: answer yes, or give --yes")
+        raise ConfigError("The robot was not moved: answer yes, or give --yes")
     try:
         is_well = asyncio.run(_until_signalled(check))
     except asyncio.CancelledError:
         raise ConfigError("Stopped at your request") from None
     except AdapterError as error:
-        say(f"The robot cannot be tried: {error}")
+        say(f"The robot cannot be checked: {error}")
         return False
-    say("All is well." if is_well else "Not all is well.")
+    say("All is well." if is_well else "Not all checks passed.")
     return is_well
 
 

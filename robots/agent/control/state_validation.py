@@ -15,6 +15,8 @@ from robots.api.geometry import wrap_angle
 from robots.api.messages import Battery, PoseUpdate, Scan
 
 _battery = msgspec.json.Decoder(Battery)
+_encoder = msgspec.json.Encoder()
+NUMBERS: frozenset[type] = frozenset({float, int, type(None)})
 ERRORS = 12
 ERROR_LENGTH = 300
 FARTHEST = 1e5  # metres, as in robots.api.messages
@@ -34,6 +36,10 @@ def sound(reading: RcaState) -> RcaState:
     try:
         return _sound(reading)
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        if isinstance(error, TypeError) and "numpy" in str(error):
+            raise UnsoundReadingError(
+                f"{error}: give it Python's own numbers, by float() or tolist()"
+            ) from error
         raise (
             error
             if isinstance(error, UnsoundReadingError)
@@ -65,33 +71,62 @@ def _sound(reading: RcaState) -> RcaState:
         battery = _battery.decode(codec.encode(reading.battery))
     except (Rejection, msgspec.ValidationError) as error:
         raise UnsoundReadingError(str(error)) from error
+    _check_encodable(reading)
     lengths = (reading.distance, reading.clearance or 0.0)
     if not all(math.isfinite(value) and value >= 0.0 for value in lengths) or reading.contacts < 0:
-        raise UnsoundReadingError("a distance is negative or not a number")
+        raise UnsoundReadingError(
+            "a distance or the number of contacts is negative or not a number"
+        )
     if reading.odometry is not None and not all(
         math.isfinite(value) and abs(value) <= FARTHEST for value in reading.odometry
     ):
-        raise UnsoundReadingError("the odometry is not a number, or out of this world")
+        raise UnsoundReadingError("the odometry is not a number, or is implausibly large")
     if not all(
         math.isfinite(value) and abs(value) <= FARTHEST
         for point in reading.path or ()
         for value in point
     ):
-        raise UnsoundReadingError("a point of the path is not a number, or out of this world")
+        raise UnsoundReadingError("a point of the path is not a number, or is implausibly far away")
     if not all(map(math.isfinite, reading.bumper or ())):
         raise UnsoundReadingError("the direction of a contact is not a number")
     if reading.scan is not None and not abs(reading.scan.angle_increment) > 0.0:
-        raise UnsoundReadingError("all beams of the scan go the same way")
+        raise UnsoundReadingError("all beams of the scan have the same direction")
     stamps = (
         *(echo.stamp for echo in reading.sonar),
         *(() if reading.points is None else (reading.points.stamp,)),
     )
     if not all(map(math.isfinite, stamps)):
-        raise UnsoundReadingError("the time of an echo is not a number")
+        raise UnsoundReadingError("the time of an echo or of obstacle points is not a number")
     sonar = tuple(
         echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf
     )
     return replace(checked, battery=battery, sonar=sonar, points=_points(reading.points))
+
+
+def _check_encodable(reading: RcaState) -> None:
+    """Let no number of NumPy's pass: what is said of the robot later on could not be encoded.
+
+    Raises:
+        TypeError: there is one.
+    """
+    scan = reading.scan
+    if scan is not None:
+        if odd := {*map(type, scan.ranges)} - NUMBERS:
+            raise TypeError(f"the ranges of the scan are {odd.pop().__module__} numbers")
+        scan = msgspec.structs.replace(scan, ranges=())
+    _encoder.encode(
+        (
+            scan,
+            reading.stamp,
+            reading.clearance,
+            reading.contacts,
+            reading.distance,
+            reading.path,
+            reading.bumper,
+            reading.charger_contact,
+            reading.estop,
+        )
+    )
 
 
 def _points(seen: ObstaclePoints | None) -> ObstaclePoints | None:
@@ -103,7 +138,7 @@ def _points(seen: ObstaclePoints | None) -> ObstaclePoints | None:
     if seen is None:
         return None
     if seen.points.ndim != PLANE or seen.points.shape[1] != PLANE:
-        raise UnsoundReadingError("the points of obstacles are no pairs")
+        raise UnsoundReadingError("the obstacle points are not pairs")
     return ObstaclePoints(seen.stamp, seen.points[np.isfinite(seen.points).all(axis=1)])
 
 

@@ -8,11 +8,12 @@ control loop goes on.
 
 import asyncio
 import contextlib
-import logging
 import math
 import random
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Protocol, TypeVar
+
+import structlog
 
 from robots.agent.control.state_validation import UnsoundReadingError, sound
 from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, Navigating, RcaState
@@ -22,7 +23,7 @@ from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
 from robots.cancellation import cancel
 from robots.world.sensing import Floats
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 Told = TypeVar("Told")
 
 CONNECT_TIME = 30.0
@@ -72,7 +73,7 @@ class AdapterLink:
             except AdapterError as error:
                 reason = str(error)
             was_up, self.up = self.up, False
-            log.warning("adapter_lost reason=%r", reason)
+            log.warning("adapter_lost", reason=reason)
             listener.adapter_changed(up=False, reason=reason)
             await asyncio.sleep(self._backoff.failed(self._backoff.settled if was_up else 0.0))
 
@@ -131,7 +132,7 @@ class AdapterLink:
             AdapterError: not possible, or no answer.
         """
         if not self.up:
-            raise AdapterError("the robot control architecture is not reached")
+            raise AdapterError("the robot control architecture is not connected")
         try:
             async with asyncio.timeout(START_TIME):
                 while self._cancelling:  # how these end is told to whoever wanted them cancelled
@@ -221,7 +222,7 @@ class AdapterLink:
     def _came_up(self, listener: AdapterListener) -> None:
         if not self.up:
             self.up = True
-            log.info("adapter_connected series=%r", self.adapter.profile.series)
+            log.info("adapter_connected", series=self.adapter.profile.series)
             listener.adapter_changed(up=True)
 
     async def _progress(self, listener: AdapterListener) -> None:
@@ -279,5 +280,5 @@ def checked_velocity(sent: object) -> Velocity:
     if not isinstance(sent, Velocity) or not (
         math.isfinite(sent.linear) and math.isfinite(sent.angular)
     ):
-        raise AdapterError(f"it says that it has sent {sent!r}, which is no velocity")
+        raise AdapterError(f"the adapter reports that it sent {sent!r}, which is not a velocity")
     return sent

@@ -11,7 +11,6 @@ leaves the robot driving.
     in our rate and number of channels
 """
 
-import logging
 import os
 import select
 import subprocess
@@ -21,11 +20,12 @@ from typing import IO, Literal
 
 import numpy as np
 import numpy.typing as npt
+import structlog
 
 from robots.agent.devices.words import DeviceSetting
 from robots.agent.robot_interface import AdapterError
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
 WIDTH = 2  # bytes a sample, S16_LE
@@ -183,8 +183,8 @@ class _Child:
             )
         except FileNotFoundError as error:
             raise AdapterError(
-                f"the {name} {address} cannot be used: {program} is not there; sudo apt install"
-                f" {PACKAGES}"
+                f"the {name} {address} cannot be used: {program} is not installed; "
+                f"run sudo apt install {PACKAGES}"
             ) from error
         except OSError as error:
             raise AdapterError(f"the {name} {address} cannot be used: {error.strerror}") from error
@@ -222,7 +222,7 @@ class _Child:
             self._listen()
             patience = max(LIMITS.full, self._began + LIMITS.opening - time.monotonic())
             if not select.select([], [_file(self._process.stdin)], [], patience)[1]:
-                raise AdapterError(f"the {self._name} {self._address} takes nothing")
+                raise AdapterError(f"the {self._name} {self._address} does not accept sound")
             try:
                 left = left[os.write(_file(self._process.stdin).fileno(), left) :]
             except BlockingIOError:
@@ -249,7 +249,7 @@ class _Child:
         try:
             self._process.wait(LIMITS.ending)
         except subprocess.TimeoutExpired:
-            log.warning("device_hangs name=%s address=%s", self._name, self._address)
+            log.warning("device_hung", name=self._name, address=self._address)
 
     def _listen(self) -> None:
         """Keep the end of what it says; a full pipe would stop it."""
@@ -265,8 +265,8 @@ class _Child:
         self._listen()
         reason = reason_in(self._said.decode(errors="replace")) or f"{self._program} has ended"
         return AdapterError(
-            f"the {self._name} {self._address} cannot be used: {reason}; there are:"
-            f" {', '.join(devices(self._program)) or 'none'}"
+            f"the {self._name} {self._address} cannot be used: {reason}; "
+            f"available: {', '.join(devices(self._program)) or 'none'}"
         )
 
 

@@ -7,7 +7,6 @@ left behind, and whatever it still says counts for nothing.
 
 import errno
 import itertools
-import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -16,11 +15,12 @@ from enum import Enum
 from typing import Any, Literal
 
 import av
+import structlog
 
 from robots.agent.devices.words import DeviceSetting
 from robots.agent.robot_interface import AdapterError
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 FAILURES = (av.FFmpegError, OSError, ValueError)
 
@@ -103,7 +103,7 @@ class DeviceReader:
             run.ending.set()
             run.thread.join(self.limits.ending)
             if run.thread.is_alive():
-                log.warning("device_hangs name=%s address=%s", self.name, self.words.place)
+                log.warning("device_hung", name=self.name, address=self.words.place)
 
     def check(self) -> None:
         """Raise AdapterError with the reason when the device is gone, or has taken too long to be
@@ -178,7 +178,7 @@ class _Run:
             container.streams.video if self.reader.kind == "video" else container.streams.audio
         )
         if not streams:
-            raise ValueError(f"there is no {self.reader.kind} in it")
+            raise ValueError(f"it contains no {self.reader.kind}")
         if streams[0].codec_context is None:
             raise ValueError("its codec is not known")
         self.stage = ReaderStage.OPENED

@@ -84,14 +84,14 @@ def read(words: str, kind: Kind) -> DeviceSetting | None:
         raise DeviceSettingError(f"the {kind} {words!r} has no address after {form}:")
     if kind == "loudspeaker" and form != ALSA:
         raise DeviceSettingError(
-            f"the loudspeaker {words!r} is none: alsa:default, or another device of alsa"
+            f"{words!r} is not a loudspeaker: use alsa:default, or another ALSA device"
         )
     if kind == "camera" and form in SOUND:
-        raise DeviceSettingError(f"the camera {words!r} is none: {form} has sound alone")
+        raise DeviceSettingError(f"{words!r} is not a camera: {form} has sound only")
     if form == ALSA and options:
         raise DeviceSettingError(
-            f"the {kind} {words!r} takes no {', '.join(sorted(options))}: rate and channels are"
-            " converted as they must be"
+            f"the {kind} {words!r} does not accept {', '.join(sorted(options))}: "
+            "rate and channels are converted automatically"
         )
     found = SCHEME.match(address)
     live = form in DEVICES or (not form and found is not None)

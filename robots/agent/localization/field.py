@@ -135,9 +135,9 @@ def field_of(grid: OccupancyGrid) -> DistanceField:
     """
     free, occupied = grid.free()[::-1], grid.occupied()[::-1]
     if not free.any():
-        raise MapError("the map has no free space: nowhere on it can a robot be")
+        raise MapError("the map has no free space for a robot")
     if not occupied.any():
-        raise MapError("nothing stands on the map: a laser finds nothing to tell places apart")
+        raise MapError("the map has no obstacles: a laser cannot tell places apart")
     resolution = grid.transform.resolution
     margin = math.ceil(MARGIN / resolution)
     corner = grid.transform.origin.compose(Pose2D(-margin * resolution, -margin * resolution, 0.0))

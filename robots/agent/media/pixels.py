@@ -19,7 +19,7 @@ def video_frame(frame: Frame) -> av.VideoFrame:
     image = frame.image
     if image.dtype != np.uint8 or not _fits(image.shape, frame.format):
         raise ValueError(
-            f"a picture of shape {image.shape} and type {image.dtype} is no {frame.format}"
+            f"an image of shape {image.shape} and type {image.dtype} is not {frame.format}"
         )
     return av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(image), format=frame.format)
 

@@ -9,13 +9,14 @@ a frame on a data channel never waits for a picture.
 
 import asyncio
 import functools
-import logging
 import random
 import ssl
 import threading
 import time
 from collections.abc import Callable
 from typing import Any
+
+import structlog
 
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.capture.camera import CameraFeed
@@ -55,7 +56,7 @@ from robots.api.messages import (
     SignalReply,
 )
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 HOUSEKEEPING = 1.0  # s
 CLOSE_TIMEOUT = 5.0  # s

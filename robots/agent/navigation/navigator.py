@@ -118,7 +118,7 @@ class Navigator:
             (place for place in (self.plan.places if self.plan else ()) if place.name == name), None
         )
         if place is None:
-            raise NoWayError(f"the plan knows no place {name!r}")
+            raise NoWayError(f"the plan has no place {name!r}")
         self.goto(place.x, place.y, place.theta)
 
     def follow(self, points: Sequence[tuple[float, float]]) -> None:
@@ -129,7 +129,7 @@ class Navigator:
         """
         line = np.array(points, dtype=np.float64).reshape(-1, 2)
         if len(line) < 2 or not np.isfinite(line).all():
-            raise NoWayError("a line needs two points or more")
+            raise NoWayError("a line needs at least two points, all of them numbers")
         end = self._planner.goal(float(line[-1, 0]), float(line[-1, 1]))
         drawn = resampled(line, NAVIGATOR.drawn_spacing)[:-1]
         fits = self._costmap.sample(self._costmap.clearance, drawn) >= self._costmap.least

@@ -39,38 +39,46 @@ def parser() -> argparse.ArgumentParser:
     words.add_argument(
         "--plan", default="office", help="a shipped site, or a folder with a plan.json"
     )
-    words.add_argument("--seed", type=int, default=1, help="of everything random")
+    words.add_argument("--seed", type=int, default=1, help="seed for everything random")
     words.add_argument(
         "--start", default="dock", help="dock, a start or place of the plan, or x,y,theta"
     )
     words.add_argument(
-        "--charge", type=float, default=0.9, help="of the battery at the start, 0 to 1"
+        "--charge", type=float, default=0.9, help="battery charge at the start, 0 to 1"
     )
     words.add_argument(
-        "--people", type=int, default=0, help=f"who walk about, at most {MOST_PEOPLE}"
+        "--people",
+        type=int,
+        default=0,
+        help=f"number of people who walk about, at most {MOST_PEOPLE}",
     )
     words.add_argument(
         "--door-changes",
         type=float,
         default=0.0,
-        help="seconds between two doors that move by themselves, on average; 0 for never",
+        help="average seconds between doors opening or closing by themselves; 0 for never",
     )
     words.add_argument(
-        "--listen", default="127.0.0.1:0", help="loopback address and port; port 0 takes a free one"
+        "--listen", default="127.0.0.1:0", help="loopback address and port; port 0 picks a free one"
     )
     words.add_argument(
         "--linger",
         type=float,
-        help="end so many seconds after the last driver; without it, run until stopped",
+        help="seconds to run after the last driver leaves; without it, run until stopped",
     )
     words.add_argument(
         "--tied",
         action="store_true",
-        help="do not wait for a first driver when standard input is closed: who started it is dead",
+        help=(
+            "stop waiting for a first driver when standard input closes: the "
+            "parent process has ended"
+        ),
     )
     words.add_argument("--no-camera", action="store_true", help="no pictures")
-    words.add_argument("--sonar", action="store_true", help="sonars besides the laser")
-    words.add_argument("--fps", type=float, help="pictures a second, instead of the camera's own")
+    words.add_argument("--sonar", action="store_true", help="add sonars to the laser")
+    words.add_argument(
+        "--fps", type=float, help="video frames per second, instead of the camera's own rate"
+    )
     return words
 
 
@@ -108,7 +116,7 @@ def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
     if fps is None:
         return model
     if not 0.0 < fps <= MOST_FPS:
-        raise ValueError(f"--fps takes a number up to {MOST_FPS:g}, not {fps}")
+        raise ValueError(f"--fps takes a number above 0 and up to {MOST_FPS:g}, not {fps}")
     return replace(model, camera=structs.replace(model.camera, fps=fps))
 
 

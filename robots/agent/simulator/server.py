@@ -7,7 +7,6 @@ driver is gone for good, the process ends, but only after the robot stands.
 
 import asyncio
 import contextlib
-import logging
 import math
 import os
 import time
@@ -15,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+import structlog
 
 from robots.agent import framing
 from robots.agent.simulator import wire
@@ -32,7 +32,7 @@ FIRST_DRIVER = 60.0  # seconds that a child waits for its first driver
 # bytes unread by a client, after which it misses news instead of costing memory
 BACKLOG = 256 << 10
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 @dataclass(eq=False)
@@ -255,7 +255,7 @@ class Server:
                 client.say(self._inject_fault(message))
             case _:
                 raise framing.WireError(
-                    f"{type(message).__name__} from {client.role or 'a stranger'}"
+                    f"unexpected {type(message).__name__} from {client.role or 'a stranger'}"
                 )
 
     def _drive(self, message: wire.ToSimulator) -> None:
@@ -271,7 +271,7 @@ class Server:
             case wire.Shutdown():
                 self._linger, self._alone_since = 0.0, time.monotonic()
             case _:
-                raise framing.WireError(f"{message!r} from a driver")
+                raise framing.WireError(f"unexpected {message!r} from a driver")
 
     def _inject_fault(self, message: wire.ToSimulator) -> wire.SimulatorMessage:
         match message:
@@ -285,7 +285,7 @@ class Server:
                 except StartError as error:
                     return wire.RoleRefused(str(error))
             case _:
-                raise framing.WireError(f"{message!r} from an operator")
+                raise framing.WireError(f"unexpected {message!r} from an operator")
         return wire.Done()
 
     def _welcome(self, client: SimulatorClient, role: wire.Role) -> None:

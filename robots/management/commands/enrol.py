@@ -24,13 +24,13 @@ class Command(BaseCommand):
             "--server",
             metavar="URL",
             required=True,
-            help="the site's address, as the robot reaches it",
+            help="the address at which the robot reaches the site",
         )
         parser.add_argument(
             "--hours",
             type=float,
             default=HOURS,
-            help="how long the token is good (default: %(default)s)",
+            help="how many hours the token is valid (default: %(default)s)",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:
@@ -42,8 +42,8 @@ class Command(BaseCommand):
         token = make_token(robot, timezone.now(), options["hours"])
         audit.note("enrolment_made", robot=robot)
         self.stdout.write(
-            "On the robot's computer, with the ADAPTER of its control architecture and its PROFILE"
-            " (docs/howto/connect-a-robot.md):"
+            "Run this on the robot's computer, with the ADAPTER of its control "
+            "architecture and its PROFILE (docs/howto/connect-a-robot.md):"
         )
         server, adapter = options["server"].rstrip("/"), robot.adapter or "ADAPTER"
         where = f"--server {server} --adapter {adapter} --profile PROFILE"

@@ -19,13 +19,15 @@ class Command(BaseCommand):
     """
 
     help = (
-        "Take a site from a folder with map.yaml, its image and plan.json: checked, into the"
-        " database and for simulators."
+        "Check a site in a folder with map.yaml, its image and plan.json, "
+        "and import it into the database and for simulators."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("directory", type=Path, help="the folder")
-        parser.add_argument("--check", action="store_true", help="only say what is wrong with it")
+        parser.add_argument(
+            "--check", action="store_true", help="only check the folder and report problems"
+        )
 
     def handle(self, *_args: Any, **options: Any) -> None:
         directory: Path = options["directory"]
@@ -58,6 +60,6 @@ class Command(BaseCommand):
             f"{'Replaced' if plan.name in known else 'Took'} the site {plan.name} ({plan.title})."
         )
         self.stdout.write(
-            "Choose it for a robot in the admin. A simulated robot stands in it with `run_robot"
-            f" NAME --option plan={kept}`."
+            "Assign it to a robot in the administration. To simulate a robot in "
+            f"it: `run_robot NAME --option plan={kept}`."
         )

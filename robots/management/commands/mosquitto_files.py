@@ -3,7 +3,6 @@ from the database.
 """
 
 import asyncio
-import logging
 import os
 import signal
 import sys
@@ -11,6 +10,7 @@ from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
+import structlog
 from django.core.management.base import BaseCommand, CommandError
 
 from robots.broker.mosquitto import password_file, permission_file, write_private
@@ -18,7 +18,7 @@ from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users, users_now
 from robots.processes import interrupted_by_signals
 
-logger = logging.getLogger(__name__)
+logger = structlog.stdlib.get_logger(__name__)
 PID_FILE = Path("/run/mosquitto/mosquitto.pid")
 GROUP_MAY_READ = 0o640
 
@@ -29,8 +29,8 @@ class Command(BaseCommand):
     """
 
     help = (
-        "Write the users and permissions of this machine's own mosquitto from the database, and"
-        " have it read them."
+        "Write the users and permissions for this machine's own mosquitto "
+        "from the database; with --reload, have it read them."
     )
     requires_system_checks: list[str] = []
 
@@ -38,22 +38,29 @@ class Command(BaseCommand):
         parser.add_argument(
             "directory",
             type=Path,
-            help="where mosquitto.conf looks for them; mosquitto's group may read what is written",
+            help=(
+                "folder where mosquitto.conf looks for them; mosquitto's group may read the files"
+            ),
         )
         parser.add_argument(
-            "--watch", action="store_true", help="go on, and write again whenever robots change"
+            "--watch",
+            action="store_true",
+            help="keep running, and write them again whenever robots change",
         )
         parser.add_argument(
             "--reload", action="store_true", help="send mosquitto SIGHUP when something has changed"
         )
         parser.add_argument(
-            "--pid-file", type=Path, default=PID_FILE, help=f"whom to send it ({PID_FILE})"
+            "--pid-file",
+            type=Path,
+            default=PID_FILE,
+            help=f"file with the process id to signal ({PID_FILE})",
         )
         parser.add_argument(
             "--poll",
             type=float,
             default=POLL_SECONDS,
-            help="seconds between two looks at the database (2)",
+            help="seconds between two checks of the database (2)",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:
@@ -102,7 +109,7 @@ class Files:
                 write_private(self._directory / name, text, GROUP_MAY_READ)
         except OSError as error:
             raise FilesError(f"{self._directory}: {error.strerror}.") from error
-        logger.info("mosquitto_files_written users=%d", len(users))
+        logger.info("mosquitto_files_written", users=len(users))
         self._tell()
         return True
 
@@ -114,7 +121,7 @@ class Files:
             try:
                 users = await read_users()
             except UsersUnavailableError as error:
-                logger.warning("broker_users_unavailable reason=%s", error)
+                logger.warning("broker_users_unavailable", reason=str(error))
             else:
                 if users != self._users:
                     self.update(users)
@@ -132,9 +139,11 @@ class Files:
             os.kill(int(self._pid_file.read_text()), signal.SIGHUP)
         except (FileNotFoundError, ProcessLookupError):
             # it will read them when it starts
-            logger.info("mosquitto_not_running pid_file=%s", self._pid_file)
+            logger.info("mosquitto_not_running", pid_file=self._pid_file)
         except (ValueError, OSError) as error:
-            raise FilesError(f"Mosquitto could not be told ({self._pid_file}): {error}.") from error
+            raise FilesError(
+                f"Mosquitto could not be signalled ({self._pid_file}): {error}."
+            ) from error
 
 
 def _same(path: Path, text: str) -> bool:

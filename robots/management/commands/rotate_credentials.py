@@ -15,8 +15,8 @@ class Command(BaseCommand):
     """Ask for new credentials of some robots, or all."""
 
     help = (
-        "Have the agents of robots fetch new credentials by themselves; the present ones hold for a"
-        " day more."
+        "Make the agents of robots fetch new credentials by themselves; the "
+        "present ones stay valid for one more day."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
@@ -24,7 +24,7 @@ class Command(BaseCommand):
             "robots",
             nargs="*",
             metavar="robot",
-            help="names; without any: all that have credentials",
+            help="robot names; without any, all robots with credentials",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:
@@ -33,7 +33,7 @@ class Command(BaseCommand):
         missing = set(options["robots"]) - {robot.name for robot in chosen}
         if missing:
             raise CommandError(
-                f"No such robot, or none with credentials: {', '.join(sorted(missing))}."
+                f"No such robot, or it has no credentials: {', '.join(sorted(missing))}."
             )
         for robot in chosen:
             ask_for_renewal(robot, timezone.now())

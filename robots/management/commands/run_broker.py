@@ -25,8 +25,8 @@ class Command(BaseCommand):
     """Run Mosquitto when it is installed, and the embedded broker otherwise."""
 
     help = (
-        "Run the MQTT broker: Mosquitto when it is installed, the embedded one otherwise. Port 0"
-        " takes a free one."
+        "Run the MQTT broker: Mosquitto when it is installed, the embedded "
+        "one otherwise. Port 0 picks a free one."
     )
     # of the settings; to check every page takes a second
     requires_system_checks: list[str] = ["telepresence", "security"]
@@ -34,10 +34,10 @@ class Command(BaseCommand):
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
         parser.add_argument(
-            "--port", type=int, default=1883, help="port (1883; 0 takes a free one)"
+            "--port", type=int, default=1883, help="port (1883; 0 picks a free one)"
         )
         parser.add_argument(
-            "--require", choices=("mosquitto", "embedded"), help="take this broker, or fail"
+            "--require", choices=("mosquitto", "embedded"), help="use this broker, or fail"
         )
         parser.add_argument("--certificate", type=Path, help="certificate chain (PEM), for TLS")
         parser.add_argument("--key", type=Path, help="key of the certificate (PEM)")
@@ -45,7 +45,7 @@ class Command(BaseCommand):
             "--poll",
             type=float,
             default=POLL_SECONDS,
-            help="seconds between two looks at the database (2)",
+            help="seconds between two checks of the database (2)",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:
@@ -96,7 +96,7 @@ def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
         return None
     for path in (certificate, key):
         if not path.is_file():
-            raise CommandError(f"{path} does not exist.")
+            raise CommandError(f"There is no file {path}.")
     return Tls(certificate.resolve(), key.resolve())
 
 

@@ -20,8 +20,8 @@ class Command(BaseCommand):
     """Run the agent of one robot until Ctrl-C; the same as `python -m robots.agent`."""
 
     help = (
-        "Run the agent of a robot: on the robot's own computer with --server and --credentials,"
-        " here with its name alone."
+        "Run the agent of a robot: on the robot's own computer with --server "
+        "and --credentials, here with its name only."
     )
     requires_system_checks: list[str] = []
 
@@ -35,6 +35,6 @@ class Command(BaseCommand):
             if not options["check"]:
                 run_until_signalled(agent_of({**options, "var": var}))
             elif not check_robot({**options, "var": var}, say_line):
-                raise CommandError("The robot is not as its profile says.")
+                raise CommandError("The robot did not pass the check: see above.")
         except ConfigError as error:
             raise CommandError(str(error)) from error

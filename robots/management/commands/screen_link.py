@@ -14,7 +14,7 @@ from robots.screens import make_screen_key, screen_address
 class Command(BaseCommand):
     """Make a new screen key and print the address to open on the robot's display."""
 
-    help = "Print a new address for the display on a robot; the one before stops working."
+    help = "Print a new address for the display on a robot; the previous one stops working."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
@@ -22,7 +22,7 @@ class Command(BaseCommand):
             "--server",
             metavar="URL",
             required=True,
-            help="the site's address, as the display reaches it",
+            help="the address at which the display reaches the site",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:

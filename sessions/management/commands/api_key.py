@@ -17,15 +17,15 @@ class Command(BaseCommand):
     """Shows the key once."""
 
     help = (
-        "Make, list or revoke keys of the JSON API. A key reads how one robot is, and may stop it"
-        " and send it home."
+        "Create, list or revoke keys of the JSON API. A key can read one "
+        "robot's state, stop it and send it home."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
-        parser.add_argument("label", nargs="?", help="what for, such as home-assistant")
-        parser.add_argument("--revoke", action="store_true", help="take the key of this label away")
-        parser.add_argument("--list", action="store_true", help="show which there are")
+        parser.add_argument("label", nargs="?", help="what the key is for, such as home-assistant")
+        parser.add_argument("--revoke", action="store_true", help="revoke the key with this label")
+        parser.add_argument("--list", action="store_true", help="list the robot's keys")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         robot = Robot.objects.filter(name=options["robot"]).first()
@@ -34,7 +34,7 @@ class Command(BaseCommand):
         if options["list"]:
             for key in robot.api_keys.order_by("label"):
                 used = f"{key.last_used_at:%Y-%m-%d %H:%M}" if key.last_used_at else "never"
-                self.stdout.write(f"{key.label}  made {key.made_at:%Y-%m-%d %H:%M}  used {used}")
+                self.stdout.write(f"{key.label}  created {key.made_at:%Y-%m-%d %H:%M}  used {used}")
         elif (
             not options["label"]
             or len(options["label"]) > ApiKey._meta.get_field("label").max_length
@@ -55,6 +55,6 @@ class Command(BaseCommand):
             with transaction.atomic():
                 key = make_key(robot, label, timezone.now())
         except IntegrityError as error:
-            raise CommandError(f"{robot} has a key “{label}” already; revoke it first.") from error
+            raise CommandError(f"{robot} already has a key “{label}”; revoke it first.") from error
         audit.note("api_key_made", robot=robot, detail=label)
         self.stdout.write(key)

@@ -34,8 +34,8 @@ class Command(BaseCommand):
             raise CommandError(str(error)) from error
         except RecorderDied as error:
             raise CommandError(
-                "The recorder ended by an error; see the log above. Start the session manager"
-                " again."
+                "The recorder ended with an error; see the log above. Start the "
+                "session manager again."
             ) from error
 
     async def _run(self) -> None:

@@ -163,6 +163,14 @@ const newActions = ({ store, driving }) => {
       const { title = place } = store.get().plan?.places?.find((/** @type {any} */ { name }) => name === place) ?? {};
       start({ type: "goto", place, title });
     },
+    /** To the point of the video that it cannot drive straight to. */
+    go_around: () => {
+      const [x, y] = store.get().said?.refused?.goal ?? [null, null];
+      if (x !== null && y !== null) {
+        store.update({ said: null });
+        start({ type: "goto", x: round(x), y: round(y) });
+      }
+    },
     go_here: () => startAimed({ type: "goto" }),
     search: () => start({ type: "relocalize" }),
     show_pose: () => store.update({ aim: { kind: "pose", x: null, y: null, theta: null }, placesOpen: false, mapOpen: true }),
@@ -192,7 +200,10 @@ const newListeners = ({ store }) => ({
   },
   /** Whoever drives has read what failed; and pressing forward at the dock wants a word. */
   steered: (/** @type {{linear: number, angular: number}} */ { linear, angular }) => {
-    const { task, pushedAt } = store.get();
+    const { task, pushedAt, said } = store.get();
+    if ((linear !== 0 || angular !== 0) && said?.refused) {
+      store.update({ said: null });
+    }
     if ((linear !== 0 || angular !== 0) && task?.status === "FAILED") {
       store.update({ task: null });
     }

@@ -11,7 +11,8 @@ import { profileOf } from "../view/display/profiles.js";
 /**
  * What the menu holds. Pure.
  * @param {import("../drive/features.js").State} state
- * @returns {{action: string, title?: string, word?: string, pressed?: boolean}[]} a place has its title, everything else its word
+ * @returns {{action: string, title?: string, word?: string, pressed?: boolean, aside?: boolean}[]} a place has its title, everything else its word; what is
+ * no destination stands aside
  */
 export const menuFor = (state) => {
   const drives = roleOf(state.visit) === "driver";
@@ -23,8 +24,8 @@ export const menuFor = (state) => {
   return [
     ...(drives && can(state, "dock") && !state.robot?.docked ? [{ action: "go_home", word: "do.go_home" }] : []),
     ...places.map((/** @type {any} */ { name, title }) => ({ action: `go_to:${name}`, title: title || name })),
-    ...(drives && can(state, "relocalize") ? [{ action: "show_pose", word: "do.show_pose_menu" }] : []),
-    ...(drives && can(state, "scan") ? [{ action: "laser", word: "do.laser", pressed: showsLaser(state) }] : []),
+    ...(drives && can(state, "relocalize") ? [{ action: "show_pose", word: "do.show_pose_menu", aside: true }] : []),
+    ...(drives && can(state, "scan") ? [{ action: "laser", word: "do.laser", pressed: showsLaser(state), aside: true }] : []),
   ];
 };
 
@@ -70,7 +71,10 @@ export const createMapBar = (element, words, act, keys) => {
     const key = JSON.stringify(entries);
     if (key !== drawn) {
       drawn = key;
-      menu.replaceChildren(...entries.map((entry) => menuButton(entry, words)));
+      const [aside, goals] = [entries.filter((entry) => entry.aside), entries.filter((entry) => !entry.aside)];
+      const divider = goals.length && aside.length ? [document.createElement("hr")] : [];
+      menu.replaceChildren(...goals.map((entry) => menuButton(entry, words)), ...divider, ...aside.map((entry) => menuButton(entry, words)));
+      write(element("places-toggle-text"), words.say(goals.length ? "do.places" : "do.map_options"));
     }
   };
 

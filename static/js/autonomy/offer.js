@@ -5,7 +5,7 @@
 
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "./robot_action.js";
-import { mayAsk } from "../study/restrictions.js";
+import { mayAsk, maySend } from "../study/restrictions.js";
 import { reasonFor } from "./reasons.js";
 
 /**
@@ -19,6 +19,7 @@ import { reasonFor } from "./reasons.js";
  * @property {{action: string, word: string}} [other]
  */
 
+const AROUND_SECONDS = 8; // time to read it, and to look where it is
 const STOP = { action: "stop", word: "do.stop" };
 const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
@@ -32,7 +33,7 @@ export const isOffered = (state, capability) => roleOf(state.visit) === "driver"
 /** @param {import("../drive/features.js").State} state @returns {Offer | null} */
 export const offerFor = (state) => {
   const { visit, robot, task } = state;
-  if (roleOf(visit) !== "driver" || !robot || !state.playing || state.leaving || (visit.link === "lost" && !state.slow)) {
+  if (roleOf(visit) !== "driver" || !robot || !state.playing || state.leaving || robot.safety.estop || (visit.link === "lost" && !state.slow)) {
     return null;
   }
   if (isUnderWay(task)) {
@@ -53,8 +54,15 @@ export const offerFor = (state) => {
   if (!robot.pose.localized && can(state, "relocalize")) {
     return { word: "lost.what", tone: "busy", main: { action: "show_pose", word: "do.show_pose" }, other: { action: "search", word: "do.search" } };
   }
+  if (offersAround(state)) {
+    return { word: state.said?.word ?? "", tone: "busy", main: { action: "go_around", word: "do.go_around" } };
+  }
   return task ? ended(task) : null;
 };
+
+/** Whether the robot may be asked to find a way of its own to the point that was pressed. @param {import("../drive/features.js").State} state */
+export const offersAround = (state) =>
+  Boolean(state.said?.refused && state.now - state.said.at < AROUND_SECONDS && state.robot?.pose.localized && can(state, "goto") && maySend(state, "map"));
 
 /** @param {import("./robot_action.js").RobotAction} task @returns {string} */
 const known = ({ type, title }) => (type === "goto" && title ? "place" : { goto: "goto", follow: "goto", dock: "dock", undock: "undock" }[type] ?? "relocalize");

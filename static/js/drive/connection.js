@@ -16,6 +16,7 @@ import { Socket } from "../protocol/socket.js";
 import { TransportRouter } from "../protocol/transport_router.js";
 
 const SERVER_SILENCE = 1.5; // s without any packet on a WebSocket, which brings one a second, after which the visitor is told
+const ROUND_TRIPS = 5; // the first ones are slow while the connection is made, and would raise an alarm
 const SOCKET_SILENCE = 3; // and after which another one is opened
 
 const newSlice = () => ({
@@ -104,7 +105,7 @@ const poll = ({ store, video, connection }, now, silence) => {
     socket.redial();
   }
   const transport = router.transport(now);
-  return { transport, roundTrip: visit.phase === "driving" ? clockSync.roundTrip(transport) : null, serverSilent: silence > SERVER_SILENCE };
+  return { transport, roundTrip: visit.phase === "driving" ? clockSync.roundTrip(transport, ROUND_TRIPS) : null, serverSilent: silence > SERVER_SILENCE };
 };
 
 /** @param {import("./registry.js").Page} page @param {(packet: unknown, transport: any) => void} receive @param {() => void} heard */

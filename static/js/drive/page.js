@@ -16,9 +16,10 @@ import { createStore } from "./store.js";
 const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent ?? "{}");
 const keymap = new Keymap(recallKeys(config.who ?? ""));
-const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang, keymap.labels());
+const labels = keymap.labels();
+const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang, labels);
 const registry = new Registry();
-const given = { factsheet: config.factsheet ?? null, study: config.study ?? null, practice: config.practice ? "off" : "none" };
+const given = { factsheet: config.factsheet ?? null, returnsHome: config.returnsHome ?? false, guest: Boolean(config.signUp), practising: Boolean(config.practising) && !config.signUp, study: config.study ?? null, practice: config.practice ? "off" : "none" };
 const store = createStore({ ...newState(), ...given });
 
 /** @type {import("./registry.js").Page} */
@@ -28,6 +29,12 @@ const page = {
   element,
   store,
   keys: new KeyDispatcher({ keymap }),
+  /** Keys were chosen. @param {Record<string, string[]>} own */
+  useKeys: (own) => {
+    keymap.use(own);
+    Object.assign(labels, keymap.labels());
+    keymap.writeHints(document);
+  },
   handle: registry.handle.bind(registry),
   emit: registry.emit.bind(registry),
   /** @param {string} action a feature's, or something that happens to the session */

@@ -18,6 +18,12 @@ const newSlice = () => ({
   room: { driver: /** @type {string | null} */ (null), driving: false, observers: 0, waiting: 0 },
   /** the robot's last state, null before the first; robots.api.messages.State */
   robot: /** @type {any} */ (null),
+  /** whether the robot drives back to its station after a visit */
+  returnsHome: false,
+  /** whether this page is in a frame of one that waits for another robot */
+  practising: false,
+  /** whether the visitor tries a simulated robot without an account */
+  guest: false,
   /** the robot's factsheet, null while unknown; robots.api.messages.Factsheet */
   factsheet: /** @type {any} */ (null),
   /** when this page began to drive, and the robot's odometer then; null before */
@@ -178,6 +184,7 @@ const newHandlers = ({ store, emit }) => ({
 /** @param {import("./registry.js").Page} page @returns {Record<string, () => void>} */
 const newActions = (page) => ({
   home: () => (page.config.practising && parent !== window ? parent.postMessage("practice_over", location.origin) : page.element("home").click()),
+  sign_up: () => location.assign(page.config.signUp),
   sign_in: () => location.reload(), // the page's address itself asks for it, and leads back here
   reload: () => location.reload(),
   stay: () => {

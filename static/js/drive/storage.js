@@ -47,6 +47,9 @@ export const recallKeys = (who) => {
   return Object.fromEntries(Object.entries(own).filter(([, keys]) => isList(keys)));
 };
 
+/** @param {string} who @param {Record<string, string[]>} own */
+export const rememberKeys = (who, own) => attempt(() => localStorage.setItem(`keys:${who}`, JSON.stringify(own)));
+
 /** @param {string} robot @returns {{session: string | null, left: boolean}} */
 const read = (robot) => {
   const { session, left } = attempt(() => JSON.parse(sessionStorage.getItem(keyOf(robot)) ?? "{}")) ?? {};

@@ -3,6 +3,7 @@
  */
 
 import { unixNow } from "../lib/clock.js";
+import { lazy } from "../lib/lazy.js";
 import { TICK_SECONDS } from "../protocol/command_stream.js";
 import { roleOf } from "../protocol/session.js";
 import { messageOf } from "../autonomy/robot_action.js";
@@ -58,6 +59,7 @@ const setUp = (page) => {
   });
   steering.robotLimits = page.config.factsheet?.limits ?? null;
 
+  setUpOwnKeys(page);
   onFocusLoss((why) => {
     if (steering.enabled) {
       brake();
@@ -75,6 +77,19 @@ const setUp = (page) => {
     actions: { stop: brake, speed: (/** @type {string} */ step) => steering.setStep(Number(step)) },
     on: newListeners(page, steering),
   };
+};
+
+/** The list of keys is fetched when it is first opened. @param {import("../drive/registry.js").Page} page */
+const setUpOwnKeys = (page) => {
+  const button = page.element("own-keys-open");
+  const fetchList = lazy(async () => (await import("./own_keys.js")).createOwnKeys(page));
+  button.addEventListener("click", () =>
+    fetchList(({ show }) => {
+      const opens = button.getAttribute("aria-expanded") === "false";
+      button.setAttribute("aria-expanded", String(opens));
+      show(opens);
+    }),
+  );
 };
 
 /** Nobody drives by video that is not there: what the page says then, that the robot has stopped, is true. @param {import("../drive/store.js").Store} store @param {() => void} brake */

@@ -5,7 +5,7 @@
  * - Keys that make text are the field's. Keys with Ctrl, Alt or Meta are the browser's, keys of a letter in the making the input method's.
  * - What opens takes the keys: those that are down count as released, so the robot stops. After it has closed, a key that is still down
  *   means nothing until it is pressed anew.
- * - The space bar stops the robot all the same, unless it types or ticks.
+ * - The key that stops the robot (the space bar) does so all the same, unless it types or ticks.
  * - Escape closes what is open. A press beside a menu closes it, too.
  *
  * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every dialog element and open <details> has them too.
@@ -41,7 +41,7 @@ export const keyUse = (event, holder, keymap = USUAL) => {
   if (isShortcut(event)) {
     return "shortcut";
   }
-  if (keymap.commandOf(event) === "stop" && !on(TICKED)) {
+  if (keymap.commandOf(event) === "stop" && !(event.code === "Space" && on(TICKED))) {
     return "stop";
   }
   if (holder) {

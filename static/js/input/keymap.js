@@ -14,6 +14,7 @@ export const DEFAULTS = Object.freeze({
   faster: ["Equal", "NumpadAdd", "BracketRight"],
   slower: ["Minus", "NumpadSubtract", "Slash"],
   talk: ["KeyT"],
+  turn_around: ["KeyU"],
   look_up: ["KeyR"],
   look_down: ["KeyF"],
 });
@@ -29,20 +30,56 @@ export const MAP_DEFAULTS = Object.freeze({
   map_all: ["0"],
 });
 
-const SIGNS = /** @type {Record<string, string>} */ ({ ArrowUp: "↑", ArrowLeft: "←", ArrowDown: "↓", ArrowRight: "→", Equal: "+", Minus: "−", Space: "␣" });
+const SIGNS = /** @type {Record<string, string>} */ ({
+  ...{ ArrowUp: "↑", ArrowLeft: "←", ArrowDown: "↓", ArrowRight: "→", Space: "␣", Equal: "+", Minus: "−" },
+  ...{ NumpadAdd: "+", NumpadSubtract: "−", NumpadMultiply: "×", NumpadDivide: "÷", NumpadDecimal: "." },
+  ...{ BracketLeft: "[", BracketRight: "]", Slash: "/", Backslash: "\\", Semicolon: ";", Quote: "'", Comma: ",", Period: ".", Backquote: "`" },
+});
 
 /** What is printed on a key, as far as that is the same everywhere. @param {string} key */
 export const labelOf = (key) => SIGNS[key] ?? key.replace(/^(?:Key|Digit|Numpad)/, "");
 
+/** What the browser and the page itself need, and what goes with other keys. */
+const NEVER = /^(?:|Escape|Tab|Enter|NumpadEnter|F\d+|ContextMenu|CapsLock|NumLock|ScrollLock|(?:Alt|Control|Shift|Meta|OS|Browser|Media|Audio).*)$/;
+
 export class Keymap {
-  /** @param {Record<string, string[]>} [own] the visitor's keys, by command; the rest keep theirs, unless they were taken */
+  mapCommands = invert(MAP_DEFAULTS);
+
+  /** @param {Record<string, string[]>} [own] */
   constructor(own = {}) {
+    this.use(own);
+  }
+
+  /**
+   * Take a visitor's keys.
+   * @param {Record<string, string[]>} own by command; the rest keep theirs, unless they were taken. Something always stops the robot.
+   */
+  use(own) {
     const taken = new Set(Object.keys(DEFAULTS).flatMap((command) => own[command] ?? []));
     const keysOf = (/** @type {[string, readonly string[]]} */ [command, keys]) => [command, own[command] ?? keys.filter((key) => !taken.has(key))];
     /** @type {Record<string, readonly string[]>} */
     this.keys = Object.fromEntries(Object.entries(DEFAULTS).map(/** @type {any} */ (keysOf)));
-    this.commands = invert(this.keys);
-    this.mapCommands = invert(MAP_DEFAULTS);
+    if (!this.keys.stop.length) {
+      this.keys.stop = DEFAULTS.stop;
+    }
+    this.own = own;
+    this.commands = invert({ ...this.keys, stop: [] });
+    this.keys.stop.forEach((key) => this.commands.set(key, "stop"));
+  }
+
+  /** Why a key may not be a command's: "never" is it anybody's, or it is the only one that stops the robot. @param {string} command @param {string} key */
+  refuses(command, key) {
+    if (NEVER.test(key)) {
+      return "never";
+    }
+    return command !== "stop" && this.keys.stop.every((one) => one === key) ? "stop" : "";
+  }
+
+  /** The visitor's keys with one more: it is this command's alone, and its only one. @param {string} command @param {string} key */
+  withKey(command, key) {
+    const others = Object.entries(this.keys).filter(([, keys]) => keys.includes(key));
+    const freed = others.map(([other, keys]) => [other, keys.filter((one) => one !== key)]);
+    return /** @type {Record<string, string[]>} */ ({ ...this.own, ...Object.fromEntries(freed), [command]: [key] });
   }
 
   /** @param {{code: string, key?: string}} event @returns {string} nothing for a key of no command */

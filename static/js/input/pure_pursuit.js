@@ -10,6 +10,7 @@ import { arcSteps, sweep } from "../view/overlay/swept_path.js";
 
 const ARRIVED = 0.12; // m
 export const SIDE_TURN = 0.6; // rad that a press at a side of the picture turns
+export const ABOUT = 3; // rad that "Turn around" turns: nearly half a turn, so that it is clear which way round
 export const BACK_OUT = 0.55; // m backwards out of the dock: then there is room to turn
 const TURN_FIRST_BEARING = 0.9; // rad; a point further aside is turned to on the spot
 const SHARPEST = 2; // 1/m

@@ -1,13 +1,14 @@
 /** Copies a text that stands on the page; without this script, or where the browser forbids it, the text can be marked by hand. */
 
+import { copy } from "../lib/clipboard.js";
+
 for (const button of document.querySelectorAll("[data-copy]")) {
   const words = button.textContent;
-  button.hidden = !navigator.clipboard;
+  button.hidden = false;
   button.addEventListener("click", async () => {
-    try {
-      await navigator.clipboard.writeText(document.getElementById(button.dataset.copy).textContent.trim());
-    } catch {
-      document.getSelection().selectAllChildren(document.getElementById(button.dataset.copy));
+    const source = document.getElementById(button.dataset.copy);
+    if (!(await copy(source.textContent.trim()))) {
+      document.getSelection().selectAllChildren(source);
       return;
     }
     button.textContent = button.dataset.done;

@@ -2,6 +2,7 @@
 
 const PERIOD_MS = 5000;
 const section = document.querySelector("[data-robots]");
+const invitation = document.querySelector("[data-invitation] a");
 const stale = section.querySelector("[data-stale]");
 const shown = new Map([...section.querySelectorAll("[data-robot]")].map((card) => [card.dataset.robot, card]));
 let timer = 0;
@@ -37,10 +38,12 @@ async function refresh() {
   try {
     const answer = await fetch(section.dataset.robots, { headers: { Accept: "application/json" }, signal: AbortSignal.timeout(PERIOD_MS) });
     if (!answer.ok) throw new Error(`robots: ${answer.status}`);
-    const { robots } = await answer.json();
+    const { robots, invitation: offered } = await answer.json();
     stale.hidden = true;
     if (!sameRobots(robots)) return location.reload();
     for (const robot of robots) render(shown.get(robot.name), robot);
+    invitation.href = offered.url;
+    say(invitation, offered.label);
   } catch {
     stale.hidden = false;
   }

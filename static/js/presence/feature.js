@@ -4,12 +4,14 @@
  */
 
 import { backToDriving } from "../lib/dom.js";
+import { isOffered } from "../autonomy/offer.js";
+import { unixNow } from "../lib/clock.js";
+import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
 import { callOf, newOwn } from "./call.js";
 import { CallMedia } from "./call_media.js";
 import { createCallView } from "./call_view.js";
 import { createHead } from "./head.js";
-import { KeptPhoto } from "./kept_photo.js";
 import { createMessages } from "./messages.js";
 
 const newSlice = () => ({
@@ -30,18 +32,28 @@ const newSlice = () => ({
 const setUp = (page) => {
   const { store, element } = page;
   const media = new CallMedia(page);
-  const photo = new KeptPhoto(page);
+  const fetchPhoto = lazy(async () => new (await import("./kept_photo.js")).KeptPhoto(page));
+  /** @type {import("./kept_photo.js").KeptPhoto | null} fetched with the first photo that is taken */
+  let photo = null;
+  const takePhoto = () =>
+    fetchPhoto(
+      (it) => {
+        photo = it;
+        photo.take();
+      },
+      () => store.update({ said: { word: "kept.failed", at: unixNow() }, now: unixNow() }),
+    );
   const messages = createMessages(page);
   const head = createHead(page);
   const callView = createCallView(page, media);
-  setUpButtons(page, { ...media.clicks, ...messages.clicks, ...photo.clicks, "presence-volumes": () => toggleVolumes(page, messages) });
+  setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
   page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
-  const renders = [callView.render, messages.render, head.render, photo.render];
+  const renders = [callView.render, messages.render, head.render];
 
   return {
     api: { media },
     handlers: {
-      action: (/** @type {any} */ message) => photo.heard(message),
+      action: (/** @type {any} */ message) => photo?.heard(message),
       words: messages.received,
       pointer: (/** @type {any} */ message) => media.preview?.pointed(message),
     },
@@ -51,19 +63,22 @@ const setUp = (page) => {
       poll: (/** @type {number} */ now) => {
         media.poll(now);
         head.poll(now);
-        photo.poll(now);
+        photo?.poll(now);
       },
     },
     render: (/** @type {import("../drive/features.js").State} */ { visit, own, panel, keptPhoto }) => {
       if (roleOf(visit) !== "driver" && (callOf(own) || panel || keptPhoto)) {
         media.endAll();
-        photo.close();
+        photo?.close();
         store.update({ panel: "", writing: false });
       }
       const state = store.get();
       // Who writes goes on writing while the video is away: a field that goes would leave the next letters to the robot.
       element("presence").hidden = roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes");
+      // In a study its photos belong to the task.
+      element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
       renders.forEach((render) => render(state));
+      photo?.render(state);
     },
   };
 };

@@ -8,7 +8,7 @@ import { freshId } from "../lib/ids.js";
 import { STEP, Tilting } from "./tilt.js";
 
 /** @param {import("../drive/registry.js").Page} page */
-export const createHead = ({ store, element, driving }) => {
+export const createHead = ({ store, element, driving, words }) => {
   const slider = /** @type {HTMLInputElement} */ (element("tilt-slider"));
   const tilting = new Tilting();
 
@@ -51,6 +51,13 @@ export const createHead = ({ store, element, driving }) => {
         const shown = tilting.shown(state.robot?.tilt ?? null, unixNow());
         if (shown !== null && Math.abs(Number(slider.value) - shown) > 0.005) {
           slider.value = String(shown);
+        }
+        if (shown !== null) {
+          const degrees = Math.round((Math.abs(shown) * 180) / Math.PI);
+          const said = words.say(degrees === 0 ? "tilt.level" : shown > 0 ? "tilt.down" : "tilt.up", { degrees });
+          if (slider.getAttribute("aria-valuetext") !== said) {
+            slider.setAttribute("aria-valuetext", said);
+          }
         }
       }
     },

@@ -1,6 +1,5 @@
 /** A photo that the visitor takes for themselves: asked for, waited for, shown, and offered for download. */
 
-import { isOffered } from "../autonomy/offer.js";
 import { ask, heard, pass } from "../autonomy/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { write } from "../lib/dom.js";
@@ -15,11 +14,9 @@ export class KeptPhoto {
       list: page.config.snapshots,
       onFound: (_, url) => page.store.update({ keptPhotoUrl: url }),
     });
-    this.clicks = { "presence-photo": () => this.#take(), "kept-close": () => this.close() };
-    this.render = this.render.bind(this);
   }
 
-  #take() {
+  take() {
     const { store, driving } = this.page;
     const { keptPhoto } = store.get();
     if (keptPhoto === null || keptPhoto.endedAt !== null) {
@@ -65,8 +62,6 @@ export class KeptPhoto {
   render(state) {
     const { element, words, config } = this.page;
     const { keptPhoto: photo, keptPhotoUrl: url } = state;
-    // In a study its photos belong to the task.
-    element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
     const done = photo?.status === "FINISHED" || url !== "";
     element("kept").hidden = photo === null;
     const key = !photo ? "" : photo.status === "FAILED" ? "kept.failed" : url ? "kept.here" : done ? "kept.coming" : "kept.taking";

@@ -118,9 +118,9 @@ export class ClockSync {
     return now - this.transports[transport].heardAt;
   }
 
-  /** Median of the last round trips on a transport, in seconds; null while unknown. @param {Transport} transport */
-  roundTrip(transport) {
+  /** Median of the last round trips on a transport, in seconds; null while unknown. @param {Transport} transport @param {number} [least] how many are enough to tell */
+  roundTrip(transport, least = 1) {
     const sorted = [...this.transports[transport].roundTrips].sort((a, b) => a - b);
-    return sorted.length ? sorted[sorted.length >> 1] : null;
+    return sorted.length >= least ? sorted[sorted.length >> 1] : null;
   }
 }

@@ -15,7 +15,7 @@ import { createRecorder } from "./recorder.js";
 const AGAIN = 2000; // ms until a part of the page that did not arrive is fetched again
 
 const newSlice = () => ({
-  /** what the page was told about the study that the drive belongs to: experiments/tasks/page.py; null without one */
+  /** what the page was told about the study that the drive belongs to: experiments/participation/drive_config.py; null without one */
   study: /** @type {any} */ (null),
   /** how far the task of the study is, as the session manager last said: guide.js */
   told: /** @type {import("./guide.js").Told | null} */ (null),

@@ -1,6 +1,6 @@
 /**
  * What a study leaves to the visitor: what it fixes is not offered. Pure. The terms of the visit come with the grant; until then what
- * the page was told about the study holds (experiments/tasks/page.py). Without a study everything is open.
+ * the page was told about the study holds (experiments/participation/drive_config.py). Without a study everything is open.
  */
 
 /** @typedef {import("../drive/features.js").State} State */

@@ -17,8 +17,8 @@ class Command(BaseCommand):
     """Never overwrites anything."""
 
     help = (
-        "Write everything that cannot be made again into one new file, readable by its owner alone;"
-        " the site may go on running."
+        "Write everything that cannot be recreated into one new file that "
+        "only its owner can read; the site can keep running."
     )
     requires_system_checks: list[str] = []
 
@@ -34,6 +34,6 @@ class Command(BaseCommand):
             raise CommandError(str(error)) from error
         size = sum(file["size"] for file in manifest["files"].values())
         self.stdout.write(
-            f"{len(manifest['files'])} files, {size / 1e6:.1f} MB, in {options['file']}. It holds"
-            " keys: keep it like one."
+            f"{len(manifest['files'])} files, {size / 1000000.0:.1f} MB, in "
+            f"{options['file']}. It contains keys: protect it like one."
         )

@@ -24,13 +24,13 @@ class Command(BaseCommand):
             "--lan",
             action="store_true",
             default=flag("LAN"),
-            help="let other devices in, with a self-made certificate",
+            help="let other devices connect, with a self-signed certificate",
         )
         parser.add_argument(
             "--reset",
             action="store_true",
             default=flag("RESET"),
-            help="forget everything of earlier runs",
+            help="delete everything from earlier runs",
         )
 
     def handle(self, *_args: object, **options: object) -> None:

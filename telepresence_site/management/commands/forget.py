@@ -16,10 +16,10 @@ from telepresence_site.ops.retention import forget_all
 class Command(BaseCommand):
     """Keep to settings.RETENTION_DAYS, and say what was done."""
 
-    help = "Delete what has been kept as long as the RETENTION_ settings say; to be run daily."
+    help = "Delete what is older than the RETENTION_ settings allow; run it daily."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("--dry-run", action="store_true", help="count, and delete nothing")
+        parser.add_argument("--dry-run", action="store_true", help="only count; delete nothing")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         dry_run = options["dry_run"]

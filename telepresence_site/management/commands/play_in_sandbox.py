@@ -7,7 +7,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 
 from robots.processes import interrupted_by_signals
-from telepresence_site.demo.children import StartFailed
+from telepresence_site.children import StartFailed
 from telepresence_site.rehearsal.play import PlayFailed, carry_out
 
 

@@ -12,11 +12,11 @@ from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from experiments.bots.endings import Ending
-from experiments.definition import rehearsed
 from experiments.definition.problems import problems
-from experiments.definition.rehearsal import ConditionReport, Report
-from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import StudyDefinition
 from experiments.models import Study
+from experiments.rehearsal import findings
+from experiments.rehearsal.report import ConditionReport, RehearsalReport
 from robots.processes import interrupted_by_signals
 from telepresence_site.rehearsal import sandbox
 from telepresence_site.rehearsal.play import Orders, PlayFailed, play
@@ -29,21 +29,26 @@ class Command(BaseCommand):
     """Rehearse a study."""
 
     help = (
-        "Let bots play a study in a sandbox, through every condition, branch and door state, and"
-        " keep the report with it."
+        "Let bots take part in a study in a sandbox, through every "
+        "condition, branch and door state, and store the report with the "
+        "study."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("study", help="name of the study, or name:version")
         parser.add_argument(
-            "--seed", type=int, default=1, metavar="S", help="of everything that the bots decide"
+            "--seed",
+            type=int,
+            default=1,
+            metavar="S",
+            help="seed for everything that the bots decide",
         )
         parser.add_argument(
             "--speed",
             type=float,
             default=10.0,
             metavar="X",
-            help="up to so many times faster than real time (default 10)",
+            help="at most this many times faster than real time (default 10)",
         )
         parser.add_argument(
             "--each",
@@ -56,11 +61,11 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         study = named_draft(options["study"])
-        rehearsal = rehearsed.begin(study, timezone.now())
+        rehearsal = findings.begin(study, timezone.now())
         wrong = [*problems(study.as_definition()), *sandbox.problems(study.as_definition())]
         if wrong:
-            rehearsed.keep(rehearsal, None, " ".join(wrong))
-            raise CommandError("\n".join(["It cannot be played as it is:", *wrong]))
+            findings.keep(rehearsal, None, " ".join(wrong))
+            raise CommandError("\n".join(["The study cannot be rehearsed as it is:", *wrong]))
         orders = orders_for(
             study.as_definition(), options["each"], options["seed"], options["speed"]
         )
@@ -68,12 +73,12 @@ class Command(BaseCommand):
             with interrupted_by_signals(), sandbox_folder(study.slug) as folder:
                 played = play(study, orders, folder, self.stdout.write)
         except (PlayFailed, KeyboardInterrupt) as error:
-            rehearsed.keep(rehearsal, None, str(error) or "It was ended.")
+            findings.keep(rehearsal, None, str(error) or "It was ended.")
             raise CommandError(str(error) or "It was ended.") from error
-        rehearsed.keep(rehearsal, played.report)
+        findings.keep(rehearsal, played.report)
         self._tell(played.report, options["report"])
 
-    def _tell(self, report: Report, file: Path | None) -> None:
+    def _tell(self, report: RehearsalReport, file: Path | None) -> None:
         if file is not None:
             file.write_text(json.dumps(report.as_data(), indent=1), encoding="utf-8")
         for one in report.conditions:
@@ -81,15 +86,15 @@ class Command(BaseCommand):
         self.stdout.write(f"A participant needs about {report.expected_minutes:g} minutes.")
         for need in report.power:
             self.stdout.write(
-                f"A difference of {need['effect']:g} standard deviations needs {need['total']:g}"
-                " participants (80 %)."
+                f"A difference of {need['effect']:g} standard deviations needs "
+                f"{need['total']:g} participants (80 % power)."
             )
         for sentence in report.notes:
             self.stdout.write(f"  note: {sentence}")
         for sentence in report.problems:
             self.stdout.write(f"  problem: {sentence}")
         if not report.passed:
-            raise CommandError("The rehearsal did not pass.")
+            raise CommandError("The rehearsal did not pass: see the problems above.")
         self.stdout.write("The rehearsal passed.")
 
 
@@ -107,7 +112,7 @@ def named_draft(text: str) -> Study:
     return found
 
 
-def orders_for(definition: Definition, each: int, seed: int, speed: float) -> Orders:
+def orders_for(definition: StudyDefinition, each: int, seed: int, speed: float) -> Orders:
     """Return what goes through every cell so many times, answers every list with each of its
     options, and leaves in a few other ways.
     """

@@ -21,7 +21,7 @@ class Command(BaseCommand):
         parser.add_argument(
             "--check",
             action="store_true",
-            help="only read it to its end and compare every checksum",
+            help="only read it to the end and verify every checksum",
         )
 
     def handle(self, *_args: Any, **options: Any) -> None:

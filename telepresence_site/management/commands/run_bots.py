@@ -14,8 +14,8 @@ from django.core.management.base import BaseCommand, CommandError
 
 from experiments.bots.endings import Ending, draw, in_turn
 from experiments.bots.persona import EffectError, effect
+from experiments.management.study_lookup import study_named
 from experiments.models import Study
-from experiments.participation.study_lookup import study_named
 from robots.processes import ended_by_signals, interrupted_by_signals
 from telepresence_site.rehearsal.play import Orders, PlayFailed, crowd_of, play
 from telepresence_site.rehearsal.room import sandbox_folder
@@ -27,8 +27,8 @@ class Command(BaseCommand):
     """Let bots take part in a study."""
 
     help = (
-        "Let bots take part in a study: with --url on a running site, with --speed in a sandbox"
-        " that lives faster than real time."
+        "Let bots take part in a study: with --url on a running site, with "
+        "--speed in a sandbox that runs faster than real time."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
@@ -37,18 +37,22 @@ class Command(BaseCommand):
             "--participants", type=int, default=2, metavar="N", help="how many bots (default 2)"
         )
         parser.add_argument(
-            "--seed", type=int, default=1, metavar="S", help="of everything that the bots decide"
+            "--seed",
+            type=int,
+            default=1,
+            metavar="S",
+            help="seed for everything that the bots decide",
         )
         parser.add_argument(
             "--speed",
             type=float,
             metavar="X",
-            help="in a sandbox, up to so many times faster than real time",
+            help="in a sandbox, at most this many times faster than real time",
         )
         parser.add_argument(
             "--url",
             default="http://127.0.0.1:8000",
-            help="the site on which they take part, which has this database",
+            help="the site where they take part, which must use this database",
         )
         parser.add_argument(
             "--at-once",
@@ -60,7 +64,7 @@ class Command(BaseCommand):
         parser.add_argument(
             "--endings",
             default="usual",
-            help="usual, every, or names divided by commas: " + ", ".join(Ending),
+            help="usual, every, or names separated by commas: " + ", ".join(Ending),
         )
         parser.add_argument(
             "--visits",
@@ -90,11 +94,11 @@ class Command(BaseCommand):
         stuck = sum(1 for diary in diaries if diary["stuck"])
         self.stdout.write(f"{len(diaries)} bots, {stuck} of them stuck.")
         if stuck:
-            raise CommandError("The study led some bots nowhere; see above.")
+            raise CommandError("Some bots got stuck in the study; see above.")
 
     def _beside(self, study: Study, orders: Orders, url: str) -> list[dict[str, Any]]:
         if study.status == Study.Status.CLOSED:
-            raise CommandError("The study is closed: it takes nobody new.")
+            raise CommandError("The study is closed: it accepts no new participants.")
         # a bot waits minutes for a site that does not answer, and leaves nothing behind
         with ended_by_signals():
             diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
@@ -111,8 +115,9 @@ class Command(BaseCommand):
         for sentence in played.report.problems:
             self.stdout.write(f"  {sentence}")
         self.stdout.write(
-            f"{played.seconds / 60.0:.1f} minutes passed in {played.real_seconds / 60.0:.1f}:"
-            f" {times:.1f} times real time."
+            f"{played.seconds / 60.0:.1f} simulated minutes took "
+            f"{played.real_seconds / 60.0:.1f} real ones: {times:.1f} times real "
+            "time."
         )
         return played.diaries
 
@@ -155,4 +160,4 @@ def _endings(text: str, count: int, seed: int) -> list[Ending]:
     try:
         return in_turn(count, [Ending(name.strip()) for name in text.split(",")])
     except ValueError as error:
-        raise CommandError(f"{error}; there are: {', '.join(Ending)}.") from error
+        raise CommandError(f"{error}; choose from: {', '.join(Ending)}.") from error

@@ -9,9 +9,7 @@ from django.core.management.base import BaseCommand, CommandError
 
 from robots.processes import END_SIGNALS
 from telepresence_site.practice.robots import prepare
-from telepresence_site.practice.supervisor import Supervisor
-
-READY = "practice ready"
+from telepresence_site.practice.supervisor import READY, Supervisor
 
 
 class Command(BaseCommand):
@@ -20,15 +18,17 @@ class Command(BaseCommand):
     """
 
     help = (
-        "Run simulated robots in which visitors practise while they wait for a real one"
-        " (PRACTICE_ROBOTS says how many at once)."
+        "Run simulated robots on which visitors practise while they wait for "
+        "a real one (PRACTICE_ROBOTS sets how many at once)."
     )
     # of the settings; to check every page takes a second
     requires_system_checks: list[str] = ["telepresence", "security"]
 
     def handle(self, *_args: Any, **_options: Any) -> None:
         if settings.PRACTICE_ROBOTS < 1:
-            raise CommandError("PRACTICE_ROBOTS is 0: say how many visitors may practise at once.")
+            raise CommandError(
+                "PRACTICE_ROBOTS is 0: set it to how many visitors may practise at once."
+            )
         stopping = threading.Event()
         for number in END_SIGNALS:
             signal.signal(number, lambda *_: stopping.set())

@@ -56,7 +56,9 @@ def write(
     """
     draft = target.with_name(target.name + ".partial")
     if target.exists():
-        raise BackupError(f"{target} is there already; a backup never overwrites anything.")
+        raise BackupError(
+            f"{target} already exists; a backup never overwrites anything. Choose another name."
+        )
     try:
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         try:
@@ -104,7 +106,7 @@ def unpack(source: Path, directory: Path) -> dict[str, Any]:
         with tarfile.open(source, mode="r|gz") as archive:
             for info, content in _regular(archive):
                 if manifest is not None:
-                    raise BackupError(f"{source} goes on after its manifest.")
+                    raise BackupError(f"{source} is damaged: it continues after its manifest.")
                 if info.name == MANIFEST:
                     manifest = json.loads(content.read(MAX_MANIFEST))
                 else:
@@ -118,14 +120,14 @@ def _regular(archive: tarfile.TarFile) -> Iterator[tuple[tarfile.TarInfo, Binary
     for info in archive:
         content = archive.extractfile(info) if info.isreg() else None
         if content is None:
-            raise BackupError(f"The backup holds {info.name!r}, which is no file.")
+            raise BackupError(f"The backup contains {info.name!r}, which is not a file.")
         yield info, content  # type: ignore[misc] -- IO[bytes]
 
 
 def _safe(name: str) -> PurePosixPath:
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or "\\" in name or ":" in name or "\0" in name:
-        raise BackupError(f"The backup holds {name!r}, which leads out of its place.")
+        raise BackupError(f"The backup contains {name!r}, which points outside its folder.")
     return path
 
 
@@ -144,10 +146,12 @@ def _checked(
     source: Path, manifest: dict[str, Any] | None, found: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     if manifest is None:
-        raise BackupError(f"{source} has no manifest: it was cut off, or is no backup of ours.")
+        raise BackupError(
+            f"{source} has no manifest: it was cut off, or is not a backup of this software."
+        )
     if manifest.get("format") != FORMAT:
         raise BackupError(
-            f"{source} has format {manifest.get('format')!r}; this code reads {FORMAT}."
+            f"{source} has format {manifest.get('format')!r}; this version reads {FORMAT}."
         )
     wrong = sorted(
         name

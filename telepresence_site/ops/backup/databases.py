@@ -28,8 +28,8 @@ def member() -> str:
     """
     if connection.vendor not in MEMBERS:
         raise BackupError(
-            f"A database of the kind {connection.vendor} is backed up with its own tools (MongoDB:"
-            " mongodump, mongorestore)."
+            f"Back up a {connection.vendor} database with its own tools (MongoDB: "
+            "mongodump, mongorestore)."
         )
     return MEMBERS[connection.vendor]
 

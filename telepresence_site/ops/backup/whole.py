@@ -77,21 +77,22 @@ def _files() -> Iterator[tuple[str, Path]]:
 def _must_be_empty() -> None:
     if not databases.is_empty():
         raise BackupError(
-            "The database is not empty; a restore never overwrites anything. Name an empty one in"
-            " DATABASE_URL, or another VAR_DIR."
+            "The database is not empty; a restore never overwrites anything. Set "
+            "DATABASE_URL to an empty one, or set another VAR_DIR."
         )
     there = [name for name, _ in _files() if Path(name) != REPLACED]
     if there:
         raise BackupError(
-            f"{settings.VAR_DIR} is not empty ({there[0]}); a restore never overwrites anything."
+            f"{settings.VAR_DIR} is not empty ({there[0]}); a restore never "
+            "overwrites anything. Set another VAR_DIR."
         )
 
 
 def _fits(manifest: dict[str, Any]) -> list[str]:
     if manifest["engine"] != connection.vendor:
         raise BackupError(
-            f"The backup is of a {manifest['engine']} database, and DATABASE_URL names a"
-            f" {connection.vendor} one."
+            f"The backup is of a {manifest['engine']} database, but DATABASE_URL "
+            f"names a {connection.vendor} one."
         )
     known = {
         f"{app}.{name}"
@@ -100,8 +101,8 @@ def _fits(manifest: dict[str, Any]) -> list[str]:
     newer = sorted(set(manifest["migrations"]) - known)
     if newer:
         raise BackupError(
-            f"The backup is of newer code ({newer[0]} and {len(newer) - 1} more migrations are"
-            " unknown here): update the code first."
+            f"The backup is from newer code ({newer[0]} and {len(newer) - 1} more "
+            "migrations are unknown here): update the code first."
         )
     words = []
     if known - set(manifest["migrations"]):

@@ -59,12 +59,12 @@ def test_the_administration_has_the_sites_face_and_needs_no_inline_code(client, 
 
 def test_staff_without_rights_see_no_numbers(client):
     client.force_login(person("helper", is_staff=True))
-    assert "glance" not in client.get(reverse("admin:index")).content.decode()
+    assert "home-card" not in client.get(reverse("admin:index")).content.decode()
 
 
 def test_the_first_page_tells_that_nothing_is_recorded(client, staff):
     assert (
-        "The session manager is not running" in client.get(reverse("admin:index")).content.decode()
+        "The session manager isn't running" in client.get(reverse("admin:index")).content.decode()
     )
 
 

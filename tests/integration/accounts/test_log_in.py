@@ -120,7 +120,7 @@ def test_every_door_of_accounts_says_when_to_come_again(client, name, data, limi
     answers = [client.post(reverse(name), data) for _ in range(limit + 1)]
     assert 429 not in {answer.status_code for answer in answers[:limit]}
     assert (answers[limit].status_code, answers[limit]["Retry-After"]) == (429, "60")
-    assert "A little slower" in read(answers[limit]).text
+    assert "Too many attempts" in read(answers[limit]).text
 
 
 def test_a_session_ends_with_the_browser_unless_the_visitor_wants_to_stay(client):

@@ -80,4 +80,4 @@ def test_every_door_that_could_be_tried_without_end_has_a_limit(client, name, ar
 def test_a_person_sees_a_page_and_not_a_word_of_json(client):
     for _ in range(31):
         page = client.get(reverse("study_link", args=["guess"]))
-    assert "A little slower, please" in page.content.decode()
+    assert "Too many attempts" in page.content.decode()

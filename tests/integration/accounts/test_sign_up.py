@@ -113,5 +113,5 @@ def test_many_sign_ups_from_one_address_are_slowed_down(client):
         sign_up(client, username=f"robot{n}", email="", password1="short")
     response = sign_up(client)
     assert (response.status_code, response["Retry-After"]) == (429, "60")
-    assert "A little slower" in read(response).text
+    assert "Too many attempts" in read(response).text
     assert not User.objects.exists()

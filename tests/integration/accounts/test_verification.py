@@ -60,7 +60,7 @@ def test_with_optional_verification_a_visitor_may_drive_and_confirm_later(client
 def test_with_mandatory_verification_a_visitor_waits_for_the_link(client, verification):
     verification("mandatory")
     response = client.post(reverse("account_signup"), FORM, follow=True)
-    assert "Look into your mail" in read(response).text
+    assert "Check your e-mail" in read(response).text
     assert not signed_in(client)
     client.post(reverse("account_login"), {"login": "ada", "password": PASSWORD})
     assert not signed_in(client)
@@ -81,7 +81,7 @@ def test_with_mandatory_verification_sign_up_does_not_tell_who_has_an_account(cl
     user = person("first", email="ada@example.org")
     EmailAddress.objects.create(user=user, email=user.email, verified=True, primary=True)
     response = client.post(reverse("account_signup"), FORM, follow=True)
-    assert "Look into your mail" in read(response).text
+    assert "Check your e-mail" in read(response).text
     assert User.objects.count() == 1
 
 
@@ -95,7 +95,7 @@ def test_a_link_that_was_made_up_says_that_it_has_expired(client):
 def test_a_visitor_adds_and_removes_addresses(client):
     client.force_login(person())
     url = reverse("account_email")
-    assert "There is no e-mail address" in read(client.get(url)).text
+    assert "has no e-mail address" in read(client.get(url)).text
     client.post(url, {"action_add": "1", "email": "ada@example.org"})
     page = read(client.get(url))
     assert "ada@example.org" in page.text

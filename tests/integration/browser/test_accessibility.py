@@ -136,13 +136,13 @@ def test_every_step_of_a_study(opened):
     found, seen = [], set()
     for _ in range(20):
         page.goto(walker.url())
-        kind = type(walker.step).__name__
+        kind = walker.step.kind
         found += faults(page, kind)
         seen.add(kind)
         if walker.participant.status != "active":
             break
         walker.do()
-    assert {"Consent", "Form", "Instructions", "Task", "Questionnaire"} <= seen
+    assert {"consent", "form", "instructions", "task", "questionnaire"} <= seen
     assert not found, "\n".join(found)
 
 

@@ -77,7 +77,7 @@ def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explai
     anna.page.keyboard.down("ArrowUp")
     expect(anna.page.locator("#alert")).to_have_attribute("data-word", "alert.docked_forward")
     anna.page.keyboard.up("ArrowUp")
-    press(anna, "Leave the dock")
+    press(anna, "Leave station")
     offer(anna, "task.undock")
     offer(anna, "task.done.undock", within=25)
     assert not giraff.truth().docked
@@ -131,7 +131,7 @@ def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, gir
     tap(dan, 6.0, -1.0)  # below the southernmost wall
     press(dan, "Go here")
     offer(dan, "task.failed.goto")
-    expect(dan.page.locator("#offer-detail")).to_contain_text("outside of its map")
+    expect(dan.page.locator("#offer-detail")).to_contain_text("outside the map")
     keep_at_all_sizes(dan.page, "blocked")
     press(dan, "Try again")
     offer(dan, "task.failed.goto")
@@ -142,7 +142,7 @@ def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, gir
 
 def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, visitor, giraff):
     eva = visitor("eva").drive()
-    press(eva, "Steering")
+    press(eva, "Steers around them")
     expect(eva.page.locator("[data-action=assist-steer]")).to_have_attribute("aria-pressed", "true")
     wait_for(
         lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record"
@@ -165,7 +165,7 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, operator):
     fay.hold(
         "ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost"
     )
-    press(fay, "Show it")  # at once: it looks for itself all the while
+    press(fay, "Set it")  # at once: it looks for itself all the while
     fay.page.keyboard.up("ArrowLeft")
     show_place(fay, giraff.truth())
     keep_at_all_sizes(fay.page, "placing")
@@ -180,7 +180,7 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     gil, hans, stranger = visitor("gil").drive(), visitor("hans").open(go=True), visitor()
     assert operator.wish(CarryTo(1.9, 5.2, 0.0)) == ""
     press(gil, "Go to…")
-    press(gil, "Show where the robot is")
+    press(gil, "Set the robot's position")
     show_place(gil, giraff.truth())
     press(gil, "It is here")
     offer(gil, "task.done.relocalize", within=20)

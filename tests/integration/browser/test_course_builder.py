@@ -12,7 +12,7 @@ pytestmark = pytest.mark.browser
 SETUP = """
 from django.utils import timezone
 from accounts.models import User
-from experiments.definition import publishing
+from experiments import publishing
 from experiments.definition.shipped import shipped
 from experiments.models import Study
 User.objects.filter(username={name!r}).update(is_staff=True, is_superuser=True)
@@ -84,7 +84,9 @@ def test_the_mouse_and_the_keys_move_a_checkpoint_and_the_server_says_what_is_no
     page.keyboard.press("Shift+ArrowLeft")
     assert place(page, 3) == pytest.approx((dragged[0] - 0.02, dragged[1] + 0.1))
     page.locator('[name="checkpoints.3.x"]').fill("30")
-    expect(page.locator("#course-check")).to_contain_text("checkpoint 3 lies in no room")
+    expect(page.locator("#course-check")).to_contain_text(
+        "checkpoint 3 lies in no room; move it into one."
+    )
     expect(page.locator(".is-unreachable")).to_have_count(1)
 
 

@@ -94,12 +94,14 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
     page = opened(owner)
     complaints = Complaints(page)
     for address, shows in {
+        "/try/": "#try [data-soon]",
         "/": "[data-robot]",
         "/check/": "#check:not([data-state=busy]) .check__line",
         f"/studies/{study.slug}/live/": "main",
         f"/studies/replay/{visit.pk}/": "#replay[data-state=ready]",
         f"/admin/experiments/study/{study.pk}/change/": "#content",
         f"/admin/experiments/study/{study.pk}/build/courses/0/": "#course-map .course__handle",
+        f"/admin/robots/robot/{robot.pk}/change/": "#robot-overview",
     }.items():
         page.goto(address)
         page.wait_for_selector(shows, state="attached", timeout=patient(20) * 1000)
@@ -107,11 +109,13 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
     own = {
         "js/pages/site.js",
         "js/pages/robots.js",
+        "js/pages/try.js",
         "js/pages/check/page.js",
         "js/pages/live/page.js",
         "js/pages/replay/page.js",
         "js/pages/admin/copy.js",
         "js/pages/admin/course.js",
+        "js/pages/admin/robot.js",
     }
     complaints.check(*own)
     ran |= own

@@ -3,6 +3,7 @@ sliders.
 """
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from django.urls import reverse
 from playwright.sync_api import expect
 
@@ -10,6 +11,7 @@ from surveys.models import Answer, Response
 from surveys.questionnaires import current, store
 from surveys.responses import Context, Respondent, begin
 from tests.support.people import person
+from tests.support.photographs import keep
 from tests.support.questionnaires import NOW, defined, item, rows
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
@@ -22,6 +24,11 @@ KINDS = [
     item("slider", "x", step=5),
     item("number", "n", maximum=5),
     item("text", "t", prefer_not=True),
+]
+
+RANKED = [
+    item("ranking", "r", prefer_not=True),
+    item("text", "why", show_if={"item": "r", "is": ["c"]}),
 ]
 
 
@@ -136,11 +143,148 @@ def test_a_slider_is_unanswered_until_it_is_touched_even_in_the_middle(responden
     expect(rail).to_have_js_property("value", "35")
 
 
+def order_of(page) -> str:
+    """Return the options in the order in which they stand, each with its place."""
+    return " ".join(
+        page.locator(".ranking__row").evaluate_all(
+            "all => all.map(row => row.querySelector('label').textContent"
+            " + row.querySelector('select').selectedIndex)"
+        )
+    )
+
+
+def handle_of(page, option: str):
+    rows = page.locator(".ranking__row").filter(has=page.get_by_label(option, exact=True))
+    return rows.locator(".ranking__handle")
+
+
+def test_an_order_is_given_with_the_keyboard_and_the_focus_stays_with_its_option(respondent):
+    page = respondent(store(defined(RANKED), NOW))
+    assert order_of(page) == "A0 B0 C0"
+    expect(page.get_by_label("Text of why")).to_be_hidden()
+    page.get_by_label("C", exact=True).focus()
+    page.keyboard.type("1")
+    expect(page.get_by_label("C", exact=True)).to_be_focused()
+    assert order_of(page) == "C1 A2 B3"
+    assert stored(page) == {"r": ["c", "a", "b"]}
+    expect(page.get_by_label("Text of why")).to_be_visible()
+    page.get_by_label("B", exact=True).select_option("2")
+    assert order_of(page) == "C1 B2 A3"
+    page.wait_for_load_state("networkidle")
+    assert stored(page) == {"r": ["c", "b", "a"]}
+    page.reload()
+    assert order_of(page) == "C1 B2 A3"
+
+
+def test_an_order_can_be_declined_and_cleared_and_neither_leaves_places(respondent):
+    page = respondent(store(defined(RANKED), NOW))
+    page.get_by_label("B", exact=True).select_option("1")
+    page.get_by_label("Prefer not to answer").check()
+    assert order_of(page) == "B0 A0 C0"
+    page.wait_for_load_state("networkidle")
+    assert stored(page) == {"r": "preferred_not"}
+    page.get_by_label("C", exact=True).select_option("3")
+    expect(page.get_by_label("Prefer not to answer")).not_to_be_checked()
+    page.get_by_role("button", name="Clear : Text of r").click()
+    assert order_of(page) == "B0 A0 C0"
+    page.wait_for_load_state("networkidle")
+    assert stored(page) == {"r": "skipped"}
+
+
+def test_an_option_is_dragged_with_the_mouse_and_where_it_stands_is_an_answer_too(respondent):
+    page = respondent(store(defined(RANKED), NOW))
+    handle_of(page, "B").click()
+    assert order_of(page) == "A1 B2 C3"
+    assert stored(page) == {"r": ["a", "b", "c"]}
+    last = handle_of(page, "C").bounding_box()
+    handle_of(page, "A").hover()
+    page.mouse.down()
+    page.mouse.move(last["x"], last["y"] + last["height"], steps=5)
+    page.mouse.up()
+    assert order_of(page) == "B1 C2 A3"
+    page.wait_for_load_state("networkidle")
+    assert stored(page) == {"r": ["b", "c", "a"]}
+
+
+def test_an_option_is_dragged_with_a_finger_and_falls_back_when_the_finger_is_taken_away(
+    respondent,
+):
+    page = respondent(store(defined(RANKED), NOW), PHONE, has_touch=True)
+    boxes = {name: handle_of(page, name).bounding_box() for name in "AC"}
+    finger = page.context.new_cdp_session(page)
+
+    def touch(kind, *points):
+        places = [{"x": x, "y": y} for x, y in points]
+        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+
+    x, y = boxes["C"]["x"] + 20, boxes["C"]["y"] + 20
+    touch("touchStart", (x, y))
+    first = page.locator(".ranking__row").first
+    touch("touchMove", (x, (y + boxes["A"]["y"]) / 2))
+    touch("touchMove", (x, boxes["A"]["y"]))
+    expect(first).to_contain_text("C")
+    assert order_of(page) == "C0 A0 B0"
+    touch("touchCancel")
+    expect(first).to_contain_text("A")
+    assert order_of(page) == "A0 B0 C0"
+    touch("touchStart", (x, y))
+    touch("touchMove", (x, boxes["A"]["y"]))
+    expect(first).to_contain_text("C")
+    touch("touchEnd")
+    expect(page.get_by_label("C", exact=True)).to_have_value("1.c")
+    assert order_of(page) == "C1 A2 B3"
+    assert stored(page) == {"r": ["c", "a", "b"]}
+
+
+@pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
+def test_options_to_rank_fit_the_screen_and_the_thumb_and_anybody_can_read_them(
+    respondent, viewport
+):
+    long = [{"value": v, "label": {"en": f"{v} {'very long words ' * 6}"}} for v in "xyz"]
+    asked = [*RANKED, item("ranking", "long", options=long)]
+    page = respondent(store(defined(asked), NOW), viewport, reduced_motion="reduce")
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    sizes = page.locator(".ranking__row :is(select, label, .ranking__handle)").evaluate_all(
+        "all => all.map(e => e.getBoundingClientRect().height)"
+    )
+    assert len(sizes) == 18
+    assert min(sizes) >= 44
+    keep(page, f"ranking-{viewport['width']}")
+    page.get_by_label("B", exact=True).select_option("1")
+    keep(page, f"ranked-{viewport['width']}")
+    assert Axe().run(page).response["violations"] == []
+
+
+def test_without_network_an_order_is_kept_over_a_reload(respondent):
+    page = respondent(store(defined(RANKED), NOW))
+    page.route("**/answer/", lambda route: route.abort())
+    page.get_by_label("C", exact=True).select_option("2")
+    expect(page.locator("[data-status]")).to_contain_text("No connection")
+    page.unroute("**/answer/")
+    page.reload()
+    assert order_of(page) == "A1 C2 B3"
+    assert stored(page) == {"r": ["a", "c", "b"]}
+
+
+def test_without_javascript_an_order_is_given_by_the_lists_of_places(respondent):
+    page = respondent(store(defined(RANKED), NOW), PHONE, java_script_enabled=False)
+    for option, place in (("A", "3"), ("B", "1"), ("C", "1")):
+        page.get_by_label(option, exact=True).select_option(place)
+    page.get_by_role("button", name="Send the answers").click()
+    expect(page.locator("#q-r-error")).to_have_text("Give each option a different place.")
+    expect(page.get_by_label("A", exact=True)).to_have_value("3.a")
+    page.get_by_label("C", exact=True).select_option("2")
+    page.get_by_role("button", name="Send the answers").click()
+    expect(page.get_by_text("this page has more questions")).to_have_count(0)
+    expect(page.get_by_role("heading", name="Thank you")).to_be_visible()
+    assert Answer.objects.get(item="r").value == ["b", "c", "a"]
+
+
 def test_an_answer_out_of_range_is_told_where_it_stands(respondent):
     page = respondent(store(defined(KINDS), NOW))
     page.get_by_label("Text of n").fill("9")
     page.get_by_label("Text of n").blur()
-    expect(page.locator("#q-n-error")).to_have_text("The greatest number is 5.")
+    expect(page.locator("#q-n-error")).to_have_text("Enter a number of at most 5.")
     page.get_by_label("Text of n").fill("4")
     page.get_by_label("Text of n").blur()
     expect(page.locator("#q-n-error")).to_be_hidden()
@@ -178,7 +322,7 @@ def test_without_javascript_the_same_questionnaire_is_answered(respondent):
     page.get_by_role("group", name="Text of s").get_by_label("C").check()
     page.get_by_label("Text of x").fill("65")
     page.get_by_role("button", name="Send the answers").click()
-    expect(page.get_by_text("They lead to more questions")).to_be_visible()
+    expect(page.get_by_text("this page has more questions")).to_be_visible()
     page.get_by_label("Text of why").fill("because")
     page.get_by_role("button", name="Send the answers").click()
     expect(page.get_by_role("heading", name="Thank you")).to_be_visible()
@@ -200,7 +344,7 @@ def test_whoever_was_signed_out_meanwhile_loses_no_answer(respondent):
     cookies = page.context.cookies()
     page.context.clear_cookies(name="sessionid")
     page.get_by_role("group", name="Row g1").get_by_label("Yes").check()
-    expect(page.locator("[data-status]")).to_contain_text("You are signed out")
+    expect(page.locator("[data-status]")).to_contain_text("You are logged out")
     assert not Answer.objects.exists()
     page.context.add_cookies(cookies)
     page.reload()

@@ -12,8 +12,9 @@ from django.urls import reverse
 from django.utils import timezone
 from playwright.sync_api import expect
 
+from experiments.research.replay import replay
 from robots.models import Robot
-from sessions.models import StateChunk
+from sessions.models import Session, StateChunk
 from tests.support import replays
 from tests.support.people import person
 from tests.support.photographs import keep
@@ -108,7 +109,7 @@ def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):
     expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
     assert_is_where_it_was(page, 12.5)
     shot(page, "replay")
-    page.get_by_role("slider", name="Moment").fill("33.1")
+    page.get_by_role("slider", name="Playback position").fill("33.1")
     assert_is_where_it_was(page, 33.1)
     strips = page.locator("#strips")
     box = strips.bounding_box()
@@ -117,13 +118,28 @@ def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):
     else:
         strips.click(position={"x": box["width"] / 2, "y": 40})
     assert_is_where_it_was(page, 30.0, within=0.3)
-    page.get_by_role("slider", name="Moment").press("Home")
+    page.get_by_role("slider", name="Playback position").press("Home")
     page.keyboard.press("Shift+ArrowRight")
     page.keyboard.press("ArrowRight")
     assert_is_where_it_was(page, 11.0, within=0.001)
     page.get_by_role("button", name="collision").click()
     assert_is_where_it_was(page, 30.0, within=0.001)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_the_record_is_asked_for_once_and_what_was_preloaded_is_used(page, monkeypatch):
+    made_of = []
+    monkeypatch.setattr(
+        "experiments.research.views.replay", lambda *given: made_of.append(given) or replay(*given)
+    )
+    said = []
+    page.on("console", lambda message: said.append(message.text))
+    page.goto(reverse("replay", args=[made().pk]))
+    expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
+    page.goto(reverse("replay", args=[Session.objects.get().pk]))
+    expect(page.locator("#replay")).to_have_attribute("data-state", "ready")
+    assert len(made_of) == 2  # once for each time that the page was opened
+    assert not [text for text in said if "preload" in text]
 
 
 def test_it_plays_at_its_speed_to_the_end_and_again(page):
@@ -138,12 +154,12 @@ def test_it_plays_at_its_speed_to_the_end_and_again(page):
     expect(page.get_by_role("button", name="Play")).to_be_visible()
     assert 0.0 <= marker(page)[2] < 60.0
     assert_is_where_it_says(page)
-    page.get_by_role("slider", name="Moment").fill("54")
-    page.get_by_label("Speed of playing").select_option("4")
+    page.get_by_role("slider", name="Playback position").fill("54")
+    page.get_by_label("Playback speed").select_option("4")
     page.get_by_role("button", name="Play").click()
     expect(page.locator("#clock")).to_have_text("1:00.0 / 1:00", timeout=40_000)
     expect(page.get_by_role("button", name="Play")).to_be_visible()
-    page.get_by_label("Speed of playing").select_option("1")
+    page.get_by_label("Playback speed").select_option("1")
     page.locator("body").press("Space")
     page.get_by_role("button", name="Pause").click()
     assert marker(page)[2] < 60.0
@@ -162,10 +178,10 @@ def test_a_session_without_states_says_so_and_one_that_cannot_be_loaded_too(page
     visit = made()
     StateChunk.objects.all().delete()
     page.goto(reverse("replay", args=[visit.pk]))
-    expect(page.get_by_text("No state of the robot was recorded")).to_be_visible()
+    expect(page.get_by_text("No robot states were recorded")).to_be_visible()
     page.route("**/*.json", lambda route: route.abort())
     page.reload()
-    expect(page.get_by_text("The record could not be loaded.")).to_be_visible()
+    expect(page.get_by_text("The session data didn't load.")).to_be_visible()
 
 
 def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
@@ -190,7 +206,10 @@ def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
     replays.task_told(drive, 1.0, "task_started")
     replays.task_told(drive, 2.0, "cue", name="go_to_checkpoint", number=1)
     expect(card).to_contain_text(drive.participant.code, timeout=40_000)
-    expect(card).to_contain_text("is to go to checkpoint 1")
+    expect(card).to_contain_text("next: go to checkpoint 1")
+    canvas = card.locator("canvas")
+    expect(canvas).to_have_attribute("data-stops", "1:next 2:later 0:later")
+    expect(canvas).to_have_attribute("data-trail", str(visit.pk))  # what was driven before
     x, _y, _ = replays.place(7.75)
 
     def is_drawn_there() -> bool:
@@ -212,6 +231,6 @@ def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
     assert Robot.objects.get().held == "a new carpet"
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     page.route("**/live.json", lambda route: route.abort())
-    expect(page.get_by_text("No news since")).to_be_visible(timeout=40_000)
+    expect(page.get_by_text("The server can't be reached")).to_be_visible(timeout=40_000)
     page.unroute("**/live.json")
-    expect(page.get_by_text("No news since")).to_be_hidden(timeout=40_000)
+    expect(page.get_by_text("The server can't be reached")).to_be_hidden(timeout=40_000)

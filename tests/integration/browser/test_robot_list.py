@@ -3,6 +3,7 @@ work by keyboard.
 """
 
 import datetime
+import re
 
 import pytest
 from django.urls import reverse
@@ -70,7 +71,7 @@ def test_a_card_follows_its_robot_without_a_reload(page, giraff):
     page.evaluate("window.sameDocument = true")
     later(page)
     expect(card).to_have_attribute("data-state", "busy")
-    expect(card).to_contain_text("Wait in line")
+    expect(card).to_contain_text("Join the queue")
     expect(card).to_contain_text("25 %")
     Session.objects.filter(pk=session.pk).update(state="ended")
     Robot.objects.update(connection="OFFLINE")
@@ -89,15 +90,30 @@ def test_a_robot_that_comes_appears(page, giraff):
     expect(page.locator("[data-robot=rhodon]")).to_be_visible()
 
 
+def test_the_invitation_follows_the_robots_without_a_reload(page, giraff):
+    Robot.objects.update(connection="OFFLINE")
+    page.clock.install()
+    page.goto("/")
+    invitation = page.locator("[data-invitation]").get_by_role("link")
+    expect(invitation).to_have_text("See the robots")
+    Robot.objects.update(connection="ONLINE")
+    later(page)
+    expect(invitation).to_have_text("Sign up and drive")
+    expect(invitation).to_have_attribute("href", re.compile("/robots/giraff/|robots%2Fgiraff"))
+    Robot.objects.update(connection="OFFLINE")
+    later(page)
+    expect(invitation).to_have_attribute("href", "#robots")
+
+
 def test_a_lost_connection_is_told_and_taken_back(page, giraff):
     page.clock.install()
     page.goto("/")
     page.route("**/robots.json", lambda route: route.abort())
     page.clock.run_for(5100)
-    expect(page.get_by_text("The connection is lost.")).to_be_visible()
+    expect(page.get_by_text("Connection lost.")).to_be_visible()
     page.unroute("**/robots.json")
     later(page)
-    expect(page.get_by_text("The connection is lost.")).to_be_hidden()
+    expect(page.get_by_text("Connection lost.")).to_be_hidden()
 
 
 def test_signing_up_takes_the_keyboard_alone(page, giraff):
@@ -111,7 +127,7 @@ def test_signing_up_takes_the_keyboard_alone(page, giraff):
     expect(page.locator("#id_password1")).to_have_attribute("type", "text")
     page.keyboard.press("Tab")
     page.keyboard.press("Enter")
-    expect(page.get_by_role("heading", level=1)).to_have_text("What is recorded")
+    expect(page.get_by_role("heading", level=1)).to_have_text("What we record")
     assert User.objects.get().shown_name == "Ada Lovelace"
     assert page.problems == []
 

@@ -77,9 +77,9 @@ def publish(site: Site, condition: str, *, short: bool) -> str:
     conditions = [one for one in study["conditions"] if one["key"] == condition]
     document = json.dumps(study | {"slug": slug, "conditions": conditions, "courses": [course]})
     site.django(
-        "from django.utils import timezone; from experiments.definition import problems, publishing;"
+        "from django.utils import timezone; from experiments import publishing; from experiments.definition import problems;"
         f"row = publishing.store(problems.parse({document!r}.encode()), timezone.now());"
-        "publishing.publish(row, None, 'a test drives it', timezone.now())"
+        "row.status == 'draft' and publishing.publish(row, None, 'a test drives it', timezone.now())"
     )
     return slug
 
@@ -92,7 +92,7 @@ def come_and_agree(page: Page, name: str) -> None:
     page.get_by_role("button", name="Take part").click()
     page.get_by_label("Your age in years").fill("31")
     page.get_by_label("I have read this and want to take part.").check()
-    page.get_by_role("button", name="Agree and go on").click()
+    page.get_by_role("button", name="Agree and continue").click()
 
 
 def answer_all(page: Page) -> int:
@@ -116,7 +116,7 @@ def answer_all(page: Page) -> int:
 
 def read_instructions(page: Page) -> None:
     expect(page.get_by_role("heading", name="How it works")).to_be_visible()
-    go_on = page.get_by_role("button", name="I have read this, go on")
+    go_on = page.get_by_role("button", name="I have read this, continue")
     for _ in range(3):
         expect(page.locator("main img")).to_be_visible()
         page.get_by_role("link", name="Next").click()
@@ -124,7 +124,7 @@ def read_instructions(page: Page) -> None:
 
 
 def take_the_robot(visitor) -> None:
-    visitor.page.get_by_role("link", name="To the robot").click()
+    visitor.page.get_by_role("link", name="Go to the robot").click()
     visitor.page.get_by_role("button", name="Drive Giraff").click()
     visitor.wait_for_picture(30)
     visitor.wait_for("link", "live", 30)

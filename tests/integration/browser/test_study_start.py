@@ -53,11 +53,11 @@ def test_two_participants_in_a_row_wait_until_the_robot_is_back_whatever_restart
         guest = visitor(name)
         page = guest.page
         page.goto("/studies/short/step/")
-        page.get_by_role("link", name="To the robot").click()
+        page.get_by_role("link", name="Go to the robot").click()
         page.get_by_role("button", name="Drive Giraff").click()
         title = page.locator("#card-title")
         expect(title).to_have_text(TITLE, timeout=20_000)
-        expect(page.locator("#card-text")).to_contain_text("The study's staff are told.")
+        expect(page.locator("#card-text")).to_contain_text("staff have been informed")
         wait_for(lambda number=number: called(site) == number, 30, "the call for staff")
         site.stop("session-manager", signal.SIGKILL)
         site.start("session-manager")

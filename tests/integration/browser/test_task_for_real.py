@@ -31,20 +31,20 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     ana = visitor("ana")
     page = ana.page
     page.goto("/studies/short/step/")
-    page.get_by_role("link", name="To the robot").click()
+    page.get_by_role("link", name="Go to the robot").click()
     page.get_by_role("button", name="Drive Giraff").click()
     ana.wait_for_picture()
     cue = page.locator("#task-cue")
     expect(cue).to_have_text("Drive backwards out of the charging station.", timeout=20_000)
     # the page backs out, where the robot may not do it by itself
-    expect(page.get_by_role("button", name="Leave the dock")).to_be_visible()
+    expect(page.get_by_role("button", name="Leave station")).to_be_visible()
     expect(page.locator("#assist")).to_be_hidden()
 
     photo = page.get_by_role("region", name="Photo")
     ana.hold("ArrowDown", photo.is_visible, 30, "the checkpoint")
     page.keyboard.up("ArrowDown")
     photo.get_by_role("button", name="Take photo").click()
-    picture = photo.get_by_alt_text("The photo that you have just taken")
+    picture = photo.get_by_alt_text("The photo you just took")
     expect(picture).to_be_visible(timeout=20_000)
     wait_for(
         lambda: picture.evaluate("image => image.complete && image.naturalWidth") > 100,
@@ -55,9 +55,11 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     expect(photo).to_be_hidden(timeout=40_000)
     expect(page.locator("#task-stops [data-status=passed]")).to_have_count(1)
 
-    ana.hold("ArrowUp", lambda: "Let go and wait" in cue.inner_text(), 40, "the charger")
+    ana.hold(
+        "ArrowUp", lambda: "Release the controls and wait" in cue.inner_text(), 40, "the charger"
+    )
     page.keyboard.up("ArrowUp")
-    expect(page.get_by_role("heading", name="Well done!")).to_be_visible(timeout=20_000)
+    expect(page.get_by_role("heading", name="Well done")).to_be_visible(timeout=20_000)
     page.get_by_role("button", name="Go on").click()
     expect(page.get_by_text("Thank you for driving!")).to_be_visible(timeout=40_000)
 

@@ -12,12 +12,12 @@ from django.contrib.auth.models import Permission
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.urls import reverse
 
-from experiments.definition import publishing
+from experiments import publishing
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Kind, Participant, Rehearsal, Study, StudyMember
 from surveys.models import Questionnaire
-from tests.integration.experiments.definition.test_publishing import NOW, WHY
+from tests.integration.experiments.test_publishing import NOW, WHY
 from tests.support.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies import STUDY, small_study
@@ -77,17 +77,17 @@ def test_a_study_comes_in_as_a_file_and_goes_out_the_same(client, boss):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ("{", "not JSON"),
+        ("{", "not valid JSON"),
         ("[]", "Expected `object`"),
         ('{"format": 2}', "$.format"),
         (json.dumps({**STUDY, "colour": "red"}), "unknown field `colour`"),
-        (json.dumps({**STUDY, "conditions": []}), "There is no condition."),
+        (json.dumps({**STUDY, "conditions": []}), "There is no condition; add at least one."),
         (
             json.dumps({**STUDY, "courses": [{**STUDY["courses"][0], "checkpoints": []}]}),
-            "there is no checkpoint",
+            "there is no checkpoint; add at least one.",
         ),
         (json.dumps({**STUDY, "title": {"en": "<script>", "fr": "x"}}), "has a text in fr"),
-        ("", "Choose a file, paste the text of one, or write a name"),
+        ("", "Choose a file, paste its text, or enter a name"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_told_and_nothing_comes_in(client, boss, content, told):
@@ -99,7 +99,7 @@ def test_what_is_wrong_with_a_file_is_told_and_nothing_comes_in(client, boss, co
 
 def test_a_file_never_replaces_a_version_that_is_here_already(client, boss, study):
     answer = client.post(reverse(ADD), {"document": json.dumps({**STUDY, "title": {"en": "Hut"}})})
-    assert "Version 1 of cabin-study is here already" in read(answer).text
+    assert "Version 1 of cabin-study already exists" in read(answer).text
     assert Study.objects.get().title == "Cabin"
 
 
@@ -113,11 +113,20 @@ def test_somebody_elses_name_cannot_be_taken(client, study):
 
 def test_a_study_is_begun_empty_and_built_on(client, boss):
     answer = client.post(
-        reverse(ADD), {"name": "mine", "called": "My study", "spoken": "en, es"}, follow=True
+        reverse(ADD), {"name": "mine", "called": "My study", "spoken": ["en", "es"]}, follow=True
     )
     page = read(answer)
-    assert "There is no condition." in page.text
+    assert "There is no condition; add at least one." in page.text
     assert Study.objects.get().as_definition().languages == ("en", "es")
+
+
+def test_the_format_of_a_file_is_described_on_a_page_of_the_site(client, boss):
+    page = read(client.get(reverse(ADD)))
+    (link,) = [e.attributes["href"] for e in page.all("a") if e.text == "Format reference"]
+    shown = client.get(link)
+    assert shown["Content-Type"].startswith("text/html")
+    assert "Content-Disposition" not in shown.headers
+    assert [e.text for e in read(shown).all("h1")] == ["Studies"]
 
 
 def test_a_draft_is_replaced_by_the_text_of_a_file_and_its_settings_are_kept(client, boss, study):
@@ -137,7 +146,7 @@ def test_a_draft_is_replaced_by_the_text_of_a_file_and_its_settings_are_kept(cli
     wrong = client.post(
         at("change", study), {"entry": "open", "document": json.dumps({**STUDY, "version": 2})}
     )
-    assert "name and version stay" in read(wrong).text
+    assert "Its name and version can't change" in read(wrong).text
     assert Study.objects.get().entry == "personal"
 
 
@@ -253,7 +262,7 @@ def test_the_pages_have_no_faults(client, boss, study):
 
 def test_publishing_without_rehearsal_asks_for_a_reason_and_notes_it(client, boss, study):
     page = read(client.get(at("publish", study)))
-    assert "No rehearsal of exactly this definition has passed" in page.text
+    assert "No rehearsal of this exact definition has passed" in page.text
     refused = client.post(at("publish", study), {"reason": ""})
     assert refused.status_code == 422
     assert "No rehearsal of this definition has passed" in read(refused).text
@@ -286,6 +295,7 @@ def test_an_impossible_study_shows_every_reason_with_the_way_to_it(client, boss)
     )
     refused = client.post(at("publish", row), {"reason": WHY})
     assert refused.status_code == 422
+    assert read(refused).text.count("there is no site cabin.") == 1
     assert Study.objects.get().status == Study.Status.DRAFT
 
 
@@ -315,7 +325,7 @@ def test_no_way_leads_to_a_change_of_what_is_published(client, boss, published):
     )
     row = Study.objects.get()
     assert (row.sha256, row.title) == (published.sha256, "Cabin")
-    assert "never changes" in read(client.get(at("section", published, "about"))).text
+    assert "can't be changed" in read(client.get(at("section", published, "about"))).text
 
 
 def test_how_people_come_in_is_changed_after_publishing(client, boss, published):
@@ -330,11 +340,13 @@ def test_how_people_come_in_is_changed_after_publishing(client, boss, published)
 def test_a_new_version_is_made_closed_and_opened_by_buttons(client, boss, published):
     answer = client.post(at("new_version", published), follow=True)
     assert "Version 2 is a draft" in read(answer).text
-    assert "takes nobody new" in read(client.post(at("close", published), follow=True)).text
+    assert (
+        "accepts no new participants" in read(client.post(at("close", published), follow=True)).text
+    )
     assert Study.objects.get(version=1).status == Study.Status.CLOSED
     assert "Only a published study" in read(client.post(at("close", published), follow=True)).text
     assert (
-        "takes participants again" in read(client.post(at("reopen", published), follow=True)).text
+        "accepts participants again" in read(client.post(at("reopen", published), follow=True)).text
     )
     assert {
         client.get(at(name, published)).status_code for name in ("close", "reopen", "new_version")

@@ -12,7 +12,7 @@ from scipy import stats
 from experiments.analysis.dataset.folder import read
 from experiments.analysis.report import reports
 from experiments.dataset.build import dataset_of
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.export.files import export_files
 from tests.support.study_dataset import made_up
 from tests.support.study_rows import put
@@ -24,7 +24,7 @@ STATEMENTS = [f"q{n}" for n in range(1, 9)]
 def frames(study) -> dict[str, pd.DataFrame]:
     """The tables of an export by the names of their files."""
     found = {}
-    for name, parts in export_files(study, Choice()):
+    for name, parts in export_files(study, Selection()):
         content = b"".join(parts)
         if name.endswith("_data.csv") and name.count("/") == 1:
             found[name.split("-", 1)[1].removesuffix("_data.csv")] = pd.read_csv(
@@ -90,7 +90,7 @@ def test_tables_agree_with_pandas_and_scipy(participants):
 
 def test_a_way_and_its_mean_speed_agree_with_pandas(tmp_path):
     stored = put(made_up(np.random.default_rng(62), 1))
-    for name, parts in export_files(stored.study, Choice()):
+    for name, parts in export_files(stored.study, Selection()):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes(b"".join(parts))
     metrics = pd.read_csv(tmp_path / "data" / "description-metrics_data.csv").set_index("session")

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import Speed
+from experiments.bots.steering import SpeedSetting
 from experiments.bots.view import View
-from experiments.definition.course import Track, lay_out
+from experiments.definition.course import CourseTrack, lay_out
 from experiments.definition.shipped import shipped
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import FirstFrame, Seen, seen
@@ -147,7 +147,7 @@ class Hands:
     def __init__(self, start: Pose2D) -> None:
         plan, _ = load_plan("office")
         study = shipped()["exploration"]
-        self.track: Track = replace(
+        self.track: CourseTrack = replace(
             lay_out(study, study.condition("giraff_open"), plan), stops=(), photo=None
         )
         pose = self.track.dock.compose(start)
@@ -184,7 +184,7 @@ class Hands:
 
     def go_home(self, within: float = 120.0) -> None:
         """Do as the cues say, a tenth of a second at a time."""
-        driver = Driver(self.sim.plan, Guide(self.track.dock, {}), Speed(0.5, 0.5))
+        driver = Driver(self.sim.plan, Guide(self.track.dock, {}), SpeedSetting(0.5, 0.5))
         until = self.sim.time + within
         while self.engine.progress.outcome is None and self.sim.time < until:
             view = View(pose=self.sim.pose, localized=True)

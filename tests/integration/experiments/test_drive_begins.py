@@ -18,7 +18,7 @@ from robots.api import topics
 from robots.models import Robot
 from sessions import protocol
 from sessions.leases import store
-from sessions.leases.transitions import Link
+from sessions.leases.transitions import RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
 from tests.support import participants as p
@@ -71,8 +71,8 @@ def looks(keeper: Scheduler, *seconds: float) -> list[tuple[type, str]]:
         for session in Session.objects.filter(state="waiting"):
             store.seen({str(session.pk)}, later(second))
         keeper.tick(
-            {"giraff": Link(since=0.0, last_received_at=later(second).timestamp())},
-            Link(since=0.0),
+            {"giraff": RobotLink(since=0.0, last_received_at=later(second).timestamp())},
+            RobotLink(since=0.0),
             later(second),
         )
     frames = [
@@ -114,7 +114,7 @@ def first_time_user(study: Any, name: str) -> User:
 def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
     stands(robot, **changes)
     taken = ask(robot, first_time_user(study, "ada"), NOW)
-    assert isinstance(taken, store.Queued)
+    assert isinstance(taken, store.TakeQueued)
     assert (taken.place, taken.reason) == (1, f"start: {reason}")
     assert not Drive.objects.exists()
 
@@ -127,7 +127,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     store.end(str(first.session_id), "cancelled", "left", NOW)
     ben = first_time_user(study, "ben")
     taken = ask(robot, ben, NOW)
-    assert isinstance(taken, store.Queued)
+    assert isinstance(taken, store.TakeQueued)
 
     told = looks(Scheduler(), 0.5, 1.0, 3.0)
     assert (protocol.Queued, "start: not_docked") in told
@@ -138,7 +138,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert "it is not docked" in mail.outbox[0].body
     looks(Scheduler(), 61.0, 70.0, 80.0)  # and a third one
     assert len(mail.outbox) == 1
-    assert isinstance(ask(robot, ben, later(81.0)), store.Queued), (
+    assert isinstance(ask(robot, ben, later(81.0)), store.TakeQueued), (
         "nor does a page that is loaded again begin"
     )
     assert now_in(study.slug, "en", later(81.0))["robots"][0]["unready"] == "it is not docked"
@@ -148,7 +148,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert protocol.Offered in [kind for kind, _ in told]
     assert noted(taken.session)[-2:] == ["offered", "robot_ready"]
     granted = ask(robot, ben, later(83.0))
-    assert isinstance(granted, store.Granted)
+    assert isinstance(granted, store.TakeGranted)
     assert Drive.objects.get(session=granted.session).assigned["start"]["charge"] == 0.3
 
 
@@ -157,12 +157,12 @@ def test_the_same_happens_a_second_time(robot, study):
         at = later(1000.0 * number)
         stands_away(robot)
         user = first_time_user(study, name)
-        assert isinstance(ask(robot, user, at), store.Queued)
+        assert isinstance(ask(robot, user, at), store.TakeQueued)
         looks(Scheduler(), 1000.0 * number + 1.0)
         stands(robot)
         looks(Scheduler(), 1000.0 * number + 2.0)
         granted = ask(robot, user, later(1000.0 * number + 3.0))
-        assert isinstance(granted, store.Granted)
+        assert isinstance(granted, store.TakeGranted)
         store.end(granted.session, "cancelled", "left", later(1000.0 * number + 4.0))
 
 
@@ -180,11 +180,11 @@ def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_
     stands_away(robot)
     looks(keeper, 3.0)
     assert Session.objects.get(pk=waiting.session).offered_at is None
-    assert isinstance(ask(robot, ada, later(4.0)), store.Queued)
+    assert isinstance(ask(robot, ada, later(4.0)), store.TakeQueued)
     looks(keeper, 60.0, 120.0)
     assert Session.objects.get(pk=waiting.session).state == "waiting"
     stands(robot)
-    assert isinstance(ask(robot, ada, later(121.0)), store.Granted)
+    assert isinstance(ask(robot, ada, later(121.0)), store.TakeGranted)
 
 
 def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
@@ -196,16 +196,16 @@ def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     other = User.objects.create(username="other")
     waiting = ask(robot, ada, NOW)
     looks(Scheduler(), 1.0)
-    assert isinstance(ask(robot, other, later(2.0)), store.Queued), (
+    assert isinstance(ask(robot, other, later(2.0)), store.TakeQueued), (
         "who does not operate it waits behind"
     )
     driven = ask(robot, staff, later(3.0))
-    assert isinstance(driven, store.Granted)
+    assert isinstance(driven, store.TakeGranted)
     stands(robot)
     store.end(driven.session, "completed", "left", later(30.0))
     looks(Scheduler(), 31.0)
     assert Session.objects.get(pk=waiting.session).offered_at is not None
-    assert isinstance(ask(robot, ada, later(32.0)), store.Granted)
+    assert isinstance(ask(robot, ada, later(32.0)), store.TakeGranted)
 
 
 def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(robot, study):
@@ -219,7 +219,7 @@ def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(rob
 
 def test_who_drives_for_themselves_need_not_begin_at_the_station(robot, study):
     stands_away(robot)
-    assert isinstance(ask(robot, User.objects.create(username="stranger"), NOW), store.Granted)
+    assert isinstance(ask(robot, User.objects.create(username="stranger"), NOW), store.TakeGranted)
 
 
 def test_the_record_keeps_what_a_drive_began_from_and_ended_with(robot):

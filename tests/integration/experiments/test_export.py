@@ -23,7 +23,7 @@ from experiments.analysis.dataset.columns import STATES
 from experiments.analysis.dataset.folder import read
 from experiments.analysis.dataset.records import Dataset
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Choice
+from experiments.dataset.selection import Selection
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import SUMS, export_files
@@ -101,7 +101,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def exported(study, folder: Path, **choice) -> dict[str, bytes]:
-    list(unpacked(export_files(study, Choice(**choice)), folder))
+    list(unpacked(export_files(study, Selection(**choice)), folder))
     return contents(folder)
 
 
@@ -211,7 +211,7 @@ def test_all_sessions_are_there_also_those_that_failed_and_are_empty(tmp_path):
 
 def test_an_archive_holds_what_the_folder_holds_and_is_the_same_twice(stored, tmp_path):
     files = exported(stored.study, tmp_path)
-    first, second = (b"".join(zipped(export_files(stored.study, Choice()))) for _ in range(2))
+    first, second = (b"".join(zipped(export_files(stored.study, Selection()))) for _ in range(2))
     assert first == second
     with zipfile.ZipFile(io.BytesIO(first)) as archive:
         assert archive.testzip() is None
@@ -282,8 +282,8 @@ def test_every_format_on_request_says_what_it_is_and_who_may_have_it():
     assert {"mcap", "snapshots"} <= set(ON_REQUEST) < set(FORMATS)
     for name, one in ON_REQUEST.items():
         assert one.help.startswith("with ")
-        assert not one.is_in(name, Choice())
-        assert one.is_in(name, Choice(formats=frozenset({name})))
+        assert not one.is_in(name, Selection())
+        assert one.is_in(name, Selection(formats=frozenset({name})))
 
 
 def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_path):
@@ -361,7 +361,10 @@ def test_a_command_that_cannot_be_obeyed_says_why(stored, tmp_path):
             ("export_study", "exploration:9", "--out", str(tmp_path / "x")),
             "There is no study 'exploration:9'",
         ),
-        (("export_study", "exploration", "--out", str(tmp_path / "full")), "is there already"),
+        (
+            ("export_study", "exploration", "--out", str(tmp_path / "full")),
+            "already exists: choose another --out",
+        ),
         (("analyse_study", "--out", str(tmp_path / "x")), "either"),
         (
             ("analyse_study", "--dataset", str(tmp_path / "full"), "--out", str(tmp_path / "x")),

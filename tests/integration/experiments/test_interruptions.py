@@ -16,14 +16,14 @@ from django.db import connection, transaction
 from django.utils import timezone
 
 from experiments.definition.steps.consent import Consent
-from experiments.definition.steps.form import Form
+from experiments.definition.steps.form import FormStep
 from experiments.definition.steps.instructions import Instructions
 from experiments.definition.steps.practice import Practice
-from experiments.definition.steps.questionnaire import Questionnaire
-from experiments.definition.steps.task import Task
+from experiments.definition.steps.questionnaire import QuestionnaireStep
+from experiments.definition.steps.task import TaskStep
 from experiments.models import ConsentReceipt, Drive, StepVisit, Study
 from experiments.participation import completion, progress
-from experiments.participation.journey import Place
+from experiments.participation.journey import JourneyPlace
 from experiments.tasks.finalization import settle
 from experiments.tasks.records import FirstFrame
 from experiments.tasks.runner import PATIENCE, Runner
@@ -57,7 +57,7 @@ EVERY_KIND = [
     *STUDY["steps"],
     {"kind": "debrief", "key": "thanks", "title": {"en": "D"}, "text": {"en": "Thanks."}},
 ]
-PLACES = [Place(1, 0, step["key"]) for step in EVERY_KIND]
+PLACES = [JourneyPlace(1, 0, step["key"]) for step in EVERY_KIND]
 DRIVEN = [place for place in PLACES if place.step in {"try", "task"}]
 READ = [place for place in PLACES if place not in DRIVEN]
 LIMIT = {"try": 120.0, "task": 300.0}  # seconds
@@ -73,14 +73,14 @@ def walker() -> Walker:
     return found
 
 
-def brought(walker: Walker, place: Place) -> Walker:
+def brought(walker: Walker, place: JourneyPlace) -> Walker:
     while progress.place(walker.participant) != place:
         walker.do()
     walker.look()
     return walker
 
 
-def following(place: Place) -> Place:
+def following(place: JourneyPlace) -> JourneyPlace:
     return PLACES[PLACES.index(place) + 1]
 
 
@@ -130,7 +130,7 @@ def answer_all(walker: Walker) -> None:
         walker.client.post(url, first_answers(walker, url))
 
 
-def requests_at(walker: Walker, place: Place) -> Callable[[], None]:
+def requests_at(walker: Walker, place: JourneyPlace) -> Callable[[], None]:
     """What somebody's browser asks for at a place; asked for again it is the same, wherever they
     are by then.
     """
@@ -138,7 +138,7 @@ def requests_at(walker: Walker, place: Place) -> Callable[[], None]:
     match walker.step:
         case Consent() | Instructions():
             return lambda: walker.client.post(walker.url(), answers) and None
-        case Form() | Questionnaire():
+        case FormStep() | QuestionnaireStep():
             return lambda: (
                 answer_all(walker) if progress.place(walker.participant) == place else None
             )
@@ -169,7 +169,7 @@ def go_on(walker: Walker, ask: Callable[[], None]) -> dict[str, object]:
 
 
 def is_driven(walker: Walker) -> bool:
-    return isinstance(walker.step, Practice | Task)
+    return isinstance(walker.step, Practice | TaskStep)
 
 
 def comes_out_right(
@@ -346,7 +346,7 @@ def driving(walker: Walker) -> tuple[Drive, Runner, list]:
     checkpoint.
     """
     granted = leases.take(walker.robot, walker.user, "peer", now=timezone.now())
-    assert isinstance(granted, leases.Granted)
+    assert isinstance(granted, leases.TakeGranted)
     Session.objects.filter(pk=granted.session).update(state="driving", driving_at=timezone.now())
     drive = Drive.objects.select_related("session__robot", "participant__study").get(
         session=granted.session
@@ -372,6 +372,6 @@ def moment(seconds: float) -> datetime.datetime:
     return datetime.datetime.fromtimestamp(seconds, datetime.UTC)
 
 
-def place_number(place: Place) -> int:
+def place_number(place: JourneyPlace) -> int:
     """How many drives came before it."""
     return DRIVEN.index(place)

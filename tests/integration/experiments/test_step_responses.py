@@ -6,7 +6,7 @@ from django.db.migrations.executor import MigrationExecutor
 from django.utils import timezone
 
 from experiments.models import StepResponse
-from experiments.participation.journey import Place
+from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask
 from tests.support import participants as p
 from tests.support.people import person
@@ -28,7 +28,7 @@ def asked(study, participant, visit: int, step: str) -> StepResponse:
     definition = study.as_definition()
     response = ask(
         participant,
-        Place(visit, 0, step),
+        JourneyPlace(visit, 0, step),
         definition.step(step),
         robot=(),
         outcome="",

@@ -80,7 +80,7 @@ def participant():
 @sync_to_async
 def take(participant: Participant) -> str:
     granted = store.take(Robot.objects.get(), participant.user, "peer-ada", now=timezone.now())
-    assert isinstance(granted, store.Granted)
+    assert isinstance(granted, store.TakeGranted)
     return granted.session
 
 

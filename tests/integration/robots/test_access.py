@@ -4,6 +4,8 @@ import pytest
 from django.contrib.auth import get_user_model
 from django.contrib.auth.models import AnonymousUser, Permission
 
+from accounts.models import User
+from accounts.passwordless import create_guest
 from robots import access
 from robots.access import (
     has_a_robot,
@@ -109,6 +111,31 @@ def test_a_disabled_robot_is_driven_by_nobody_and_can_still_be_operated():
     assert may_operate(staff, disabled)
 
 
+def test_a_hidden_robot_is_there_for_its_owner_its_operators_and_overseers_alone():
+    owner, operator, visitor = person("owner"), person("operator"), person("visitor")
+    hidden = robot(owner=owner, shown_to_visitors=False)
+    permit(operator, hidden, Kind.OPERATOR)
+    permit(visitor, hidden, Kind.TRAINED)
+    for user in (owner, operator, overseer()):
+        assert may_drive(user, hidden)
+        assert may_observe(user, hidden)
+        assert robots_visible_to(user).exists()
+        assert has_a_robot(user)
+    for user in (visitor, person("other")):
+        assert may_drive(user, hidden).reason == "disabled"
+        assert may_observe(user, hidden).reason == "disabled"
+        assert not robots_visible_to(user).exists()
+        assert not has_a_robot(user)
+    assert not robots_visible_to(AnonymousUser()).exists()
+
+
+def test_a_guest_drives_no_hidden_robot(monkeypatch):
+    hidden, guest = robot(access=Access.INVITATION, shown_to_visitors=False), person("guest")
+    monkeypatch.setattr(access, "_guest_lists", [lambda _user, _robot: True])
+    assert may_drive(guest, hidden).reason == "disabled"
+    assert not has_a_robot(guest)
+
+
 def test_every_reason_is_a_word_that_the_page_knows():
     closed = robot(access=Access.TRAINED, enabled=False)
     for user in (None, person("visitor")):
@@ -174,3 +201,55 @@ def test_an_open_robot_is_for_everybody_who_has_signed_in():
     robot()
     assert has_a_robot(person("visitor"))
     assert not has_a_robot(AnonymousUser())
+
+
+# --- accounts without a password ------------------------------------------------------------------
+
+
+def guest(kind="participant"):
+    return create_guest(kind, "Guest")
+
+
+def let_in(monkeypatch, kind, rule):
+    monkeypatch.setitem(access._guest_rules, kind, rule)
+
+
+def test_a_guest_drives_no_robot_of_which_no_rule_speaks(monkeypatch):
+    monkeypatch.setattr(access, "_guest_rules", {})
+    open_robot, visitor = robot(), guest("visitor")
+    assert may_drive(visitor, open_robot).reason == "not_allowed"
+    assert not robots_visible_to(visitor).exists()
+    assert not has_a_robot(visitor)
+
+
+def test_a_guest_drives_what_the_rule_of_their_kind_names_and_watches_nothing(monkeypatch):
+    one, other = robot(), robot(name="rhodon")
+    let_in(monkeypatch, "participant", lambda _user, robot: robot == one)
+    let_in(monkeypatch, "visitor", lambda _user, _robot: False)
+    participant = guest()
+    assert may_drive(participant, one)
+    assert may_drive(participant, other).reason == "not_allowed"
+    assert may_drive(guest("visitor"), one).reason == "not_allowed"
+    assert may_observe(participant, one).reason == "not_allowed"
+    assert list(robots_visible_to(participant)) == [one]
+
+
+def test_no_rule_opens_a_robot_that_its_access_closes(monkeypatch):
+    let_in(monkeypatch, "participant", lambda _user, _robot: True)
+    for name, fields, reason in (
+        ("off", {"enabled": False}, "disabled"),
+        ("asked", {"access": Access.INVITATION}, "not_invited"),
+        ("taught", {"access": Access.TRAINED}, "not_trained"),
+    ):
+        assert may_drive(guest(), robot(name=name, **fields)).reason == reason
+
+
+def test_a_guest_manages_and_operates_nothing_whatever_they_were_given():
+    user = guest()
+    User.objects.filter(pk=user.pk).update(is_staff=True, is_superuser=True)
+    user.refresh_from_db()
+    owned = robot(owner=user)
+    permit(user, owned, Kind.OPERATOR)
+    assert not may_manage(user, owned)
+    assert not may_operate(user, owned)
+    assert not may_observe(user, owned)

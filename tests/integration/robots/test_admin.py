@@ -62,6 +62,15 @@ def is_clean(text):
     )
 
 
+def test_practice_robots_are_on_no_list_and_in_no_count(client, researcher, giraff):
+    office = store_floor_plan(OFFICE)
+    Robot.objects.create(name="practice-1", title="Practice", practice=True, floor_plan=office)
+    Robot.objects.filter(name="giraff").update(floor_plan=office)
+    assert "practice-1" not in page(client, LIST)
+    plans = client.get("/admin/robots/floorplan/").context["cl"].queryset
+    assert [plan.robots_there for plan in plans] == [1]
+
+
 def test_the_list_shows_how_every_robot_is(client, researcher, giraff):
     visitor = get_user_model().objects.create(username="ada", display_name="Ada")
     session = Session.objects.create(
@@ -119,7 +128,7 @@ def test_a_robots_page_tells_its_owner_why_its_agent_does_not_reach_it(client, r
             re.DOTALL,
         )[1]
 
-    assert control() == "it answers"
+    assert control() == "responding"
     Robot.objects.update(
         report=giraff.report | {"errors": ["adapter_lost: no ROS master at http://robot:11311"]}
     )
@@ -194,7 +203,7 @@ def test_the_adapters_that_are_installed_are_offered_and_any_other_is_taken(
     giraff.adapter = "acme"
     giraff.full_clean()
     giraff.save()
-    assert "Not installed on this server. That is fine" in page(client, address)
+    assert "Not installed on this server, which is fine" in page(client, address)
 
     made = client.post(f"{LIST}{giraff.pk}/credentials/", HTTP_HOST="localhost:8000")
     kept = unescape(
@@ -209,7 +218,7 @@ def test_the_adapters_that_are_installed_are_offered_and_any_other_is_taken(
 @pytest.mark.parametrize("name", ["two words", "x; rm", "acme'", "--yes", "acme\n"])
 def test_an_adapter_s_name_that_a_shell_would_read_otherwise_is_refused(giraff, name):
     giraff.adapter = name
-    with pytest.raises(ValidationError, match="A name, or the path"):
+    with pytest.raises(ValidationError, match="Enter a name or the path"):
         giraff.full_clean()
 
 
@@ -236,9 +245,9 @@ def act(client, action, *robots):
 
 
 def test_the_action_leads_to_the_credentials_of_one_robot(client, researcher, giraff):
-    assert "Make new credentials for" in act(client, "new_credentials", giraff).content.decode()
+    assert "Create new credentials for" in act(client, "new_credentials", giraff).content.decode()
     other = Robot.objects.create(name="rhodon", title="Rhodon")
-    assert "Choose one robot" in act(client, "new_credentials", giraff, other).content.decode()
+    assert "Choose a single robot" in act(client, "new_credentials", giraff, other).content.decode()
 
 
 def test_credentials_are_revoked(client, researcher, giraff):
@@ -249,7 +258,7 @@ def test_credentials_are_revoked(client, researcher, giraff):
     )
     giraff.refresh_from_db()
     assert giraff.credential_hash == ""
-    assert "none: it cannot connect" in page(client, f"{LIST}{giraff.pk}/change/")
+    assert "none: the robot can't connect" in unescape(page(client, f"{LIST}{giraff.pk}/change/"))
 
 
 def test_robots_are_disabled_and_enabled(client, researcher, giraff):
@@ -403,13 +412,11 @@ def test_doors_are_opened_and_closed_on_a_page_of_their_own(client, researcher, 
     text = client.post(
         address, {"door": "lab-door", "state": "closed"}, follow=True
     ).content.decode()
-    assert "Laboratory door is closed." in text
+    assert "Laboratory door is set to closed." in text
     assert Robot.objects.get(pk=giraff.pk).doors == {"lab-door": "closed"}
     for door, state in (("no-door", "closed"), ("lab-door", "ajar")):
-        assert (
-            "There is no such door."
-            in client.post(address, {"door": door, "state": state}, follow=True).content.decode()
-        )
+        refused = client.post(address, {"door": door, "state": state}, follow=True)
+        assert "This door doesn't exist." in unescape(refused.content.decode())
     assert Robot.objects.get(pk=giraff.pk).doors == {"lab-door": "closed"}
 
 

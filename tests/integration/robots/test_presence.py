@@ -157,6 +157,8 @@ def test_that_a_robot_is_not_reached_any_more_is_written_at_once_with_the_reason
     assert trouble_of(Robot.objects.get().report) == "no ROS master at http://robot:11311"
     writer.take("giraff", state(3), after(0.3))
     assert trouble_of(Robot.objects.get().report) == ""
+    starting = "adapter_starting: the agent is connecting to the robot"
+    assert trouble_of({"errors": [starting]}) == "the agent is connecting to the robot"
 
 
 @pytest.mark.parametrize(

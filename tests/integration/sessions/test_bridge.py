@@ -54,7 +54,7 @@ async def test_a_page_and_a_robot_speak_with_each_other_under_the_servers_stamps
         granted = await drive(ada)
         await until(lambda: robot.commands("lease"))
         assert robot.commands("lease")[-1].peer == granted.peer
-        await ada.say("signal", m.Offer(sdp="v=0", role="screen", session="forged", epoch=99))
+        await ada.say("signal", m.SdpOffer(sdp="v=0", role="screen", session="forged", epoch=99))
         await ada.say("command/velocity", words.velocity(seq=1))
         await ada.settle(robot)
         (offer,) = robot.commands(f"signal/{granted.peer}")
@@ -65,7 +65,7 @@ async def test_a_page_and_a_robot_speak_with_each_other_under_the_servers_stamps
             granted.epoch,
         )
         assert (command.session, command.epoch) == (granted.session, granted.epoch)
-        await robot.say(f"signal/{granted.peer}/reply", m.Answer(sdp="v=0 answer"))
+        await robot.say(f"signal/{granted.peer}/reply", m.SdpAnswer(sdp="v=0 answer"))
         await robot.say("state", words.state(seq=4))
         assert (await ada.expect("signal/reply")).sdp == "v=0 answer"
         assert (await ada.expect("state")).seq == 4
@@ -371,7 +371,7 @@ async def test_the_broker_may_restart_under_a_drive(site):
         presence = await ada.expect("robot")
         assert (presence.online, presence.reason) == (False, "server")
         await ada.say("command/velocity", words.velocity(seq=1))
-        await ada.say("signal", m.Offer(sdp="v=0"))
+        await ada.say("signal", m.SdpOffer(sdp="v=0"))
         assert (await ada.expect("denied")).reason == "robot_unreachable"
         site.start_broker()
         async with RobotDouble(site) as robot:

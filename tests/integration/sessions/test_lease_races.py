@@ -146,8 +146,8 @@ def run(
 def test_of_two_visitors_one_drives_and_the_other_waits(database, rounds):
     told, found = run(database, "two", ("ana", "ben"), rounds)
     kinds = [sorted(answer["kind"] for answer in answers) for answers in told]
-    assert kinds == [["Granted", "Queued"]] * rounds
-    winners = [answers[0]["kind"] == "Granted" for answers in told]
+    assert kinds == [["TakeGranted", "TakeQueued"]] * rounds
+    winners = [answers[0]["kind"] == "TakeGranted" for answers in told]
     assert 0 < sum(winners) < rounds, "one side won every time: they did not race"
     assert found == {
         "driving": rounds,
@@ -163,7 +163,7 @@ def test_of_two_visitors_one_drives_and_the_other_waits(database, rounds):
 def test_of_two_tabs_of_one_visitor_one_drives_and_the_other_is_told_where(database, rounds):
     told, found = run(database, "tab", ("ana", "ana"), rounds)
     for answers in told:
-        assert sorted(answer["kind"] for answer in answers) == ["Granted", "Refused"]
+        assert sorted(answer["kind"] for answer in answers) == ["TakeGranted", "TakeRefused"]
         assert answers[0]["session"] == answers[1]["session"], "two tabs, one session"
     assert found == {
         "driving": rounds,

@@ -125,7 +125,8 @@ def test_the_owner_makes_the_address_in_the_administration_and_takes_it_away(cli
     client.post(address, {"revoke": "1"})
     assert screen_of("giraff", shown.partition("#")[2]) is None
     assert (
-        "Make an address" in client.get(f"/admin/robots/robot/{robot.pk}/change/").content.decode()
+        "Create an address"
+        in client.get(f"/admin/robots/robot/{robot.pk}/change/").content.decode()
     )
 
 

@@ -22,7 +22,7 @@ from experiments.research.replay import recorded
 from robots.api import codec, messages
 from robots.cards import Traffic, card
 from robots.models import Robot
-from sessions.leases.readiness import Condition, Readiness, decide
+from sessions.leases.readiness import Readiness, RobotCondition, decide
 from sessions.models import Session, StateChunk
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -107,11 +107,13 @@ def test_what_older_agents_say_means_what_it_meant(said, meant):
 
 def test_a_docked_robot_of_unknown_charge_is_ready_for_waiting_would_not_make_it_known():
     assert (
-        decide(Readiness(), Condition(docked=True, charge=None, charge_limit=0.9), 0.0)[0].phase
+        decide(Readiness(), RobotCondition(docked=True, charge=None, charge_limit=0.9), 0.0)[
+            0
+        ].phase
         == "ready"
     )
     assert (
-        decide(Readiness(), Condition(docked=True, charge=0.8, charge_limit=0.9), 0.0)[0].phase
+        decide(Readiness(), RobotCondition(docked=True, charge=0.8, charge_limit=0.9), 0.0)[0].phase
         == "charging"
     )
 

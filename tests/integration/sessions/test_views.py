@@ -84,7 +84,6 @@ def test_the_drive_page_tells_its_modules_where_everything_is(client, robot, ada
     assert config["floorplan"] == "/floorplans/office.json"
     assert config["suggested"] is None
     assert config["who"] == "Ada L."
-    assert config["turnSeconds"] == 120.0
     assert config["factsheet"] == {"name": "giraff"}
     assert "no-store" in response["Cache-Control"]
 

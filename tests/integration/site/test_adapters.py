@@ -15,7 +15,7 @@ from playwright.sync_api import expect, sync_playwright
 
 from experiments.bots.browser import Browser
 from experiments.bots.cockpit import Cockpit
-from experiments.bots.steering import STAND, Speed
+from experiments.bots.steering import STAND, SpeedSetting
 from tests.support.patience import patient
 from tests.support.ros2_robot import LOOPBACK as DDS
 from tests.support.site import LOOPBACK, running_site, wait_for
@@ -23,9 +23,9 @@ from tests.support.site_robots import ARCHITECTURES, robot_behind
 from tests.support.visitor import Visitor, chromium
 
 pytestmark = pytest.mark.broker
-AHEAD = Speed(0.3, 0.0)
+AHEAD = SpeedSetting(0.3, 0.0)
 LOST = "adapter_lost: "
-FAULT = "The robot reports a fault and stands still."
+FAULT = "The robot reports a fault and has stopped."
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from telepresence_site.demo.children import Children, Part, StartFailed
+from telepresence_site.children import Children, DemoPart, StartFailed
 
 LIVE = "import time; time.sleep(600)"
 
@@ -42,8 +42,8 @@ def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
 
     children.start_together(
         [
-            Part("first", waiting, lambda _child: first.exists()),
-            Part("second", touching(second), lambda _child: second.exists()),
+            DemoPart("first", waiting, lambda _child: first.exists()),
+            DemoPart("second", touching(second), lambda _child: second.exists()),
         ],
         within=60,
         step=step,
@@ -54,8 +54,10 @@ def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
 
 def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
     parts = [
-        Part("broker", ["-c", LIVE], lambda _child: False),
-        Part("web server", ["-c", "print('port taken'); raise SystemExit(1)"], lambda _child: True),
+        DemoPart("broker", ["-c", LIVE], lambda _child: False),
+        DemoPart(
+            "web server", ["-c", "print('port taken'); raise SystemExit(1)"], lambda _child: True
+        ),
     ]
     with pytest.raises(StartFailed, match=r"The web server ended at once: port taken"):
         children.start_together(parts, within=60)
@@ -63,4 +65,6 @@ def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
 
 def test_a_part_that_is_never_ready_is_named_with_its_last_words(children):
     with pytest.raises(StartFailed, match="The broker was not ready in time"):
-        children.start_together([Part("broker", ["-c", LIVE], lambda _child: False)], within=0.2)
+        children.start_together(
+            [DemoPart("broker", ["-c", LIVE], lambda _child: False)], within=0.2
+        )

@@ -15,7 +15,7 @@ from tests.support.patience import patient
 from tests.support.site import LOOPBACK, Site, free_port, wait_for
 
 DRAFT = (
-    "from django.utils import timezone; from experiments.definition import publishing; from"
+    "from django.utils import timezone; from experiments import publishing; from"
     " experiments.definition.shipped import shipped;publishing.store(shipped()['exploration'],"
     " timezone.now())"
 )

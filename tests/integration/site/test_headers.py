@@ -16,6 +16,7 @@ def test_every_answer_says_what_a_page_may_use_and_that_no_other_site_embeds_it(
         allowed[feature] for feature in ("camera", "microphone", "display-capture", "fullscreen")
     } == {"(self)"}
     assert {allowed[feature] for feature in ("geolocation", "usb", "payment")} == {"()"}
+    assert "bluetooth" not in allowed  # browsers do not know it, and warn of it on every page
     assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
 
 

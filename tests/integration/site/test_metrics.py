@@ -36,6 +36,7 @@ def site(settings):
         report={"battery": {"charge": 0.5}},
     )
     Robot.objects.create(name="attic", title="Attic")
+    Robot.objects.create(name="practice-1", title="Practice", practice=True)
     ada, bert, cleo = person("ada"), person("bert"), person("cleo")
     rows = [(ada, "driving", ""), (bert, "waiting", ""), (cleo, "ended", "completed")]
     made = [
@@ -91,6 +92,7 @@ async def test_the_figures_of_site_and_process_stand_there(site, bridge):
         ("bridge_total", ("what", "arrived"), 5),
     ]:
         assert found["telepresence_" + name, label] == value
+    assert not any(("robot", "practice-1") in name for name in found)
     assert found[("telepresence_recorder_waiting",)] == 7
     assert found[("telepresence_session_manager_well",)] == 1
     assert found[("telepresence_broker_connected",)] == 1

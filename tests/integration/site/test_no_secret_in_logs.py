@@ -20,7 +20,7 @@ from robots.ice import turn_credentials
 from robots.models import Robot
 from sessions import protocol
 from telepresence_site.asgi import application  # sets logging up once more, before the scribe comes
-from telepresence_site.ops.log_lines import JsonLine
+from telepresence_site.ops.log_lines import json_lines
 from telepresence_site.settings import LOGGING
 from tests.support import words
 from tests.support.broker_rig import BrokerRig
@@ -43,7 +43,7 @@ class Scribe(logging.Handler):
         self.raw, self.lines = [], []
 
     def emit(self, record):
-        self.lines.append(JsonLine().format(record))
+        self.lines.append(json_lines().format(record))
         # names the path, which may be a one-time link: our lines make a route of it
         if record.name != "django.request":
             self.raw.append(logging.Formatter("%(name)s %(message)s").format(record))
@@ -167,6 +167,6 @@ def test_every_handler_of_the_site_writes_our_lines():
         LOGGING["formatters"][handler["formatter"]]["()"].rpartition(".")[2]
         for handler in LOGGING["handlers"].values()
     } <= {
-        "JsonLine",
-        "KeyValueLine",
+        "json_lines",
+        "key_value_lines",
     }

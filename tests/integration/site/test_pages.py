@@ -109,7 +109,7 @@ def test_the_language_switch_is_a_form_that_comes_back_to_the_page(client):
     response = client.post(reverse("set_language"), {"language": "es", "next": reverse("about")})
     assert response.url == reverse("about")
     page = read(client.get(reverse("about")))
-    assert "Qué se registra" in page.text
+    assert "Qué registramos" in page.text
     assert reverse("own_data") in [link.attributes.get("href") for link in page.all("a")]
 
 
@@ -122,7 +122,7 @@ def test_the_landing_page_shows_each_robot_with_its_state_and_one_button(client,
     assert [c.attributes["data-state"] for c in cards.values()] == ["available", "busy", "offline"]
     assert "Free now" in cards["giraff"].text
     assert "50 %" in cards["giraff"].text
-    assert "You would be number 2 in line, for about " in cards["rhodon"].text
+    assert "You'd be number 2 in the queue, with a wait of about " in cards["rhodon"].text
     assert "Last seen 2" in cards["attic"].text
 
 
@@ -192,7 +192,7 @@ def test_the_list_asks_the_database_no_more_for_many_robots(
 
 def test_a_site_without_robots_says_what_will_come(client):
     response = client.get(reverse("home"))
-    assert "No robot here yet" in read(response).text
+    assert "No robots yet" in read(response).text
     assert response.context["invitation"].url == "#robots"
 
 
@@ -244,10 +244,10 @@ def test_the_manifest_says_what_an_installed_page_is_and_shows_pictures_of_their
 @pytest.mark.parametrize(
     ("address", "code", "words"),
     [
-        ("/misread/", 400, "We did not understand that"),
-        ("/refuse/", 403, "This is not for you"),
-        ("/nowhere/", 404, "There is nothing here"),
-        ("/break/", 500, "Something broke on our side"),
+        ("/misread/", 400, "We couldn't process that"),
+        ("/refuse/", 403, "You don't have access"),
+        ("/nowhere/", 404, "Page not found"),
+        ("/break/", 500, "Something went wrong on our side"),
     ],
 )
 def test_an_error_is_a_page_that_says_what_to_do(address, code, words):

@@ -11,9 +11,17 @@ from django.utils import timezone
 from accounts.models import User
 from robots.models import FloorPlan, Robot
 from sessions.models import Session
-from sessions.practice import Place, choose
+from sessions.practice import PracticePlace, choose
 from telepresence_site.practice import robots
-from telepresence_site.practice.pool import AGAIN, LINGER, Demand, Process, Start, Stop, decide
+from telepresence_site.practice.pool import (
+    AGAIN,
+    LINGER,
+    Demand,
+    Process,
+    StartRobot,
+    StopRobot,
+    decide,
+)
 from telepresence_site.practice.supervisor import Supervisor
 
 NAMES = ["practice-1", "practice-2"]
@@ -37,17 +45,17 @@ def test_nothing_runs_while_nobody_waits():
 
 
 def test_whoever_waits_finds_one_robot_and_whoever_comes_next_another_until_the_house_is_full():
-    assert decide(NAMES, waits(), {}, NOW) == [Start("practice-1")]
+    assert decide(NAMES, waits(), {}, NOW) == [StartRobot("practice-1")]
     assert decide(NAMES, waits(), alive("practice-1"), NOW) == []
     assert decide(NAMES, waits(NOW, "practice-1"), alive("practice-1"), NOW) == [
-        Start("practice-2")
+        StartRobot("practice-2")
     ]
     assert decide(NAMES, waits(NOW, *NAMES), alive(*NAMES), NOW) == []
 
 
 def test_a_robot_that_nobody_needs_stays_for_a_while_and_then_ends():
     assert decide(NAMES, waits(NOW - LINGER + 1.0), alive("practice-1"), NOW) == []
-    assert decide(NAMES, waits(NOW - LINGER), alive("practice-1"), NOW) == [Stop("practice-1")]
+    assert decide(NAMES, waits(NOW - LINGER), alive("practice-1"), NOW) == [StopRobot("practice-1")]
 
 
 def test_nobodys_practice_ends_because_nobody_waits_any_more():
@@ -56,20 +64,20 @@ def test_nobodys_practice_ends_because_nobody_waits_any_more():
 
 def test_a_robot_is_started_anew_after_its_visitor():
     left = {"practice-1": NOW - 1.0}
-    assert decide(NAMES, waits(left=left), alive("practice-1"), NOW)[0] == Stop("practice-1")
+    assert decide(NAMES, waits(left=left), alive("practice-1"), NOW)[0] == StopRobot("practice-1")
     ended = {
         "practice-1": Process(NOW - 100.0, alive=False),
         "practice-2": Process(NOW - 100.0, alive=True),
     }
     assert decide(NAMES, waits(left=left), ended, NOW) == []
-    assert decide(["practice-1"], waits(left=left), ended, NOW) == [Start("practice-1")]
+    assert decide(["practice-1"], waits(left=left), ended, NOW) == [StartRobot("practice-1")]
 
 
 def test_a_robot_that_died_under_its_visitor_is_back_first_and_not_faster_than_every_few_seconds():
     dead = {"practice-2": Process(NOW - 1.0, alive=False)}
     demand = Demand(None, frozenset({"practice-2"}), {})
-    assert Start("practice-2") not in decide(NAMES, demand, dead, NOW)
-    assert decide(NAMES, demand, dead, NOW - 1.0 + AGAIN) == [Start("practice-2")]
+    assert StartRobot("practice-2") not in decide(NAMES, demand, dead, NOW)
+    assert decide(NAMES, demand, dead, NOW - 1.0 + AGAIN) == [StartRobot("practice-2")]
 
 
 # --- processes ------------------------------------------------------------------------------------
@@ -253,15 +261,23 @@ def test_without_practice_robots_there_is_nothing_to_run(settings):
 
 def test_a_visitor_is_sent_where_the_turn_comes_first_and_to_no_robot_that_is_not_there_yet():
     assert choose([]) is None
-    assert choose([Place("practice-1", there=False, taken=0)]) is None
+    assert choose([PracticePlace("practice-1", there=False, taken=0)]) is None
     assert (
         choose(
-            [Place("practice-1", there=True, taken=1), Place("practice-2", there=False, taken=0)]
+            [
+                PracticePlace("practice-1", there=True, taken=1),
+                PracticePlace("practice-2", there=False, taken=0),
+            ]
         )
         == "practice-1"
     )
     assert (
-        choose([Place("practice-1", there=True, taken=2), Place("practice-2", there=True, taken=1)])
+        choose(
+            [
+                PracticePlace("practice-1", there=True, taken=2),
+                PracticePlace("practice-2", there=True, taken=1),
+            ]
+        )
         == "practice-2"
     )
 

@@ -11,7 +11,8 @@ from django.core.management import call_command
 from django.utils import timezone
 
 from accounts import audit
-from accounts.models import AuditEntry
+from accounts.models import AuditEntry, User
+from accounts.passwordless import create_guest
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.export import reports
 from experiments.models import ConsentReceipt, Participant, Study, StudyMember
@@ -82,7 +83,7 @@ def test_each_kind_goes_when_its_days_are_over(robot):
         "system_log": 1,
         "audit_log": 1,
     }
-    assert forget() == {**told, "enrolments": 0}
+    assert forget() == {**told, "enrolments": 0, "guests": 0}
     assert set(Session.objects.values_list("visitor__username", flat=True)) == {
         "today",
         "last_month",
@@ -96,7 +97,7 @@ def test_each_kind_goes_when_its_days_are_over(robot):
     kept = Session.objects.get(visitor__username="last_month").device
     assert (kept["os"], kept["network"], kept["user_agent"]) == ("Linux", "", "")
     assert Session.objects.get(visitor__username="today").device == DEVICE
-    assert forget() == {**dict.fromkeys(told, 0), "enrolments": 0}
+    assert forget() == {**dict.fromkeys(told, 0), "enrolments": 0, "guests": 0}
 
 
 def test_a_dry_run_counts_and_forgets_nothing_and_what_was_forgotten_is_logged(robot):
@@ -113,7 +114,7 @@ def test_a_dry_run_counts_and_forgets_nothing_and_what_was_forgotten_is_logged(r
 def test_what_is_kept_for_ever_is_kept_for_ever(robot, settings):
     settings.RETENTION_DAYS = dict.fromkeys(settings.RETENTION_DAYS, 0.0)
     visit(robot, "last_year", 4000)
-    assert forget() == {"enrolments": 0}
+    assert forget() == {"enrolments": 0, "guests": 0}
     assert Session.objects.get().device == DEVICE
 
 
@@ -242,6 +243,17 @@ def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, b
     assert AuditEntry.objects.filter(act="withdrawn", person=key).exists()
 
 
+def test_a_participants_account_without_password_goes_when_it_has_no_study_any_more(robot):
+    study = replays.study(status=Study.Status.PUBLISHED)
+    left, taking_part, new = (create_guest("participant", "Participant") for _ in range(3))
+    replays.participant(study, taking_part)
+    User.objects.exclude(pk=new.pk).update(date_joined=timezone.now() - 2 * DAY)
+    assert forget()["guests"] == 1
+    assert not User.objects.filter(pk=left.pk).exists()
+    assert User.objects.filter(kind="participant").count() == 2
+    assert forget()["guests"] == 0
+
+
 def relations() -> set[str]:
     """Return every way from a table to a user."""
     user = get_user_model()
@@ -260,6 +272,7 @@ def test_every_relation_to_a_person_is_one_that_these_tests_know():
         "Participant.user",
         "Session.visitor",
         "Response.user",
+        "EntryCode.user",
     }
     of_staff = {
         "Robot.owner",

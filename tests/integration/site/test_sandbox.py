@@ -9,13 +9,13 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.definition import publishing
+from experiments import publishing
 from experiments.definition.shipped import shipped
 from experiments.models import Rehearsal, Study
 from robots.api.topics import ROBOT_NAME
 from robots.models import FloorPlan, Robot
 from surveys.models import Questionnaire
-from telepresence_site.demo.children import StartFailed
+from telepresence_site.children import StartFailed
 from telepresence_site.rehearsal import sandbox
 from tests.support.site import wait_for
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from telepresence_site.demo.children import Child, Children, Part, StartFailed
+from telepresence_site.children import Child, Children, DemoPart, StartFailed
 from telepresence_site.demo.restart import RestartPolicy
 from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
 from tests.support.site import wait_for
@@ -39,7 +39,7 @@ def supervisor(children, told) -> ServiceSupervisor:
     return ServiceSupervisor(children, told.append, POLICY)
 
 
-def start(supervisor: ServiceSupervisor, *parts: Part, within: float = 60.0) -> None:
+def start(supervisor: ServiceSupervisor, *parts: DemoPart, within: float = 60.0) -> None:
     supervisor.start(parts, within=within, step=lambda _name: contextlib.nullcontext())
 
 
@@ -60,7 +60,7 @@ def kill(child: Child) -> None:
 def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_twice_in_a_row(
     children, supervisor, told, is_essential
 ):
-    start(supervisor, Part("broker", LIVE, says_ready, is_essential))
+    start(supervisor, DemoPart("broker", LIVE, says_ready, is_essential))
     for _ in range(2):
         first = children.running[0]
         kill(first)
@@ -79,7 +79,7 @@ def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_t
 def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
     children, supervisor, told, tmp_path
 ):
-    start(supervisor, Part("robot", LIVE, says_ready))
+    start(supervisor, DemoPart("robot", LIVE, says_ready))
     kill(children.running[0])
     log = tmp_path / "log" / "robot.log"
     log.unlink()
@@ -96,7 +96,7 @@ def test_an_essential_part_that_dies_again_and_again_is_lost_with_its_own_reason
         PartLostError,
         match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row",
     ):
-        start(supervisor, Part("broker", DIES, lambda _child: False, is_essential=True))
+        start(supervisor, DemoPart("broker", DIES, lambda _child: False, is_essential=True))
     assert len(told) == 2
 
 
@@ -111,8 +111,8 @@ def test_a_robot_that_does_not_live_keeps_nobody_waiting_and_is_tried_on(
     ]
     start(
         supervisor,
-        Part("robot", robot, says_ready),
-        Part("web server", LIVE, says_ready, is_essential=True),
+        DemoPart("robot", robot, says_ready),
+        DemoPart("web server", LIVE, says_ready, is_essential=True),
         within=2.0,
     )
     assert any(
@@ -130,7 +130,7 @@ def test_an_essential_part_that_is_never_ready_is_named(supervisor):
     with pytest.raises(StartFailed, match="The web server is not ready yet: ready"):
         start(
             supervisor,
-            Part("web server", LIVE, lambda _child: False, is_essential=True),
+            DemoPart("web server", LIVE, lambda _child: False, is_essential=True),
             within=1.0,
         )
 
@@ -146,8 +146,8 @@ def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
     ]
     start(
         supervisor,
-        Part("broker", LIVE, lambda _child: second.exists(), is_essential=True),
-        Part("manager", once, says_ready, is_essential=True),
+        DemoPart("broker", LIVE, lambda _child: second.exists(), is_essential=True),
+        DemoPart("manager", once, says_ready, is_essential=True),
     )
     assert "The manager ended: not yet" in told[0]
     assert all(child.process.poll() is None for child in children.running)

@@ -78,9 +78,9 @@ def test_a_questionnaire_comes_in_as_a_file_and_goes_out_the_same(client, resear
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        (b"{", "not JSON"),
+        (b"{", "not valid JSON"),
         (b"", "Choose a file"),
-        (b"\xff\x00", "not JSON"),
+        (b"\xff\x00", "not valid JSON"),
         (as_bytes(document([{"kind": "nonsense"}])), "$.pages[0].items[0]"),
     ],
 )
@@ -101,7 +101,7 @@ def test_every_problem_is_told_in_a_line_of_its_own_and_escaped(client, research
 def test_an_import_never_replaces_a_version_that_is_here_already(client, researcher):
     store(defined([item("text", "a")]), NOW)
     answer = client.post(reverse(ADD), {"document": json.dumps(document([item("text", "b")]))})
-    assert "is here already" in read(answer).text
+    assert "already exists" in read(answer).text
 
 
 def test_a_draft_is_changed_in_its_place(client, researcher):
@@ -116,7 +116,7 @@ def test_a_draft_is_changed_in_its_place(client, researcher):
         question.key for question in Questionnaire.objects.get().as_definition().questions()
     ] == ["b"]
     other = client.post(address, {"document": json.dumps(document([item("text", "b")], version=2))})
-    assert "slug and version of a questionnaire stay" in read(other).text
+    assert "the slug and version of a questionnaire cannot change" in read(other).text
 
 
 def test_what_is_in_use_is_shown_and_not_changed(client, researcher):
@@ -135,12 +135,12 @@ def test_a_new_version_is_made_from_what_is_in_use(client, researcher):
     row = freeze(store(defined([item("text", "a")]), NOW), NOW)
     assert client.get(page_of("new_version", row)).status_code == 405
     answer = client.post(page_of("new_version", row), follow=True)
-    assert "Version 2 can be changed" in read(answer).text
+    assert "You can edit version 2" in read(answer).text
     assert Questionnaire.objects.count() == 2
 
 
 def test_those_that_come_with_the_site_are_added_once(client, researcher):
-    assert read(client.get(reverse(LIST))).text.count("Add those that come with the site") == 1
+    assert read(client.get(reverse(LIST))).text.count("Add built-in questionnaires") == 1
     address = reverse("admin:surveys_questionnaire_shipped")
     assert "8 questionnaires were added" in read(client.post(address, follow=True)).text
     assert "0 questionnaires were added" in read(client.post(address, follow=True)).text
@@ -185,6 +185,7 @@ def answered():
         [
             item("single", "a"),
             item("multiple", "m"),
+            item("ranking", "o"),
             item("text", "t"),
             item("text", "r", show_if={"robot": ["rhodon"]}),
         ],
@@ -204,8 +205,8 @@ def answered():
         row,
         definition,
         0,
-        fields={"a": ["b"], "m": ["a", "c"], "t": ["=1+1"]},
-        offered=["a", "m", "t"],
+        fields={"a": ["b"], "m": ["a", "c"], "o": ["1.c", "3.a", "2.b"], "t": ["=1+1"]},
+        offered=["a", "m", "o", "t"],
         saving=Saving(now=NOW, language="en"),
     )
     return row
@@ -216,6 +217,7 @@ def test_the_long_table_has_a_line_a_question_and_no_formula(client, researcher,
     assert [(line["item"], line["value"], line["missing"]) for line in lines] == [
         ("a", "b", ""),
         ("m", "a|c", ""),
+        ("o", "c|b|a", ""),
         ("t", "'=1+1", ""),
         ("r", "", "not_reached"),
         ("z", "", "not_reached"),
@@ -226,7 +228,7 @@ def test_the_long_table_has_a_line_a_question_and_no_formula(client, researcher,
     ).fingerprint("en")
     finish(answered, answered.questionnaire.as_definition(), NOW)
     lines = table(client.get(page_of("answers", answered.questionnaire, "long")))
-    assert [line["missing"] for line in lines] == ["", "", "", "not_applicable", "skipped"]
+    assert [line["missing"] for line in lines] == ["", "", "", "", "not_asked", "skipped"]
 
 
 def test_the_wide_table_has_a_line_a_response_of_any_version(client, researcher, answered):
@@ -240,6 +242,8 @@ def test_the_wide_table_has_a_line_a_response_of_any_version(client, researcher,
         now=NOW + datetime.timedelta(hours=1),
     )
     first, other = table(client.get(page_of("answers", second, "wide")))
+    assert [first[name] for name in ("o.a", "o.b", "o.c", "o_missing")] == ["3", "2", "1", ""]
+    assert [other[name] for name in ("o.a", "o.b", "o.c", "o_missing")] == [""] * 4
     assert (first["version"], first["a"], first["m"], first["n"], first["n_missing"]) == (
         "1",
         "b",
@@ -312,7 +316,7 @@ def test_chosen_responses_are_downloaded_together(client, researcher, answered):
         reverse("admin:surveys_response_changelist"),
         {"action": "download_answers", "_selected_action": [str(answered.pk)]},
     )
-    assert len(table(answer)) == 5
+    assert len(table(answer)) == 6
 
 
 def test_answers_are_never_edited_but_a_response_can_be_deleted(client, researcher, answered):

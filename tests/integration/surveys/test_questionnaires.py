@@ -12,7 +12,7 @@ from surveys.questionnaires import SHIPPED, current, freeze, next_version, shipp
 from tests.support.questionnaires import NOW, defined, item
 
 LATER = NOW + datetime.timedelta(days=1)
-USABLE = {"ict": 8, "experience": 8, "sus": 10, "tlx": 6}
+USABLE = {"ict": 7, "experience": 8, "sus": 10, "tlx": 6}
 TEMPLATES = {"godspeed": 24, "presence": 32, "simulator-sickness": 16, "social-presence": 42}
 
 
@@ -33,6 +33,11 @@ def test_what_comes_with_the_site_speaks_english_and_spanish_and_names_its_sourc
     assert definition.licence
     if slug in {"ict", "experience"}:
         assert "reconstructed" in definition.source
+
+
+def test_no_form_asks_the_age_which_the_consent_asks():
+    for slug in USABLE:
+        assert not {"age", "birth_year"} & {one.key for one in shipped()[slug].questions()}, slug
 
 
 @pytest.mark.parametrize("slug", TEMPLATES)

@@ -221,7 +221,7 @@ def test_a_questionnaire_that_asks_this_respondent_nothing_is_finished_at_once()
     row, definition = started([item("text", "a", show_if={"robot": ["rhodon"]})])
     assert place(row, definition) is None
     assert finish(row, definition, NOW) is None
-    assert row.response_statuses(definition, row.given())["a"].missing == "not_applicable"
+    assert row.response_statuses(definition, row.given())["a"].missing == "not_asked"
 
 
 def test_nobody_finishes_around_a_required_question():

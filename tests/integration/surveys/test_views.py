@@ -25,6 +25,7 @@ EVERY_KIND = [
     item("text", "long", lines=4),
     item("date", "d", latest="today"),
     item("slider", "x", prefer_not=True, hint={"en": "From low to high"}),
+    item("ranking", "r", required=True),
 ]
 
 
@@ -53,6 +54,7 @@ def test_every_kind_is_drawn_for_those_who_cannot_see_and_sent_without_javascrip
         "long",
         "d",
         "x",
+        "r",
     ]
     assert len(page.all("legend")) == len(groups)
     answers = {
@@ -66,8 +68,9 @@ def test_every_kind_is_drawn_for_those_who_cannot_see_and_sent_without_javascrip
         "long": "y\nz",
         "d": "2020-01-01",
         "x": "65",
+        "r": ["3.a", "1.b", "2.c"],
     }
-    assert ada.send(1, "l g1 g2 s m n t long d x", **answers).url == "/about/"
+    assert ada.send(1, "l g1 g2 s m n t long d x r", **answers).url == "/about/"
     expected = {
         "l": "(preferred_not)",
         "g1": -1,
@@ -79,6 +82,7 @@ def test_every_kind_is_drawn_for_those_who_cannot_see_and_sent_without_javascrip
         "long": "y\nz",
         "d": "2020-01-01",
         "x": 65,
+        "r": ["b", "c", "a"],
     }
     assert ada.stored() == expected
 
@@ -101,8 +105,9 @@ def test_what_was_said_stands_there_again_on_every_way_back(take):
         "long": "y",
         "d": "2020-01-01",
         "x": "65",
+        "r": ["3.a", "1.b", "2.c"],
     }
-    ada.send(1, "l g1 g2 s m n t long d x", **answers)
+    ada.send(1, "l g1 g2 s m n t long d x r", **answers)
     page = read(ada.get(1))
     chosen = {
         (e.attributes["name"], e.attributes["value"])
@@ -117,6 +122,26 @@ def test_what_was_said_stands_there_again_on_every_way_back(take):
     }
     assert written == {"n": "7", "t": 'a "quoted" <b>', "d": "2020-01-01", "x": "65"}
     assert page.all("textarea")[0].text == "y"
+    assert selected(page) == ["1.b", "2.c", "3.a"]
+
+
+def selected(page) -> list[str]:
+    return [e.attributes["value"] for e in page.all("option") if "selected" in e.attributes]
+
+
+def test_an_order_that_is_none_comes_back_as_it_was_given(take):
+    ada = take([item("ranking", "r", prefer_not=True)])
+    for given, told in ((["2.a", "2.b"], "a different place"), (["3.a", "2.c"], "every option")):
+        answer = ada.send(1, "r", r=given)
+        page = read(answer)
+        assert answer.status_code == 422
+        assert faults(page) == []
+        assert told in page.text
+        assert set(selected(page)) == set(given)
+        assert all(e.attributes["aria-invalid"] == "true" for e in page.all("select"))
+    assert ada.stored() == {}
+    assert ada.send(1, "r", r=["", ""], **{"r~": "preferred_not"}).url == "/about/"
+    assert ada.stored() == {"r": "(preferred_not)"}
 
 
 def test_whoever_comes_back_on_another_device_goes_on_where_they_were(take, client):
@@ -149,7 +174,7 @@ def test_a_page_with_gaps_comes_back_with_everything_kept_and_a_list_of_what_is_
         e.attributes["href"] for e in page.all("a") if e.attributes["href"].startswith("#q-")
     } == {"#q-a", "#q-n"}
     assert "Text of a" in alert.text
-    assert "The greatest number is 5." in page.text
+    assert "Enter a number of at most 5." in page.text
     assert (
         next(e for e in page.all("input") if e.attributes.get("name") == "n").attributes["value"]
         == "9"
@@ -269,7 +294,7 @@ def test_a_stranger_is_asked_to_log_in_and_learns_nothing(take, client):
     for address in (ada.url(1), reverse("survey", args=[uuid.uuid4()])):
         assert client.get(address).url == f"{reverse('account_login')}?next={address}"
     assert ada.save("a", "x").status_code == 403
-    assert ada.save("a", "x").json()["error"].startswith("You are signed out")
+    assert ada.save("a", "x").json()["error"].startswith("You are logged out")
 
 
 def test_an_anonymous_response_is_on_no_page(client):

@@ -222,6 +222,24 @@ describe("what is offered", () => {
     );
   });
 
+  test("a point that is blocked may be driven around, for a while and where the robot can", () => {
+    const said = { word: "point.wall", at: 100, refused: { goal: [1, 2], at: { x: 0, y: 0 } } };
+    const offer = offerFor(driving({ said, now: 103 }));
+    assert.deepEqual([offer.word, offer.main.action], ["point.wall", "go_around"]);
+    assert.equal(alertFor(driving({ said, now: 102 })), null);
+    assert.equal(offerFor(driving({ said, now: 120 })), null);
+    assert.equal(offerFor(driving({ said, now: 103 }, ["velocity"])), null);
+    assert.equal(alertFor(driving({ said, now: 102 }, ["velocity"])).word, "point.wall");
+  });
+
+  test("what is no destination stands aside in the menu", () => {
+    const aside = menuFor(driving()).filter((entry) => entry.aside);
+    assert.deepEqual(
+      aside.map(({ action }) => action),
+      ["show_pose", "laser"],
+    );
+  });
+
   test("the menu has the places, the way home, and what the laser sees", () => {
     assert.deepEqual(
       menuFor(driving()).map(({ action }) => action),
@@ -280,11 +298,11 @@ describe("reasons", () => {
     "the robot is boxed in: it has no room to move": "reason.boxed_in",
     "the charging station cannot be reached: no way leads to the goal on the map": "reason.no_way",
     "the goal (3.2, 4.0) lies in a wall or where the robot does not fit": "reason.in_wall",
-    "the goal (99.0, 4.0) lies outside of the map": "reason.outside",
+    "the goal (99.0, 4.0) lies outside the map": "reason.outside",
     "the robot could not dock in 3 tries: the contacts did not meet": "reason.dock_failed",
     "the contacts did not meet: backs out": "reason.tries_again",
     "somebody has stood in the way for too long": "reason.somebody_stayed",
-    "the laser has not been heard yet": "reason.laser",
+    "the laser has not sent any data yet": "reason.laser",
     "the robot has not found itself; drive it a little, or show it where it is": "reason.not_found",
     "navigation has stopped answering": "reason.navigation",
     no_answer: "reason.connection",

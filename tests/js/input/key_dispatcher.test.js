@@ -224,8 +224,8 @@ describe("the page's keys", () => {
 
 test("whatever listens to keys asks the rule", () => {
   const root = new URL("../../../static/js/", import.meta.url);
-  // a sign of presence, which hand it was, and Escape of a menu of a light page
-  const others = ["drive/activity.js", "view/overlay/floor_press.js", "pages/site.js"];
+  // a sign of presence, the choice of keys, which hand it was, and Escape of a menu of a light page
+  const others = ["drive/activity.js", "input/own_keys.js", "view/overlay/floor_press.js", "pages/site.js"];
   const heard = readdirSync(root, { recursive: true })
     .filter(
       (name) =>

@@ -32,6 +32,36 @@ describe("the keymap", () => {
     assert.deepEqual([key_talk, key_look_down, key_forward], ["F", "–", "↑"]);
   });
 
+  test("gives a command one key, which nothing else has then, and takes nothing from the others", () => {
+    const keymap = new Keymap();
+    keymap.use(keymap.withKey("talk", "KeyW"));
+    keymap.use(keymap.withKey("forward", "KeyI"));
+    assert.deepEqual(["KeyW", "KeyI", "ArrowUp", "KeyT", "KeyS"].map((code) => keymap.commandOf({ code })), ["talk", "forward", "", "", "backward"]);
+    keymap.use(keymap.withKey("look_up", "KeyI"));
+    assert.deepEqual(keymap.keys.forward, []);
+    keymap.use({});
+    assert.deepEqual(keymap.keys, new Keymap().keys);
+  });
+
+  test("always has a key that stops the robot", () => {
+    const keymap = new Keymap();
+    assert.equal(keymap.refuses("talk", "Space"), "stop");
+    assert.equal(keymap.refuses("stop", "Space"), "");
+    keymap.use(keymap.withKey("stop", "KeyX"));
+    assert.deepEqual([keymap.refuses("talk", "Space"), keymap.refuses("talk", "KeyX")], ["", "stop"]);
+    for (const spoiled of [{ stop: [] }, { talk: ["Space"] }, { stop: [], talk: ["Space"] }]) {
+      assert.equal(new Keymap(spoiled).commandOf({ code: "Space" }), "stop");
+    }
+  });
+
+  test("leaves the browser and the page the keys that they need", () => {
+    const keymap = new Keymap();
+    for (const key of ["", "Escape", "Tab", "Enter", "F5", "ShiftLeft", "MetaRight", "MediaPlayPause"]) {
+      assert.equal(keymap.refuses("talk", key), "never", key);
+    }
+    assert.equal(keymap.refuses("talk", "KeyF"), "");
+  });
+
   test("labels a key as it is printed", () => {
     const labels = ["ArrowLeft", "KeyT", "Digit4", "Numpad7", "Minus"].map(labelOf);
     assert.deepEqual(labels, ["←", "T", "4", "7", "−"]);

@@ -17,8 +17,8 @@ import {
   networkAt,
   piecesOf,
 } from "../../../static/js/pages/replay/record.js";
-import { stretches } from "../../../static/js/pages/replay/strips.js";
-import { asked, clamp, ticks, timeAt, written, xOf } from "../../../static/js/pages/replay/timeline.js";
+import { drawStrips, scaleEnd, stretches } from "../../../static/js/pages/replay/strips.js";
+import { AXIS, asked, clamp, plotWidth, ticks, timeAt, written, xOf } from "../../../static/js/pages/replay/timeline.js";
 
 const statesOf = (rows) => ({
   t: rows.map(([t]) => t),
@@ -174,4 +174,37 @@ test("commands in a row with one input method are one stretch, until a pause or 
     ],
   );
   assert.deepEqual(stretches({ t: [], method: [] }), []);
+});
+
+test("a scale ends at a round number that holds its values", () => {
+  for (const [least, end] of [[0.5, 0.5], [0.51, 1], [1.2, 2], [100, 100], [130, 200], [201, 500], [600, 1000]]) {
+    assert.equal(scaleEnd(least), end, `${least}`);
+  }
+});
+
+test("each strip has an axis with its unit, and the lines stand between the axes", () => {
+  const texts = [];
+  const context = new Proxy(
+    { fillText: (text, x) => texts.push([text, x]), measureText: (text) => ({ width: 6 * text.length }) },
+    { get: (target, name) => target[name] ?? (() => {}), set: () => true },
+  );
+  const canvas = { clientWidth: 600, getContext: () => context };
+  globalThis.devicePixelRatio = 1;
+  globalThis.getComputedStyle = () => ({ fontFamily: "sans", getPropertyValue: () => "black" });
+  const record = {
+    duration: 60,
+    events: [],
+    states: { t: [0, 1], v: [0, 0.3] },
+    commands: { t: [], method: [] },
+    words: [],
+    network: { t: [0, 1], fps: [30, 30], roundTrip: [0.12, 0.13], loss: [0, 0.02] },
+  };
+  drawStrips(canvas, record, { speed: "speed", trip: "round trip", fps: "frames/s", loss: "packet loss", method: (name) => name }, new Set());
+  const width = plotWidth(600);
+  assert.equal(width, 600 - 2 * AXIS);
+  const of = (text) => texts.find(([told]) => told === text)?.[1];
+  for (const text of ["0.5 m/s", "−0.5", "200 ms", "20 %"]) {
+    assert.ok(of(text) < 0, text);
+  }
+  assert.ok(of("40 1/s") > width);
 });

@@ -6,6 +6,7 @@ import { test } from "node:test";
 
 import { createAttention } from "../../../static/js/pages/survey/attention.js";
 import { shownKeys } from "../../../static/js/pages/survey/conditions.js";
+import { moved, stepTo } from "../../../static/js/pages/survey/ranking.js";
 import { createSaver } from "../../../static/js/pages/survey/saver.js";
 
 const CASES = JSON.parse(
@@ -47,6 +48,46 @@ test("time out of sight belongs to nothing, and time before it is not lost", () 
   now = 90;
   attention.touch("b");
   assert.deepEqual(attention.all(), { a: 5, b: 0 });
+});
+
+test("what is moved makes the others move up by one place", () => {
+  assert.deepEqual(moved(["a", "b", "c", "d"], 3, 0), ["d", "a", "b", "c"]);
+  assert.deepEqual(moved(["a", "b", "c", "d"], 0, 2), ["b", "c", "a", "d"]);
+  assert.deepEqual(moved(["a", "b", "c", "d"], 1, 1), ["a", "b", "c", "d"]);
+});
+
+/** Drag the row called `held` to a height, and return the order once nothing moves; rows are 10 px apart. */
+const dragged = (heights, held, y) => {
+  const names = Object.keys(heights);
+  for (let steps = 0; steps < 20; steps += 1) {
+    let top = 0;
+    const spans = names.map((name) => {
+      const span = { top, bottom: top + heights[name] };
+      top = span.bottom + 10;
+      return span;
+    });
+    const at = names.indexOf(held);
+    const step = stepTo(y, spans[at], spans[at - 1] ?? null, spans[at + 1] ?? null);
+    if (step === 0) return names.join("");
+    names.splice(at, 1);
+    names.splice(at + step, 0, held);
+  }
+  return "moves for ever";
+};
+
+test("a row that is dragged comes to stand under the pointer", () => {
+  const even = { a: 50, b: 50, c: 50 };
+  assert.equal(dragged(even, "a", 30), "abc");
+  assert.equal(dragged(even, "a", 80), "bac");
+  assert.equal(dragged(even, "a", 500), "bca");
+  assert.equal(dragged(even, "c", -9), "cab");
+});
+
+test("rows of different heights come to rest wherever one is dragged", () => {
+  const uneven = { a: 140, b: 44, c: 80, d: 44 };
+  for (const held of "abcd") {
+    for (let y = -50; y < 400; y += 1) assert.match(dragged(uneven, held, y), /^[abcd]{4}$/);
+  }
 });
 
 const memory = () => {
@@ -129,8 +170,8 @@ test("what the server refuses is not sent again, and its reason is told", async 
 test("what comes from somebody who is signed out is kept for when they are back", async () => {
   const first = rig();
   first.saver.save("a", [["a", "1"]]);
-  await first.answer({ ok: false, final: true, keep: true, error: "You are signed out." });
-  assert.deepEqual(first.told.at(-1), ["refused", "a", "You are signed out."]);
+  await first.answer({ ok: false, final: true, keep: true, error: "You are logged out." });
+  assert.deepEqual(first.told.at(-1), ["refused", "a", "You are logged out."]);
   assert.equal(first.waits.length, 0);
   assert.deepEqual([...rig(first.storage).saver.unsent().keys()], ["a"]);
 });

@@ -36,6 +36,15 @@ test("the offset of the robot's clock is found whatever the robot's pause", () =
   assert.ok(Math.abs(clockSync.roundTrip("datachannel") - 0.02) < 1e-9);
 });
 
+test("a round trip is told once there are enough of them", () => {
+  const clockSync = new ClockSync();
+  for (let i = 0; i < 5; i += 1) {
+    assert.equal(clockSync.roundTrip("datachannel", 5), null);
+    exchange(clockSync, "datachannel", 100 + i);
+  }
+  assert.ok(Math.abs(clockSync.roundTrip("datachannel", 5) - 0.02) < 1e-9);
+});
+
 test("of the last ten the least round trip is believed", () => {
   const clockSync = new ClockSync();
   exchange(clockSync, "mqtt", 100, { there: 0.4, back: 0.01 });

@@ -132,7 +132,7 @@ describe("the guide", () => {
   test("falls back to a general sentence for a cue that it does not know", () => {
     assert.equal(
       sentence(guideFor(state({ told: told({ cue: "juggle" }) })), words),
-      "Go on with the task.",
+      "Continue the task.",
     );
   });
 

@@ -86,6 +86,7 @@ const everyState = () => [
   state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 0 } }),
   state({ phase: "lobby" }, { room: { driver: null, driving: true, observers: 0, waiting: 0 } }),
   state({ phase: "driving" }, { leaving: true }),
+  state({ phase: "driving" }, { leaving: true, returnsHome: true }),
   state(
     { phase: "driving", link: "live", askedUntil: 20 },
     { leaving: true, playing: true, now: 5 },
@@ -139,6 +140,11 @@ describe("cards", () => {
     const lost = state({ phase: "driving", link: "lost" });
     assert.equal(cardFor(lost), null);
     assert.equal(alertFor(lost).word, "alert.link_driver");
+  });
+
+  test("whoever has tried a simulated robot is invited to sign up", () => {
+    const card = cardFor(state({ phase: "ended", reason: "timed_out" }, { guest: true }));
+    assert.deepEqual([card.word, card.main.action], ["ended.guest", "sign_up"]);
   });
 
   test("an unknown outcome of a newer server still ends in a card with a way home", () => {
@@ -321,6 +327,14 @@ describe("alerts", () => {
         .word,
       "fault.database.stops",
     );
+  });
+
+  test("whoever practises in a frame is told the end of the turn by the page around it", () => {
+    const framed = state(
+      { phase: "driving", link: "live", turnEnds: 175 },
+      { now: 100, robot: ROBOT, practising: true },
+    );
+    assert.equal(alertFor(framed), null);
   });
 
   test("the end of the turn is counted in minutes and seconds", () => {

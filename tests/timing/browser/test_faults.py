@@ -320,7 +320,7 @@ def test_a_server_process_that_is_killed_and_started_again_does_not_interrupt_th
     time.sleep(0.3)  # the robot has heard it
     since = time.time()
     if part == "session-manager":
-        site.succeed(part, "session_manager_waits")
+        site.succeed(part, "session_manager_waiting")
     else:
         site.stop(part, signal.SIGKILL)
     if part == "broker":

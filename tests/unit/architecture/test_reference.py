@@ -21,6 +21,24 @@ def test_every_environment_variable_that_the_settings_read_is_explained():
     assert read - explained - {"LAN", "RESET", "PORT"} == set()
 
 
+def test_the_defaults_in_the_reference_are_those_of_the_settings():
+    source = (ROOT / "telepresence_site" / "settings.py").read_text()
+    found = dict(re.findall(r'\benv\.text\(\s*"([A-Z_]+)", "([^"]*)"\)', source))
+    rows = re.findall(
+        r"^\| (`[A-Z_`, ]+`) \| (`[^|]+`) \|", (REFERENCE / "settings.md").read_text(), re.MULTILINE
+    )
+    explained = {
+        name: defaults[min(number, len(defaults) - 1)]
+        for names, told in rows
+        for defaults in [re.findall(r"`([^`]+)`", told)]
+        for number, name in enumerate(re.findall(r"`([A-Z_]+)`", names))
+    }
+    assert len(found.keys() & explained.keys()) > 20
+    assert {name: explained[name] for name in found if name in explained} == {
+        name: found[name] for name in found if name in explained
+    }
+
+
 def test_every_environment_variable_that_tests_and_benchmarks_read_is_explained():
     sources = [path for folder in ("tests", "benchmarks") for path in (ROOT / folder).rglob("*.py")]
     read = {

@@ -8,7 +8,7 @@ from experiments.definition import schema
 from experiments.definition.cues import CueKey
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
-from surveys.documents import Part
+from surveys.documents import DocumentPart
 from tests.support.paths import ROOT
 
 EXPLAINED = set(
@@ -18,7 +18,9 @@ PARTS = [
     part
     for module in (schema, *(sys.modules[kind.__module__] for kind in KINDS.values()))
     for part in vars(module).values()
-    if isinstance(part, type) and issubclass(part, Part) and part.__module__ == module.__name__
+    if isinstance(part, type)
+    and issubclass(part, DocumentPart)
+    and part.__module__ == module.__name__
 ]
 
 

@@ -36,14 +36,18 @@ def test_a_robot_that_nobody_drives_is_free():
     assert (it.charge, it.battery) == (82, "82 %")
 
 
+def test_a_robot_that_visitors_do_not_see_says_so_to_those_who_do():
+    assert shown(shown_to_visitors=False).detail == "Ready, but hidden from visitors."
+
+
 def test_a_robot_that_somebody_drives_offers_the_next_place():
     it = shown(Traffic(driven=True))
-    assert (it.state, it.action, it.drives) == ("busy", "Wait in line", True)
+    assert (it.state, it.action, it.drives) == ("busy", "Join the queue", True)
     assert it.detail == "Somebody is driving. You would be next."
 
 
 @pytest.mark.parametrize(
-    ("waiting", "words"), [(1, "1 visitor waits in line."), (3, "3 visitors wait in line.")]
+    ("waiting", "words"), [(1, "1 visitor in the queue."), (3, "3 visitors in the queue.")]
 )
 def test_the_line_is_counted(waiting, words):
     assert shown(Traffic(driven=True, waiting=waiting)).detail == words
@@ -74,7 +78,9 @@ def test_an_offline_robot_says_when_it_was_last_there():
         ).detail
         == "Last seen 3\xa0hours ago."
     )
-    assert shown(connection="OFFLINE", last_seen_at=None).detail == "It has not been connected yet."
+    assert (
+        shown(connection="OFFLINE", last_seen_at=None).detail == "This robot hasn't connected yet."
+    )
 
 
 def test_an_emergency_stop_is_shown_before_everything_else():
@@ -141,7 +147,7 @@ def test_lists_begin_with_what_can_be_driven_now():
 )
 def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turnaround, label):
     it = shown(returns_home=True, turnaround=turnaround)
-    assert (it.state, it.label, it.action) == ("busy", label, "Wait in line")
+    assert (it.state, it.label, it.action) == ("busy", label, "Join the queue")
     assert shown(Traffic(driven=True), returns_home=True, turnaround=turnaround).label == "In use"
     assert shown(returns_home=False, turnaround=turnaround).state == "available"
 
@@ -151,7 +157,7 @@ def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turn
     [
         (0, 3.2, "Somebody is driving. You would be next, in about 4 min."),
         (0, 0.0, "Somebody is driving. You would be next, in about 1 min."),
-        (2, 31.0, "You would be number 3 in line, for about 31 min."),
+        (2, 31.0, "You'd be number 3 in the queue, with a wait of about 31 min."),
     ],
 )
 def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, minutes, words):

@@ -9,7 +9,7 @@ import pytest
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from sessions import protocol
-from sessions.leases.store import Refused
+from sessions.leases.store import TakeRefused
 from sessions.models import Session
 from tests.support.paths import ROOT
 
@@ -79,7 +79,7 @@ def test_what_is_not_a_word_of_the_page_is_malformed(suffix, payload):
 def test_every_outcome_and_every_refusal_fits_into_its_message():
     for outcome in Session.Outcome.values:
         assert msgspec.convert({"session": "s", "outcome": outcome}, protocol.Ended)
-    for reason in Refused.__annotations__["reason"].__args__:
+    for reason in TakeRefused.__annotations__["reason"].__args__:
         assert msgspec.convert({"reason": reason}, protocol.Refused)
 
 

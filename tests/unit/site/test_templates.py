@@ -125,6 +125,7 @@ def test_a_translation_names_the_same_values_as_its_original():
     for entry in po_entries():
         for key, text in entry.items():
             if key.startswith("msgstr"):
-                assert sorted(placeholder.findall(text)) == sorted(
-                    placeholder.findall(entry["msgid"])
-                ), entry["msgid"]
+                original = entry["msgid_plural" if key in {"msgstr[1]", "msgstr[2]"} else "msgid"]
+                assert sorted(placeholder.findall(text)) == sorted(placeholder.findall(original)), (
+                    original
+                )

@@ -27,6 +27,7 @@ def said(
         ("multiple", {}, ["c", "a", "c"], ["a", "c"]),
         ("multiple", {"options": ALONE}, ["none"], ["none"]),
         ("multiple", {"options": ALONE, "at_least": 2}, ["none"], ["none"]),
+        ("ranking", {}, ["2.a", "3.b", "1.c"], ["c", "a", "b"]),
         ("number", {"whole": True}, ["42"], 42),
         ("number", {}, [" 2,5 "], 2.5),
         ("number", {"minimum": -3}, ["-3"], -3.0),
@@ -48,23 +49,30 @@ def test_an_answer_is_stored_as_a_value_of_its_kind(kind, more, values, stored):
 @pytest.mark.parametrize(
     ("kind", "more", "values", "told"),
     [
-        ("likert", {}, ["2"], "not among"),
+        ("likert", {}, ["2"], "one of the options offered"),
         ("likert", {}, ["1", "0"], "one answer"),
-        ("likert", {}, ["1.0"], "not among"),
-        ("single", {}, ["z"], "not among"),
-        ("multiple", {}, ["a", "z"], "not among"),
+        ("likert", {}, ["1.0"], "one of the options offered"),
+        ("single", {}, ["z"], "one of the options offered"),
+        ("multiple", {}, ["a", "z"], "one of the options offered"),
         ("multiple", {"at_least": 2}, ["a"], "at least 2"),
         ("multiple", {"at_most": 1}, ["a", "b"], "at most 1"),
         ("multiple", {"options": ALONE}, ["a", "none"], "excludes"),
+        ("ranking", {}, ["1.a", "2.b", "3.z"], "one of the options offered"),
+        ("ranking", {}, ["1.a", "2.b", "4.c"], "one of the options offered"),
+        ("ranking", {}, ["1.a", "2.b", "03.c"], "one of the options offered"),
+        ("ranking", {}, ["a", "b", "c"], "one of the options offered"),
+        ("ranking", {}, ["1.a", "2.b"], "every option"),
+        ("ranking", {}, ["1.a", "1.b", "3.c"], "different place"),
+        ("ranking", {}, ["1.a", "2.a", "3.c"], "different place"),
         ("number", {"whole": True}, ["4.5"], "whole"),
         ("number", {}, ["four"], "a number"),
         ("number", {}, ["nan"], "a number"),
         ("number", {}, ["1e999"], "a number"),
         ("number", {}, ["1_0"], "a number"),
         ("number", {}, ["9" * 5000], "a number"),
-        ("number", {"minimum": 3}, ["2"], "least number is 3"),
-        ("number", {"maximum": 2.5}, ["2.6"], "greatest number is 2.5"),
-        ("number", {"maximum": "this_year"}, ["2027"], "greatest number is 2026"),
+        ("number", {"minimum": 3}, ["2"], "at least 3"),
+        ("number", {"maximum": 2.5}, ["2.6"], "at most 2.5"),
+        ("number", {"maximum": "this_year"}, ["2027"], "at most 2026"),
         ("text", {"max_length": 3}, ["abcd"], "at most 3"),
         ("date", {}, ["2023-02-29"], "year-month-day"),
         ("date", {}, ["tomorrow"], "year-month-day"),
@@ -89,13 +97,13 @@ def test_today_is_any_day_that_it_is_somewhere_on_earth():
 
 
 @pytest.mark.parametrize(
-    "kind", ["likert", "single", "multiple", "number", "text", "date", "slider"]
+    "kind", ["likert", "single", "multiple", "ranking", "number", "text", "date", "slider"]
 )
 def test_saying_nothing_is_skipped_and_refused_only_where_an_answer_is_required(kind):
     for values in ([], [""], ["  "]):
         assert said(kind, *values) == AnswerValue(missing=Missing.SKIPPED)
     required = defined([item(kind, "q", required=True)]).question("q")
-    with pytest.raises(RefusedError, match="answer this question"):
+    with pytest.raises(RefusedError, match="Answer this question"):
         check_complete(required, AnswerValue(missing=Missing.SKIPPED))
     check_complete(required, AnswerValue(missing=Missing.PREFERRED_NOT))
     check_complete(defined([item(kind, "q")]).question("q"), AnswerValue(missing=Missing.SKIPPED))
@@ -112,32 +120,41 @@ def test_where_one_choice_excludes_the_others_a_reason_is_one_of_them(kind):
 
 @pytest.mark.parametrize(
     ("kind", "value"),
-    [("multiple", "a"), ("number", "3"), ("text", "x"), ("date", "2020-01-01"), ("slider", "5")],
+    [
+        ("multiple", "a"),
+        ("ranking", "1.a"),
+        ("number", "3"),
+        ("text", "x"),
+        ("date", "2020-01-01"),
+        ("slider", "5"),
+    ],
 )
 def test_elsewhere_a_reason_comes_beside_the_answer_and_not_with_it(kind, value):
     assert said(kind, reason="not_applicable", not_applicable=True) == AnswerValue(
         missing=Missing.NOT_APPLICABLE
     )
-    with pytest.raises(RefusedError, match="either answer or say why not"):
+    with pytest.raises(RefusedError, match="Give either an answer or one reason"):
         said(kind, value, reason="not_applicable", not_applicable=True)
     for forged in ("preferred_not", "not_reached", "skipped", "nonsense"):
-        with pytest.raises(RefusedError, match="not among"):
+        with pytest.raises(RefusedError, match="one of the options offered"):
             said(kind, reason=forged, not_applicable=True)
 
 
-def test_missing_is_one_of_four_and_says_what_happened():
+def test_missing_is_one_of_five_and_says_what_happened():
     definition = defined(
         [
             item("single", "left"),
             item("single", "declined"),
             item("single", "hidden", show_if={"robot": ["giraff"]}),
             item("single", "said"),
+            item("single", "apart", not_applicable=True),
         ],
         [item("single", "here"), item("single", "now")],
         [item("single", "never")],
     )
     stored = {
         "declined": AnswerValue(missing=Missing.PREFERRED_NOT),
+        "apart": AnswerValue(missing=Missing.NOT_APPLICABLE),
         "said": AnswerValue(value="a"),
         "hidden": AnswerValue(value="b"),
         "now": AnswerValue(value="c"),
@@ -148,7 +165,8 @@ def test_missing_is_one_of_four_and_says_what_happened():
     assert {key: given.missing for key, given in found.items()} == {
         "left": "skipped",
         "declined": "preferred_not",
-        "hidden": "not_applicable",
+        "hidden": "not_asked",
+        "apart": "not_applicable",
         "said": None,
         "here": "not_reached",
         "now": None,

@@ -6,6 +6,7 @@ import pytest
 
 from surveys.answers import read_answer
 from surveys.conditions import Circumstances, shown_keys
+from surveys.page_form import Reader, page_form_of
 from tests.support.paths import GOLDEN
 from tests.support.questionnaires import NOW, defined, item
 
@@ -50,6 +51,18 @@ def test_conditions_on_robot_and_outcome(robot, outcome, shown):
     assert (
         shown_keys(definition, {}, Circumstances(robot=frozenset(robot), outcome=outcome)) == shown
     )
+
+
+def test_a_condition_on_an_order_asks_what_is_first():
+    definition = defined(
+        [item("ranking", "r"), item("text", "why", show_if={"item": "r", "is": ["a", "b"]})]
+    )
+    for order, shown in (("abc", True), ("bca", True), ("cab", False)):
+        keys = shown_keys(definition, {"r": list(order)}, Circumstances())
+        assert ("why" in keys) is shown
+    reader = Reader("en", 0, {}, Circumstances(), NOW)
+    _, why = page_form_of(definition, 0, reader, [0]).controls
+    assert json.loads(why.show_if)["is"] == ["1.a", "1.b"]
 
 
 def test_a_page_that_is_hidden_hides_its_questions():

@@ -21,6 +21,7 @@ PAGES = (
         item("grid", "g", rows=rows("g1", "g2")),
         item("single", "s", order="shuffled"),
         item("multiple", "m", at_least=1, at_most=3, not_applicable=True),
+        item("ranking", "r", order="shuffled", prefer_not=True),
         item("number", "n", minimum=-5, maximum="this_year", whole=True),
         item("text", "t", max_length=20),
         item("date", "d", earliest="2020-01-01", latest="today"),
@@ -65,6 +66,10 @@ SENT = st.text(max_size=30) | st.sampled_from(
         "not_applicable",
         "50",
         "9" * 400,
+        "1.a",
+        "2.b",
+        "3.c",
+        "1.c",
     ]
 )
 
@@ -139,11 +144,7 @@ def test_whatever_is_sent_to_a_question_is_an_answer_that_it_allows_or_refused(
     assert told.missing is not Missing.NOT_REACHED
     if told.value is not None:
         json.dumps(told.value, allow_nan=False)
-        again = (
-            [str(value) for value in told.value]
-            if isinstance(told.value, list)
-            else [str(told.value)]
-        )
+        again = DEFINITION.question(key).item.sent(told.value)
         assert read(key, {key: again}) == (told, "")
 
 

@@ -1,6 +1,7 @@
 """Orders: as written, or shuffled by a recorded seed."""
 
-from tests.support.questionnaires import OPTIONS, defined, item, rows
+from surveys.item import Viewing
+from tests.support.questionnaires import NOW, OPTIONS, defined, item, rows
 
 NONE = {"value": "none", "label": {"en": "None"}, "alone": True}
 
@@ -43,6 +44,20 @@ def test_what_excludes_the_others_stays_at_the_end():
     m = definition.question("m").item
     assert {m.options_shown(seed)[-1].value for seed in range(20)} == {"none"}
     assert len({m.options_shown(seed)[0].value for seed in range(50)}) == 6
+
+
+def test_options_to_rank_stand_as_shuffled_and_once_ranked_in_their_order():
+    question = defined([item("ranking", "r", order="shuffled", options=OPTIONS)]).question("r")
+
+    def shown(chosen, seed):
+        widget = question.item.widget(question, chosen, Viewing("en", seed, NOW))
+        return "".join(choice.value for choice in widget.choices)
+
+    assert len({shown([], seed) for seed in range(50)}) > 30
+    ranked = question.item.sent(list("fbdace"))
+    assert {shown(ranked, seed) for seed in range(20)} == {"fbdace"}
+    assert shown(["2.d", "2.a", "1.e", "x.b"], 3)[:1] == "e"
+    assert set(shown(["2.d", "2.a", "1.e", "x.b"], 3)[1:3]) == {"a", "d"}
 
 
 def test_positions_count_questions_as_they_are_met():

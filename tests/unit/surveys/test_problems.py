@@ -8,7 +8,7 @@ import pytest
 
 from surveys.definition import Definition, Page, digest, to_json
 from surveys.documents import BadDefinitionError
-from surveys.item import Condition, Point
+from surveys.item import ItemCondition, ScalePoint
 from surveys.problems import MAX_BYTES, parse
 from surveys.questions import TYPES
 from tests.support.paths import ROOT
@@ -31,6 +31,7 @@ def test_every_kind_of_item_is_read_and_written_again_without_loss():
         item("grid", "g", rows=rows("g1", "g2"), order="shuffled"),
         item("single", "s", order="shuffled"),
         item("multiple", "m", at_least=1, at_most=3),
+        item("ranking", "r", order="shuffled"),
         item("number", "n", minimum=1900, maximum="this_year", whole=True),
         item("text", "t", lines=4, max_length=200),
         item("date", "d", earliest="2020-01-01", latest="today"),
@@ -55,6 +56,7 @@ def test_every_kind_of_item_is_read_and_written_again_without_loss():
         "g2",
         "s",
         "m",
+        "r",
         "n",
         "t",
         "d",
@@ -66,8 +68,8 @@ def test_every_kind_of_item_is_read_and_written_again_without_loss():
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"{", "not JSON"),
-        (b"\xff\xfe", "not JSON"),
+        (b"{", "not valid JSON"),
+        (b"\xff\xfe", "not valid JSON"),
         (b"[]", "Expected `object`"),
         (b"{}", "missing required field `format`"),
         (b" " * (MAX_BYTES + 1), "larger than 512 kB"),
@@ -85,8 +87,8 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
         ({"version": 0}, "$.version"),
         ({"slug": "No Good"}, "$.slug"),
         ({"colour": "red"}, "unknown field `colour`"),
-        ({"pages": []}, "There is no page."),
-        ({"languages": []}, "There is no language."),
+        ({"pages": []}, "There is no page; add at least one."),
+        ({"languages": []}, "There is no language; add at least one."),
         ({"languages": ["en", "en"]}, "language en stands 2 times"),
         ({"languages": ["en", "es"]}, "q1.text has no text in es"),
         ({"title": {"en": "T", "fr": "T"}}, "fr, which is not among"),
@@ -96,8 +98,8 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
         ({"intro": {"en": "x" * 5000}}, "longer than 4000"),
         ({"scales": {}}, "q1: there is no scale agree"),
         ({"scales": {"agree": AGREE[:1]}}, "has 1 points"),
-        ({"scales": {"agree": AGREE[::-1]}}, "do not rise"),
-        ({"scales": {"agree": [AGREE[0], {"value": 3}]}}, "does not name its two ends"),
+        ({"scales": {"agree": AGREE[::-1]}}, "must rise"),
+        ({"scales": {"agree": [AGREE[0], {"value": 3}]}}, "must name its two ends"),
         ({"scales": {"a.b": AGREE}}, "$.scales"),
         ({"scoring": "magic"}, "$.scoring"),
         ({"scoring": "sus"}, "ten statements"),
@@ -119,7 +121,7 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
         ([likert(), likert()], "The key q1 stands 2 times"),
         (
             [{**likert(), "kind": "essay"}],
-            "$.pages[0].items[0]: there is no question type “essay”; there are ",
+            "$.pages[0].items[0]: there is no question type “essay”; choose one of ",
         ),
         ([likert(requird=True)], "unknown field `requird`"),
         ([item("likert", "Q 1")], "items[0].key"),
@@ -128,14 +130,21 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
         ([item("grid", "g", rows=[{"key": "r", "text": {"en": ""}}])], "r.text has no text"),
         ([item("single", "s", options=[])], "no options"),
         ([item("single", "s", options=OPTIONS[:1] * 2)], "option a stands 2 times"),
-        ([item("multiple", "m", at_least=3, at_most=2)], "so many options"),
-        ([item("multiple", "m", at_most=9)], "so many options"),
-        ([item("number", "n", minimum=5, maximum=1)], "least number is larger"),
+        ([item("multiple", "m", at_least=3, at_most=2)], "do not fit the number of options"),
+        ([item("multiple", "m", at_most=9)], "do not fit the number of options"),
+        ([item("ranking", "r", options=[])], "r: there are no options"),
+        ([item("ranking", "r", options=OPTIONS[:1])], "there must be 2 to 20"),
+        ([item("ranking", "r", options=OPTIONS[:1] * 2)], "option a stands 2 times"),
+        (
+            [item("ranking", "r", options=[*OPTIONS, OPTIONS[0] | {"alone": True}])],
+            "cannot exclude the others (alone)",
+        ),
+        ([item("number", "n", minimum=5, maximum=1)], "minimum is greater"),
         ([item("slider", "x", minimum=9, maximum=1)], "multiple of its step"),
         ([item("slider", "x", step=7)], "multiple of its step"),
         ([item("slider", "x", maximum=10**9)], "$.pages"),
         ([item("text", "t", max_length=0)], "$.pages"),
-        ([item("date", "d", earliest="2020-02-31")], "2020-02-31 is not a day"),
+        ([item("date", "d", earliest="2020-02-31")], "2020-02-31 is not a date"),
         ([item("date", "d", earliest="2021-01-01", latest="2020-01-01")], "after the latest"),
     ],
 )
@@ -146,20 +155,23 @@ def test_a_wrong_item_is_told_with_its_key(items, said):
 @pytest.mark.parametrize(
     ("condition", "said"),
     [
-        ({}, "neither robot nor outcome nor item"),
+        ({}, "must name a robot, an outcome or an item"),
         ({"item": "q1"}, "needs item together with"),
         ({"is": [1]}, "needs item together with"),
-        ({"item": "later", "is": ["a"]}, "no earlier question"),
-        ({"item": "own", "is": ["x"]}, "no earlier question"),
+        ({"item": "later", "is": ["a"]}, "not an earlier question"),
+        ({"item": "own", "is": ["x"]}, "not an earlier question"),
         ({"item": "q1", "is": [7]}, "expects 7, which q1 cannot be"),
         ({"item": "s", "is": ["z"]}, "expects z"),
-        ({"item": "s", "at_least": 2}, "is no number"),
+        ({"item": "s", "at_least": 2}, "is not a number"),
+        ({"item": "r", "is": ["z"]}, "expects z"),
+        ({"item": "r", "at_most": 1}, "is not a number"),
     ],
 )
 def test_a_condition_that_cannot_be_decided_is_refused(condition, said):
     items = [
         likert(),
         item("single", "s"),
+        item("ranking", "r"),
         item("text", "own", show_if=condition),
         item("single", "later"),
     ]
@@ -172,7 +184,7 @@ def test_on_a_shuffled_page_no_question_is_earlier_than_another():
         "order": "shuffled",
         "items": [likert(), item("text", "why", show_if={"item": "q1", "is": [1]})],
     }
-    assert "no earlier question" in refused({**document(), "pages": [shuffled]})
+    assert "not an earlier question" in refused({**document(), "pages": [shuffled]})
     fine = [
         {"key": "p", "order": "shuffled", "items": [likert()]},
         {"key": "p2", "items": [item("text", "why", show_if={"item": "q1", "is": [1]})]},
@@ -216,5 +228,5 @@ def test_the_reference_shows_a_file_that_is_right_and_names_every_field():
     assert [question.key for question in parse(example.encode()).questions()] == ["through", "why"]
     named = set(re.findall(r"`(\w+)`", reference))
     assert set(TYPES) <= named
-    for part in (Definition, Page, Point, Condition, *TYPES.values()):
+    for part in (Definition, Page, ScalePoint, ItemCondition, *TYPES.values()):
         assert {field.encode_name for field in msgspec.structs.fields(part)} <= named, part

@@ -33,7 +33,7 @@ def test_a_type_can_be_asked_answered_and_exported(name):
     widget = question.item.widget(question, [], Viewing("en", 0, NOW))
     assert (TEMPLATES / widget.template).is_file()
     columns = question.item.columns("q")
-    assert len(question.item.cells(None)) == len(columns)
+    assert len(question.item.cells(None)) == len(columns) == len(question.item.column_labels())
     assert Control("q", name, "", widget).choices == widget.choices
     assert question.item.parse != Item.parse
 

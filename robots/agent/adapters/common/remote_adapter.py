@@ -12,12 +12,13 @@ Longer than most files: it is every member of the contract, in its order.
 
 import asyncio
 import contextlib
-import logging
 import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
 from typing import Any
+
+import structlog
 
 from robots.agent.adapters.common.pending_actions import (
     LONGEST_DOCKING,
@@ -52,7 +53,7 @@ BRAKING_TIME = 2.0
 STANDSTILL = 0.01
 GATE = GateParams()
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 def profile_of(
@@ -80,8 +81,8 @@ def profile_of(
 
 
 class RemoteAdapter(ABC):
-    """See contract.Adapter. `place` names the RCA and where it is, for sentences; `vital` what it
-    must not stop saying.
+    """See robot_interface.Adapter. `place` names the RCA and where it is, for sentences; `vital`
+    what it must not stop saying.
     """
 
     place = "the robot control architecture"
@@ -149,7 +150,9 @@ class RemoteAdapter(ABC):
         Raises:
             AdapterError: not possible.
         """
-        raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
+        raise AdapterError(
+            f"{self.profile.series} does not support {type(action).__name__.lower()}"
+        )
 
     async def _withdraw(self, pending: PendingAction) -> None:
         """Take an order back."""
@@ -257,7 +260,7 @@ class RemoteAdapter(ABC):
         except TimeoutError as error:
             why = self._why_silent()
             raise AdapterError(
-                f"{self.place} is there, and says nothing of {self.vital}"
+                f"{self.place} is connected, but has not sent {self.vital}"
                 + (f": {why}" if why else "")
             ) from error
         if self._failure:
@@ -300,17 +303,17 @@ class RemoteAdapter(ABC):
         if name not in self.profile.capabilities or not isinstance(
             action, Goto | Dock | Undock | Relocalize
         ):
-            raise AdapterError(f"{self.profile.series} cannot do {name}")
+            raise AdapterError(f"{self.profile.series} does not support {name}")
         self.pending_actions.begin(await self._order(action))
 
     def _tilt(self, action: Tilt) -> None:
         reach = self.profile.tilt
         if reach is None:
-            raise AdapterError(f"{self.profile.series} cannot do tilt")
+            raise AdapterError(f"{self.profile.series} does not support tilt")
         if not reach.minimum <= action.angle <= reach.maximum:
             raise AdapterError(
-                f"the head tilts from {reach.minimum:g} to {reach.maximum:g} rad, not to"
-                f" {action.angle:g}"
+                f"the head can tilt from {reach.minimum:g} to {reach.maximum:g} rad, "
+                f"not to {action.angle:g}"
             )
         self._turn_head(action.angle)
         now = time.monotonic()
@@ -340,9 +343,9 @@ class RemoteAdapter(ABC):
         while True:
             now = time.monotonic()
             if not self._failure and now - self.readings.last_received_at > SILENCE:
-                self._lose(f"{self.place} says nothing of {self.vital} any more")
+                self._lose(f"{self.place} has stopped sending {self.vital}")
             if not self._failure and self.must_answer and self._gate.unanswered(now) > SILENCE:
-                self._lose(f"{self.place} does not answer any more")
+                self._lose(f"{self.place} no longer answers")
             if self._failure:
                 self.pending_actions.end_all(self._failure)
                 raise AdapterError(self._failure)

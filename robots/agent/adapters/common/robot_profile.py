@@ -4,8 +4,8 @@ anywhere as a path that ends in .toml.
 series = "giraff"                      how the site calls this kind of robot
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
-[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in contract.py, whose readings
-the adapter gives [moos]  [ros1]  …                      what one adapter must know about this
+[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in robot_interface.py, whose
+readings the adapter gives [moos]  [ros1]  …             what one adapter must know about this
 robot; options of the command line overrule it
 
 Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when
@@ -15,6 +15,7 @@ there was meant to count.
 """
 
 import difflib
+import re
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -30,6 +31,7 @@ from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
 SHIPPED = Path(__file__).parents[1] / "profiles"
 WITHOUT_PROFILE = frozenset({"simulator"})  # its robots are data of robots/world
+PLACE = re.compile(r"at `\$\.(\w+)")  # of what msgspec complains of
 SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
 Settings = TypeVar("Settings", bound=Struct)
 
@@ -94,7 +96,7 @@ def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
     except FileNotFoundError as error:
         known = ", ".join(sorted(each.stem for each in folder.glob("*.toml")))
         raise AdapterError(
-            f"no robot profile {name!r}; there are {known}, or give the path of a .toml file"
+            f"no robot profile {name!r}: choose one of {known}, or give the path of a .toml file"
         ) from error
     except (
         OSError,
@@ -126,11 +128,41 @@ def settings_of(
             _check_watchdog(adapter, profile, given)
         return msgspec.convert(_switched(kind, {**stated, **given}), kind, strict=False)
     except msgspec.ValidationError as error:
+        reason = _wrong_value(kind, str(error), {**stated, **given}) or str(error)
         raise AdapterError(
-            f"an option of the adapter {adapter!r} is not what it should be: {error}"
+            f"an option of the adapter {adapter!r} has a wrong value: {reason}"
         ) from error
     except ValueError as error:
         raise AdapterError(str(error)) from error
+
+
+def _wrong_value(kind: type[Struct], error: str, given: Mapping[str, Any]) -> str:
+    """Return what the option that msgspec complains of must be, "" when it complains of none."""
+    named = PLACE.search(error)
+    for field in msgspec.structs.fields(kind):
+        if named is not None and field.name == named[1] and field.name in given:
+            wanted = _in_words(msgspec.inspect.type_info(field.type))
+            return f"{field.name} must be {wanted}, not {given[field.name]!r}"
+    return ""
+
+
+def _in_words(kind: msgspec.inspect.Type) -> str:
+    match kind:
+        case msgspec.inspect.IntType(ge=int(least), le=int(most)):
+            return f"a whole number from {least} to {most}"
+        case msgspec.inspect.IntType():
+            return "a whole number"
+        case msgspec.inspect.FloatType():
+            return "a number"
+        case msgspec.inspect.BoolType():
+            return "true or false"
+        case msgspec.inspect.LiteralType(values=values):
+            return f"one of {', '.join(sorted(str(value) for value in values if value))}"
+        case msgspec.inspect.UnionType(types=kinds):
+            none = msgspec.inspect.NoneType
+            return " or ".join(_in_words(each) for each in kinds if not isinstance(each, none))
+        case _:
+            return "a text"
 
 
 def _check_names(
@@ -141,8 +173,8 @@ def _check_names(
     for name in profile.adapters:
         if name not in sections:
             raise ValueError(
-                f"the profile of {profile.series} has a section [{name}] that nobody reads;"
-                f" {nearest(name, sections | SECTIONS.keys())}"
+                f"the profile of {profile.series} has an unknown section [{name}]; "
+                f"{nearest(name, sections | SECTIONS.keys())}"
             )
     for name in given:
         if name not in kind.__struct_fields__:
@@ -155,15 +187,15 @@ def _check_names(
 def _check_watchdog(adapter: str, profile: RobotProfile, options: Mapping[str, Any]) -> None:
     if "watchdog" in options:
         raise ValueError(
-            "a watchdog is a property of the base: state it in the profile, in the section"
-            f" [{adapter}]"
+            "the watchdog is a property of the base: set it in the profile, in "
+            f"the section [{adapter}], not as an option"
         )
     stated = profile.adapters.get(adapter, {})
     if "watchdog" not in stated:
         raise ValueError(
-            f"the profile of {profile.series} states no watchdog for {adapter}: write into its"
-            f" section [{adapter}] how many seconds the base goes on after the last velocity;"
-            " `run_robot NAME --check` measures it"
+            f"the profile of {profile.series} has no watchdog for {adapter}: set "
+            f"in its section [{adapter}] how many seconds the base keeps moving "
+            "after the last velocity, then check it with `run_robot NAME --check`"
         )
     check_times(msgspec.convert(stated["watchdog"], float), profile.limits)
 
@@ -181,13 +213,13 @@ def _checked(content: dict[str, Any]) -> RobotProfile:
     tables = {name: table for name, table in content.items() if name not in SHARED}
     stray = sorted(name for name, table in tables.items() if not isinstance(table, dict))
     if stray:
-        raise ValueError(f"{stray[0]} is nothing that a profile says; {nearest(stray[0], SHARED)}")
+        raise ValueError(f"{stray[0]} is not a key of a robot profile; {nearest(stray[0], SHARED)}")
     for name, kind in SECTIONS.items():
         if isinstance(own.get(name), dict):
             own[name] = _section(name, kind, own[name])
     battery = own.get("battery")
     if isinstance(battery, dict) and not battery.get("empty", 0.0) < battery.get("full", 0.0):
-        raise ValueError("an empty battery has fewer volts than a full one")
+        raise ValueError("in [battery], empty must be fewer volts than full")
     return msgspec.convert({**own, "adapters": tables}, RobotProfile)
 
 

@@ -35,7 +35,7 @@ class SendSlots(Generic[SlotMessage]):
             AdapterError: too many do already.
         """
         if len(self._messages) >= MAX_MESSAGES:
-            raise AdapterError("the robot control architecture takes no messages")
+            raise AdapterError("the robot control architecture does not accept messages")
         self._messages.append(message)
         self._wake.set()
 
@@ -49,7 +49,7 @@ class SendSlots(Generic[SlotMessage]):
         if self._velocity is None:
             self._waiting_since = now
         elif now - self._waiting_since > STUCK:
-            raise AdapterError("the robot control architecture takes no commands")
+            raise AdapterError("the robot control architecture does not accept commands")
         self._velocity = (now, message)
         self._wake.set()
 

@@ -22,13 +22,13 @@ What OpenMORA does with these variables (its sources, by module and file):
 import asyncio
 import contextlib
 import itertools
-import logging
 import math
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
-from msgspec import Struct
+import structlog
+from msgspec import Meta, Struct
 
 from robots.agent.adapters.common.pending_actions import PendingAction
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
@@ -66,7 +66,7 @@ ACK_PERIOD = 0.5  # seconds
 ASKING = 0.3  # seconds between two questions for the head's angle while it turns
 ERROR_SHOWN = 10.0
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class MoosOptions(Struct, frozen=True, kw_only=True):
@@ -79,7 +79,7 @@ class MoosOptions(Struct, frozen=True, kw_only=True):
     """
 
     host: str = "127.0.0.1"
-    port: int = 9000
+    port: Annotated[int, Meta(ge=1, le=65535)] = 9000
     name: str = "telepresence"
     watchdog: float
     tilt_sign: float = 1.0
@@ -99,7 +99,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "MoosAdapter":
 
 
 class MoosAdapter(RemoteAdapter):
-    """See contract.Adapter."""
+    """See robot_interface.Adapter."""
 
     vital = "LOCALIZATION"
 
@@ -277,8 +277,8 @@ class MoosAdapter(RemoteAdapter):
                 self._notify("GO_TO_NODE", place)
             case Goto(place=place):
                 raise AdapterError(
-                    f"this robot knows no place {place!r}; it knows"
-                    f" {', '.join(sorted(self._nodes)) or 'none by name'}"
+                    f"this robot does not know the place {place!r}; it knows "
+                    f"{', '.join(sorted(self._nodes)) or 'none by name'}"
                 )
             case Dock():
                 self._notify("GO_TO_RECHARGE", 1.0)
@@ -297,7 +297,7 @@ class MoosAdapter(RemoteAdapter):
                     action.action_id, x, y, options.relocalize_half_width, time.monotonic()
                 )
             case _:
-                raise AdapterError("this robot has to be told where it is")
+                raise AdapterError("this robot needs to be given its position: x and y")
         return self._pending(action)
 
     async def _withdraw(self, pending: PendingAction) -> None:

@@ -69,14 +69,13 @@ class MoosClient:
             answer = (await _packet(reader))[0]
         except (wire.MoosWireError, IndexError, asyncio.IncompleteReadError) as error:
             raise AdapterError(
-                f"at {self._host}:{self._port} is no MOOSDB of this protocol: {error}"
+                f"no compatible MOOSDB at {self._host}:{self._port}: {error}"
             ) from error
         if answer.type == wire.POISON:
-            raise AdapterError(f"the MOOSDB refuses: {answer.text}")
+            raise AdapterError(f"the MOOSDB refused the connection: {answer.text}")
         if answer.type != wire.WELCOME or answer.text != wire.ASYNCHRONOUS:
             raise AdapterError(
-                "the MOOSDB does not let clients speak when they want to: it is older than"
-                " version 10"
+                "the MOOSDB does not support asynchronous clients: it is older than version 10"
             )
         return answer.community
 
@@ -136,9 +135,9 @@ class MoosClient:
     def _send(self, mail: Mail) -> None:
         writer = self._writer
         if writer is None or writer.transport.is_closing():
-            raise AdapterError("the MOOSDB is gone")
+            raise AdapterError("the connection to the MOOSDB is lost")
         if writer.transport.get_write_buffer_size() > BACKLOG:
-            raise AdapterError("the MOOSDB does not read")
+            raise AdapterError("the MOOSDB has stopped reading messages")
         writer.write(wire.pack([mail]))
 
     async def _beat(self) -> None:

@@ -67,7 +67,7 @@ def unstamped(payload: bytes) -> tuple[str, float]:
     """
     stamp, bar, text = payload.decode("utf-8", "replace").partition("|")
     if not bar or not stamp.strip().isdecimal() or len(stamp) > LONGEST_STAMP:
-        raise DialectError("a payload without its time")
+        raise DialectError("payload without a timestamp")
     return text, int(stamp) / 1000.0 - EPOCH
 
 
@@ -117,9 +117,9 @@ def pose_of(text: str) -> Pose | None:
     try:
         x, y, degrees = (float(part) for part in parts[:3])
     except ValueError as error:
-        raise DialectError(f"no pose: {text[:60]!r}") from error
+        raise DialectError(f"invalid pose: {text[:60]!r}") from error
     if not all(map(math.isfinite, (x, y, degrees))):
-        raise DialectError(f"no pose: {text[:60]!r}")
+        raise DialectError(f"invalid pose: {text[:60]!r}")
     return Pose(x=x, y=y, theta=wrap_angle(math.radians(degrees)))
 
 
@@ -132,13 +132,13 @@ def status_of(text: str) -> OpenMoraStatus:
     """
     fields = text.split("|")
     if len(fields) < 6:
-        raise DialectError(f"a status of {len(fields)} fields")
+        raise DialectError(f"status with only {len(fields)} fields")
     pose, place, destination, mode, volts, charging = fields[:6]
     try:
         # 0.00 is a variable that nobody has said yet
         voltage = None if volts in {"", UNKNOWN} else float(volts) or None
     except ValueError as error:
-        raise DialectError(f"no voltage: {volts[:20]!r}") from error
+        raise DialectError(f"invalid voltage: {volts[:20]!r}") from error
     return OpenMoraStatus(
         pose_of(pose),
         _name(place),
@@ -161,9 +161,9 @@ def scan_of(text: str, stamp: float, farthest: float) -> Scan:
         angle = float(aperture.removeprefix("Aperture "))
         ranges = [float(value) for value in values.removeprefix("Values").split()[:MOST_RANGES]]
     except ValueError as error:
-        raise DialectError(f"no laser scan: {text[:40]!r}") from error
+        raise DialectError(f"invalid laser scan: {text[:40]!r}") from error
     if len(ranges) < 2 or not 0.0 < angle <= math.tau:
-        raise DialectError(f"no laser scan: {text[:40]!r}")
+        raise DialectError(f"invalid laser scan: {text[:40]!r}")
     return Scan(
         stamp=stamp,
         angle_min=-angle / 2.0,

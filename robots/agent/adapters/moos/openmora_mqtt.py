@@ -93,7 +93,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapte
 
 
 class OpenMoraMqttAdapter(RemoteAdapter):
-    """See contract.Adapter."""
+    """See robot_interface.Adapter."""
 
     vital = "its Status"
 
@@ -336,11 +336,11 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 return f"Relocalize {openmora.area(x, y, half_width, particles)}"
             case Goto(place=place):
                 raise AdapterError(
-                    f"{self._options.robot} knows no place {place!r}; it knows"
-                    f" {', '.join(sorted(self._nodes)) or 'none by name'}"
+                    f"{self._options.robot} does not know the place {place!r}; it knows "
+                    f"{', '.join(sorted(self._nodes)) or 'none by name'}"
                 )
             case _:
-                raise AdapterError(f"{self._options.robot} has to be told where it is")
+                raise AdapterError(f"{self._options.robot} needs to be given its position: x and y")
 
     async def _withdraw(self, pending: PendingAction) -> None:
         del pending  # there is only one

@@ -67,7 +67,7 @@ def body_length(header: bytes) -> tuple[int, int]:
     size, count, compressed = _PACKET.unpack(header)
     if compressed or not HEADER <= size <= LARGEST or count < 0:
         raise MoosWireError(
-            f"a packet of {size} bytes with {count} messages, compressed {compressed}"
+            f"invalid packet: {size} bytes, {count} messages, compressed {compressed}"
         )
     return size - HEADER, count
 
@@ -109,7 +109,7 @@ def _unpack(body: bytes, offset: int) -> tuple[Mail, int]:
         size, number, kind, value_kind = _MESSAGE.unpack_from(body, offset)
         end = offset + size
         if size < _MESSAGE.size or end > len(body):
-            raise MoosWireError(f"a message of {size} bytes")
+            raise MoosWireError(f"invalid message length: {size} bytes")
         at = offset + _MESSAGE.size
         names = []
         for _ in range(4):
@@ -118,7 +118,7 @@ def _unpack(body: bytes, offset: int) -> tuple[Mail, int]:
         stamp, value, second = _NUMBERS.unpack_from(body, at)
         said, _ = _read_string(body, at + _NUMBERS.size, end)
     except struct.error as error:
-        raise MoosWireError(f"a message that is cut off: {error}") from error
+        raise MoosWireError(f"the message is cut off: {error}") from error
     text = said.decode("utf-8", "replace")
     content: Value = {b"D": value, b"B": said}.get(value_kind, text)
     source, helper, community, key = names
@@ -129,5 +129,5 @@ def _read_string(body: bytes, at: int, end: int) -> tuple[bytes, int]:
     (size,) = _LENGTH.unpack_from(body, at)
     begin = at + _LENGTH.size
     if size < 0 or begin + size > end:
-        raise MoosWireError(f"a string of {size} bytes")
+        raise MoosWireError(f"invalid string length: {size} bytes")
     return body[begin : begin + size], begin + size

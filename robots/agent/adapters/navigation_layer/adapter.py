@@ -7,21 +7,22 @@ Chosen one by one: what the RCA names among its capabilities stays its own. Wher
 that feeds our navigation.
 
 It adds actions, a pose and a path, and has no part in what the base is told: what navigation wants
-goes through the safety kernel like a visitor's wish (contract.Navigating). A mind that is late
-makes the robot stand; one that stays silent is given up, its action fails with the reason, and the
-next mind begins where the robot was known last.
+goes through the safety kernel like a visitor's wish (robot_interface.Navigating). A navigation node
+that is late makes the robot stop; one that stays silent is given up, its action fails with the
+reason, and the next one begins where the robot was known last.
 
 Longer than most files: it is every member of the contract, in its order.
 """
 
 import asyncio
-import logging
 import math
 import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import structlog
 
 from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.navigation_layer.child import NavigationProcess, Orderable
@@ -69,7 +70,7 @@ AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)
 OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize")
 LOCALIZATION: frozenset[Capability] = frozenset({"localization", "relocalize"})
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = None) -> Adapter:
@@ -87,7 +88,7 @@ def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = 
 
 
 class AutonomyAdapter:
-    """See contract.Adapter and contract.Navigating."""
+    """See robot_interface.Adapter and robot_interface.Navigating."""
 
     def __init__(
         self,
@@ -164,7 +165,7 @@ class AutonomyAdapter:
         """Think in the server's map, unless the robot's own configuration names the site."""
         if self._knows_site:
             if self._area is not None and update.map_id != self._area.map_id:
-                log.warning("floorplan_ignored map=%s site=%s", update.map_id, self._area.map_id)
+                log.warning("floorplan_ignored", map=update.map_id, site=self._area.map_id)
         elif update != self._area:
             self._end_all("the map has changed")
             self._settle(update)
@@ -179,7 +180,7 @@ class AutonomyAdapter:
             await self.inner.start(action)
             return
         if not isinstance(action, Relocalize) and (self._beams is None or self._last is None):
-            raise AdapterError("the laser has not been heard yet")
+            raise AdapterError("the laser has not sent any data yet")
         await self.node.order(action)
         self._tell(ActionProgress(action.action_id, "RUNNING"))
         if isinstance(action, Relocalize):

@@ -5,7 +5,6 @@ begun again.
 import asyncio
 import contextlib
 import hmac
-import logging
 import os
 import random
 import secrets
@@ -13,6 +12,8 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+
+import structlog
 
 from robots.agent import framing
 from robots.agent.autonomy import wire
@@ -27,7 +28,7 @@ ANSWER_TIME = 5.0
 BACKLOG = 256 << 10
 GLANCE = 0.2  # seconds between two looks whether a process that was started is still alive
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 Orderable = Goto | Follow | Dock | Undock | Relocalize
 
@@ -119,7 +120,7 @@ class NavigationProcess:
     def give_up(self, why: str) -> None:
         """End the mind that thinks now; the next one begins by itself."""
         if self._child is not None:
-            log.warning("mind_given_up reason=%r pid=%d", why, self._child.pid)
+            log.warning("navigation_node_abandoned", reason=why, pid=self._child.pid)
             self._child.kill()
         self._lose(why)
 
@@ -141,7 +142,7 @@ class NavigationProcess:
                     self._changed.clear()
                     await self._changed.wait()
         except TimeoutError as error:
-            raise AdapterError(f"the robot's navigation is not there: {self.problem}") from error
+            raise AdapterError(f"the robot's navigation is not ready: {self.problem}") from error
 
     async def _run(self) -> None:
         backoff = Backoff(random.Random(self._seed), first=0.2, longest=10.0)
@@ -151,9 +152,9 @@ class NavigationProcess:
             try:
                 await self._live()
             except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
-                log.warning("mind_lost reason=%r", str(error) or type(error).__name__)
+                log.warning("navigation_node_lost", reason=str(error) or type(error).__name__)
             finally:
-                self._lose("it begins again")
+                self._lose("it is restarting")
                 await _end(self._child)
                 self._child = None
             await asyncio.sleep(backoff.failed(asyncio.get_running_loop().time() - began))
@@ -177,7 +178,7 @@ class NavigationProcess:
                 else "it speaks another language"
             )
             if self.problem:
-                log.error("map_refused reason=%r", self.problem)
+                log.error("map_refused", reason=self.problem)
                 self._area_came.clear()  # the same map again would be refused again
                 return
             if area is not self._area:
@@ -233,7 +234,9 @@ class NavigationProcess:
                 if answer is not None and not answer.done():
                     answer.set_result(problem)
             case _:
-                raise framing.WireError(f"{type(word).__name__} from a mind that is settled")
+                raise framing.WireError(
+                    f"unexpected {type(word).__name__} after navigation was set up"
+                )
 
     def _lose(self, why: str) -> None:
         self.ready, self._writer = False, None

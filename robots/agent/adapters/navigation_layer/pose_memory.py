@@ -7,9 +7,10 @@ not. A memory that cannot be read or written is none.
 
 import asyncio
 import json
-import logging
 import math
 from pathlib import Path
+
+import structlog
 
 from robots.agent.timing import Cadence
 from robots.api.geometry import Pose2D
@@ -17,7 +18,7 @@ from robots.api.geometry import Pose2D
 PERIOD = 5.0  # seconds between two writes
 MOVED = 0.1  # metres, or radians, less than which are not worth one
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class PoseMemory:
@@ -83,4 +84,4 @@ class PoseMemory:
             )
             unfinished.replace(self._path)
         except OSError as error:
-            log.warning("pose_not_kept reason=%r", str(error))
+            log.warning("pose_not_kept", reason=str(error))

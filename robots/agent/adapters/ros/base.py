@@ -7,13 +7,14 @@ robot is comes from its own localization (`pose`: amcl's topic, or `tf`), or wit
 
 import asyncio
 import itertools
-import logging
 import math
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, Self
 
 import msgspec
+import structlog
 from msgspec import Struct
 
 from robots.agent.adapters.common.pending_actions import (
@@ -32,6 +33,7 @@ from robots.agent.adapters.ros.graph import (
     TopicNeed,
     TopicPeers,
     chosen_stamped,
+    master_restarted,
     nobody_listens,
     not_said,
 )
@@ -64,13 +66,35 @@ STAMPED: dict[str, bool | None] = {
     **dict.fromkeys(("true", "yes", "on", "1"), True),
     **dict.fromkeys(("false", "no", "off", "0"), False),
 }
+# the options that name a topic, a service or an action
+NAMED = (
+    "cmd_vel",
+    "odom",
+    "scan",
+    "battery",
+    "pose",
+    "initial_pose",
+    "tf",
+    "move_base",
+    "navigate",
+    "goal_pose",
+    "dock",
+    "undock",
+    "cancel_dock",
+    "tilt",
+    "joint_states",
+    "bumper",
+    "estop",
+    "image",
+)
+ROS_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 LISTENERS = 2.0  # seconds in which whoever listens for velocities should be found
 LOOKING = 0.25  # seconds between two looks at who listens, while nobody does
 SETTLING = 3.0  # seconds after which a topic that nobody publishes is missing
 LOOKING_ROUND = 5.0  # seconds between two looks at all topics
 OFTEN = 0.1  # seconds between two readings, at most, when an order can wait for the next of them
 RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 Handler = Callable[[dict[str, Any]], None]
 # topic, type, what takes its messages, and options of the subscription
@@ -80,6 +104,9 @@ Subscription = tuple[str, str, Handler, dict[str, Any]]
 class RosOptions(Struct, frozen=True, kw_only=True):
     """Names of topics, services and frames; an empty name is one that this robot does not have.
 
+    As in ROS, a name that begins with a slash is what it says, and every other one is below the
+    `namespace`; frames and joints have none.
+
     `watchdog` is the base's own, in seconds. `navigation` is `move_base` (topics of its action),
     `nav2` (the action), `goal_pose` (a topic, and the status of Nav2's action) or `none`. `dock`,
     `undock` and `cancel_dock` are std_srvs/Trigger services; done is what the battery says. `tilt`
@@ -88,25 +115,27 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     velocities are TwistStamped; `auto` goes by what listens on `cmd_vel`.
     """
 
-    cmd_vel: str = "/cmd_vel"
+    namespace: str = ""
+    cmd_vel: str = "cmd_vel"
     stamped: bool | str = "auto"
-    odom: str = "/odom"
-    scan: str = "/scan"
-    battery: str = "/battery_state"
+    odom: str = "odom"
+    scan: str = "scan"
+    battery: str = "battery_state"
     localization: Literal["pose", "tf", "none"] = "pose"
-    pose: str = "/amcl_pose"
-    initial_pose: str = "/initialpose"
+    pose: str = "amcl_pose"
+    initial_pose: str = "initialpose"
+    tf: str = "tf"
     map_frame: str = "map"
     odom_frame: str = "odom"
     navigation: Literal["", "move_base", "nav2", "goal_pose", "none"] = ""
-    move_base: str = "/move_base"
-    navigate: str = "/navigate_to_pose"
-    goal_pose: str = "/goal_pose"
+    move_base: str = "move_base"
+    navigate: str = "navigate_to_pose"
+    goal_pose: str = "goal_pose"
     dock: str = ""
     undock: str = ""
     cancel_dock: str = ""
     tilt: str = ""
-    joint_states: str = "/joint_states"
+    joint_states: str = "joint_states"
     tilt_joint: str = ""
     bumper: str = ""
     estop: str = ""
@@ -115,7 +144,25 @@ class RosOptions(Struct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         if str(self.stamped).lower() not in STAMPED:
-            raise ValueError(f"stamped is auto, true or false, not {self.stamped!r}")
+            raise ValueError(f"stamped must be auto, true or false, not {self.stamped!r}")
+        names = {option: getattr(self, option) for option in NAMED}
+        for option, name in {"namespace": self.namespace.strip("/"), **names}.items():
+            if name and not ROS_NAME.fullmatch(name):
+                raise ValueError(
+                    f"{option} must be a name of ROS (letters, digits and underscores, between"
+                    f" slashes), such as {'/robot1' if option == 'namespace' else '/base/cmd_vel'},"
+                    f" not {name!r}"
+                )
+
+    def resolved(self) -> Self:
+        """Return the same with every topic, service and action from the root."""
+        namespace = self.namespace.strip("/")
+        below = f"/{namespace}/" if namespace else "/"
+        names = {option: getattr(self, option) for option in NAMED}
+        relative = {option: name for option, name in names.items() if name and name[0] != "/"}
+        return msgspec.structs.replace(
+            self, **{option: below + name for option, name in relative.items()}
+        )
 
 
 class Goals(Protocol):
@@ -138,6 +185,12 @@ class Bus(Protocol):
     # whether `ask` asks those who listen for velocities; else it is a reading that says that they
     # live
     answers: bool
+
+    @property
+    def forgotten(self) -> tuple[str, ...]:
+        """Return the nodes that still run and that the ROS master, restarted meanwhile, does not
+        know.
+        """
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Reach it; `lost` hears later why it is gone.
@@ -218,10 +271,11 @@ class Bus(Protocol):
 
 
 class RosAdapter(RemoteAdapter):
-    """See contract.Adapter, and `Goals`."""
+    """See robot_interface.Adapter, and `Goals`."""
 
     def __init__(self, robot: RobotProfile, options: RosOptions, bus: Bus, rca: str) -> None:
-        self._options, self._bus = options, bus
+        self._options, self._bus = options.resolved(), bus
+        options = self._options
         self._navigation = options.navigation or ("move_base" if bus.version == 1 else "nav2")
         super().__init__(
             profile_of(robot, rca, options.watchdog, own=_abilities(options, self._navigation)),
@@ -361,7 +415,15 @@ class RosAdapter(RemoteAdapter):
             missing = not_said(self._graph, self._silent_needs()) if now - began > SETTLING else ()
             hangs = self._gate.shut(time.monotonic())
             self.readings.errors = tuple(
-                filter(None, (hangs and f"{self.place} {hangs}", self._unheard(), *missing))
+                filter(
+                    None,
+                    (
+                        hangs and f"{self.place} {hangs}",
+                        master_restarted(self._bus.forgotten),
+                        self._unheard(),
+                        *missing,
+                    ),
+                )
             )
             await asyncio.sleep(LOOKING)
 
@@ -370,7 +432,9 @@ class RosAdapter(RemoteAdapter):
 
     def _why_silent(self) -> str:
         odometry = [need for need in self._needs() if need.topic == self._options.odom]
-        return next(iter(not_said(self._graph, odometry)), "")
+        return master_restarted(self._bus.forgotten) or next(
+            iter(not_said(self._graph, odometry)), ""
+        )
 
     def _said(self) -> list[tuple[str, str]]:
         options = self._options
@@ -431,7 +495,7 @@ class RosAdapter(RemoteAdapter):
             kind = "geometry_msgs/PoseWithCovarianceStamped"
             return [(options.pose, kind, self._fix, {"latched": True})]
         if options.localization == "tf":
-            return [("/tf", "tf2_msgs/TFMessage", self._transforms, {})]
+            return [(options.tf, "tf2_msgs/TFMessage", self._transforms, {})]
         return []
 
     def _navigation_listened(self) -> list[Subscription]:
@@ -544,8 +608,8 @@ class RosAdapter(RemoteAdapter):
                 self._send_goal(Pose2D(x, y, self._heading(action)))
             case Goto(place=place):
                 raise AdapterError(
-                    f"{self.profile.series} is sent to points of its map, and knows no place"
-                    f" {place!r}"
+                    f"{self.profile.series} does not know the place {place!r}: send it to "
+                    "a point on its map"
                 )
             case Dock():
                 await self._trigger(self._options.dock)
@@ -554,7 +618,7 @@ class RosAdapter(RemoteAdapter):
             case Relocalize(x=x, y=y) if x is not None and y is not None:
                 return self._relocalize(action, Pose2D(x, y, action.theta or 0.0))
             case _:
-                raise AdapterError(f"{self.profile.series} has to be told where it is")
+                raise AdapterError(f"{self.profile.series} needs to be given its position: x and y")
         return self._pending(action)
 
     def _heading(self, goal: Goto) -> float:
@@ -566,7 +630,7 @@ class RosAdapter(RemoteAdapter):
     async def _trigger(self, service: str) -> None:
         done, reason = await self._bus.call(service, "std_srvs/Trigger")
         if not done:
-            raise AdapterError(f"{service} refuses: {reason or 'it does not say why'}")
+            raise AdapterError(f"{service} refused: {reason or 'it does not say why'}")
 
     def _relocalize(self, action: Relocalize, place: Pose2D) -> PendingAction:
         """Say where the robot is, and wait for its localization to say so too: amcl answers with

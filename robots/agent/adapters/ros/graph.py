@@ -5,12 +5,13 @@ Types are written as in ROS 1. Publishers and subscribers of different types do 
 ROS, and neither is told.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 TWIST, TWIST_STAMPED = "geometry_msgs/Twist", "geometry_msgs/TwistStamped"
 VELOCITIES = (TWIST, TWIST_STAMPED)
 MOST_NAMED = 3
+MOST_NODES = 6
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,19 @@ def not_said(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, ...]
                 f" topic, or to nothing{here}"
             )
     return tuple(found)
+
+
+def master_restarted(nodes: Collection[str]) -> str:
+    """Return the sentence about nodes of ROS 1 that still run and that a restarted master does not
+    know, "" when there are none.
+    """
+    if not nodes:
+        return ""
+    more = f" and {len(nodes) - MOST_NODES} more" if len(nodes) > MOST_NODES else ""
+    return (
+        "the ROS master was restarted. Nodes that started before it are no longer known to it;"
+        f" restart them: {', '.join(sorted(nodes)[:MOST_NODES])}{more}"
+    )
 
 
 def _listening(graph: Graph | None, topic: str) -> list[str]:

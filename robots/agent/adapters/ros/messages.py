@@ -87,7 +87,7 @@ def pose_in(message: Said) -> Pose2D:
         place, turn = message["position"], message["orientation"]
         return _checked(Pose2D(float(place["x"]), float(place["y"]), _yaw(turn)))
     except (KeyError, TypeError, ValueError) as error:
-        raise RosError(f"no pose: {error}") from error
+        raise RosError(f"invalid pose: {error}") from error
 
 
 def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
@@ -103,7 +103,7 @@ def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
         )
         return pose_in(message["pose"]["pose"]), velocity
     except (KeyError, TypeError) as error:
-        raise RosError(f"no odometry: {error}") from error
+        raise RosError(f"invalid odometry: {error}") from error
 
 
 def fix_in(message: Said) -> Pose:
@@ -117,7 +117,7 @@ def fix_in(message: Said) -> Pose:
         wide = [_number(value) for value in message["pose"]["covariance"]]
         xx, xy, xt, yy, yt, tt = (wide[index] for index in (0, 1, 5, 7, 11, 35))
     except (KeyError, TypeError, IndexError) as error:
-        raise RosError(f"no pose with covariance: {error}") from error
+        raise RosError(f"invalid pose with covariance: {error}") from error
     score = 1.0 / (1.0 + max(0.0, xx, yy) / HALF_TRUSTED**2)
     return Pose(
         x=here.x,
@@ -148,7 +148,7 @@ def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:
                     )
                 )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RosError(f"no transform: {error}") from error
+        raise RosError(f"invalid transform: {error}") from error
     return None
 
 
@@ -164,7 +164,7 @@ def scan_in(message: Said, stamp: float) -> Scan:
         low, step = _number(message["angle_min"]), _number(message["angle_increment"])
         nearest, farthest = _number(message.get("range_min", 0.0)), _number(message["range_max"])
     except (KeyError, TypeError) as error:
-        raise RosError(f"no laser scan: {error}") from error
+        raise RosError(f"invalid laser scan: {error}") from error
     if not ranges or step == 0.0 or farthest <= 0.0:
         raise RosError("a laser scan without beams")
     if step < 0.0:
@@ -205,7 +205,7 @@ def picture_in(message: Said) -> bytes:
     try:
         return base64.b64decode(data, validate=True) if isinstance(data, str) else bytes(data or ())
     except (TypeError, ValueError, binascii.Error) as error:
-        raise RosError(f"no picture: {error}") from error
+        raise RosError(f"invalid image: {error}") from error
 
 
 def joint_in(message: Said, name: str) -> float | None:

@@ -11,7 +11,6 @@ import contextlib
 import hmac
 import itertools
 import json
-import logging
 import os
 import secrets
 import subprocess
@@ -20,6 +19,9 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+
+import structlog
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.ros.base import Goals, Handler, RosAdapter, RosOptions
@@ -33,7 +35,7 @@ BACKLOG = 256 << 10
 LONGEST_LINE = 8 << 20
 NODE = Path(__file__).with_name("ros1_node.py")
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class Ros1Options(RosOptions, frozen=True, kw_only=True):
@@ -53,7 +55,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
     robot = load_profile(profile_name)
     settings = settings_of(Ros1Options, "ros1", robot, options)
     if settings.navigation in {"nav2", "goal_pose"}:
-        raise AdapterError("ROS 1 has move_base: navigation is move_base or none")
+        raise AdapterError("with ROS 1, navigation must be move_base or none")
     return RosAdapter(robot, settings, NodeBus(settings), "ROS 1")
 
 
@@ -65,9 +67,10 @@ class NodeBus:
     version = 1
     answers = True
     script = NODE
+    arguments: tuple[str, ...] = ()  # of the script, after the port
 
     def __init__(self, options: Ros1Options) -> None:
-        uri = options.master or os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+        uri = _master_of(options)
         self.place = f"ROS 1 at {uri}"
         self._python = options.python
         self._environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
@@ -80,6 +83,10 @@ class NodeBus:
         self._handlers: dict[str, Handler] = {}
         self._calls: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._listeners: dict[str, int] = {}
+        # slave API by name, of the nodes that the master knows, and of those that it knew on an
+        # earlier connection, does not know now, and that run all the same
+        self.known: dict[str, str] = {}
+        self._old: dict[str, str] = {}
         self._numbers = itertools.count(1)
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
@@ -91,6 +98,8 @@ class NodeBus:
         del goals  # ROS 1 has its actions on topics
         self._handlers.clear()
         self._listeners.clear()
+        self._old |= self.known
+        self.known = {}
         reader, self._writer = await self._start()
         first = await self._line(reader)
         if first.get("op") != "ready":
@@ -122,7 +131,7 @@ class NodeBus:
             server.close()
 
     def _launch(self, port: int, password: str) -> subprocess.Popen[bytes]:
-        command = [self._python, str(self.script), str(port)]
+        command = [self._python, str(self.script), str(port), *self.arguments]
         flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         try:
             child = subprocess.Popen(
@@ -231,15 +240,23 @@ class NodeBus:
         return self._listeners.get(topic)
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Ask the master."""
+        """Ask the master, and nodes that it has forgotten whether they run."""
         del heard
         answer = await self._answer(
-            lambda number: self._say(op="graph", number=number, driving=driving)
+            lambda number: self._say(op="graph", number=number, driving=driving, old=self._old)
         )
+        if "nodes" in answer:
+            self.known = answer["nodes"]
+            self._old = {name: self._old[name] for name in answer["forgotten"]}
         return {
             str(topic): TopicPeers(frozenset(kinds), listeners, speakers)
             for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
         }
+
+    @property
+    def forgotten(self) -> tuple[str, ...]:
+        """Return the nodes that run and that the master does not know any more."""
+        return tuple(self._old)
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
         """Send a message.
@@ -291,7 +308,10 @@ class NodeBus:
         Raises:
             AdapterError: always.
         """
-        raise AdapterError(f"ROS 1 has no action {action} ({kind}) for {name}: {len(goal)} fields")
+        raise AdapterError(
+            f"the ROS 1 adapter cannot send the action {action} ({kind}) for "
+            f"{name}: {len(goal)} fields"
+        )
 
     def cancel_goal(self, action: str, name: str) -> None:
         """Do nothing: there is no such goal."""
@@ -299,10 +319,30 @@ class NodeBus:
     def _say(self, **message: Any) -> None:
         writer = self._writer
         if writer is None or writer.transport.is_closing():
-            raise AdapterError("the ROS node is gone")
+            raise AdapterError("the connection to the ROS node is lost")
         if writer.transport.get_write_buffer_size() > BACKLOG:
-            raise AdapterError("the ROS node does not read")
+            raise AdapterError("the ROS node has stopped reading messages")
         writer.write((json.dumps(message) + "\n").encode())
+
+
+def _master_of(options: Ros1Options) -> str:
+    """Return the address of the master: the option, or what ROS itself goes by.
+
+    Raises:
+        AdapterError: it is none; one sentence.
+    """
+    uri = options.master or os.environ.get("ROS_MASTER_URI") or "http://localhost:11311"
+    try:
+        parts = urlsplit(uri)
+        is_address = parts.scheme == "http" and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        is_address = False
+    if not is_address:
+        raise AdapterError(
+            f"{'master' if options.master else 'ROS_MASTER_URI'} must be the address of the ROS"
+            f" master, such as http://192.168.1.30:11311, not {uri!r}"
+        )
+    return uri
 
 
 def _moves(message: Mapping[str, Any]) -> bool:

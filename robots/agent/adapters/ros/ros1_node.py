@@ -9,7 +9,9 @@ master is.
 
     agent -> node   advertise, unadvertise, publish, drive (a velocity: after SILENCE without
     another the robot is told to stand),
-                    ask (do those live who listen for velocities?), graph, subscribe, call
+                    ask (do those live who listen for velocities?),
+                    graph (and which of the `old` nodes run that the master has forgotten?),
+                    subscribe, call
     node -> agent   ready, publish, response, listeners, lost
 
 TCPROS has no answers: a node that hangs lets its socket buffer fill and obeys all of it when it
@@ -53,8 +55,8 @@ class Impatient(xmlrpc.client.Transport):
         return connection
 
 
-class VelocityListener:
-    """Another node that listens for velocities, and whether it lives."""
+class OtherNode:
+    """Another node, by its slave API, and whether it lives."""
 
     def __init__(self, uri: str) -> None:
         self.proxy = xmlrpc.client.ServerProxy(uri, transport=Impatient())
@@ -93,6 +95,7 @@ class Node:
         # one for each thread: it has one connection
         self.new_master: Any = functools.partial(rosgraph.Master, "/telepresence")
         self.master = self.new_master()
+        self.unknown = rosgraph.MasterError
         self.unreachable = (
             OSError,
             http.client.HTTPException,
@@ -104,7 +107,8 @@ class Node:
         self.master_pid = self.master.getPid()
         socket.setdefaulttimeout(None)
         self.questions: Any = queue.Queue()
-        self.listeners: Any = {}  # by the name of its node
+        self.listeners: Any = {}  # who listens for velocities, by the name of its node
+        self.others: Any = {}  # slave API by the name of the node
         self.refused: Any = {}  # by topic: by node the type that it wants
         rospy.init_node("telepresence", anonymous=True, disable_signals=True, disable_rosout=True)
         self.server = rospy.impl.tcpros_base._tcpros_server
@@ -185,7 +189,7 @@ class Node:
             name = connection.endpoint_id
             try:
                 if name not in self.listeners:
-                    self.listeners[name] = VelocityListener(master.lookupNode(name))
+                    self.listeners[name] = OtherNode(master.lookupNode(name))
                 lives = self.listeners[name].lives()
             except self.unreachable:
                 lives = True  # it is no node of this master's any more; its connection will say so
@@ -194,15 +198,16 @@ class Node:
                 publisher.impl.remove_connection(connection)
                 connection.close()
 
-    def do_graph(self, number: int, driving: str) -> None:
-        threading.Thread(target=self.look_round, args=(number, driving), daemon=True).start()
+    def do_graph(self, number: int, driving: str, old: Any) -> None:
+        threading.Thread(target=self.look_round, args=(number, driving, old), daemon=True).start()
 
-    def look_round(self, number: int, driving: str) -> None:
+    def look_round(self, number: int, driving: str, old: Any) -> None:
         found: Any = {}
+        nodes: Any = {}
         try:
             master, own = self.new_master(), self.rospy.get_name()
             kinds = dict(master.getTopicTypes())
-            speaking, listening, _ = master.getSystemState()
+            speaking, listening, serving = master.getSystemState()
             for which, topics in ((2, speaking), (1, listening)):
                 for topic, nodes in topics:
                     entry = found.setdefault(
@@ -212,9 +217,27 @@ class Node:
             wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
             if wanted:  # the master knows a topic by the type of who publishes it, which is ours
                 found.setdefault(driving, [[], 0, 0])[0] = wanted
+            names = {
+                node for each in (speaking, listening, serving) for _, at in each for node in at
+            }
+            self.look_up(master, names - {own})
+            nodes = {
+                "nodes": self.others,
+                "forgotten": running({name: old[name] for name in old if name not in names}),
+            }
         except self.unreachable:
             pass  # watch_master says so
-        self.say(op="response", number=number, topics=found)
+        self.say(op="response", number=number, topics=found, **nodes)
+
+    def look_up(self, master: Any, names: Any) -> None:
+        """Know the slave API of each of these nodes, and of no others."""
+        known = {name: uri for name, uri in self.others.items() if name in names}
+        for name in names - set(known):
+            try:
+                known[name] = master.lookupNode(name)
+            except self.unknown:
+                pass  # it has just ended
+        self.others = known
 
     def do_publish(self, topic: str, content: Any) -> None:
         """Publish once somebody hears: what rospy publishes before its first subscriber has
@@ -300,18 +323,31 @@ class Node:
             time.sleep(GLANCE)
 
     def watch_master(self) -> None:
-        """End when the master is gone or is another one: it knows nothing of this node then."""
-        problem = ""
+        """End when the master is gone or is another one: it knows nothing of this node then.
+
+        A master in a container has the same process id after a restart.
+        """
+        problem, was_known = "", False
         while not problem:
             time.sleep(MASTER_PERIOD)
             try:
-                if self.master.getPid() != self.master_pid:
-                    problem = "the ROS master at " + self.uri + " was started anew"
+                known = self.is_known()
+                if self.master.getPid() != self.master_pid or (was_known and not known):
+                    problem = "the ROS master at " + self.uri + " was restarted"
+                was_known = known
             except self.unreachable as error:
                 problem = "the ROS master at " + self.uri + " is gone: " + str(error)
         self.stand()
         self.say(op="lost", reason=problem)
         os._exit(1)
+
+    def is_known(self) -> bool:
+        """Tell whether the master knows this node."""
+        try:
+            self.master.lookupNode(self.rospy.get_name())
+        except self.unknown:
+            return False
+        return True
 
     def plain(self, value: Any) -> Any:
         """Return a message as JSON has it."""
@@ -344,6 +380,23 @@ class Node:
             else:
                 setattr(message, name, value)
         return message
+
+
+def running(nodes: Any) -> Any:
+    """Return the names of those nodes that answer, all of them asked at once."""
+    found: Any = []
+
+    def ask(name: str, uri: str) -> None:
+        node = OtherNode(uri)
+        if node.lives() and node.has_answered:
+            found.append(name)
+
+    asking = [threading.Thread(target=ask, args=each, daemon=True) for each in nodes.items()]
+    for thread in asking:
+        thread.start()
+    for thread in asking:
+        thread.join(2 * LIVES_WITHIN)
+    return sorted(found)
 
 
 def standing(kind: Any) -> Any:

@@ -2,18 +2,20 @@
 
 Needs `cyclonedds` (the extra `ros2`). Services and actions are not portable over plain DDS: go-to
 is a topic (`goal_pose`) whose end Nav2's action tells on another; for docking by a service, use
-rosbridge. Options: `domain` (default: ROS_DOMAIN_ID, or 0) and those of `ros.RosOptions`;
+rosbridge. Options: `domain` (default: ROS_DOMAIN_ID, or 0) and those of `base.RosOptions`;
 interfaces and peers are configured as for every Cyclone DDS, by CYCLONEDDS_URI.
 """
 
 import asyncio
 import contextlib
 import gc
-import logging
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Annotated, Any
+
+import structlog
+from msgspec import Meta
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.ros.base import Goals, Handler, RosAdapter, RosOptions
@@ -38,6 +40,7 @@ try:
 except ImportError as error:
     raise ImportError("it needs cyclonedds: pip install 'cyclonedds>=0.10.5'") from error
 
+HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9.6.1.1)
 POLL = 0.01
 AT_ONCE = 20
 MOST_ENDPOINTS = 5000
@@ -46,13 +49,13 @@ GLANCE = 0.002
 BYSTANDER = 1.0
 BLOCKING = 10_000_000  # nanoseconds that a full history may hold us up
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class Ros2Options(RosOptions, frozen=True, kw_only=True):
-    """Which domain."""
+    """Which domain; without one it is the environment's, as for every program of ROS 2."""
 
-    domain: int = -1
+    domain: Annotated[int, Meta(ge=0, le=HIGHEST_DOMAIN)] | None = None
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
@@ -65,15 +68,32 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
     settings = settings_of(Ros2Options, "ros2", robot, {"navigation": "goal_pose", **options})
     if settings.navigation not in {"goal_pose", "none"}:
         raise AdapterError(
-            "over DDS, navigation is goal_pose or none; actions go through the adapter rosbridge"
+            "over DDS, navigation must be goal_pose or none; use the adapter rosbridge for actions"
         )
     if settings.dock or settings.undock:
         raise AdapterError(
-            "services of ROS 2 cannot be called over DDS; docking goes through the adapter"
-            " rosbridge"
+            "ROS 2 services cannot be called over DDS; use the adapter rosbridge for docking"
         )
-    domain = settings.domain if settings.domain >= 0 else int(os.environ.get("ROS_DOMAIN_ID") or 0)
+    domain = settings.domain if settings.domain is not None else _domain_of_environment()
     return RosAdapter(robot, settings, DdsBus(domain), "ROS 2")
+
+
+def _domain_of_environment() -> int:
+    """Return the domain as ROS 2 reads it, decimal or 0x… (rcl/src/rcl/domain_id.c).
+
+    Raises:
+        AdapterError: it is none; one sentence.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    try:
+        domain = int(text, 0)
+    except ValueError:
+        domain = -1
+    if not 0 <= domain <= HIGHEST_DOMAIN:
+        raise AdapterError(
+            f"ROS_DOMAIN_ID must be a whole number from 0 to {HIGHEST_DOMAIN}, not {text!r}"
+        )
+    return domain
 
 
 def quality(*, latched: bool = False, sensor: bool = False, depth: int = DEPTH) -> Any:
@@ -91,6 +111,7 @@ class DdsBus:
 
     version = 2
     answers = False  # an acknowledgement is of the order before
+    forgotten: tuple[str, ...] = ()  # there is no master
 
     def __init__(self, domain: int) -> None:
         self.place = f"ROS 2 in domain {domain}"
@@ -114,7 +135,8 @@ class DdsBus:
         try:
             self._participant = DomainParticipant(self._domain)
         except DDSException as error:
-            raise AdapterError(f"{self.place} cannot be joined: {error}") from error
+            settings = "; check CYCLONEDDS_URI" if os.environ.get("CYCLONEDDS_URI") else ""
+            raise AdapterError(f"{self.place} cannot be joined: {error}{settings}") from error
         self._endpoints = [
             _Endpoints(self._participant, topic)
             for topic in (BuiltinTopicDcpsSubscription, BuiltinTopicDcpsPublication)
@@ -226,13 +248,16 @@ class DdsBus:
         return int(writer.get_publication_matched_status().current_count)
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Return what others have said of their topics."""
-        del driving, heard
+        """Return what others have said of their topics. A topic that drives has the types of those
+        who listen: a planner may publish another one there.
+        """
+        del heard
         none: frozenset[str] = frozenset()
         readers, writers = (each.others() for each in self._endpoints)
         return {
             topic: TopicPeers(
-                readers.get(topic, none) | writers.get(topic, none),
+                readers.get(topic, none)
+                | (none if topic == driving and topic in readers else writers.get(topic, none)),
                 len(readers.get(topic, none)),
                 len(writers.get(topic, none)),
             )
@@ -247,12 +272,12 @@ class DdsBus:
         """
         del newest  # nothing waits here
         if topic not in self._writers:
-            raise AdapterError(f"{self.place} was left")
+            raise AdapterError(f"the connection to {self.place} is closed")
         writer, kind = self._writers[topic]
         try:
             writer.write(filled(kind, message))
         except DDSException as error:
-            raise AdapterError(f"{self.place} takes no messages: {error}") from error
+            raise AdapterError(f"{self.place} does not accept messages: {error}") from error
 
     async def call(self, service: str, kind: str) -> tuple[bool, str]:
         """Refuse: services are not portable over DDS.
@@ -260,7 +285,10 @@ class DdsBus:
         Raises:
             AdapterError: always.
         """
-        raise AdapterError(f"{service} ({kind}) is a service, which plain DDS does not carry")
+        raise AdapterError(
+            f"{service} ({kind}) is a service, which plain DDS does not carry; "
+            "use the adapter rosbridge"
+        )
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
         """Refuse: actions are not portable over DDS.
@@ -269,8 +297,8 @@ class DdsBus:
             AdapterError: always.
         """
         raise AdapterError(
-            f"{action} ({kind}) is an action, which plain DDS does not carry: {name} of {len(goal)}"
-            " fields"
+            f"{action} ({kind}) is an action, which plain DDS does not carry; use "
+            f"the adapter rosbridge: {name} of {len(goal)} fields"
         )
 
     def cancel_goal(self, action: str, name: str) -> None:

@@ -8,13 +8,15 @@ import asyncio
 import contextlib
 import itertools
 import json
-import logging
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Annotated, Any
+from urllib.parse import urlsplit
 
 import msgspec
+import structlog
+from msgspec import Meta
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
@@ -38,14 +40,14 @@ CLOSING = 1.0
 LARGEST = 16 << 20  # bytes of a message: maps and clouds that nobody asked for are larger
 PING = 2.0  # seconds between pings, and until one counts as lost
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class RosbridgeOptions(RosOptions, frozen=True, kw_only=True):
     """Where rosbridge is, and which ROS is behind it."""
 
     url: str = "ws://127.0.0.1:9090"
-    version: int = 1
+    version: Annotated[int, Meta(ge=1, le=2)] = 1
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
@@ -56,10 +58,10 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
     """
     robot = load_profile(profile_name)
     settings = settings_of(RosbridgeOptions, "rosbridge", robot, options)
-    if settings.version not in {1, 2} or not settings.url.startswith(("ws://", "wss://")):
+    if not _is_address(settings.url):
         raise AdapterError(
-            "rosbridge is reached at ws:// or wss://host:port, with version 1 or 2, not at"
-            f" {settings.url!r} with {settings.version}"
+            "url must be the address of rosbridge, such as ws://192.168.1.30:9090 or"
+            f" wss://host:port, not {settings.url!r}"
         )
     return RosAdapter(
         robot,
@@ -73,6 +75,7 @@ class RosbridgeBus:
     """See ros.Bus."""
 
     answers = True
+    forgotten: tuple[str, ...] = ()  # rosbridge says nothing of nodes
 
     def __init__(self, url: str, version: int) -> None:
         self.version, self.place = version, f"rosbridge at {url}"
@@ -130,11 +133,11 @@ class RosbridgeBus:
         while self._calls:
             await asyncio.wait(self._calls.values())
         if self._socket is None:
-            raise AdapterError(f"{self.place} is gone")
+            raise AdapterError(f"the connection to {self.place} is lost")
         try:
             await (await self._socket.ping())
         except (OSError, WebSocketException) as error:
-            raise AdapterError(f"{self.place} is gone: {error}") from error
+            raise AdapterError(f"the connection to {self.place} is lost: {error}") from error
 
     def cut(self) -> None:
         """Reset the connection."""
@@ -181,7 +184,7 @@ class RosbridgeBus:
             try:
                 message = msgspec.json.decode(_plain(text))
             except (msgspec.DecodeError, ValueError, RecursionError) as error:
-                log.warning("rosbridge_nonsense", extra={"reason": str(error)})
+                log.warning("rosbridge_message_malformed", extra={"reason": str(error)})
                 continue
             if isinstance(message, dict):
                 self._take(message)
@@ -275,7 +278,7 @@ class RosbridgeBus:
             del self._refused[topic]
 
     def _complained(self, about: Any, text: str) -> None:
-        log.warning("rosbridge_complains", extra={"text": text[:300]})
+        log.warning("rosbridge_problem", extra={"text": text[:300]})
         for topic, entry in self._advertised.items():
             if entry["id"] == about:
                 there = ESTABLISHED.search(text)
@@ -362,7 +365,7 @@ class RosbridgeBus:
             AdapterError: ROS 1 has its actions on topics.
         """
         if self.version == 1:
-            raise AdapterError("rosbridge carries actions of ROS 2 only; set navigation=move_base")
+            raise AdapterError("rosbridge supports actions of ROS 2 only; set navigation=move_base")
         entry = {
             "op": "send_action_goal",
             "id": name,
@@ -379,6 +382,14 @@ class RosbridgeBus:
 
     def _type(self, kind: str, group: str = "msg") -> str:
         return kind if self.version == 1 else kind.replace("/", f"/{group}/")
+
+
+def _is_address(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        return parts.scheme in {"ws", "wss"} and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        return False
 
 
 def _short(kind: str) -> str:

@@ -53,7 +53,8 @@ class TopicCamera:
         if newest is None:
             if self._awaited_since is not None and time.monotonic() - self._awaited_since > OPENING:
                 raise AdapterError(
-                    f"nobody publishes on {self._topic}: nothing came in {OPENING:g} s"
+                    f"no image on {self._topic} within {OPENING:g} s: check that "
+                    "something publishes there"
                 )
             return None
         self._awaited_since = None
@@ -61,17 +62,17 @@ class TopicCamera:
         try:
             return Frame(picture_of(self._decoded(data), self._reformatter), stamp, "yuv420p")
         except (av.FFmpegError, ValueError) as error:
-            raise AdapterError(f"what {self._topic} publishes is no picture: {error}") from error
+            raise AdapterError(f"an image on {self._topic} cannot be read: {error}") from error
 
     def _decoded(self, data: bytes) -> av.VideoFrame:
         name = CODECS.get(data[:2])
         if name is None:
-            raise ValueError("neither JPEG nor PNG")
+            raise ValueError("it is neither JPEG nor PNG")
         if name not in self._decoders:
             decoder: Any = av.CodecContext.create(name, "r")
             decoder.thread_count = 1  # more would keep a picture back until the next one comes
             self._decoders[name] = decoder
         frames: list[av.VideoFrame] = self._decoders[name].decode(av.Packet(data))
         if not frames:
-            raise ValueError("it is not whole")
+            raise ValueError("it is incomplete")
         return frames[0]

@@ -13,14 +13,14 @@ Longer than most files: it is every member of the contract, in its order.
 import asyncio
 import contextlib
 import dataclasses
-import logging
 import subprocess
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Collection, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Mapping
 from typing import Any
 
 import numpy as np
+import structlog
 
 from robots.agent import framing
 from robots.agent.adapters.common.progress_queue import ProgressQueue
@@ -60,6 +60,14 @@ OPTIONS = (
     "sensors",
     "address",
 )
+NUMBERS: dict[str, tuple[Callable[[Any], float], str]] = {
+    "seed": (int, "a whole number"),
+    "people": (int, "a whole number"),
+    "charge": (float, "a number from 0 to 1"),
+    "door-changes": (float, "a number of seconds"),
+    "fps": (float, "a number"),
+    "linger": (float, "a number of seconds"),
+}
 SENSORS = ("laser", "sonar", "bumper")
 GREETING_TIME = 4.0
 SILENCE = 1.0  # the simulator speaks fifty times a second
@@ -69,7 +77,7 @@ LONGEST_TILT = 15.0
 BRAKING_TIME = 3.0
 NEWEST = 10  # states that wait for a slow reader
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
@@ -83,6 +91,13 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
         raise AdapterError(
             f"the simulator has no option {unknown[0]}; {nearest(unknown[0], OPTIONS)}"
         )
+    for name, (kind, expected) in NUMBERS.items():
+        try:
+            kind(str(options.get(name, 0)))
+        except ValueError as error:
+            raise AdapterError(
+                f"the simulator's option {name} must be {expected}, not {options[name]!r}"
+            ) from error
     try:
         model = model_of(profile_name)
         plan, directory = load_plan(str(options.get("plan", "office")))
@@ -103,6 +118,9 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
 def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Pose2D | None:
     """Return where a robot of ours begins: whoever puts a robot somewhere knows. One at an address
     may be anywhere by now.
+
+    Raises:
+        AdapterError: nothing can stand there, in one sentence.
     """
     try:
         return (
@@ -110,8 +128,8 @@ def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Po
             if options.get("address")
             else start_pose(plan, model, str(options.get("start", "dock")))
         )
-    except StartError:
-        return None  # the simulator itself says so when it is started
+    except StartError as error:
+        raise AdapterError(str(error)) from error
 
 
 def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Profile:
@@ -177,7 +195,7 @@ class _Tilting:
 
 
 class SimulatorAdapter:
-    """See contract.Adapter. Reading runs in one task, so that a state is never half old."""
+    """See robot_interface.Adapter. Reading runs in one task, so that a state is never half old."""
 
     def __init__(self, profile: Profile, model: RobotModel, options: Mapping[str, Any]) -> None:
         self.profile = profile
@@ -228,7 +246,7 @@ class SimulatorAdapter:
         self._writer, self._failure = writer, ""
         writer.write(framing.pack(wire.SetDoors(self._doors)))
         self._reading = asyncio.create_task(self._read(reader))
-        log.info("simulator_connected address=%s", self.address)
+        log.info("simulator_connected", address=self.address)
 
     async def _greet(
         self, address: tuple[str, int]
@@ -245,8 +263,8 @@ class SimulatorAdapter:
         if not isinstance(welcome, wire.SimulatorWelcome) or welcome.series != self.profile.series:
             writer.close()
             raise AdapterError(
-                f"at {self.address} is {getattr(welcome, 'series', welcome)!r}, not"
-                f" {self.profile.series!r}"
+                f"the simulator at {self.address} is "
+                f"{getattr(welcome, 'series', welcome)!r}, not {self.profile.series!r}"
             )
         return reader, writer
 
@@ -269,11 +287,13 @@ class SimulatorAdapter:
             AdapterError: this robot cannot do that, or not so far.
         """
         if not isinstance(action, Tilt) or self.profile.tilt is None:
-            raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
+            raise AdapterError(
+                f"{self.profile.series} does not support {type(action).__name__.lower()}"
+            )
         low, high = self.profile.tilt.minimum, self.profile.tilt.maximum
         if not low <= action.angle <= high:
             raise AdapterError(
-                f"the head tilts from {low:g} to {high:g} rad, not to {action.angle:g}"
+                f"the head can tilt from {low:g} to {high:g} rad, not to {action.angle:g}"
             )
         self._say(wire.TiltTo(action.angle))
         self._end_tilt("CANCELLED", "replaced")
@@ -305,7 +325,7 @@ class SimulatorAdapter:
                 async with asyncio.timeout(SILENCE):
                     await self._news.wait()
             except TimeoutError as error:
-                raise AdapterError("the simulator is silent") from error
+                raise AdapterError("the simulator has stopped sending data") from error
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
         """Yield how far tilting is."""
@@ -398,7 +418,7 @@ class SimulatorAdapter:
         if self._failure or writer is None or writer.transport.is_closing():
             raise AdapterError(self._failure or "the simulator is gone")
         if writer.transport.get_write_buffer_size() > BACKLOG:
-            raise AdapterError("the simulator does not read")
+            raise AdapterError("the simulator has stopped reading messages")
         writer.write(framing.pack(message))
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
@@ -478,5 +498,5 @@ class SimulatorAdapter:
 def _host_and_port(address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit():
-        raise AdapterError(f"the simulator's address is host:port, not {address!r}")
+        raise AdapterError(f"the simulator's address must be host:port, not {address!r}")
     return host, int(port)

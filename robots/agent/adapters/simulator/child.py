@@ -3,7 +3,6 @@ behind.
 """
 
 import json
-import logging
 import os
 import subprocess
 import sys
@@ -12,13 +11,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import structlog
+
 from robots.agent.robot_interface import AdapterError
 
 START_TIME = 20.0
 END_TIME = 3.0
 LINGER = 2.0
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[bytes], str]:

@@ -55,7 +55,7 @@ class MediaSocket:
                 return None
             data = self._socket.recv(CHUNK)
             if not data:
-                raise ConnectionResetError("the simulator hung up")
+                raise ConnectionResetError("the simulator closed the connection")
             self._buffer += data
 
     def _next(self) -> Any:
@@ -112,10 +112,10 @@ class _Source:
             message = self._line.read(timeout)
         except (OSError, ValueError, framing.WireError) as error:
             self._hang_up()
-            raise AdapterError(f"the {self.role} is gone: {error}") from error
+            raise AdapterError(f"the connection to the {self.role} is lost: {error}") from error
         if isinstance(message, wire.RoleRefused):
             self._hang_up()
-            raise AdapterError(f"the {self.role} was refused: {message.reason}")
+            raise AdapterError(f"the simulator refused the {self.role}: {message.reason}")
         return message
 
 
@@ -161,7 +161,9 @@ class SimulatorCamera(_Source):
                 self._ring = FrameReader(message.name, message.width, message.height, message.slots)
             except OSError as error:
                 self._hang_up()
-                raise AdapterError(f"the camera's memory is gone: {error}") from error
+                raise AdapterError(
+                    f"the camera's shared memory cannot be opened: {error}"
+                ) from error
         return message if isinstance(message, wire.FrameReady) else None
 
     def _hang_up(self) -> None:

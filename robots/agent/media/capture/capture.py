@@ -6,7 +6,6 @@ that is gone leaves its viewers connected: they see the last picture and a reaso
 goes on when the source is back.
 """
 
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -14,10 +13,11 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import av
+import structlog
 
 from robots.agent.robot_interface import AdapterError
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Capture:
         if self._closing or (self._thread is not None and self._thread.is_alive()):
             return
         if self._thread is not None:
-            log.error("capture_thread_died source=%s", self._name)
+            log.error("capture_thread_died", source=self._name)
         self._thread = threading.Thread(target=self._run, name=f"capture-{self._name}", daemon=True)
         self._thread.start()
 
@@ -160,13 +160,13 @@ class Capture:
                 heard, patience = time.monotonic(), limits.stall
                 self._set_state("live")
             elif time.monotonic() - heard > patience:
-                raise AdapterError(f"the {self._name} gave nothing for {patience:g} s")
+                raise AdapterError(f"the {self._name} sent no data for {patience:g} s")
 
     def _stop_source(self) -> None:
         try:
             self._source.stop()
         except FAILURES as error:
-            log.warning("capture_stop_failed source=%s reason=%s", self._name, error)
+            log.warning("capture_stop_failed", source=self._name, reason=str(error))
 
     def _wait_until_wanted(self) -> bool:
         with self._changed:
@@ -182,5 +182,5 @@ class Capture:
     ) -> None:
         state = CaptureState(status, reason)
         if state != self._state:
-            log.info("capture_state source=%s status=%s reason=%s", self._name, status, reason)
+            log.info("capture_state", source=self._name, status=status, reason=str(reason))
             self._state = state

@@ -6,7 +6,6 @@ words are worthless, and a picture with holes is rubbish. A device that fails is
 tried again while something comes for it, after a pause that grows.
 """
 
-import logging
 import queue
 import threading
 import time
@@ -15,11 +14,12 @@ from typing import Any
 
 import av
 import numpy as np
+import structlog
 
 from robots.agent.media.rtp import AUDIO_RATE
 from robots.agent.robot_interface import AdapterError, Display, Speaker
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 DEPTH = 25  # sounds and pictures that wait: half a second of sound
 IDLE = 2.0  # s without anything after which loudspeaker and display rest
@@ -146,7 +146,7 @@ class _Player:
             # Decoded also while the device pauses: what comes after builds on it.
             frames = self._decoder.decode(av.Packet(data))
         except FAILURES as error:
-            log.warning("visitor_output_undecodable codec=%s reason=%s", self._decoder.name, error)
+            log.warning("visitor_output_undecodable", codec=self._decoder.name, reason=str(error))
             return
         if time.monotonic() < self._retry_at:
             return
@@ -166,7 +166,7 @@ class _Player:
                 self._device.stop()
             except FAILURES as error:
                 log.warning(
-                    "visitor_output_stop_failed codec=%s reason=%s", self._decoder.name, error
+                    "visitor_output_stop_failed", codec=self._decoder.name, reason=str(error)
                 )
 
     def _start(self) -> None:
@@ -182,10 +182,10 @@ class _Player:
 
     def _failed(self, reason: str) -> None:
         log.warning(
-            "visitor_output_failed codec=%s reason=%s retry=%.1f",
-            self._decoder.name,
-            reason,
-            self._pause,
+            "visitor_output_failed",
+            codec=self._decoder.name,
+            reason=str(reason),
+            retry=round(self._pause, 1),
         )
         self.failure = reason
         self._retry_at = time.monotonic() + self._pause

@@ -40,7 +40,9 @@ class SoundEncoder:
             av.FFmpegError: the encoder failed.
         """
         if samples.dtype != np.int16 or samples.size != BLOCK:
-            raise ValueError(f"{samples.size} samples of {samples.dtype} are not {BLOCK} of int16")
+            raise ValueError(
+                f"{samples.size} samples of {samples.dtype} instead of {BLOCK} of int16"
+            )
         ticks, self._samples = self._samples, self._samples + BLOCK
         silent = int(samples.min()) >= -SILENCE and int(samples.max()) <= SILENCE
         self._silent_blocks = self._silent_blocks + 1 if silent else 0

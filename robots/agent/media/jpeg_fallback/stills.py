@@ -6,10 +6,11 @@ viewers, and encoding has a thread of its own: it must delay neither commands no
 those whom WebRTC reaches.
 """
 
-import logging
 import threading
 import time
 from collections.abc import Callable
+
+import structlog
 
 from robots.agent.media.capture.capture import FAILURES
 from robots.agent.media.codecs.encoder import fitted
@@ -20,7 +21,7 @@ from robots.agent.thread_priority import ORDINARY, set_nice
 from robots.api import picture, topics
 from robots.api.messages import PictureRequest
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 LIMIT = next(topic.limit for topic in topics.TABLE if topic.suffix == picture.SUFFIX)
 CLOSE_TIMEOUT = 4.0  # s
@@ -84,7 +85,7 @@ class JpegFallback:
             try:
                 self._send_one()
             except FAILURES as error:
-                log.warning("slow_picture_failed reason=%s", error)
+                log.warning("jpeg_fallback_failed", reason=str(error))
                 self._failed()
 
     def _wait_until_due(self) -> bool:

@@ -6,12 +6,12 @@ Belongs to the media loop, but for what says otherwise.
 
 import asyncio
 import itertools
-import logging
 import time
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any, Literal
 
 import msgspec
+import structlog
 
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.codecs.encoder import Picture
@@ -20,18 +20,18 @@ from robots.agent.media.peers.viewer import Viewer
 from robots.agent.media.webrtc.sdp import BadOfferError
 from robots.api.codec import encode_frame
 from robots.api.messages import (
-    Answer,
     Bye,
     Candidate,
     Heartbeat,
-    Offer,
     Role,
+    SdpAnswer,
+    SdpOffer,
     Signal,
     SignalReply,
     Stay,
 )
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 # s; to connect costs the robot more than what the page may say until it is sent away
 FLOOD_PAUSE = 5.0
@@ -114,7 +114,7 @@ class Connections:
 
     def take_signal(self, peer: str, message: Signal) -> None:
         """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
-        if isinstance(message, Offer):
+        if isinstance(message, SdpOffer):
             self._take_offer(peer, message)
         elif isinstance(message, Stay):
             self._registry.vouch(peer, time.monotonic())
@@ -127,7 +127,7 @@ class Connections:
         elif peer in self._viewers:
             self._end(peer, None)
 
-    def _take_offer(self, peer: str, offer: Offer) -> None:
+    def _take_offer(self, peer: str, offer: SdpOffer) -> None:
         # a page may ask again as soon as it hears goodbye, and would be answered by a robot that is
         # gone
         if self._closing:
@@ -140,7 +140,7 @@ class Connections:
         if admission.leaves is not None:
             self._end(admission.leaves, "full")
         if not admission.admitted:
-            log.info("peer_refused peer=%s role=%s reason=full", peer, offer.role)
+            log.info("peer_refused", peer=peer, role=offer.role, reason="full")
             self._reply(peer, Bye(reason="full"))
             return
         old = self._viewers.pop(peer, None)
@@ -160,12 +160,12 @@ class Connections:
             lambda task: self._answered(task, peer, viewer)
         )
 
-    async def _answer(self, peer: str, viewer: Viewer, offer: Offer) -> None:
+    async def _answer(self, peer: str, viewer: Viewer, offer: SdpOffer) -> None:
         began = time.monotonic()
         try:
             answer = await viewer.answer(offer)
         except BadOfferError as error:
-            log.warning("offer_unusable peer=%s reason=%s", peer, error)
+            log.warning("offer_unusable", peer=peer, reason=str(error))
             self._ended(peer, viewer)
             return
         if self._viewers.get(peer) is not viewer:
@@ -173,12 +173,9 @@ class Connections:
         for candidate in self._held.release(peer):
             viewer.add_candidate(candidate)
         log.info(
-            "offer_answered peer=%s role=%s seconds=%.3f",
-            peer,
-            offer.role,
-            time.monotonic() - began,
+            "offer_answered", peer=peer, role=offer.role, seconds=round(time.monotonic() - began, 3)
         )
-        self._reply(peer, Answer(sdp=answer))
+        self._reply(peer, SdpAnswer(sdp=answer))
 
     def _answered(self, task: "asyncio.Task[None]", peer: str, viewer: Viewer) -> None:
         """Let no offer stay without a reply, whatever went wrong with it."""
@@ -223,7 +220,7 @@ class Connections:
         viewer = self._viewers.pop(peer)
         self._screens.discard(peer)
         self._registry.leave(peer)
-        log.info("peer_ended peer=%s reason=%s %s", peer, reason or "bye", viewer.statistics())
+        log.info("peer_ended", peer=peer, reason=reason or "bye", **viewer.statistics())
         if reason is not None:
             self._reply(peer, Bye(reason=reason))
         self._keep(viewer.close())

@@ -1,10 +1,11 @@
 """One connected page: what it is shown, what it hears, what it is told, and what it says."""
 
-import logging
 import random
 import time
 from collections.abc import Callable
 from typing import Protocol
+
+import structlog
 
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import Reason
@@ -17,13 +18,13 @@ from robots.agent.media.webrtc.relays import Relays
 from robots.agent.media.webrtc.signalling import PageConnection
 from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
-from robots.api.messages import Candidate, CommandHeartbeat, Offer
+from robots.api.messages import Candidate, CommandHeartbeat, SdpOffer
 
 NARROW = 2  # the first rung of a network that has no room to spare
 # s between two of them there; five and fifteen a second would be as much as the picture
 SPARSE = {"scan": 0.95, "pose": 0.19}
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class WatchedVideo(Protocol):
@@ -129,7 +130,7 @@ class Viewer:
         """
         return self._page.is_lost(now)
 
-    async def answer(self, offer: Offer) -> str:
+    async def answer(self, offer: SdpOffer) -> str:
         """Answer the offer; return the SDP.
 
         Raises:
@@ -275,7 +276,7 @@ class Viewer:
         if self._watching:
             self._camera.watch(-1, self._layer)
         self._layer = self._coming
-        log.info("picture_quality peer=%s rung=%s", self.peer, self._layer)
+        log.info("picture_quality", peer=self.peer, rung=self._layer)
 
     def _tell_clock(self, picture: Picture) -> None:
         clock = self._clock.tell(picture.rtp, picture.stamp, time.monotonic())

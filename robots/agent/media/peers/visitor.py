@@ -7,17 +7,18 @@ where it has them. Only what the lease's peer sends passes, and only what the ca
 rest is counted and dropped, and nothing is kept.
 """
 
-import logging
 import time
 from collections import Counter
 from collections.abc import Callable
+
+import structlog
 
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import KeyFrames, Reason
 from robots.agent.media.rtp import ROUND, STEP, Continuous, Kind, vp8_payloads
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class VisitorMedia:

@@ -357,7 +357,9 @@ def check() -> None:
         UnsupportedAiortcError: with what is wrong.
     """
     if not aiortc.__version__.startswith("1.16."):
-        raise UnsupportedAiortcError(f"aiortc {aiortc.__version__} is installed, 1.16 is needed")
+        raise UnsupportedAiortcError(
+            f"aiortc {aiortc.__version__} is installed, but 1.16 is required"
+        )
     missing = [
         f"{owner.__name__}.{name}"
         for owner, names in PRIVATE_NAMES.items()

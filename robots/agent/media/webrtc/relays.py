@@ -9,7 +9,6 @@ found holds for some minutes, so that only the first visitor of a robot waits.
 
 import asyncio
 import contextlib
-import logging
 import socket
 import ssl
 import time
@@ -17,13 +16,14 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any
 
+import structlog
 from aioice import stun, turn
 from aiortc import RTCIceServer
 from aiortc.rtcicetransport import connection_kwargs
 
 from robots.api.messages import IceServer
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 # s for a relay to answer; one at the other end of the world needs two round trips of 0.3 s
 ANSWER_TIME = 1.5
@@ -53,7 +53,7 @@ async def answers(server: RTCIceServer, trust: ssl.SSLContext | None = None) -> 
             else:
                 return False
     except FAILURES as error:
-        log.info("relay_silent address=%s reason=%s", server.urls[0], error or type(error).__name__)
+        log.info("relay_silent", address=server.urls[0], reason=error or type(error).__name__)
         return False
     return True
 

@@ -7,11 +7,11 @@ new connection. All of it runs on the media loop.
 
 import asyncio
 import functools
-import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import structlog
 from aiortc import (
     RTCBundlePolicy,
     RTCConfiguration,
@@ -28,10 +28,10 @@ from robots.agent.media.webrtc import aiortc_hooks, sctp, sdp
 from robots.agent.media.webrtc.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
-from robots.api.messages import Candidate, Offer
+from robots.api.messages import Candidate, SdpOffer
 from robots.cancellation import cancel
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 # bytes; telemetry that a page cannot take at once is dropped, the next is newer
 MAX_BUFFERED = 64 * 1024
@@ -111,7 +111,7 @@ class PageConnection:
         )
         return reports > 0.0 and now - max(reports, self._last_frame) > SILENCE
 
-    async def answer(self, offer: Offer) -> str:
+    async def answer(self, offer: SdpOffer) -> str:
         """Answer an offer; return the SDP with all candidates.
 
         Raises:
@@ -185,7 +185,7 @@ class PageConnection:
                 await self._connection.close()
             except UNUSABLE as error:
                 # an offer that aiortc gave up half-way leaves parts that cannot be closed
-                log.warning("connection_close_failed peer=%s reason=%s", self.peer, error)
+                log.warning("connection_close_failed", peer=self.peer, reason=str(error))
 
     async def ask_key_frame(self) -> None:
         """Ask the page for a whole picture of the visitor."""
@@ -254,12 +254,12 @@ class PageConnection:
     def _candidate_added(self, task: "asyncio.Task[None]") -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
-            log.info("candidate_unusable peer=%s reason=%s", self.peer, error)
+            log.info("candidate_unusable", peer=self.peer, reason=str(error))
 
     def _on_state(self) -> None:
         assert self._connection is not None
         state = self._connection.connectionState
-        log.info("peer_connection peer=%s state=%s", self.peer, state)
+        log.info("peer_connection", peer=self.peer, state=state)
         if state in ("failed", "closed") and not self._closed:
             self.on_end("failed")
 
@@ -280,5 +280,5 @@ class PageConnection:
             self.on_command(heard)
         elif self.gate.floods and not self._sent_away:
             self._sent_away = True
-            log.warning("page_floods peer=%s counts=%s", self.peer, dict(self.gate.counts))
+            log.warning("page_floods", peer=self.peer, counts=dict(self.gate.counts))
             self.on_end("flooded")

@@ -40,13 +40,13 @@ def hull(footprint: tuple[tuple[float, float], ...]) -> Hull:
     along = np.roll(corners, -1, axis=0) - corners
     lengths = np.hypot(along[:, 0], along[:, 1])
     if len(corners) < 3 or not np.isfinite(corners).all() or lengths.min() <= 0.0:
-        raise ValueError("a footprint is a convex polygon of at least three different corners")
+        raise ValueError("a footprint must be a convex polygon of at least three different corners")
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
     offsets = (normals * corners).sum(axis=1)
     if offsets.sum() < 0.0:
         normals, offsets = -normals, -offsets
     if offsets.min() <= 0.0 or ((corners @ normals.T) - offsets).max() > 1e-9:
-        raise ValueError("a footprint is a convex polygon about the robot's centre")
+        raise ValueError("a footprint must be a convex polygon around the robot's centre")
     turning = np.vstack([normals * (1.0, -1.0), normals[:, ::-1]])
     return Hull(normals, offsets, float(np.hypot(corners[:, 0], corners[:, 1]).max()), turning)
 

@@ -56,7 +56,7 @@ class CostMap:
         self.clearance = room(self.free, self.transform.resolution)
         self.least = self.inscribed + COSTMAP.spare
         if not (self.clearance >= self.least).any():
-            raise NoWayError("the map has no free space in which the robot could stand")
+            raise NoWayError("the map has no free space large enough for the robot")
 
     @property
     def shape(self) -> tuple[int, int]:

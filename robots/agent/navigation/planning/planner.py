@@ -75,9 +75,9 @@ class Planner:
             NoWayError: the goal is no number, off the map, or too deep in something.
         """
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise NoWayError("the goal is not a point")
+            raise NoWayError("the goal's x or y is not a number")
         if not bool(self.costmap.cells(np.array([[x, y]]))[2][0]):
-            raise NoWayError(f"the goal ({x:.1f}, {y:.1f}) lies outside of the map")
+            raise NoWayError(f"the goal ({x:.1f}, {y:.1f}) lies outside the map")
         found = self.place_near(x, y, self.costmap.clearance, PLANNER.goal_reach)
         if found is None:
             raise NoWayError(

@@ -181,7 +181,7 @@ class Simulation:
         """
         where = f"{pose.x:g},{pose.y:g},{pose.theta:g}"
         if self.plan.room_at(pose.x, pose.y) is None:
-            raise StartError(f"{where} lies in no room")
+            raise StartError(f"{where} is not in a room")
         self._refuse_blocked(where, pose)
         self.pose = pose
         self.motion, self.touching = STILL, frozenset()
@@ -349,7 +349,7 @@ class Simulation:
         blocked = self.obstacles.hits(place(self.footprint, pose), self._near(pose))
         if blocked:
             raise StartError(
-                f"the robot cannot be put at {where!r}: {blocked[0].solid.name} stands there"
+                f"the robot cannot be put at {where!r}: {blocked[0].solid.name} is in that spot"
             )
 
     def _in_dock(self) -> bool:
@@ -405,8 +405,8 @@ def start_pose(plan: FloorPlan, model: RobotModel, start: str) -> Pose2D:
         x, y, theta = (float(part) for part in start.split(","))
     except ValueError as error:
         raise StartError(
-            f"no start {start!r} for {model.series}: give a dock, a named place or x,y,theta"
+            f"{model.series} cannot start at {start!r}: give a dock, a named place or x,y,theta"
         ) from error
     if not all(map(math.isfinite, (x, y, theta))) or plan.room_at(x, y) is None:
-        raise StartError(f"the start {start!r} lies in no room")
+        raise StartError(f"the start {start!r} is not in a room")
     return Pose2D(x, y, wrap_angle(theta))

@@ -2,7 +2,6 @@
 the interpreter as it draws.
 """
 
-import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -10,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+import structlog
 
 from robots.agent.simulator.physics.drive import WheelMotion, advance
 from robots.agent.simulator.physics.people import Person
@@ -21,7 +21,7 @@ from robots.world.solids import Opening
 LONGEST_PICTURE = 0.5  # seconds
 LONGEST_GUESS = 0.05  # seconds that a pose is carried on beyond the last step
 
-log = logging.getLogger(__name__)
+log = structlog.stdlib.get_logger(__name__)
 
 
 class Renderer(Protocol):

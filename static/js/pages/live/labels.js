@@ -74,6 +74,10 @@ export const batteryOf = (robot, words) => {
   return [share, robot.battery?.charging ? words.say("charging") : "", robot.docked ? words.say("docked") : ""].filter(Boolean).join(" · ");
 };
 
+/** How each door is, as far as is known: as the robot says, else as it was set, by the condition where somebody drives in one. @param {any} robot @param {any} drive or null @returns {Record<string, string>} open or closed, by name */
+export const doorStates = (robot, drive) =>
+  Object.fromEntries(robot.doors.map((/** @type {any} */ door) => [door.name, door.confirmed ?? drive?.doors?.[door.name] ?? door.set]));
+
 /** Each door as it was set, by the condition where somebody drives in one, and as the robot says it is. @param {any} robot @param {any} drive or null @param {Words} words @returns {string} */
 export const doorsOf = (robot, drive, words) =>
   robot.doors

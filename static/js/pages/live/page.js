@@ -3,15 +3,20 @@
  */
 
 import { readWords } from "../../lib/words.js";
+import { drawGround, drawStops } from "../../study/course.js";
 import { RobotMap } from "../../view/map/robot_map.js";
-import { batteryOf, doorsOf, driverOf, lasted, networkOf, queueOf, stateOf, taskOf, timeOf } from "./labels.js";
+import { courseOf, trailOf } from "./course.js";
+import { batteryOf, doorStates, doorsOf, driverOf, lasted, networkOf, queueOf, stateOf, taskOf, timeOf } from "./labels.js";
 
 const PERIOD_MS = 2000;
 const PATIENCE_MS = 5000;
+const RECORD_PATIENCE_MS = 20000; // of a long session it is large
+const NOBODYS = "00000000-0000-0000-0000-000000000000"; // stands in addresses for a session
 const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent);
 const words = readWords(element("words"), document.documentElement.lang);
-/** @type {Map<string, {card: HTMLElement, parts: Record<string, any>, map: RobotMap, session: string | null}>} */
+/** @typedef {{card: HTMLElement, parts: Record<string, any>, map: RobotMap, session: string | null, stops: string | null}} Card stops: as they are drawn */
+/** @type {Map<string, Card>} */
 const cards = new Map();
 let freshAt = Date.now() / 1000;
 let timer = 0;
@@ -35,7 +40,7 @@ const cardOf = (robot) => {
   const parts = Object.fromEntries(Array.from(card.querySelectorAll("[data-part]"), (part) => [part.dataset.part, part]));
   card.dataset.robot = robot.name;
   element("robots").append(card);
-  const made = { card, parts, map: new RobotMap({ canvas: parts.map }), session: null };
+  const made = { card, parts, map: new RobotMap({ canvas: parts.map }), session: null, stops: null };
   cards.set(robot.name, made);
   const site = config.sites[robot.name];
   parts.map.parentElement.hidden = !site;
@@ -62,13 +67,15 @@ const showRobot = (robot, drive, queue) => {
   const { card, parts, map } = shown;
   if (shown.session !== (drive?.session ?? null)) {
     shown.session = drive?.session ?? null;
-    map.trail.pieces = []; // another visitor's path
-    map.trail.length = 0;
+    map.setTrail([]); // another visitor's path
+    showTrail(shown, shown.session);
   }
   const newest = drive?.pose && drive.stamp >= (robot.stamp ?? 0) ? drive : robot;
   if (newest.pose) {
     map.setPose({ covariance: null, localized: true, ...newest.pose }, newest.stamp);
   }
+  map.setDoors(doorStates(robot, drive));
+  showCourse(shown, robot, drive);
   card.dataset.driven = String(Boolean(drive));
   say(parts.title, robot.title);
   say(parts.state, stateOf(robot, drive, words));
@@ -83,12 +90,45 @@ const showRobot = (robot, drive, queue) => {
   showLinks(parts, robot, drive);
 };
 
+/** Checkpoints and suggested path; the canvas tells in data-stops how it drew them. @param {Card} shown @param {any} robot @param {any} drive or null */
+const showCourse = (shown, robot, drive) => {
+  const marks = courseOf(config.courses[robot.name] ?? {}, config.version, drive);
+  const stops = marks?.stops.map(({ number, status }) => `${number}:${status}`).join(" ") ?? "";
+  if (stops !== shown.stops) {
+    shown.stops = stops;
+    shown.parts.map.dataset.stops = stops;
+    shown.map.setCourse(
+      marks && {
+        below: (context, view, paint) => drawGround(context, view, marks, paint),
+        above: (context, view, paint) => drawStops(context, view, marks, paint),
+      },
+    );
+  }
+};
+
+/** What was driven before this page was opened. @param {Card} shown @param {string | null} session */
+const showTrail = async (shown, session) => {
+  if (!session) {
+    return;
+  }
+  try {
+    const answer = await fetch(config.record.replace(NOBODYS, session), { credentials: "same-origin", signal: AbortSignal.timeout(RECORD_PATIENCE_MS) });
+    const record = answer.ok ? await answer.json() : null;
+    if (record && shown.session === session) {
+      shown.map.setTrail(trailOf(record.states));
+      shown.parts.map.dataset.trail = session;
+    }
+  } catch {
+    // the path begins where the robot is now
+  }
+};
+
 /** @param {Record<string, any>} parts @param {any} robot @param {any} drive or null */
 const showLinks = (parts, robot, drive) => {
   parts.watch.hidden = !config.watch[robot.name];
   parts.watch.href = config.watch[robot.name] ?? "";
   parts.replay.hidden = !drive;
-  parts.replay.href = drive ? config.replay.replace("00000000-0000-0000-0000-000000000000", drive.session) : "";
+  parts.replay.href = drive ? config.replay.replace(NOBODYS, drive.session) : "";
   for (const button of parts.form?.querySelectorAll("button") ?? []) {
     const wanted = { message: drive, end: drive, hold: !robot.held, release: robot.held }[/** @type {"message"} */ (button.value)];
     button.disabled = !wanted;

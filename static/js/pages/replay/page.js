@@ -10,7 +10,7 @@ import { advance, newPlayer, pressed, seek, setSpeed, toggle } from "./player.js
 import { createReadings } from "./readings.js";
 import { momentAt } from "./record.js";
 import { drawStrips } from "./strips.js";
-import { asked, timeAt, written, xOf } from "./timeline.js";
+import { AXIS, asked, plotWidth, timeAt, written, xOf } from "./timeline.js";
 
 const element = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
 const config = JSON.parse(element("config").textContent);
@@ -61,7 +61,7 @@ class ReplayPage {
     const { player, record } = this;
     const { t } = player;
     this.map.draw(momentAt(record.states, t), t);
-    now.style.translate = `${xOf(t, record.duration, strips.clientWidth)}px 0`;
+    now.style.translate = `${AXIS + xOf(t, record.duration, plotWidth(strips.clientWidth))}px 0`;
     slider.value = String(t);
     const text = written(t);
     if (text !== this.spoken) {
@@ -90,7 +90,7 @@ class ReplayPage {
     slider.addEventListener("input", () => this.update(seek(this.player, Number(slider.value))));
     playing.addEventListener("click", () => this.update(toggle(this.player)));
     speed.addEventListener("change", () => this.update(setSpeed(this.player, Number(speed.value))));
-    scrub(strips, (x) => this.update(seek(this.player, timeAt(x, this.record.duration, strips.clientWidth))));
+    scrub(strips, (x) => this.update(seek(this.player, timeAt(x - AXIS, this.record.duration, plotWidth(strips.clientWidth)))));
     document.addEventListener("keydown", (event) => {
       const target = /** @type {Element} */ (event.target);
       if (isShortcut(event) || openHolder(document) || target.closest("select, button, a, summary, textarea, input:not([type=range])")) {
@@ -138,7 +138,7 @@ const loadImage = (map) => {
 
 const load = async () => {
   try {
-    const answer = await fetch(config.data, { credentials: "same-origin", headers: { Accept: "application/json" } });
+    const answer = await fetch(config.data, { credentials: "same-origin" }); // as the page's preload does
     if (!answer.ok) {
       throw new Error(`replay: ${answer.status}`);
     }

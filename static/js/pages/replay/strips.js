@@ -1,16 +1,17 @@
 /**
- * The strips over the time line: events, speed with the input method, and the network. Drawn once a size; the line of the present moment
- * is an element of its own over them, so that playing draws nothing anew.
+ * The strips over the time line: events, speed with the input method, network and packet loss, between axes with their units. Drawn once a
+ * size; the line of the present moment is an element of its own over them, so that playing draws nothing anew. x counts from the left axis.
  */
 
-import { ticks, written, xOf } from "./timeline.js";
+import { AXIS, plotWidth, ticks, written, xOf } from "./timeline.js";
 
-const ROWS = { events: 26, speed: 64, network: 64, time: 20 }; // CSS pixels
+const ROWS = { events: 26, speed: 76, network: 76, loss: 48, time: 20 }; // CSS pixels
 const PADDING = 4;
 const COMMANDS = 5; // CSS pixels of the band that tells by what was driven
 const COMMAND_SECONDS = 0.12; // how long a command counts in it
-const MOST = { speed: 0.4, trip: 0.1, fps: 40, loss: 0.2 }; // m/s, s, 1/s, share: the least ends of the scales, and the ends of the last two
-const HEADROOM = 1.3; // room for the legend
+const MOST = { speed: 0.5, trip: 100, fps: 40, loss: 20 }; // m/s, ms, 1/s, %: the least ends of the scales, and the ends of the last two
+const HEADROOM = 1.15; // room for the legend
+const TEXT = 11; // CSS pixels
 const METHODS = 6; // --strip-method-0 … -5
 const SOURCES = ["task", "server", "robot", "page"];
 
@@ -24,20 +25,21 @@ const HEIGHT = Object.values(ROWS).reduce((sum, each) => sum + each);
  */
 export const drawStrips = (canvas, record, words, sources) => {
   const context = canvas.getContext("2d");
-  const width = canvas.clientWidth;
+  const width = plotWidth(canvas.clientWidth);
   if (!context || !width) {
     return;
   }
-  canvas.width = Math.round(width * devicePixelRatio);
+  canvas.width = Math.round(canvas.clientWidth * devicePixelRatio);
   canvas.height = Math.round(HEIGHT * devicePixelRatio);
-  context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+  context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, AXIS * devicePixelRatio, 0);
   const style = getComputedStyle(canvas);
   const colour = remembered((name) => style.getPropertyValue(`--${name}`).trim());
-  context.font = `600 11px ${style.fontFamily}`;
+  context.font = `600 ${TEXT}px ${style.fontFamily}`;
   const row = (/** @type {number} */ top, /** @type {number} */ height) => ({ context, width, top, height, colour, duration: record.duration });
   drawEvents(row(0, ROWS.events), record.events.filter(([, source]) => sources.has(source)));
   drawSpeed(row(ROWS.events, ROWS.speed), record, words);
   drawNetwork(row(ROWS.events + ROWS.speed, ROWS.network), record, words);
+  drawLoss(row(ROWS.events + ROWS.speed + ROWS.network, ROWS.loss), record, words);
   drawTime(row(HEIGHT - ROWS.time, ROWS.time));
 };
 
@@ -83,16 +85,16 @@ const drawLine = ({ context, width, top, height, duration }, times, values, [low
 /** @param {Row} row @param {import("./record.js").Record} record @param {{speed: string, method: (name: string) => string}} words */
 const drawSpeed = (row, { states, commands, words: names }, words) => {
   const { context, width, top, height, colour, duration } = row;
-  const most = Math.max(MOST.speed, largest(states.v) * HEADROOM);
+  const most = scaleEnd(Math.max(MOST.speed, largest(states.v) * HEADROOM));
   rule(row, top, colour("line"));
-  rule(row, top + (height - COMMANDS) / 2, colour("line"));
+  axis({ ...row, height: height - COMMANDS }, [-most, 0, most], "m/s", "left");
   for (const [from, to, method] of stretches(commands)) {
     context.fillStyle = colour(methodColour(method));
     context.fillRect(xOf(from, duration, width), top + height - COMMANDS, Math.max(1, xOf(to - from, duration, width)), COMMANDS);
   }
   drawLine({ ...row, height: height - COMMANDS }, states.t, states.v, [-most, most], colour("ink"), 2);
   const methods = [...new Set(commands.method)].map((i) => /** @type {[string, string]} */ ([words.method(names[i]), colour(methodColour(i))]));
-  legend(row, [[`${words.speed} ±${most.toFixed(1)} m/s`, colour("ink")], ...methods]);
+  legend(row, [[words.speed, colour("ink")], ...methods]);
 };
 
 /**
@@ -118,22 +120,56 @@ const methodColour = (i) => `strip-method-${i % METHODS}`;
 
 /** @param {Row} row @param {import("./record.js").Record} record @param {{trip: string, fps: string, loss: string}} words */
 const drawNetwork = (row, { network }, words) => {
-  const { context, width, top, height, colour, duration } = row;
+  const { top, colour } = row;
   const times = /** @type {number[]} */ (network.t);
-  const slowest = Math.max(MOST.trip, largest(network.roundTrip) * HEADROOM);
+  const trips = network.roundTrip.map((value) => (value === null || value === undefined ? null : value * 1000));
+  const slowest = scaleEnd(Math.max(MOST.trip, largest(trips) * HEADROOM));
   rule(row, top, colour("line"));
+  axis(row, [0, slowest / 2, slowest], "ms", "left");
+  axis(row, [0, MOST.fps / 2, MOST.fps], "1/s", "right");
   drawLine(row, times, network.fps, [0, MOST.fps], colour("strip-fps"), 3);
-  drawLine(row, times, network.roundTrip, [0, slowest], colour("strip-trip"), 3);
+  drawLine(row, times, trips, [0, slowest], colour("strip-trip"), 3);
+  legend(row, [
+    [words.trip, colour("strip-trip")],
+    [words.fps, colour("strip-fps")],
+  ]);
+};
+
+/** @param {Row} row @param {import("./record.js").Record} record @param {{loss: string}} words */
+const drawLoss = (row, { network }, words) => {
+  const { context, width, top, height, colour, duration } = row;
+  rule(row, top, colour("line"));
+  axis(row, [0, MOST.loss], "%", "left");
   context.fillStyle = colour("strip-loss");
   network.loss.forEach((value, i) => {
-    const tall = Math.min(1, (value ?? 0) / MOST.loss) * (height - PADDING);
-    context.fillRect(xOf(times[i], duration, width), top + height - tall, 2, tall);
+    const tall = Math.min(1, ((value ?? 0) * 100) / MOST.loss) * (height - 2 * PADDING);
+    context.fillRect(xOf(Number(network.t[i]), duration, width), top + height - PADDING - tall, 2, tall);
   });
-  legend(row, [
-    [`${words.trip} ≤ ${Math.round(slowest * 1000)} ms`, colour("strip-trip")],
-    [`${words.fps} ≤ ${MOST.fps}`, colour("strip-fps")],
-    [`${words.loss} ≤ ${MOST.loss * 100} %`, colour("strip-loss")],
-  ]);
+  legend(row, [[words.loss, colour("strip-loss")]]);
+};
+
+/** A round end of a scale: 1, 2 or 5 and as many zeros as it takes. @param {number} least @returns {number} */
+export const scaleEnd = (least) => {
+  const ten = 10 ** Math.floor(Math.log10(least));
+  return ten * ([1, 2, 5].find((step) => step * ten >= least * (1 - 1e-9)) ?? 10);
+};
+
+/** A scale beside a strip, with a fine line through the strip at each value of the left one. @param {Row} row @param {number[]} values ascending @param {string} unit @param {"left" | "right"} side */
+const axis = (row, values, unit, side) => {
+  const { context, width, top, height, colour } = row;
+  const [low, high] = [values[0], values[values.length - 1]];
+  const x = side === "left" ? -6 : width + 6;
+  context.textAlign = side === "left" ? "right" : "left";
+  context.textBaseline = "middle";
+  for (const value of values) {
+    const y = top + height - PADDING - ((value - low) / (high - low)) * (height - 2 * PADDING);
+    if (side === "left") {
+      rule(row, y, colour("line"));
+    }
+    context.fillStyle = colour("ink-2");
+    const text = String(value).replace("-", "−");
+    context.fillText(value === high ? `${text} ${unit}` : text, x, Math.min(Math.max(y, top + TEXT / 2 + 1), top + height - TEXT / 2));
+  }
 };
 
 /** @param {(number | null)[]} values @returns {number} */

@@ -4,6 +4,10 @@
 
 const STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600]; // s between ticks
 const TICK_WIDTH = 64; // CSS pixels that a tick and its words need
+export const AXIS = 52; // CSS pixels on either side of the strips, for their axes
+
+/** The width between the axes. @param {number} width of the strips, CSS pixels @returns {number} */
+export const plotWidth = (width) => Math.max(0, width - 2 * AXIS);
 
 /** @param {number} t @param {number} duration @returns {number} */
 export const clamp = (t, duration) => Math.min(Math.max(Number.isFinite(t) ? t : 0, 0), duration);

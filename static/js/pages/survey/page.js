@@ -6,6 +6,7 @@
 import { createAttention } from "./attention.js";
 import { shownKeys } from "./conditions.js";
 import { createSaver } from "./saver.js";
+import { keepOrder } from "./ranking.js";
 import { addRange } from "./slider.js";
 
 const SEND_LIMIT_MS = 10000;
@@ -27,7 +28,7 @@ const fieldsOf = (question) =>
 
 /** @param {HTMLFieldSetElement} question */
 const controlsOf = (question) =>
-  /** @type {HTMLInputElement[]} */ ([...question.querySelectorAll("input[name], textarea")]).filter((control) => control.name !== "shown");
+  /** @type {HTMLInputElement[]} */ ([...question.querySelectorAll("input[name], select, textarea")]).filter((control) => control.name !== "shown");
 
 /** @param {string} key */
 const said = (key) => {
@@ -136,6 +137,11 @@ const empty = (control) => {
   control.dispatchEvent(new Event("survey:restored"));
 };
 
+/** Choose the value that a list offers: several lists of one name offer different ones. @param {HTMLSelectElement} list @param {string[]} values */
+const choose = (list, values) => {
+  list.value = values.find((value) => value !== "" && [...list.options].some((option) => option.value === value)) ?? "";
+};
+
 form.addEventListener("change", (event) => {
   const question = questionOf(event);
   if (!question) return;
@@ -172,12 +178,14 @@ document.addEventListener("visibilitychange", () => attention.setSeen(document.v
 // --- start ---------------------------------------------------------------------------------------------------------------
 
 for (const holder of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-slider]"))) addRange(holder);
+for (const holder of /** @type {NodeListOf<HTMLElement>} */ (form.querySelectorAll("[data-ranking]"))) keepOrder(holder);
 for (const [key, fields] of saver.unsent()) {
   const question = byKey.get(key);
   if (!question) continue;
   for (const control of controlsOf(question)) {
     const values = fields.filter(([name]) => name === control.name).map(([, value]) => value);
     if (["radio", "checkbox"].includes(control.type)) control.checked = values.includes(control.value);
+    else if (control instanceof HTMLSelectElement) choose(control, values);
     else control.value = values[0] ?? "";
     control.dispatchEvent(new Event("survey:restored"));
   }

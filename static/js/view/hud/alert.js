@@ -4,11 +4,11 @@
 
 import { roleOf } from "../../protocol/session.js";
 import { mayAsk } from "../../study/restrictions.js";
+import { offersAround } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
 import { profileOf } from "../display/profiles.js";
 
 const SLOW_SECONDS = 0.4;
-const SOON_SECONDS = 120;
 const PUSHED_SECONDS = 3;
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
 
@@ -59,7 +59,7 @@ const robotAlert = (state) => {
     return faultAlert(state) ?? (visit.serverBlind ? { word: "alert.server", tone: "busy" } : { word: "alert.robot_offline", tone: "danger" });
   }
   if (robot?.safety.estop) {
-    return { word: "alert.estop", tone: "danger" };
+    return { word: robot.safety.estopSource?.startsWith("screen") ? "alert.estop_screen" : "alert.estop", tone: "danger" };
   }
   if (robot?.safety.inhibited === "fault") {
     return { word: "alert.fault", tone: "danger" };
@@ -97,7 +97,7 @@ const helpAlert = (state) => {
   if (visit.phase === "driving" && robot.docked && now - pushedAt < PUSHED_SECONDS) {
     return { word: mayAsk(state, "undock") ? "alert.docked_forward" : "alert.docked_forward_yourself", tone: "busy" };
   }
-  if (said && now - said.at < PUSHED_SECONDS) {
+  if (said && now - said.at < PUSHED_SECONDS && !offersAround(state)) {
     return { word: said.word, tone: "calm" };
   }
   const word = visit.phase === "driving" ? wordOf(help) : "";
@@ -111,9 +111,9 @@ const helpAlert = (state) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
-const quietAlert = ({ visit, notice, now, slow, playing, told }) => {
-  // A task says itself how much time is left.
-  if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && visit.turnEnds - now < SOON_SECONDS) {
+const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => {
+  // A task says itself how much time is left, and so does the page that waits around a practice robot's.
+  if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && !practising) {
     const left = Math.max(0, Math.ceil(visit.turnEnds - now));
     return { word: "alert.turn_ends", tone: "busy", values: { time: `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}` } };
   }

@@ -53,7 +53,7 @@ const usualCard = (state) => {
     return { word: "idle", countdown: Math.max(0, Math.ceil(state.visit.askedUntil - state.now)), main: { action: "here", word: "do.here" }, quiet: true };
   }
   if (state.leaving) {
-    return { word: "leaving", main: { action: "leave_now", word: "do.leave" }, other: { action: "stay", word: "do.stay" }, quiet: true };
+    return { word: state.returnsHome ? "leaving_home" : "leaving", main: { action: "leave_now", word: "do.leave" }, other: { action: "stay", word: "do.stay" }, quiet: true };
   }
   const card = CARDS[state.visit.phase];
   return card ? card(state) : null;
@@ -81,7 +81,7 @@ const CARDS = {
   watching: (state) => link(state),
   elsewhere: () => ({ word: "elsewhere", main: TAKE_OVER, other: HOME }),
   refused: ({ visit }) => ({ word: `refused.${visit.reason}`, main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME }),
-  ended: ({ visit, finding }) => ({ ...ended(visit.reason), detail: BROKEN.has(visit.reason) ? finding : null }),
+  ended: ({ visit, finding, guest }) => ({ ...ended(visit.reason, guest), detail: BROKEN.has(visit.reason) ? finding : null }),
 };
 
 /** What one may do while one waits. @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */
@@ -131,8 +131,11 @@ const queued = ({ place, pause }) => {
   return { word: why === "returning" && CHECKS.has(reason) ? "queued.checked" : `queued.${why}` };
 };
 
-/** A newer server may know more ends: for those there are general words. @param {string} reason @returns {Card} */
-const ended = (reason) => {
+/** A newer server may know more ends: for those there are general words. @param {string} reason @param {boolean} guest @returns {Card} */
+const ended = (reason, guest) => {
+  if (guest) {
+    return { word: "ended.guest", main: { action: "sign_up", word: "do.sign_up" }, other: HOME };
+  }
   const main = AFTER[reason] ?? HOME;
   return { word: `ended.${reason in AFTER ? reason : "completed"}`, main, other: main === HOME ? undefined : HOME };
 };

@@ -63,8 +63,9 @@ const showPeople = (parts, { visit, room }, words) => {
   parts.people.hidden = !sentences.some(Boolean);
   parts.people.dataset.watching = String(others);
   write(parts.peopleText, sentences.filter(Boolean).join(" · "));
-  parts.waiting.hidden = room.waiting === 0;
-  write(parts.waitingText, room.waiting ? words.say("reading.waiting", { n: room.waiting }) : "");
+  const waits = Math.max(0, room.waiting - (["queued", "turn"].includes(visit.phase) ? 1 : 0)); // the card says where in the queue one is oneself
+  parts.waiting.hidden = waits === 0;
+  write(parts.waitingText, waits ? words.say("reading.waiting", { n: waits }) : "");
 };
 
 /** @param {Record<string, HTMLElement>} parts @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */

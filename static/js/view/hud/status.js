@@ -7,10 +7,13 @@ import { roleOf } from "../../protocol/session.js";
 const PLAYING = /** @type {Record<string, string>} */ ({ driving: "status.driving", watching: "status.watching" });
 
 /** @param {import("../../drive/features.js").State} state @returns {{word: string, tone: "ok" | "slow" | "busy" | "off" | "danger"}} */
-export const statusFor = ({ visit, room, playing, slow }) => {
+export const statusFor = ({ visit, room, playing, slow, robot }) => {
   if (roleOf(visit)) {
     if (!visit.online && !visit.serverBlind && visit.link !== "live") {
       return { word: "status.offline", tone: "danger" };
+    }
+    if (robot?.safety.estop) {
+      return { word: "status.stopped", tone: "danger" };
     }
     if (slow && playing) {
       return { word: "status.slow", tone: "slow" };

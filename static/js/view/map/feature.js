@@ -3,10 +3,15 @@
  */
 
 import { loadFloorPlan, RobotMap } from "./robot_map.js";
+import { write } from "../../lib/dom.js";
+import { roomAt } from "../hud/dials.js";
 import { addGestures } from "./gestures.js";
 import { FOLLOWING, ZOOM_STEP } from "./pan_zoom.js";
 
 const TOOLS = 48; // CSS pixels that the buttons at the map's upper edge take
+
+/** CSS pixels that the buttons take of a map: none where they stand beside it. @param {HTMLCanvasElement} canvas */
+const toolsOver = (canvas) => (canvas.clientWidth < (canvas.parentElement?.clientWidth ?? 0) - TOOLS ? 0 : TOOLS);
 
 const newSlice = () => ({
   /** whether the map is open; on small screens it can be put away */
@@ -24,7 +29,7 @@ const newSlice = () => ({
 /** @param {import("../../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, element } = page;
-  const map = new RobotMap({ canvas: /** @type {HTMLCanvasElement} */ (element("map")), tools: TOOLS });
+  const map = new RobotMap({ canvas: /** @type {HTMLCanvasElement} */ (element("map")), tools: toolsOver });
   const actions = newActions(store, map);
   const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(element("map-tools").querySelectorAll("button")));
   addGestures(element("map"), {
@@ -40,6 +45,7 @@ const setUp = (page) => {
   });
   load(page, map);
 
+  const state = page.element("map-state");
   const setPose = (/** @type {any} */ { pose, stamp }) => map.setPose(pose, stamp);
   return {
     api: map,
@@ -50,6 +56,7 @@ const setUp = (page) => {
       scan: (/** @type {any} */ message) => map.setScan(message, store.get().factsheet?.laser ?? null),
     },
     actions,
+    on: { second: () => write(state, mapState(store.get(), page.words)) },
     render: (/** @type {any} */ { mapFollows, mapTurns, mapSize, mapOpen }) => {
       const pressed = /** @type {Record<string, boolean>} */ ({ map_follow: mapFollows, map_turn: mapTurns, map_swap: mapSize === "swapped", map_large: mapSize === "large" });
       buttons.forEach((button) => {
@@ -62,6 +69,18 @@ const setUp = (page) => {
       element("drive-page").dataset.map = mapOpen ? mapSize : "small";
     },
   };
+};
+
+/** Where the robot is, for who does not see the map. @param {import("../../drive/features.js").State} state @param {import("../../lib/words.js").Words} words */
+export const mapState = ({ robot, plan }, words) => {
+  if (!robot || !plan) {
+    return "";
+  }
+  if (!robot.pose.localized) {
+    return words.say("map.lost");
+  }
+  const eighth = (Math.round(robot.pose.theta / (Math.PI / 4)) + 8) % 8;
+  return words.say("map.state", { room: roomAt(plan, robot.pose) || "–", heading: words.say(`map.heading.${eighth}`) });
 };
 
 /** @param {import("../../drive/registry.js").Page} page @param {RobotMap} map */

@@ -19,8 +19,8 @@ const CLOCK_STEP = 5; // s
 const SMALLEST_ROBOT = 9; // CSS pixels from the marker's middle to its tip
 
 export class RobotMap {
-  /** @param {{canvas: HTMLCanvasElement, tools?: number, frame?: (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that buttons take */
-  constructor({ canvas, tools = 0, frame = (callback) => requestAnimationFrame(callback) }) {
+  /** @param {{canvas: HTMLCanvasElement, tools?: (canvas: HTMLCanvasElement) => number, frame?: (callback: () => void) => unknown}} options tools: CSS pixels at its upper edge that buttons take */
+  constructor({ canvas, tools = () => 0, frame = (callback) => requestAnimationFrame(callback) }) {
     this.canvas = canvas;
     this.tools = tools;
     this.frame = frame;
@@ -60,6 +60,27 @@ export class RobotMap {
     this.site = site;
     this.image = image;
     this.#resize();
+  }
+
+  /** Draw doors as they are. @param {Record<string, string>} states open or closed, by name; a door without one stays as it is */
+  setDoors(states) {
+    const { site } = this;
+    const doors = site?.plan?.doors ?? [];
+    if (site && doors.some((/** @type {any} */ { name, state }) => states[name] && states[name] !== (state ?? "open"))) {
+      const moved = doors.map((/** @type {any} */ door) => ({ ...door, state: states[door.name] ?? door.state }));
+      this.site = { ...site, plan: { ...site.plan, doors: moved } };
+      this.drawn = "";
+      this.#redraw();
+    }
+  }
+
+  /** Take a path that was driven before this map was opened. @param {Iterable<[number, number]>} points */
+  setTrail(points) {
+    this.trail = new Trail();
+    for (const [x, y] of points) {
+      this.trail.add(x, y);
+    }
+    this.#redraw();
   }
 
   /** @param {Pose} pose @param {number} stamp */
@@ -157,7 +178,7 @@ export class RobotMap {
 
   #viewNow() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    return this.site && width && height ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, this.tools) : this.view;
+    return this.site && width && height ? viewOf(this.settings, boundsOfSite(this.site), this.pose, width, height, this.tools(this.canvas)) : this.view;
   }
 
   /** @param {Record<string, string>} paint */

@@ -3,24 +3,27 @@
  * and clear, so that nothing hides the way; what is near differs by the width of its line and not by its colour alone.
  */
 
-import { robotFromMap } from "./transforms.js";
+import { mapFromRobot, robotFromMap } from "./transforms.js";
 import { depthOf, toElement, toPicture } from "./camera_model.js";
 import { CLOSE, NEAR } from "./swept_path.js";
 
 /** @typedef {{camera: import("./camera_model.js").Camera, moment: import("./transforms.js").Moment, box: import("./camera_model.js").Box}} Eye whose picture it is */
 /** @typedef {{point: [number, number], radius: number, sign: string, hidden: boolean}} Cue a place: its number, or nothing for the dock */
-/** @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean, goal: [number, number] | null, radius: number, cues: Cue[]}} Scene */
+/** @typedef {{sweptPath: import("./swept_path.js").SweptPath | null, committed: boolean, goal: [number, number] | null, blocked: import("./transforms.js").Place | null, footprint: [number, number][], radius: number, cues: Cue[]}} Scene `blocked`: where the robot would touch something */
 
 const LEAST_DEPTH = 0.1; // m before the lens
 const POST = 0.45; // m: how high a cue's sign stands
 const SIGN = 13; // CSS pixels
 
 /** @param {CanvasRenderingContext2D} context in CSS pixels @param {Eye} eye @param {Scene} scene @param {Record<string, string>} paint */
-export const drawScene = (context, eye, { sweptPath, committed, goal, radius, cues }, paint) => {
+export const drawScene = (context, eye, { sweptPath, committed, goal, blocked, footprint, radius, cues }, paint) => {
   context.lineJoin = "round";
   context.lineCap = "round";
   if (sweptPath) {
     drawSweptPath(context, eye, sweptPath, committed, paint);
+  }
+  if (blocked) {
+    drawBlocked(context, eye, blocked, footprint, paint);
   }
   cues.forEach((cue) => drawCue(context, eye, cue, paint));
   if (goal) {
@@ -78,6 +81,20 @@ const drawSweptPath = (context, eye, { slices, blocked }, committed, paint) => {
     trace(context, edge(eye, last.left, last.right) ?? []);
     stroke(context, 7, paint.close, paint.edge);
   }
+};
+
+/** The robot's outline where it would touch something. @param {CanvasRenderingContext2D} context @param {Eye} eye @param {import("./transforms.js").Place} at @param {[number, number][]} footprint @param {Record<string, string>} paint */
+const drawBlocked = (context, eye, at, footprint, paint) => {
+  const corners = footprint.map((corner) => place(eye, mapFromRobot(at, corner)));
+  if (corners.some((corner) => corner === null)) {
+    return; // under the camera
+  }
+  trace(context, /** @type {[number, number][]} */ ([...corners, corners[0]]));
+  context.globalAlpha = 0.35;
+  context.fillStyle = paint.close;
+  context.fill();
+  context.globalAlpha = 1;
+  stroke(context, 4, paint.close, paint.edge);
 };
 
 /** A circle on the floor. @param {CanvasRenderingContext2D} context @param {Eye} eye @param {[number, number]} middle @param {number} radius m */

@@ -14,6 +14,8 @@ import { Track } from "./transforms.js";
 const SCAN_SECONDS = 1; // an older sweep says nothing of the present
 const MOVING = 0.01; // m/s or rad/s
 
+/** @typedef {{goal: [number, number], at: import("./transforms.js").Place}} Refusal a point that was pressed, and where the robot would touch what is in the way */
+
 const newSlice = () => ({
   /** when the visitor last pressed forward, Unix seconds */
   pushedAt: -Infinity,
@@ -22,7 +24,7 @@ const newSlice = () => ({
   /** why it does not move although the visitor presses: view/hud/stuck.js */
   stuck: /** @type {import("../hud/stuck.js").Why | null} */ (null),
   /** an answer to what the visitor has just tried, its word and when */
-  said: /** @type {{word: string, at: number} | null} */ (null),
+  said: /** @type {{word: string, at: number, refused?: Refusal | null} | null} */ (null),
   /** what the page drives by itself for who pressed once: to a goal, a turn, or back out of the dock */
   maneuver: /** @type {import("../../input/maneuver.js").Kind | null} */ (null),
 });
@@ -60,6 +62,7 @@ const setUp = (page) => {
   const around = new Surroundings();
   const press = new FloorPress(page, around);
   const canvas = new OverlayCanvas(page, around, press);
+  const turnAround = () => store.get().robot?.docked || press.turnAround();
   press.onChange = () => canvas.refresh();
   [press.maneuver, press.pointing, newGamepads(page, press)].forEach((controller) => page.driving.steering.add(controller));
 
@@ -68,7 +71,9 @@ const setUp = (page) => {
     actions: {
       /** Where the robot may not be sent, the page drives it out of its dock. */
       back_out: () => press.backOut(),
+      turn_around: turnAround,
     },
+    keys: { turn_around: { down: turnAround } },
     on: {
       frameShown: () => canvas.refresh(),
       steered: (/** @type {import("../../protocol/command_stream.js").Intent} */ intent) => {

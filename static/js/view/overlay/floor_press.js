@@ -4,14 +4,15 @@
 
 import { Maneuver } from "../../input/maneuver.js";
 import { Pointing } from "../../input/pointing.js";
-import { SIDE_TURN, lookingAt, reach } from "../../input/pure_pursuit.js";
+import { ABOUT, SIDE_TURN, arcTo, lookingAt, reach } from "../../input/pure_pursuit.js";
 import { unixNow } from "../../lib/clock.js";
 import { roleOf } from "../../protocol/session.js";
 import { boxOf, fromElement, sideOf, toFloor } from "./camera_model.js";
+import { sweep } from "./swept_path.js";
 import { mapFromRobot, robotFromMap } from "./transforms.js";
 import { hidesWall, isBehind } from "./visibility.js";
 
-/** @typedef {{no: string} | {turn: [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press means */
+/** @typedef {{no: string, point?: [number, number], at?: import("./transforms.js").Place} | {turn: [number, number]} | {goal: [number, number], sweptPath: any}} Target what a press means */
 
 export class FloorPress {
   /** @param {import("../../drive/registry.js").Page} page @param {import("./feature.js").Surroundings} around */
@@ -44,9 +45,9 @@ export class FloorPress {
     this.#watchHand();
   }
 
-  /** @param {string} word */
-  say(word) {
-    this.store.update({ said: { word, at: unixNow() }, now: unixNow() });
+  /** @param {string} word @param {import("./feature.js").Refusal | null} [refused] the point that the robot cannot drive straight to */
+  say(word, refused = null) {
+    this.store.update({ said: { word, at: unixNow(), refused }, now: unixNow() });
   }
 
   get footprint() {
@@ -67,12 +68,22 @@ export class FloorPress {
     this.#drive();
   }
 
-  /** Out of the dock, by the hand that pressed the button, or else by one that may steer. */
+  /** Out of the dock. */
   backOut() {
+    this.#startHere("back", (robot) => [robot.x, robot.y]);
+  }
+
+  /** To look where its back was. */
+  turnAround() {
+    this.#startHere("turn", (robot) => lookingAt(robot, ABOUT));
+  }
+
+  /** By the hand that pressed the button, or else by one that may steer. @param {import("../../input/maneuver.js").Kind} kind @param {(robot: import("./transforms.js").Place) => [number, number]} pointOf */
+  #startHere(kind, pointOf) {
     const robot = this.around.track.newest;
     const method = this.steering.mayUse(this.hand) ? this.hand : (this.steering.allowed?.[0] ?? this.hand);
     if (robot && roleOf(this.store.get().visit) === "driver") {
-      this.#start("back", [robot.x, robot.y], method);
+      this.#start(kind, pointOf(robot), method);
     }
   }
 
@@ -96,9 +107,16 @@ export class FloorPress {
     const own = robotFromMap(robot, point);
     const { seen } = this.around;
     if (isBehind(seen.map((one) => robotFromMap(robot, one)), own) || (robot.localized && hidesWall(plan, [robot.x, robot.y], point))) {
-      return { no: "wall" };
+      return { no: "wall", point, at: this.#touching(robot, point) };
     }
-    return reach(robot, own, this.footprint, seen);
+    const target = reach(robot, own, this.footprint, seen);
+    return "no" in target ? { ...target, point, at: this.#touching(robot, point) } : target;
+  }
+
+  /** Where the robot would stand when it touches what is in its way to a point. @param {import("./transforms.js").Place} robot @param {[number, number]} point @returns {import("./transforms.js").Place} */
+  #touching(robot, point) {
+    const sweptPath = sweep(arcTo(robot, point), this.footprint, this.around.seen);
+    return sweptPath?.blocked ? sweptPath.end : { x: point[0], y: point[1], theta: Math.atan2(point[1] - robot.y, point[0] - robot.x) };
   }
 
   /** @param {import("../../input/pointing.js").Press} press */
@@ -132,7 +150,7 @@ export class FloorPress {
       if (this.store.get().robot?.docked) {
         this.store.update({ pushedAt: unixNow(), now: unixNow() });
       } else {
-        this.say(`point.${target.no}`);
+        this.say(`point.${target.no}`, target.point && target.at ? { goal: target.point, at: target.at } : null);
       }
       return false;
     }
@@ -164,8 +182,10 @@ export class FloorPress {
   /** @param {import("../../input/maneuver.js").End} end @param {string} kind */
   #ended(end, kind) {
     this.store.update({ maneuver: null });
-    if (end !== "taken" && !(end === "there" && kind !== "back")) {
-      this.say(end === "there" ? "task.done.back" : `point.${end}`);
+    if (end === "there" && kind === "back") {
+      this.turnAround(); // to the room: the station is at a wall
+    } else if (end !== "taken" && end !== "there") {
+      this.say(`point.${end}`);
     }
   }
 

@@ -24,7 +24,12 @@ async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the
         await driving(page)
         before = site.simulation.pose
         await hold(
-            page, "ArrowUp", lambda: [way for way, _ in site.applied].count("datachannel") >= 12
+            page,
+            "ArrowUp",
+            lambda: (
+                [way for way, _ in site.applied].count("datachannel") >= 12
+                and site.simulation.pose.distance(before) > 0.02
+            ),
         )
         await page.keyboard.up("ArrowUp")
         await until(lambda: stands(site))
@@ -53,7 +58,7 @@ async def test_a_page_that_cannot_be_loaded_says_so_and_offers_to_try_again(brow
     page = await (await browser.new_context()).new_page()
     await page.route("**/js/protocol/peer.*.js", lambda route: route.abort("connectionreset"))
     await page.goto(site.url)
-    again = page.get_by_role("button", name="Load it again")
+    again = page.get_by_role("button", name="Reload")
     await again.wait_for(timeout=40_000)
     await page.unroute("**/js/protocol/peer.*.js")
     await again.click()
@@ -233,7 +238,7 @@ async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_mean
     [
         ("timed_out", "Your time is up"),
         ("robot_fault", "The robot has a problem"),
-        ("moved", "You went on in another tab"),
+        ("moved", "You continued in another tab"),
     ],
 )
 async def test_every_end_says_what_happened_and_lets_go_of_the_robot(browser, site, outcome, title):

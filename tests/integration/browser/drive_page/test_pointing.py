@@ -10,12 +10,13 @@ from playwright.async_api import Page
 
 from robots.agent.safety.permissions import CommandSender
 from robots.api.geometry import wrap_angle
-from robots.api.messages import Stop
+from robots.api.messages import Goto, Stop
 from robots.world.sites import load_plan
 from tests.support.drive_page import UPRIGHT, WIDE, hold, opened, stands, stops
 from tests.support.drive_page import until as until_within
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.patience import patient
+from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
 from tests.support.scene_source import SceneSource
 from tests.support.scripted_visitor import PAD
 
@@ -154,7 +155,7 @@ async def test_at_the_dock_the_large_button_drives_out_and_a_robot_that_does_not
                 "#alert[data-word='alert.docked_forward']", timeout=1000 * PATIENCE
             )
             await page.keyboard.up("ArrowUp")
-            await page.click("#offer-main:has-text('Leave the dock')")
+            await page.click("#offer-main:has-text('Leave station')")
             await page.wait_for_selector("#offer[data-word='task.undock']")
             await until(
                 lambda: [c for _, c in site.applied if c.linear < 0.0 and c.method == "mouse"]
@@ -205,3 +206,46 @@ async def test_the_map_is_looked_around_on_swapped_and_made_large_and_the_keys_s
                 page, "ArrowLeft", lambda: [c for _, c in site.applied if c.angular > 0.1], PATIENCE
             )
             await page.keyboard.up("ArrowLeft")
+
+
+async def test_turn_around_by_button_and_by_key_ends_nearly_opposite_and_a_key_ends_it(browser):
+    with site_at("corridor-centre") as site:
+        async with opened(browser, site, WIDE, query="?go=1") as page:
+            await driving(page)
+            for way in ("button", "key"):
+                before = site.simulation.pose.theta
+                if way == "button":
+                    await page.get_by_role("button", name="Turn around").click()
+                else:
+                    await page.keyboard.press("u")
+                await until(
+                    lambda before=before: abs(wrap_angle(site.simulation.pose.theta - before)) > 2.8
+                )
+                await until(lambda: stands(site))
+                assert abs(wrap_angle(site.simulation.pose.theta - before)) < math.pi
+            turns = len(site.applied)
+            await page.keyboard.press("u")
+            await until(lambda: [c for _, c in site.applied[turns:] if abs(c.angular) > 0.1])
+            await page.keyboard.press("Space")
+            await until(lambda: stands(site))
+
+
+async def test_what_blocks_a_pressed_point_is_shown_and_the_robot_offers_to_drive_around_it(
+    browser,
+):
+    plan, _ = load_plan("office")
+    scene = SceneSource(plan, 5.0)
+    able = (*CAPABILITIES, "goto")
+    with PresentRobotPage(camera=scene, start="lab-before-door", capabilities=able) as site:
+        async with opened(browser, site, WIDE, query="?go=1") as page:
+            await driving(page)
+            # a wall of the laboratory, beside its door
+            await page.mouse.click(*await place(page, 0.2, 0.62))
+            await page.wait_for_selector("#overlay[data-shows=blocked]", timeout=1000 * PATIENCE)
+            await page.get_by_role("button", name="Drive around it").click()
+            asked = await until(
+                lambda: [a for a in site.said("command/action") if isinstance(a, Goto)]
+            )
+            assert asked[0].x is not None
+            assert asked[0].y is not None
+            assert await page.get_by_role("button", name="Drive around it").count() == 0

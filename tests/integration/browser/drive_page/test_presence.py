@@ -131,7 +131,7 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.click("#presence-camera")
     await until(lambda: abs(site.speaker.tone - HERTZ) < 15 and site.speaker.level > 0.02, 15)
     await until(lambda: site.display.colour and is_green(site.display.colour), 15)
-    await page.wait_for_selector("#presence-note[data-sending] >> text=They see and hear you.")
+    await page.wait_for_selector("#presence-note[data-sending] >> text=They can see and hear you.")
 
     # Its screen, which takes over.
     screen = await opened(browser, site.screen_url, complaints)
@@ -155,7 +155,7 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
         screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60
     )
     await page.keyboard.up("t")
-    await page.wait_for_selector("text=They see you and do not hear you. Hold T to talk.")
+    await page.wait_for_selector("text=They can see you but not hear you. Hold T to talk.")
 
     # Words, which never drive; afterwards the keys do.
     await screen.evaluate(
@@ -191,12 +191,12 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     # A screen that is shown takes the camera's place, whole.
     await page.click("#presence-volumes")
     await page.click("#presence-share")
-    await page.wait_for_selector("text=They see your screen.")
+    await page.wait_for_selector("text=They can see your screen.")
     await screen.wait_for_selector("#video[data-whole]")
 
     # Hanging up there ends it here: the camera is given back, and driving goes on.
     await screen.click("#hang-up")
-    await page.wait_for_selector("text=They would rather not talk now. You can go on driving.")
+    await page.wait_for_selector("text=They'd rather not talk now. You can keep driving.")
     assert await page.evaluate("() => document.querySelector('#self').srcObject") is None
     await screen.wait_for_selector("#face[data-scene=visiting]")
     assert complaints == []
@@ -211,11 +211,11 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     screen = await opened(browser, site.screen_url, complaints)
     await screen.wait_for_selector("text=I am Giraff")
     page = await drives(browser, site, complaints, permissions=["microphone", "camera"])
-    await screen.wait_for_selector("text=A study is under way.")
+    await screen.wait_for_selector("text=A study is in progress.")
     await kept(screen, "screen-study")
     await page.click("#presence-camera")
     await screen.wait_for_selector("text=Ana would like to talk to you")
-    await page.wait_for_selector("text=It rings there. Nobody sees or hears you yet.")
+    await page.wait_for_selector("text=Ringing. Nobody can see or hear you yet.")
     await kept(page, "ringing")
     await kept(screen, "screen-rings")
     assert site.media.visitor_counts.get("video", 0) == 0
@@ -225,7 +225,7 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     await screen.click("#stop")
     await until(lambda: site.kernel.latch is not None)
     assert site.kernel.latch.source == "screen", "on whichever way the stop came first"
-    await screen.wait_for_selector("text=Stopped here.")
+    await screen.wait_for_selector("text=Stopped from this display.")
     await kept(screen, "screen-stopped")
     await screen.click("#release")
     await until(lambda: site.kernel.latch is None)
@@ -340,7 +340,7 @@ async def shown(
     page = await drives(browser, site, complaints, **context)
     await page.click("#presence-volumes")
     await page.click("#presence-share")
-    await page.wait_for_selector("text=They see your screen.")
+    await page.wait_for_selector("text=They can see your screen.")
     await page.click("#presence-volumes")
     await page.wait_for_selector("#shared-pointers[data-open]", timeout=patient(15) * 1000)
     await screen.wait_for_selector("#pointers[data-open]", timeout=patient(15) * 1000)
@@ -479,20 +479,20 @@ async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goe
         (
             "mic",
             "NotFoundError",
-            "No microphone was found. Plug one in and ask again, or write to them.",
+            "No microphone found. Plug one in and try again, or send a message.",
         ),
         (
             "camera",
             "NotAllowedError",
             (
-                "Your browser keeps the camera. Allow it beside the page's address. You can go on"
+                "Your browser blocks the camera. Allow it next to the page's address. You can keep"
                 " driving."
             ),
         ),
         (
             "camera",
             "NotReadableError",
-            "Another program uses the camera. Close it and ask again, or go on without.",
+            "Another program is using the camera. Close it and try again, or continue without one.",
         ),
     ]:
         await page.evaluate(

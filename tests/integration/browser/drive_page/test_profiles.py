@@ -9,7 +9,7 @@ import pytest_asyncio
 from playwright.async_api import Page
 
 from sessions import protocol
-from tests.support.drive_page import driving, hold, stops, until
+from tests.support.drive_page import driving, hold, moves, stands, stops, until
 from tests.support.fake_robot_page import FakeRobotPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
@@ -60,6 +60,13 @@ async def visit(page: Page, site: FakeRobotPage) -> AsyncIterator[None]:
     site.end("completed")
 
 
+async def choose_key(page: Page, command: str, key: str) -> str:
+    """Press the button of a command and a key, and return what is said of it."""
+    await page.click(f"#own-keys [data-command={command}]")
+    await page.keyboard.press(key)
+    return await page.text_content("#own-keys-note") or ""
+
+
 async def choose(page: Page, name: str) -> None:
     await page.click("#presence-volumes")
     await page.click(f"#profiles button[value={name}]")
@@ -87,7 +94,7 @@ async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_
         assert 0 < await page.evaluate(WAY) < 0.3
     assert figures["size"].endswith("VP8")
     assert figures["path"].startswith("direct")
-    assert "Age of commands: " in copied
+    assert "Command age: " in copied
     await page.set_viewport_size({"width": 1280, "height": 800})
     await page.goto(site.url)
     await until_page(
@@ -104,7 +111,7 @@ async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
     await until(lambda: "expert" in shown(site)[before:])
     await page.click("#presence-volumes")
     assert await page.locator("#profiles button:disabled").count() == 4
-    assert await page.inner_text("#profile-text") == "The study has chosen it."
+    assert await page.inner_text("#profile-text") == "Set by the study."
     await page.click("#full-screen")
     await until_page(page, "() => document.fullscreenElement !== null")
     await page.click("#presence-volumes")
@@ -128,6 +135,38 @@ async def until_page(page: Page, condition: str) -> None:
             return
         await asyncio.sleep(0.05)
     raise AssertionError(condition)
+
+
+async def test_a_visitors_own_keys_drive_at_once_and_after_a_reload_and_the_others_no_longer(
+    page, site
+):
+    async with visit(page, site):
+        await page.click("#presence-volumes")
+        await page.click("#own-keys-open")
+        moved = moves(site)
+        assert "stops the robot" in await choose_key(page, "talk", "Space")
+        assert "browser" in await choose_key(page, "backward", "F2")
+        assert "saved in this browser" in await choose_key(page, "forward", "i")
+        assert await page.text_content("#own-keys [data-command=forward]") == "I"
+        await page.click("#own-keys [data-command=left]")
+        await page.keyboard.press("Escape")  # leaves it as it is, and the panel open
+        assert await page.text_content("#own-keys [data-command=left]") == "←A"
+        assert moves(site) == moved
+        await page.keyboard.press("Escape")
+        assert await page.text_content("#hints kbd >> nth=0") == "I"
+        await hold(page, "i", lambda: moves(site) > moved)
+        await page.keyboard.up("i")
+        await until(lambda: stands(site))
+    async with visit(page, site):
+        moved = moves(site)
+        await page.keyboard.press("w", delay=300)
+        assert moves(site) == moved
+        await hold(page, "i", lambda: moves(site) > moved)
+        await page.keyboard.up("i")
+        await page.click("#presence-volumes")
+        await page.click("#own-keys-open")
+        await page.click("#own-keys-usual")
+        assert await page.text_content("#own-keys [data-command=forward]") == "↑W"
 
 
 async def _figures(page: Page, *needed: str) -> dict[str, str]:

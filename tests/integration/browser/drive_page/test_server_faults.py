@@ -30,7 +30,7 @@ async def test_a_part_that_fails_is_named_with_what_follows_until_it_is_back(
             site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
             text = await alert(page, f"fault.{part}.stops")
             assert text.startswith(
-                f"The server's {name} does not answer. Unless it comes back, the robot stops in "
+                f"The server's {name} isn't responding. Unless it recovers, the robot stops in "
             )
             site.faults = (protocol.Fault(part=part, then="stopped"),)
             assert "The robot has stopped" in await alert(page, f"fault.{part}.stopped")
@@ -46,7 +46,7 @@ async def test_a_full_disk_is_said_and_stops_nobody(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         site.faults = (protocol.Fault(part="disk_full", then="goes_on"),)
-        assert "You can drive on" in await alert(page, "fault.disk_full")
+        assert "You can keep driving" in await alert(page, "fault.disk_full")
         count = len(site.applied)
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
 
@@ -61,7 +61,7 @@ async def test_a_server_that_keeps_its_socket_and_says_nothing_is_out_of_reach_a
             site.stopped = True
             assert (
                 await alert(page, "alert.server_only")
-                == "The server is out of reach. You can go on driving."
+                == "The server can't be reached. You can keep driving."
             )
             count = len(site.applied)
             await hold(page, "ArrowLeft", lambda count=count: len(site.applied) > count + 3)

@@ -149,12 +149,12 @@ async def test_the_photo_is_taken_judged_and_taken_again_while_the_keys_still_dr
         await expect(photo.get_by_text("Taking the photo")).to_be_visible(timeout=PATIENCE)
 
         tell(site, "photo_review", number=4, passed=(1, 2, 3, 4), window="review", photo=action)
-        await expect(photo.get_by_text("The photo is on its way")).to_be_visible(timeout=PATIENCE)
+        await expect(photo.get_by_text("Loading the photo")).to_be_visible(timeout=PATIENCE)
         site.photos[action] = jpeg()
-        await expect(photo.get_by_alt_text("The photo that you have just taken")).to_be_visible(
+        await expect(photo.get_by_alt_text("The photo you just took")).to_be_visible(
             timeout=PATIENCE
         )
-        await photo.get_by_role("button", name="Again").click()
+        await photo.get_by_role("button", name="Retake").click()
         answers = await until(lambda: written(site, "photo_answer"))
         assert (answers[0]["choice"], answers[0]["photo"]) == ("again", action)
         # Nobody has understood it: it is said again, as the same answer.
@@ -198,9 +198,7 @@ async def test_leaving_asks_first_and_the_end_leads_on_with_one_button(browser, 
         )
         tell(site, "timed_out", outcome="timed_out")
         site.end("timed_out")
-        await expect(page.get_by_role("heading", name="The time is up")).to_be_visible(
-            timeout=PATIENCE
-        )
+        await expect(page.get_by_role("heading", name="Time is up")).to_be_visible(timeout=PATIENCE)
         await page.get_by_role("button", name="Go on").click()
         await expect(page.get_by_role("heading", name="The next step")).to_be_visible(
             timeout=PATIENCE
@@ -212,10 +210,10 @@ async def test_after_ten_seconds_the_study_goes_on_by_itself(browser, site):
         await driving(page)
         tell(site, "completed", passed=(1, 2, 3, 4), outcome="completed")
         await expect(
-            page.get_by_text("Done! The robot is back in its charging station.").first
+            page.get_by_text("Done. The robot is back in its charging station.").first
         ).to_be_visible(timeout=PATIENCE)
         site.end("completed")
-        await expect(page.get_by_role("heading", name="Well done!")).to_be_visible(timeout=PATIENCE)
+        await expect(page.get_by_role("heading", name="Well done")).to_be_visible(timeout=PATIENCE)
         await expect(page.get_by_role("heading", name="The next step")).to_be_visible(
             timeout=PATIENCE
         )
@@ -231,7 +229,7 @@ async def test_what_the_study_fixes_is_off_and_says_so_and_the_space_bar_still_s
         await expect(page.locator("#stick")).to_be_visible(timeout=PATIENCE)
         await page.keyboard.press("ArrowUp")
         await expect(page.locator("#alert")).to_have_text(
-            "The keys are off in this drive. Use the stick on the screen.", timeout=PATIENCE
+            "The keyboard is off for this drive. Use the on-screen stick.", timeout=PATIENCE
         )
         await page.keyboard.press("Space")
         await until(

@@ -66,6 +66,7 @@ BESIDE = {
     "speed",
     "assist",
     "profiles",
+    "own-keys",
     "stick",
     "presence",
     "presence-note",

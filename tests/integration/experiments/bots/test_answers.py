@@ -27,6 +27,7 @@ EVERY_KIND = defined(
         item("text", "words", required=True, lines=3),
         item("date", "day", required=True, latest="today"),
         item("slider", "effort", required=True, step=5),
+        item("ranking", "order", required=True, order="shuffled"),
     ],
     [
         item("text", "more", required=True, show_if={"item": "which", "is": ["b"]}),

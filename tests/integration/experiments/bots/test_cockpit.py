@@ -4,12 +4,12 @@ import pytest
 
 from experiments.bots.browser import Browser
 from experiments.bots.cockpit import BEAT, Cockpit
-from experiments.bots.drive import Drive
+from experiments.bots.drive import BotDrive
 from experiments.bots.driver import Driver, Guide
 from experiments.bots.endings import Ending
 from experiments.bots.persona import Persona
 from experiments.bots.socket import SocketClosed
-from experiments.bots.steering import STAND, Speed
+from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import AT_CENTRE
 from robots.api.messages import Heartbeat
 from robots.world.sites import load_site
@@ -49,7 +49,7 @@ async def test_it_sends_velocities_while_it_holds_the_controller_then_zeros_and_
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         assert server.all("command/velocity") == []
-        cockpit.steer(Speed(0.4, 0.1))
+        cockpit.steer(SpeedSetting(0.4, 0.1))
         await server.until(lambda: len(server.all("command/velocity")) >= 3)
         cockpit.steer(STAND)
         await server.until(
@@ -122,7 +122,7 @@ async def test_nonsense_from_the_server_is_left_alone():
 
 async def test_who_leaves_the_queue_says_so_and_has_not_driven(monkeypatch):
     async with RobotSocket(queued=True) as server:
-        drive = Drive(
+        drive = BotDrive(
             Browser(server.url),
             {"socket": "/ws/", "robot": "giraff", "floorplan": "/"},
             Persona(0, 1),
@@ -137,7 +137,7 @@ async def test_who_leaves_the_queue_says_so_and_has_not_driven(monkeypatch):
 
 
 def about_to(server, ending):
-    return Drive(
+    return BotDrive(
         Browser(server.url),
         {"socket": "/ws/", "robot": "giraff", "floorplan": "/"},
         Persona(0, 1),
@@ -187,7 +187,7 @@ async def test_who_presses_stop_lets_go_and_the_stop_kills_all_velocities_before
     monkeypatch.setattr("experiments.bots.drive.SURPRISE", 0.3)
     async with RobotSocket() as server:
         drive = await under_way(about_to(server, Ending.PRESSES_STOP))
-        drive.cockpit.steer(Speed(0.4, 0.0))
+        drive.cockpit.steer(SpeedSetting(0.4, 0.0))
         await server.until(lambda: len(server.all("command/velocity")) >= 2)
         assert not await drive._ends_its_own_way()
         (stop,) = server.all("command/action")

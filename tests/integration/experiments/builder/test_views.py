@@ -3,11 +3,11 @@
 import pytest
 from django.urls import reverse
 
-from experiments.builder.pages import Place, place_of
-from experiments.definition import publishing
+from experiments import publishing
+from experiments.builder.pages import BuilderPlace, place_of
 from experiments.definition.shipped import shipped
 from experiments.models import Kind, Study
-from tests.integration.experiments.definition.test_publishing import NOW
+from tests.integration.experiments.test_publishing import NOW
 from tests.support.html_page import read
 from tests.support.participants import comer
 from tests.support.people import person
@@ -120,10 +120,43 @@ def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(cli
     )
     told = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
     assert (
-        "Condition all_open: there is no controller and no way to send the robot: nobody could"
-        " drive." in told
+        "Condition all_open: there is no controller and no action that sends the robot (places, map"
+        " or follow): nobody could drive." in told
     )
-    assert "all_open.title has no text in en." in told
+    assert "all_open · Title (English) is missing." in told
+
+
+def test_a_missing_text_is_told_once_for_all_languages_and_by_the_names_of_the_page(client, boss):
+    row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
+    told = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
+    assert told.count("Consent · Text (English, Spanish) is missing.") == 1
+    assert not [text for text in told if "has no text in" in text]
+    send(client, section(row, "steps", 0), text__en="You will drive.")
+    page = read(client.get(section(row, "steps", 0)))
+    assert page.text.count("is missing") == 1
+    assert "Consent · Text (Spanish) is missing." in page.text
+    send(client, section(row, "steps", 2), "add:leaves")
+    told = [e.text for e in read(client.get(section(row, "steps", 2))).all("li")]
+    assert "How it works · Page 1 · Text (English, Spanish) is missing." in told
+
+
+def test_languages_are_chosen_by_their_names(client, study):
+    page = read(client.get(section(study, "about")))
+    offered = {
+        e.attributes["value"]: "checked" in e.attributes
+        for e in page.all("input")
+        if e.attributes.get("name") == "languages"
+    }
+    assert offered == {"en": True, "es": False}
+    assert {"English", "Spanish"} <= {e.text.strip() for e in page.all("label")}
+    assert "Title (English)" in {" ".join(e.text.split()) for e in page.all("label")}
+
+
+def test_a_study_keeps_one_language_at_least(client, study):
+    answer = send(client, section(study, "about"), languages=[])
+    assert answer.status_code == 422
+    assert "Choose at least one language." in read(answer).text
+    assert stored() == small_study()
 
 
 def test_parts_are_added_copied_moved_and_removed(client, study):
@@ -193,7 +226,7 @@ def test_of_two_who_change_a_study_at_once_the_second_sees_both(client, study):
     mine["title.en"] = "Hut"
     answer = client.post(section(study, "about"), dict(mine.lists()))
     assert answer.status_code == 422
-    assert "Somebody changed this study meanwhile" in read(answer).text
+    assert "someone else changed this study" in read(answer).text
     again = form_of(answer)
     assert again["title.en"] == "Hut"
     assert client.post(section(study, "about"), dict(again.lists())).status_code == 302
@@ -204,7 +237,7 @@ def test_a_list_that_was_changed_meanwhile_is_not_changed_blindly(client, study)
     answer = client.post(
         section(study, "steps"), {"do": "remove:0", "sha256": "of before"}, follow=True
     )
-    assert "Somebody changed this study meanwhile" in read(answer).text
+    assert "someone else changed this study" in read(answer).text
     assert stored() == small_study()
 
 
@@ -258,7 +291,7 @@ def test_what_a_course_cannot_reach_is_told_before_it_is_saved(client, study):
     assert check(client, study).json() == {"problems": [], "checkpoints": []}
     wrong = check(client, study, checkpoints__1__x="20").json()
     assert wrong["checkpoints"] == [1]
-    assert "checkpoint 1 lies in no room." in wrong["problems"]
+    assert "checkpoint 1 lies in no room; move it into one." in wrong["problems"]
     assert check(client, study, checkpoints__0__y="3.5").json()["checkpoints"] == [0]
     assert check(client, study, checkpoints__1__x="here").json() == {
         "problems": ["This is not a number."],
@@ -299,9 +332,7 @@ def test_a_zone_is_added_where_the_map_was_clicked(client, study):
 
 def test_a_course_without_a_floor_plan_says_so_and_can_still_be_written(client, boss):
     row = publishing.store(small_study(), NOW)
-    assert (
-        "There is no floor plan of this site" in read(client.get(section(row, "courses", 0))).text
-    )
+    assert "This site has no floor plan" in read(client.get(section(row, "courses", 0))).text
     assert send(client, section(row, "courses", 0), checkpoints__1__x="2.5").status_code == 302
     assert stored().courses[0].checkpoints[1].x == 2.5
 
@@ -319,18 +350,24 @@ def test_nobody_else_may_ask_for_a_check(client, study):
 @pytest.mark.parametrize(
     ("problem", "place"),
     [
-        ("study.title has no text in es.", Place("about")),
-        ("study.courses[0].checkpoints[1].title has no text in es.", Place("courses", 0)),
-        ("experience.title has no text in es.", Place("steps", 1)),
-        ("shut.title has no text in es.", Place("conditions", 1)),
-        ("Step task: there is nothing to read.", Place("steps", 0)),
-        ("Condition shut: there is no site cabin.", Place("conditions", 1)),
-        ("Course of giraff at cabin: there is no checkpoint.", Place("courses", 0)),
+        ("study.title has no text in es.", BuilderPlace("about")),
+        ("study.courses[0].checkpoints[1].title has no text in es.", BuilderPlace("courses", 0)),
+        ("experience.title has no text in es.", BuilderPlace("steps", 1)),
+        ("shut.title has no text in es.", BuilderPlace("conditions", 1)),
+        ("Step task: there is no page to read; add at least one.", BuilderPlace("steps", 0)),
+        ("Condition shut: there is no site cabin.", BuilderPlace("conditions", 1)),
         (
-            "There are 2 task steps; a study has one, which is repeated for each condition.",
-            Place("steps"),
+            "Course of giraff at cabin: there is no checkpoint; add at least one.",
+            BuilderPlace("courses", 0),
         ),
-        ("The refill rule needs both outcomes and a number.", Place("rules")),
+        (
+            (
+                "There are 2 task steps; a study needs exactly one, which is repeated for each"
+                " condition."
+            ),
+            BuilderPlace("steps"),
+        ),
+        ("The refill rule needs both outcomes and a number.", BuilderPlace("rules")),
         ("Something that nobody foresaw.", None),
     ],
 )
@@ -346,7 +383,7 @@ def test_every_page_of_the_small_study_is_reached_from_the_others(client, study)
 
 
 def test_a_draft_in_which_somebody_took_part_says_that_it_is_read_as_it_is_now(client, study):
-    said = "make a new version to keep it apart"
+    said = "Create a new version to keep it separate"
     assert said not in read(client.get(section(study, "steps"))).text
     comer(study, person("pilot"), kind=Kind.PILOT)
     assert said in read(client.get(section(study, "steps"))).text

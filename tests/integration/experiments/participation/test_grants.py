@@ -1,4 +1,4 @@
-"""Who gets which condition, on what terms, and who may not have a robot of a study."""
+"""Assignment to conditions, on what terms, and who may not have a robot of a study."""
 
 import datetime
 from collections import Counter
@@ -7,9 +7,9 @@ import msgspec
 import pytest
 from django.utils import timezone
 
-from experiments.definition.course import Track
+from experiments.definition.course import CourseTrack
 from experiments.models import Drive, Kind, Participant, Study
-from experiments.participation import grants, progress
+from experiments.participation import advance, grants, progress
 from experiments.participation.grants import StudyTerms
 from experiments.participation.layout import track_of
 from robots.access import may_drive, may_observe
@@ -64,7 +64,7 @@ def drives(robot: Robot, participant: Participant, outcome: str = "cancelled") -
     """The participant gets the robot, and leaves it."""
     Robot.objects.update(turnaround="ready")
     granted = take(robot, participant.user)
-    assert isinstance(granted, store.Granted), granted
+    assert isinstance(granted, store.TakeGranted), granted
     store.end(granted.session, outcome, "left", timezone.now())
     Robot.objects.update(turnaround="ready")
     return Drive.objects.get(session=granted.session)
@@ -111,7 +111,9 @@ def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, s
     assert {"photo", "stop", "cancel"} <= set(granted.terms.actions)
     assert not {"goto", "dock"} & set(granted.terms.actions)
     assert granted.terms.leaving_completes is False
-    assert track_of(drive) == msgspec.convert(msgspec.to_builtins(track(drive.condition)), Track)
+    assert track_of(drive) == msgspec.convert(
+        msgspec.to_builtins(track(drive.condition)), CourseTrack
+    )
 
 
 def test_nobody_is_asked_whether_they_are_there_unless_the_condition_says_so(robot, study):
@@ -165,7 +167,7 @@ def test_a_participant_who_comes_back_keeps_the_cell_and_has_another_session(rob
     first = drives(robot, participant)
     Participant.objects.update(stage="filled", status="finished")
     participant.refresh_from_db()
-    assert progress.come_again(participant, timezone.now())
+    assert advance.come_again(participant, timezone.now())
     Participant.objects.update(step="task")
     second = drives(robot, participant)
     assert (second.condition, second.number, second.visit) == (first.condition, 2, 2)
@@ -217,7 +219,7 @@ def test_when_every_place_is_taken_nobody_new_may_ask(robot):
     ada, ben, cem = comers(study, 3)
     drives(robot, ada)
     drives(robot, ben)
-    assert take(robot, cem.user) == store.Refused("full")
+    assert take(robot, cem.user) == store.TakeRefused("full")
     assert not Session.objects.filter(visitor=cem.user).exists()
 
 
@@ -239,18 +241,18 @@ def test_a_study_that_is_closed_at_this_hour_lets_nobody_begin(robot):
     yesterday = (timezone.now().weekday() + 3) % 7
     hours = [{"days": [yesterday], "start": "09:00", "end": "09:01"}]
     participant = p.comer(p.published(small_study(), opening_hours=hours), person("ada"))
-    assert take(robot, participant.user) == store.Refused("closed")
+    assert take(robot, participant.user) == store.TakeRefused("closed")
 
 
 def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     study = p.published(small_study(), exclusive=True)
     participant, stranger, operator = p.comer(study, person("ada")), person("ben"), person("olga")
     RobotPermit.objects.create(robot=robot, user=operator, kind="operator")
-    assert take(robot, stranger) == store.Refused("reserved")
-    assert isinstance(take(robot, operator), store.Granted)
+    assert take(robot, stranger) == store.TakeRefused("reserved")
+    assert isinstance(take(robot, operator), store.TakeGranted)
     store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
     Robot.objects.update(turnaround="ready")
-    assert isinstance(take(robot, participant.user), store.Granted)
+    assert isinstance(take(robot, participant.user), store.TakeGranted)
 
 
 def test_a_robot_by_invitation_is_driven_by_the_invited_while_they_are_to_and_watched_by_nobody(
@@ -303,7 +305,7 @@ def test_a_drive_that_was_driven_is_not_driven_again(robot, study):
     participant = p.comer(study, person("ada"))
     drive = drives(robot, participant)
     Drive.objects.filter(pk=drive.pk).update(exposed=True)
-    assert take(robot, participant.user) == store.Refused("not_allowed")
+    assert take(robot, participant.user) == store.TakeRefused("not_allowed")
 
 
 def test_a_draft_is_for_pilots_and_bots(robot, study):
@@ -347,7 +349,7 @@ def test_who_drives_for_themselves_and_then_takes_part_begins_anew_from_the_stat
     Session.objects.filter(pk=free).update(state="driving", first_motion_at=timezone.now())
     p.comer(study, user)
     queued = take(robot, user)
-    assert isinstance(queued, store.Queued)
+    assert isinstance(queued, store.TakeQueued)
     assert queued.reason.startswith("returning")
     before = Session.objects.get(pk=free)
     assert (before.state, before.outcome, before.outcome_reason, before.terms) == (

@@ -4,8 +4,8 @@ import pytest
 from django.utils import timezone
 
 from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
-from experiments.participation import completion, landing, progress
-from experiments.participation.journey import Place
+from experiments.participation import advance, completion, landing, progress
+from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask, context_key
 from tests.support import participants as p
 from tests.support.people import person
@@ -43,7 +43,7 @@ def test_coming_in_twice_makes_one_row_at_the_first_step(study):
     first = p.comer(study, user, recruitment={"PROLIFIC_PID": "abc"}, language="es-mx")
     second = p.comer(study, user, recruitment={"PROLIFIC_PID": "other"}, language="en")
     assert first.pk == second.pk
-    assert progress.place(second) == Place(1, 0, "consent")
+    assert progress.place(second) == JourneyPlace(1, 0, "consent")
     assert (second.recruitment, second.language, second.kind) == (
         {"PROLIFIC_PID": "abc"},
         "es",
@@ -72,9 +72,9 @@ def test_going_on_happens_once_however_often_it_is_asked(study):
     participant = p.comer(study, person())
     here = progress.place(participant)
     stale = Participant.objects.get(pk=participant.pk)
-    assert progress.go_on(participant, here, timezone.now())
-    assert not progress.go_on(stale, here, timezone.now())
-    assert progress.place(stale) == Place(1, 0, "about_you")
+    assert advance.go_on(participant, here, timezone.now())
+    assert not advance.go_on(stale, here, timezone.now())
+    assert progress.place(stale) == JourneyPlace(1, 0, "about_you")
     assert {row.step: row.finished_at is None for row in StepVisit.objects.all()} == {
         "consent": False,
         "about_you": True,
@@ -84,20 +84,20 @@ def test_going_on_happens_once_however_often_it_is_asked(study):
 def test_a_place_of_another_visit_or_study_moves_nobody(study):
     participant = p.comer(study, person())
     for there in (
-        Place(2, 0, "consent"),
-        Place(1, 1, "consent"),
-        Place(1, 0, "nothing"),
-        Place(1, 0, "task"),
+        JourneyPlace(2, 0, "consent"),
+        JourneyPlace(1, 1, "consent"),
+        JourneyPlace(1, 0, "nothing"),
+        JourneyPlace(1, 0, "task"),
     ):
-        assert not progress.go_on(participant, there, timezone.now())
-    assert progress.place(participant) == Place(1, 0, "consent")
+        assert not advance.go_on(participant, there, timezone.now())
+    assert progress.place(participant) == JourneyPlace(1, 0, "consent")
 
 
 def walk(participant: Participant) -> list[str]:
     passed = []
     while participant.status == "active":
         passed.append(progress.place(participant).word)
-        assert progress.go_on(participant, progress.place(participant), timezone.now())
+        assert advance.go_on(participant, progress.place(participant), timezone.now())
     return passed
 
 
@@ -134,24 +134,24 @@ def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study
     consent.agree(
         participant, progress.step_of(participant), language="en", age=30, now=timezone.now()
     )
-    progress.go_on(participant, progress.place(participant), timezone.now())
+    advance.go_on(participant, progress.place(participant), timezone.now())
     answer(participant)
     walk(participant)
     p.assign(participant, "giraff_open")
-    assert progress.come_again(participant, timezone.now())
-    assert progress.place(participant) == Place(2, 0, "instructions")
+    assert advance.come_again(participant, timezone.now())
+    assert progress.place(participant) == JourneyPlace(2, 0, "instructions")
     assert (participant.status, participant.cell) == ("active", "giraff_open")
-    assert not progress.come_again(participant, timezone.now())
+    assert not advance.come_again(participant, timezone.now())
     assert walk(participant) == ["2.0.instructions", "2.0.task", "2.0.experience"]
     steps = {step.key: step for step in study.as_definition().steps}
     first, second = (
-        context_key(participant, Place(visit, 0, "experience"), steps["experience"])
+        context_key(participant, JourneyPlace(visit, 0, "experience"), steps["experience"])
         for visit in (1, 2)
     )
     assert first != second
-    assert context_key(participant, Place(2, 0, "about_you"), steps["about_you"]) == context_key(
-        participant, Place(1, 0, "about_you"), steps["about_you"]
-    )
+    assert context_key(
+        participant, JourneyPlace(2, 0, "about_you"), steps["about_you"]
+    ) == context_key(participant, JourneyPlace(1, 0, "about_you"), steps["about_you"])
 
 
 def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_until_one_succeeds(

@@ -4,8 +4,9 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
-from experiments.definition import publishing
+from experiments import publishing
 from experiments.models import Study, StudyMember
+from experiments.participation.drive_status import robot_for
 from experiments.participation.robot_eligibility import is_lent, is_shown
 from robots.access import may_drive
 from robots.models import Robot, RobotPermit
@@ -80,6 +81,7 @@ def test_a_researcher_neither_sees_nor_holds_somebody_elses_robot(client, robot,
     assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 404
     Robot.objects.update(access="open")
     assert is_shown(Robot.objects.get(), "cabin-study")
+    assert not is_shown(Robot(owner=robot.owner, shown_to_visitors=False), "cabin-study")
     assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 404
     Study.objects.update(published_by=robot.owner)
     assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 200
@@ -89,6 +91,16 @@ def test_a_draft_has_nobodys_robots_at_its_disposal(robot, mallory):
     by(robot.owner)
     Study.objects.update(status="draft")
     assert not is_lent(robot, "cabin-study")
+
+
+def test_a_participant_is_led_to_a_robot_that_visitors_see(robot):
+    Robot.objects.update(access="open")
+    shown = replays.cabin_robot("other-giraff")
+    participant = p.comer(by(robot.owner), person("guest"), access="invitation")
+    Robot.objects.filter(pk=robot.pk).update(shown_to_visitors=False)
+    assert robot_for(participant, timezone.now())[0] == shown
+    Robot.objects.filter(pk=shown.pk).update(shown_to_visitors=False)
+    assert robot_for(participant, timezone.now())[0] is None
 
 
 def test_who_publishes_is_written_down(robot):

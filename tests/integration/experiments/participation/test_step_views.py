@@ -6,7 +6,9 @@ from experiments.definition.shipped import shipped
 from experiments.models import ConsentReceipt, Participant, StepVisit, Study
 from experiments.participation import completion, journey, progress
 from robots.models import Robot
+from surveys import questionnaires
 from surveys.models import Response
+from surveys.responses import Context, Respondent, begin
 from tests.support import participants as p
 from tests.support.html_page import faults, read
 from tests.support.people import person
@@ -39,7 +41,7 @@ def walk(robot):
     return start
 
 
-def bring(walker: Walker, place: journey.Place) -> None:
+def bring(walker: Walker, place: journey.JourneyPlace) -> None:
     while progress.place(walker.participant) != place:
         before = progress.place(walker.participant)
         walker.do()
@@ -93,6 +95,58 @@ def test_reload_back_second_tab_and_other_device_lose_no_step_of_a_study_and_do_
     assert ConsentReceipt.objects.count() == 1
     contexts = [context for (context,) in Response.objects.values_list("context")]
     assert len(contexts) == len(set(contexts))
+
+
+def titles(page) -> str:
+    return page.all("title")[0].text.strip()
+
+
+def test_every_page_of_a_participant_names_the_study_and_the_step_also_of_repeated_conditions(
+    walk,
+):
+    walker = walk("assistance")
+    assert not titles(read(walker.client.get(walker.url("study")))).startswith("Step")
+    total = len(progress.way_of(walker.participant))
+    for number in range(1, total + 1):
+        page = walker.look()
+        assert faults(page) == []
+        assert titles(page).startswith(f"Step {number} of {total} · {walker.study.title}")
+        assert f"Step {number} of {total}" in page.all("main")[0].text
+        assert walker.study.title in page.all("main")[0].text
+        if walker.step.kind in {"task", "practice"}:
+            drive = read(walker.client.get(walker.url("study_drive")))
+            assert titles(drive).startswith(f"Step {number} of {total} · {walker.study.title}")
+            told = next(e for e in drive.all("p") if e.attributes.get("class") == "task__study")
+            assert told.text == f"{walker.study.title} · Step {number} of {total}"
+        if number < total:
+            walker.do()
+    assert walker.participant.status == "finished"
+    walker.come()
+    assert titles(walker.look()).startswith(f"Step 1 of {total - 2} · "), (
+        "consent and form are done"
+    )
+
+
+def test_the_page_to_leave_a_study_names_its_step_too(walk):
+    walker = walk()
+    page = read(walker.client.get(reverse("study_withdraw", args=[walker.participant.code])))
+    assert titles(page).startswith("Step 1 of 6 · ")
+
+
+def test_a_questionnaire_outside_of_any_study_names_no_step(client):
+    user = person()
+    client.force_login(user)
+    row = begin(
+        questionnaires.current("ict", timezone.now()),
+        Respondent(user=user),
+        Context(key="k", return_to="/about/"),
+        language="en",
+        seed=1,
+        now=timezone.now(),
+    )
+    page = read(client.get(reverse("survey", args=[row.pk]), follow=True))
+    assert titles(page).startswith("About you")
+    assert "Step" not in page.all("main")[0].text
 
 
 @pytest.mark.parametrize("name", list(shipped()))
@@ -168,7 +222,7 @@ def test_a_consent_that_is_not_given_or_out_of_range_is_asked_again_and_nothing_
 
 def test_who_declines_leaves_a_row_without_a_name_and_may_come_again(walk):
     walker = walk()
-    assert "You do not take part any more" in read(walker.send(go="decline")).text
+    assert "You have left the study" in read(walker.send(go="decline")).text
     row = Participant.objects.get()
     assert (row.status, row.user, row.withdrawn_step) == ("withdrawn", None, "consent")
     walker.come()
@@ -195,7 +249,7 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
         "screened_out",
     )
     page = walker.look()
-    assert "You cannot take part" in page.text
+    assert "You can't take part" in page.text
     assert completion.code(walker.study, "screened_out") in page.text
     walker.send(age="18", agree="on")
     assert walker.participant.status == "screened_out"
@@ -207,7 +261,7 @@ def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(r
 
 def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_robot(walk):
     walker = walk()
-    bring(walker, journey.Place(1, 0, "instructions"))
+    bring(walker, journey.JourneyPlace(1, 0, "instructions"))
     texts = []
     for number in ("1", "2", "3", "4"):
         page = read(walker.client.get(walker.url(), {"leaf": number}))
@@ -218,7 +272,7 @@ def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_rob
         )
     assert "arrow keys" in texts[0]
     assert "Next" in texts[0]
-    assert "go on" in texts[3]
+    assert "I have read this, continue" in texts[3]
     for wrong in ("0", "99", "-1", "x", "9" * 500, "²"):
         assert "of 4" in read(walker.client.get(walker.url(), {"leaf": wrong})).text
     Participant.objects.update(access="invitation")
@@ -232,7 +286,7 @@ def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_rob
 def at_task(walk):
     def bring_there(name: str = "exploration", step: str = "task") -> Walker:
         walker = walk(name)
-        bring(walker, journey.Place(1, 0, step))
+        bring(walker, journey.JourneyPlace(1, 0, step))
         return walker
 
     return bring_there
@@ -241,7 +295,7 @@ def at_task(walk):
 def test_the_drive_page_is_told_of_the_study(at_task, robot):
     walker = at_task()
     page = walker.look()
-    assert "Now you drive. You have 15 minutes" in page.text
+    assert "Now it's your turn to drive. You have 15 minutes" in page.text
     assert "without driving" not in page.text
     response = walker.client.get(walker.url("study_drive"))
     assert response.status_code == 200
@@ -334,7 +388,7 @@ def test_a_visit_that_never_got_the_robot_may_be_tried_again(at_task, robot):
 def test_a_drive_outside_of_the_study_before_the_step_changes_nothing(walk, robot):
     walker = walk()
     p.session_of(robot, walker.participant, outcome="completed", moved=True)
-    bring(walker, journey.Place(1, 0, "task"))
+    bring(walker, journey.JourneyPlace(1, 0, "task"))
     assert "Try again" not in walker.look().text
     p.session_of(robot, walker.participant, outcome="completed", moved=True)
     assert walker.participant.step == "task"
@@ -348,7 +402,7 @@ def test_nobody_skips_the_drive_while_the_robot_is_there_and_everybody_may_when_
     assert walker.participant.step == "task"
     Robot.objects.update(connection="OFFLINE")
     page = walker.look()
-    assert "cannot be reached" in page.text
+    assert "can't be reached" in page.text
     walker.send(go="without")
     walker.look()
     assert walker.participant.step == "experience"
@@ -358,7 +412,7 @@ def test_nobody_skips_the_drive_while_the_robot_is_there_and_everybody_may_when_
 
 def test_practice_may_be_left_out_and_ends_like_a_drive(at_task):
     walker = at_task("assistance", "practice")
-    assert "Go on without practising" in walker.look().text
+    assert "Continue without practising" in walker.look().text
     walker.drive("completed")
     walker.look()
     assert walker.participant.step == "task"
@@ -372,7 +426,7 @@ def test_a_full_study_turns_away_who_has_no_place(at_task):
     Study.objects.update(definition=definition)
     for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
         p.assign(p.comer(walker.study, person(f"p{n}")), condition)
-    assert "You cannot take part" in walker.look().text
+    assert "You can't take part" in walker.look().text
     assert walker.participant.status == "screened_out"
 
 
@@ -405,7 +459,7 @@ def test_outside_of_the_opening_hours_nobody_drives_and_the_page_says_when_by_th
         time_zone="Pacific/Auckland",
     )
     page = walker.look()
-    assert "not driven now" in page.text
+    assert "be driven right now" in page.text
     assert "09:00 (Pacific/Auckland)" in page.text
     assert walker.client.get(walker.url("study_drive")).url == walker.url()
 
@@ -415,7 +469,7 @@ def test_a_robot_that_this_visitor_may_not_drive_is_named_as_the_studys_mistake(
     Robot.objects.update(access="trained")
     page = read(walker.client.get(walker.url("study_drive")))
     assert faults(page) == []
-    assert "You may not drive this study's robot" in page.text
+    assert "have permission to drive this study" in page.text
 
 
 def test_a_questionnaire_that_is_not_there_is_named_as_the_studys_mistake(walk):
@@ -428,7 +482,7 @@ def test_a_questionnaire_that_is_not_there_is_named_as_the_studys_mistake(walk):
     walker.send(age="30", agree="on")
     page = walker.look()
     assert faults(page) == []
-    assert "The questions of this step are not here" in page.text
+    assert "The questions for this step are missing" in page.text
 
 
 # --- what does not fit ----------------------------------------------------------------------------
@@ -443,7 +497,7 @@ def test_a_forged_step_is_a_clear_page_and_changes_nothing(walk, place):
     assert response.status_code == 400
     page = read(response)
     assert faults(page) == []
-    assert "That page does not fit" in page.text
+    assert "Page not available" in page.text
     assert walker.participant.step == "consent"
 
 
@@ -484,10 +538,10 @@ def test_a_stranger_is_led_to_the_front_page(walk, client):
 
 def test_a_closed_study_lets_its_participants_finish(walk):
     walker = walk()
-    bring(walker, journey.Place(1, 0, "task"))
+    bring(walker, journey.JourneyPlace(1, 0, "task"))
     Study.objects.update(status="closed")
     page = walker.look()
-    assert "nobody drives for it any more" in page.text
+    assert "Driving has ended" in page.text
     assert walker.client.get(walker.url("study_drive")).url == walker.url()
     walker.send(go="without")
     assert walker.participant.step == "experience"

@@ -48,9 +48,7 @@ def test_a_stranger_reads_what_the_study_is_and_signs_up_on_the_way(client, stud
     assert {"en": "Explore an office with a robot", "es": "Explora una oficina con un robot"}[
         language
     ] in page.text
-    assert {"en": "At most 15 minutes of driving", "es": "Como mucho 15 minutos"}[
-        language
-    ] in page.text
+    assert {"en": "Up to 15 minutes of driving", "es": "Hasta 15 minutos"}[language] in page.text
     link = next(
         e.attributes["href"]
         for e in page.all("a")
@@ -82,7 +80,7 @@ def test_taking_part_twice_makes_one_participant(client, study):
     for _ in range(2):
         assert client.post(FRONT).url == FRONT + "step/"
     assert Participant.objects.count() == 1
-    assert buttons(read(client.get(FRONT))) == ["Go on where you were"]
+    assert buttons(read(client.get(FRONT))) == ["Continue where you left off"]
 
 
 def test_a_post_by_a_stranger_leads_to_the_sign_up(client, study):
@@ -97,7 +95,7 @@ def test_a_post_by_a_stranger_leads_to_the_sign_up(client, study):
         ({"entry": "personal"}, "By invitation"),
         (
             {"definition": {"allocation": {"design": "between", "quota": 1}}},
-            "Enough people are taking part",
+            "This study is full",
         ),
         ({"hours": True}, "Closed at the moment"),
     ],
@@ -172,8 +170,7 @@ def test_reading_a_personal_link_uses_nothing_up_and_pressing_the_button_does(cl
     _row, token = links.make(study, now=timezone.now())
     page = read(client.get(path_of(token)))
     assert faults(page) == []
-    assert "Sign up and take part" in page.text
-    assert client.post(path_of(token)).url.startswith("/accounts/signup/")
+    assert "you need no account" in page.text
     user = signed_in(client)
     assert "Accept the invitation" in read(client.get(path_of(token))).text
     assert PersonalLink.objects.get().redeemed_at is None
@@ -196,7 +193,7 @@ def test_a_used_link_takes_nobody_else(client, study):
         assert response.status_code == 410
         page = read(response)
         assert faults(page) == []
-        assert "It was used already" in page.text
+        assert "It has already been used" in page.text
     assert Participant.objects.count() == 1
 
 
@@ -215,9 +212,9 @@ def test_of_two_who_press_at_once_the_second_is_refused_and_leaves_nothing(study
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"expires_at": p.later(-60)}, "Its time is over"),
-        ({"revoked_at": p.later(-60)}, "It was taken back"),
-        ({"token_sha256": "0" * 64}, "There is no such invitation"),
+        ({"expires_at": p.later(-60)}, "It has expired"),
+        ({"revoked_at": p.later(-60)}, "It was cancelled"),
+        ({"token_sha256": "0" * 64}, "This invitation doesn't exist"),
     ],
 )
 def test_a_link_that_does_not_hold_says_why(client, study, change, words):
@@ -231,7 +228,11 @@ def test_a_link_that_does_not_hold_says_why(client, study, change, words):
 
 
 @pytest.mark.parametrize(
-    ("status", "words"), [("closed", "it takes nobody new"), ("draft", "has not begun yet")]
+    ("status", "words"),
+    [
+        ("closed", "The study is over and no longer accepts participants."),
+        ("draft", "has not started yet"),
+    ],
 )
 def test_a_link_to_a_study_that_is_not_running_takes_nobody(client, study, status, words):
     _row, token = links.make(study, now=timezone.now())
@@ -253,7 +254,7 @@ def test_a_bots_link_makes_a_bot_also_of_a_draft_and_it_may_come_again(client, s
     assert Participant.objects.get().visit == 2
 
 
-def test_a_revoked_link_stays_unused_and_a_used_one_cannot_be_revoked(study):
+def test_a_revoked_link_stays_unused_and_one_that_an_account_used_cannot_be_revoked(study):
     now = timezone.now()
     first, _ = links.make(study, now=now)
     assert links.revoke(first, now)
@@ -295,9 +296,12 @@ def test_everything_that_is_kept_can_be_downloaded(walker):
 def test_the_page_of_ones_own_data_is_sound_and_leads_to_everything(walker):
     page = read(walker.client.get(reverse("own_data")))
     assert faults(page) == []
-    assert {"Download the receipt", "To the study", "Stop taking part", "Download my data"} <= set(
-        buttons(page)
-    )
+    assert {
+        "Download the receipt",
+        "Go to the study",
+        "Leave the study",
+        "Download my data",
+    } <= set(buttons(page))
     assert reverse("own_data") in [
         e.attributes.get("href") for e in read(walker.client.get(reverse("profile"))).all("a")
     ]
@@ -309,7 +313,9 @@ def test_who_withdraws_leaves_the_day_the_step_and_the_cell_and_nothing_else(wal
     assert faults(read(ask)) == []
     assert Participant.objects.get().status == "active", "asking does nothing"
     before = timezone.now().date()
-    assert "are deleted" in read(walker.client.post(reverse("study_withdraw", args=[code]))).text
+    assert (
+        "has been deleted" in read(walker.client.post(reverse("study_withdraw", args=[code]))).text
+    )
     row = Participant.objects.get()
     assert (row.status, row.withdrawn_step, row.cell, row.stage) == (
         "withdrawn",
@@ -396,12 +402,12 @@ def test_an_account_is_not_deleted_from_under_a_drive_nor_that_of_somebody_who_r
 ):
     session = p.session_of(walker.robot, walker.participant)
     page = read(walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True))
-    assert "leave it first" in page.text
+    assert "Leave it first" in page.text
     assert faults(page) == []
     session.delete()
     User.objects.update(is_staff=True)
     assert (
-        "another administrator"
+        "Another administrator"
         in read(
             walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True)
         ).text

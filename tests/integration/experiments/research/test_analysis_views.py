@@ -17,13 +17,16 @@ from experiments.dataset.build import dataset_of
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.models import Drive, Participant, StudyMember
 from experiments.research import analysis_cache
+from experiments.research.analysis_topics import TOPICS, topic_of
 from sessions.models import SystemLog
+from tests.support.html_page import read
 from tests.support.people import person
 from tests.support.study_dataset import made_up
 from tests.support.study_rows import put
 
 pytestmark = pytest.mark.django_db
 PAGE = "/studies/exploration/analysis/"
+EXPORT = "/studies/exploration/export/"
 
 
 def computed(study, kinds=("participant",)):
@@ -53,32 +56,92 @@ def member(stored, client):
     return user
 
 
+def pages(client, **query) -> dict[str, str]:
+    """The page of each topic by its key."""
+    return {
+        topic.key: client.get(
+            PAGE if topic is TOPICS[0] else f"{PAGE}{topic.key}/", query
+        ).content.decode()
+        for topic in TOPICS
+    }
+
+
 @pytest.mark.parametrize(
-    "address", ["", "tables/table-5/", "sessions/0/", "files/tables/table-5.csv", "dataset.zip"]
+    "address",
+    ["", "outcomes/", "tables/table-5/", "sessions/0/", "files/tables/table-5.csv", "dataset.zip"],
 )
 def test_for_whoever_is_no_member_nothing_is_there(stored, client, address):
     assert client.get(PAGE + address).status_code == 404
+    assert client.get(EXPORT).status_code == 404
     client.force_login(person("somebody", is_staff=True))
     assert client.get(PAGE + address).status_code == 404
+    assert client.get(EXPORT).status_code == 404
 
 
-def test_the_page_has_every_table_and_figure_and_says_when_it_was_computed(stored, member, client):
+def test_every_table_and_figure_is_on_the_page_of_one_topic_unless_it_is_empty(
+    stored, member, client
+):
     report = computed(stored.study)
-    html = client.get(PAGE).content.decode()
+    shown = pages(client)
     summary = report.read("all", "summary")
     for one in (*summary["tables"], *summary["figures"]):
-        assert f'id="{one["name"]}"' in html
-    assert "Computed on" in html
-    assert "not the study" not in html
-    assert html.count("<svg") >= 4
-    assert not re.search(r"<svg[^>]*>.*?style=", html, re.DOTALL)
+        where = [key for key, html in shown.items() if f'id="{one["name"]}"' in html]
+        assert where == ([] if one["empty"] else [topic_of(one["name"]).key]), one["name"]
+    for html in shown.values():
+        assert "Computed on" in html
+        assert "not the study" not in html
+        assert not re.search(r"<svg[^>]*>.*?style=", html, re.DOTALL)
+    assert sum(html.count("<svg") for html in shown.values()) >= 4
+    assert client.get(f"{PAGE}nothing/").status_code == 404
+
+
+def test_a_topic_is_marked_and_those_with_nothing_to_show_are_not_offered(stored, member, client):
+    Drive.objects.all().delete()
+    computed(stored.study)
+    page = read(client.get(PAGE))
+    offered = [e for e in page.all("a") if e.attributes["href"].startswith(PAGE)]
+    assert [e.text.strip() for e in offered if e.attributes.get("aria-current")] == [
+        "Analysis",
+        "Overview",
+    ]
+    assert "Network" not in [e.text.strip() for e in offered]
+    assert "nothing to show on this topic yet" in pages(client)["network"]
+
+
+def test_conditions_are_called_by_their_titles(stored, member, client):
+    report = computed(stored.study)
+    titles = {
+        one.key: one.title["en"]
+        for one in stored.study.as_definition().conditions
+        if one.title["en"] != one.key
+    }
+    assert titles
+    shown = "".join(pages(client).values())
+    numbers = {int(n) for n in re.findall(r"/analysis/sessions/(\d+)/", shown)}
+    for html in (shown, client.get(f"{PAGE}sessions/{min(numbers)}/").content.decode()):
+        words = re.sub(r"<svg.*?</svg>|<[^>]*>", " ", html, flags=re.DOTALL)
+        assert not [key for key in titles if re.search(rf"\b{key}\b", words)]
+    csv = (report.folder / "all" / "tables" / "sessions.csv").read_text()
+    assert any(key in csv for key in titles)
+
+
+def test_the_dataset_is_offered_on_a_page_of_its_own(stored, member, client):
+    page = read(client.get(EXPORT))
+    (form,) = (e for e in page.all("form") if e.attributes.get("action", "").endswith(".zip"))
+    assert form.attributes["method"] == "get"
+    names = [e.attributes.get("name") for e in page.all("input")]
+    assert "free_text" not in names
+    assert "identified" not in names
+    StudyMember.objects.filter(user=member).update(role="owner")
+    names = [e.attributes.get("name") for e in read(client.get(EXPORT)).all("input")]
+    assert {"free_text", "identified", "snapshots"} <= set(names)
 
 
 def test_every_number_and_every_part_of_a_figure_leads_to_its_sessions_and_they_to_their_replay(
     stored, member, client
 ):
     computed(stored.study)
-    html = client.get(PAGE).content.decode()
+    html = "".join(pages(client).values())
     links = sorted(
         set(re.findall(r'href="(/studies/exploration/analysis/sessions/\d+/[^"]*)"', html))
     )
@@ -126,7 +189,7 @@ def test_excluded_sessions_can_be_left_out(stored, member, client):
     computed(stored.study)
     assert "Without excluded sessions" in client.get(PAGE).content.decode()
     every, without = (
-        client.get(PAGE, {"selection": name}).content.decode()
+        client.get(f"{PAGE}trajectories/", {"selection": name}).content.decode()
         for name in ("all", "without-excluded")
     )
     code = Pseudonyms(stored.study.secret).session(drive.session_id)
@@ -170,7 +233,7 @@ def test_a_long_table_comes_some_rows_at_a_time(stored, member, client, monkeypa
     monkeypatch.setattr("experiments.research.analysis_views.ROWS_A_PAGE", 3)
     monkeypatch.setattr("experiments.research.analysis_views.SHORT", 3)
     report = computed(stored.study)
-    assert "Open the table of" in client.get(PAGE).content.decode()
+    assert "Open the table" in client.get(f"{PAGE}data-quality/").content.decode()
     first = client.get(f"{PAGE}tables/sessions/").content.decode()
     assert first.count("<tr>") == 1 + 3
     assert "Page 1 of" in first
@@ -188,7 +251,7 @@ def test_of_a_study_that_nobody_took_part_in_the_page_says_so(member, client, st
     Drive.objects.all().delete()
     Participant.objects.all().delete()
     computed(stored.study)
-    assert "Nobody has driven yet" in client.get(PAGE).content.decode()
+    assert "No drives yet" in client.get(PAGE).content.decode()
 
 
 def test_one_version_has_an_address_of_its_own(stored, member, client):
@@ -205,7 +268,7 @@ def test_a_viewer_gets_neither_words_nor_photos_nor_names(stored, member, client
 
 @pytest.mark.django_db(transaction=True)
 def test_what_is_not_computed_yet_is_computed_by_a_process_of_its_own_once(stored, member, client):
-    html = client.get(PAGE).content.decode()
+    html = client.get(f"{PAGE}questionnaires/").content.decode()
     assert 'id="figure-8b"' in html
     (folder,) = (path for path in analysis_cache.home(stored.study).iterdir() if path.is_dir())
     made = (folder / "SHA256SUMS").stat().st_mtime_ns

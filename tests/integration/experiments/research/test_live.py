@@ -16,6 +16,7 @@ from sessions.protocol import OperatorMessage
 from tests.support import replays
 from tests.support.memory_bridge import MemoryBridge
 from tests.support.people import person
+from tests.support.studies import STUDY
 
 pytestmark = pytest.mark.django_db
 
@@ -104,6 +105,20 @@ def test_a_door_is_told_as_it_was_set_and_as_the_robot_confirms_it(drive, robot)
     door = seen()["robots"][0]["doors"][0]
     assert door["confirmed"] == "closed"
     assert door["at"] == pytest.approx(drive.granted_at.timestamp() + 3.0)
+
+
+def test_the_page_has_the_course_of_each_robot_in_each_version(client, drive):
+    replays.study(version=2, definition={**STUDY, "version": 2, "courses": []})
+    client.force_login(member("viewer"))
+    config = client.get(reverse("study_live", args=["cabin-study"])).context["config"]
+    (course,) = STUDY["courses"]
+    assert config["version"] == 2
+    assert config["courses"].keys() == {"giraff"}
+    assert config["courses"]["giraff"].keys() == {1}
+    shown = config["courses"]["giraff"][1]
+    assert [stop["number"] for stop in shown["checkpoints"]] == [0, 1, 2]
+    assert [list(point) for point in shown["path"]] == course.get("path", [])
+    assert seen()["drives"][0]["version"] == 1
 
 
 def test_participants_of_the_last_hour_stand_on_their_step(drive):
@@ -229,7 +244,7 @@ def test_a_held_robot_lets_its_driver_go_on_and_gives_nobody_else_a_turn(client,
     assert store.pause_of(robot) == "paused: a new carpet"
     store.end(str(drive.session_id), "completed", "", timezone.now())
     waiting = store.take(Robot.objects.get(), person("bob"), "peer", now=timezone.now())
-    assert isinstance(waiting, store.Queued)
+    assert isinstance(waiting, store.TakeQueued)
     assert waiting.reason == "paused: a new carpet"
     assert act(client, act="release", robot="giraff").status_code == 200
     assert store.pause_of(robot) == ""

@@ -4,8 +4,8 @@ import pytest
 from django.core import mail
 from django.utils import timezone
 
+from experiments import signal_handlers
 from experiments.models import StudyMember
-from experiments.tasks import signal_handlers
 from robots.api import messages as m
 from robots.models import Robot
 from sessions import signals
@@ -73,7 +73,7 @@ def test_a_mail_server_that_is_away_stops_nobody(study, settings, caplog):
     settings.EMAIL_HOST, settings.EMAIL_PORT = "127.0.0.1", 1
     pauses(ReturnToDock(), 1)
     assert Robot.objects.get().turnaround == "paused"
-    assert any(record.message.startswith("staff_not_told") for record in caplog.records)
+    assert any(record.message.startswith("staff_not_notified") for record in caplog.records)
 
 
 def test_everything_listens_once_however_often_it_is_connected():

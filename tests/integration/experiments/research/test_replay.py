@@ -2,16 +2,23 @@
 
 import gzip
 import json
+import re
 import uuid
+from typing import get_args, get_type_hints
 
 import pytest
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
 from experiments.models import Participant, StudyMember
-from experiments.research.replay import in_words, replay
+from experiments.research.event_text import in_words
+from experiments.research.replay import replay
+from experiments.tasks.progress import EventType
+from robots.api.messages import Event
 from sessions.models import NetworkSample, StateChunk
+from sessions.protocol import NOTICES
 from tests.support import replays
+from tests.support.paths import ROOT
 from tests.support.people import person
 
 pytestmark = pytest.mark.django_db
@@ -105,14 +112,56 @@ def test_an_empty_session_has_an_empty_record():
     )
 
 
-def test_data_are_told_in_one_short_line():
-    assert (
-        in_words(
-            {"name": "door", "pose": {"x": 1.0}, "facing": {"bearing": 0.123456, "sees": True}}
-        )
-        == "door · facing bearing 0.123, sees True"
-    )
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (
+            {"name": "door", "pose": {"x": 1.0}, "sight": {"bearing": 0.123456, "sees": True}},
+            "door · the mirror: bearing (rad) 0.123, in view yes",
+        ),
+        ({"name": "go_to_checkpoint", "number": 2}, "next: go to checkpoint 2"),
+        (
+            {"word": "cue.dock_now", "number": None, "seconds": 4.0},
+            "next: dock · duration 4 s",
+        ),
+        ({"outcome": "timed_out", "reason": ""}, "timed out"),
+        ({"reason": "start: not_docked"}, "it is not docked"),
+        ({"method": "keyboard"}, "keyboard"),
+        ({"detail": "lab_door closed"}, "lab door closed"),
+        ({"on": False, "why": ""}, "on no"),
+        ({"actionId": "a1", "status": "FINISHED", "type": "goto"}, "finished · drive to a point"),
+    ],
+)
+def test_what_is_known_of_an_event_is_told_in_words(data, told):
+    assert in_words(data) == told
+
+
+def test_what_is_long_is_cut():
     assert len(in_words({"text": "x" * 500})) == 160
+
+
+def events_of_the_site() -> set[str]:
+    """Every event that robot, server, page and task may tell."""
+    scripts = "".join(path.read_text() for path in (ROOT / "static/js").rglob("*.js"))
+    reference = (ROOT / "docs/reference/studies.md").read_text()
+    of_the_page = reference.partition("## Events of the page")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (`[^|]*`) \|", of_the_page, re.MULTILINE)
+    return {
+        *get_args(get_type_hints(Event)["type"]),
+        *get_args(EventType),
+        *re.findall(r"\breport\(\"([a-z_]+)\"", scripts),
+        *(name for row in rows for name in re.findall(r"`([a-z_]+)`", row)),
+        *(NOTICES.keys() - {"task"}),
+        *("action", "states_missing", "robot_not_ready", "robot_ready", "staff_called"),
+        *("operator_message", "operator_end"),
+    }
+
+
+def test_every_event_of_the_site_has_its_words():
+    words = (ROOT / "templates/experiments/research/_replay_words.html").read_text()
+    names = events_of_the_site()
+    assert {"lease_taken", "cue_shown", "offered", "link_lost"} <= names
+    assert [name for name in sorted(names) if f'"event.{name}"' not in words] == []
 
 
 # --- who may see it -------------------------------------------------------------------------------

@@ -4,11 +4,11 @@ import pytest
 from django.contrib.admin.models import LogEntry
 from django.urls import reverse
 
-from experiments.definition import publishing
+from experiments import publishing
 from experiments.models import Drive, Participant, Rehearsal, StudyMember
 from robots.models import Robot
 from sessions.models import Session
-from tests.integration.experiments.definition.test_publishing import NOW
+from tests.integration.experiments.test_publishing import NOW
 from tests.support.html_page import read
 from tests.support.people import person
 from tests.support.studies import small_study
@@ -229,7 +229,7 @@ def test_a_drive_is_excluded_and_taken_back_with_reasons_that_are_noted(client, 
 def test_excluding_needs_a_reason(client, drive, reason):
     signed_in(client, "researcher")
     answer = client.post(exclude(drive), {"exclude": "1", "reason": reason})
-    assert "Write a reason" in read(answer).text
+    assert "Enter a reason" in read(answer).text
     assert Drive.objects.get().excluded_reason == ""
 
 

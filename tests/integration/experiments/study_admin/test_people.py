@@ -7,11 +7,11 @@ import pytest
 from django.contrib.admin.models import LogEntry
 from django.urls import reverse
 
-from experiments.definition import publishing
+from experiments import publishing
 from experiments.models import PersonalLink, Study, StudyMember
 from experiments.participation import links
 from experiments.study_admin import opening_hours
-from tests.integration.experiments.definition.test_publishing import NOW
+from tests.integration.experiments.test_publishing import NOW
 from tests.support.html_page import read
 from tests.support.people import person
 from tests.support.studies import small_study
@@ -58,8 +58,8 @@ def test_an_owner_adds_researchers_changes_their_role_and_removes_them(client, s
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("nobody", "There is no such user."),
-        ("visitor", "may not enter the administration"),
+        ("nobody", "User not found."),
+        ("visitor", "has no access to the administration"),
         ("", "required"),
     ],
 )
@@ -73,7 +73,7 @@ def test_only_staff_can_belong_to_a_study(client, study, owner, name, told):
 def test_the_last_owner_stays(client, study, owner):
     mine = str(StudyMember.objects.get().pk)
     assert (
-        "keeps one owner"
+        "needs at least one owner"
         in read(client.post(at("members", study), {"remove": mine}, follow=True)).text
     )
     client.post(at("members", study), {"add": "1", "person": "olga", "role": "viewer"})
@@ -141,12 +141,12 @@ def test_a_link_is_revoked_once_and_never_one_of_another_study(client, study, ow
     made(client, study, count="1")
     link = PersonalLink.objects.get()
     assert (
-        "leads nowhere"
+        "Link revoked. It no longer works."
         in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
     )
     assert PersonalLink.objects.get().revoked_at is not None
     assert (
-        "used or revoked already"
+        "already been used or revoked"
         in read(client.post(at("links", study), {"revoke": str(link.pk)}, follow=True)).text
     )
     other, _token = links.make(publishing.store(small_study(slug="another"), NOW), now=NOW)

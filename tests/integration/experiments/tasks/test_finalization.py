@@ -13,11 +13,11 @@ from django.utils import timezone
 from experiments.dataset.build import dataset_of
 from experiments.models import Drive, Participant, TaskEvent
 from experiments.participation.layout import track_of
+from experiments.rehearsal.replay_check import discrepancies
 from experiments.tasks import finalization
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.finalization import Settler, settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
-from experiments.tasks.replay_check import discrepancies
 from experiments.tasks.stored_records import stored
 from robots.api import messages as m
 from robots.models import Robot
@@ -131,7 +131,7 @@ def test_a_record_that_gives_something_else_than_is_stored_is_named(robot):
     assert "other events" in sentence
     drive.outcome = "timed_out"
     (sentence,) = discrepancies([drive], rng)
-    assert "it is completed, stored is timed_out" in sentence
+    assert "a replay ends as completed, but timed_out is stored" in sentence
 
 
 def test_settling_again_changes_nothing_and_late_states_change_what_they_must(robot):
@@ -465,8 +465,8 @@ def test_a_drive_that_cannot_be_read_is_told_once_and_keeps_no_other_waiting(rob
         settler.tick(timezone.now(), share=0.5)
     assert list(finalization.due()) == [broken]
     assert [
-        record.message.split()[0] for record in caplog.records if "not_settled" in record.message
-    ] == ["drive_not_settled"]
+        record.message.split()[0] for record in caplog.records if "not_finalized" in record.message
+    ] == ["drive_not_finalized"]
 
 
 def test_a_drive_whose_settling_was_cut_off_is_settled_again(robot, monkeypatch):

@@ -134,7 +134,7 @@ def test_an_owner_reads_that_somebody_drives_and_who_sees_all_reads_who(
 ):
     address = reverse(f"admin:{page}", args=[robot.pk] if page.endswith("_change") else [])
     html = client.get(address).content.decode()
-    assert ">somebody<" in html
+    assert ">someone<" in html
     assert [word for word in SECRETS if word in html] == []
     assert ">alguien<" in client.get(address, headers={"accept-language": "es"}).content.decode()
     client.force_login(person("boss", is_staff=True, is_superuser=True))

@@ -247,10 +247,10 @@ def test_what_cannot_work_ends_with_a_sentence(broker, tmp_path, capsys):
     with pytest.raises(ConfigError, match="mqtt://"):
         Agent(config(broker, tmp_path, mqtt_url="http://wrong")).run()
     (tmp_path / "file").write_text("")
-    with pytest.raises(ConfigError, match="cannot keep an e-stop"):
+    with pytest.raises(ConfigError, match="cannot store an emergency stop"):
         Agent(config(broker, tmp_path, var=tmp_path / "file")).run()
     assert main(["giraff", "--var", str(tmp_path / "empty")]) == 1
-    assert "where is the server" in capsys.readouterr().err
+    assert "no site is known" in capsys.readouterr().err
 
 
 def test_manage_py_runs_the_same_agent():
@@ -262,7 +262,7 @@ def test_manage_py_runs_the_same_agent():
         check=False,
     )
     assert done.returncode != 0
-    assert "cannot be a robot's name" in done.stderr
+    assert "is not a valid robot name" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -278,7 +278,7 @@ def test_a_robot_with_a_camera_can_take_photos(broker, tmp_path):
 
 
 def test_a_device_that_nobody_can_mean_ends_the_agent_with_a_sentence(broker, tmp_path):
-    with pytest.raises(ConfigError, match=r"^the loudspeaker 'talk\.mp4' is none"):
+    with pytest.raises(ConfigError, match=r"^'talk\.mp4' is not a loudspeaker"):
         Agent(
             config(broker, tmp_path, loudspeaker="talk.mp4"), make_adapter=lambda _: ScriptedRobot()
         ).run()

@@ -5,6 +5,7 @@ import random
 
 import pytest
 
+from robots.agent.agent import Agent
 from robots.agent.broker_link.broker_discovery import broker_urls
 from robots.agent.config import ConfigError, add_arguments, load
 from robots.agent.lab.in_force import CLEAN
@@ -79,7 +80,7 @@ def test_an_agent_that_reaches_its_site_from_elsewhere_says_what_it_drives(tmp_p
         ["--credentials", str(file)],
         ["--credentials", str(file), "--server", "https://line.example"],
     ):
-        with pytest.raises(ConfigError, match="which robot is this"):
+        with pytest.raises(ConfigError, match="no adapter is given"):
             told("giraff", *where)
         assert told("giraff", *where, "--adapter", "ros1").adapter == "ros1"
         assert (
@@ -124,23 +125,29 @@ def test_networks_are_written_in_milliseconds_percent_and_kbit_a_second():
     [
         (
             ["giraff", "--mqtt", "mqtt://x", "--control-network", "delay=soon"],
-            "--control-network: delay is a number of milliseconds from 0 to 10000",
+            "--control-network: delay must be a number of milliseconds from 0 to 10000",
         ),
         (
             ["giraff", "--mqtt", "mqtt://x", "--video-network", "fast"],
-            "--video-network: 'fast' says nothing about a network",
+            "--video-network: 'fast' is not a network setting",
         ),
         (
             ["giraff", "--mqtt", "mqtt://x", "--network-seed", "-1"],
-            "--network-seed is a whole number from 0 to 2147483647, not '-1'",
+            "--network-seed must be a whole number from 0 to 2147483647, not '-1'",
         ),
-        (["Giraff!"], "cannot be a robot's name"),
-        (["server", "--mqtt", "mqtt://x"], "cannot be a robot's name"),
-        (["giraff"], "where is the server"),
-        (["giraff", "--server", "https://x", "--mqtt", "mqtt://x"], "exclude each other"),
-        (["giraff", "--server", "x.example"], "begins with https"),
-        (["giraff", "--server", "https://x.example"], "asks for credentials"),
-        (["giraff", "--mqtt", "mqtt://x", "--option", "seed"], "NAME=VALUE"),
+        (["Giraff!"], "is not a valid robot name"),
+        (["server", "--mqtt", "mqtt://x"], "is not a valid robot name"),
+        (
+            ["giraff", "--server", "https://x", "--mqtt", "mqtt://x"],
+            "give --server or --mqtt, not both",
+        ),
+        (["giraff", "--server", "x.example"], "must begin with https"),
+        (["giraff", "--server", "https://x.example"], "requires credentials"),
+        (["giraff", "--server", "https://", "--adapter", "moos"], "name a host.*not 'https://'"),
+        (["giraff", "--server", "https://x:many"], "--server, TELEPRESENCE_SERVER"),
+        (["giraff", "--server", "https://x y"], "such as https://robots.example.org"),
+        (["giraff", "--mqtt", "mqtt://x", "--option", "seed"], "NAME=VALUE, not 'seed'"),
+        (["giraff", "--mqtt", "mqtt://x", "--option", "=8"], "NAME=VALUE, not '=8'"),
         (["giraff", "--mqtt", "mqtt://x", "--viewers", "1000"], "between 0 and 64"),
         (["giraff", "--credentials", "/nowhere.toml"], "cannot be read"),
     ],
@@ -151,13 +158,23 @@ def test_what_is_missing_is_said_in_one_sentence(tmp_path, arguments, sentence):
     assert "\n" not in str(error.value)
 
 
+def test_an_agent_that_knows_no_site_says_what_to_do_next_in_each_case(tmp_path):
+    with pytest.raises(ConfigError, match="no site is known for the robot giraff") as error:
+        told("giraff", "--var", str(tmp_path))
+    for command in ("manage.py enrol giraff", "--credentials FILE", "make demo", "--check"):
+        assert command in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        ('robot = "rhodon"\n', "is of the robot 'rhodon'"),
-        ("token = \n", "is not TOML"),
-        ("token = [1]\n", "token is not what it should be"),
-        ("options = 3\n", "options is not what it should be"),
+        ('robot = "rhodon"\n', "is for the robot 'rhodon'"),
+        ("token = \n", "is not valid TOML"),
+        ("token = [1]\n", "token has the wrong type: it must be a text in quotes"),
+        ("mqtt_url = 1883\n", "mqtt_url has the wrong type: it must be a text in quotes"),
+        ("adapter = true\n", "adapter has the wrong type: it must be a text in quotes"),
+        ("viewers = true\n", "viewers has the wrong type: it must be a whole number"),
+        ("options = 3\n", "options has the wrong type: it must be a table"),
     ],
 )
 def test_a_credentials_file_that_is_wrong_is_named(tmp_path, content, sentence):
@@ -165,6 +182,61 @@ def test_a_credentials_file_that_is_wrong_is_named(tmp_path, content, sentence):
     file.write_text(content)
     with pytest.raises(ConfigError, match=sentence):
         told("giraff", "--mqtt", "mqtt://x", "--credentials", str(file))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("SERVER", "robots.example.org", "TELEPRESENCE_SERVER, .* not 'robots.example.org'"),
+        ("VIEWERS", "many", "TELEPRESENCE_VIEWERS, .* between 0 and 64, not 'many'"),
+        ("VIEWERS", "-3", "TELEPRESENCE_VIEWERS, .* between 0 and 64, not '-3'"),
+        ("TOKEN", "secret\n", "TELEPRESENCE_TOKEN, .* copy it again"),
+        ("TOKEN", "sécret", "TELEPRESENCE_TOKEN, .* copy it again"),
+        ("CREDENTIALS", "/nowhere.toml", "/nowhere.toml cannot be read"),
+    ],
+)
+def test_a_malformed_environment_is_named_with_what_is_expected(name, value, sentence):
+    environment = {
+        "TELEPRESENCE_SERVER": "https://x.example",
+        "TELEPRESENCE_TOKEN": "t",
+        "TELEPRESENCE_ADAPTER": "simulator",
+    }
+    with pytest.raises(ConfigError, match=sentence) as error:
+        told("giraff", environment={**environment, f"TELEPRESENCE_{name}": value})
+    assert "secret" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("address", "fault"),
+    [
+        ("http://broker.example", "it begins with none of these"),
+        ("broker.example:1883", "it begins with none of these"),
+        ("mqtt://", "it names no host"),
+        ("mqtt://broker.example:many", "the port must be from 1 to 65535"),
+        ("mqtt://broker.example:99999", "the port must be from 1 to 65535"),
+        ("mqtt://broker.example:0", "the port must be from 1 to 65535"),
+        ("mqtt://bro ker", "it contains blanks"),
+        ("mqtt://broker.example, ws://[", "Invalid IPv6 URL"),
+    ],
+)
+def test_a_malformed_address_of_the_broker_is_named_with_its_fault_and_where_it_was_given(
+    address, fault, tmp_path
+):
+    agent = Agent(told("giraff", "--mqtt", address, "--var", str(tmp_path)))
+    with pytest.raises(ConfigError) as error:
+        agent.run()
+    assert fault in str(error.value)
+    assert address.split(", ")[-1] in str(error.value)
+    assert "mqtts://, ws:// or wss://host:port" in str(error.value)
+    assert "--mqtt, TELEPRESENCE_MQTT_URL" in str(error.value)
+
+
+def test_the_password_in_a_malformed_address_of_the_broker_is_not_repeated(tmp_path):
+    agent = Agent(told("giraff", "--mqtt", "mqtt://me:xyz/zyx@b:1883", "--var", str(tmp_path)))
+    with pytest.raises(ConfigError, match=r"mqtt://…@b:1883") as error:
+        agent.run()
+    assert "xyz" not in str(error.value)
+    assert "zyx" not in str(error.value)
 
 
 def test_the_token_is_not_in_what_is_printed(credentials):
@@ -229,11 +301,25 @@ def test_a_server_that_is_away_is_asked_until_the_agent_is_to_end():
     [
         ((401, {}), "refused the credentials"),
         ((403, {}), "refused the credentials"),
-        ((404, b""), "no telepresence server"),
-        ((200, {"robot": "rhodon", "mqttUrl": "mqtt://x"}), "credentials of 'rhodon'"),
-        ((200, {"robot": "rhodon", "mqttUrls": ["mqtt://x", 1]}), "credentials of 'rhodon'"),
+        ((404, b""), "not a telepresence server"),
+        ((200, {"robot": "rhodon", "mqttUrl": "mqtt://x"}), "credentials are for 'rhodon'"),
+        ((200, {"robot": "rhodon", "mqttUrls": ["mqtt://x", 1]}), "credentials are for 'rhodon'"),
+        (
+            (200, {"robot": "giraff", "mqttUrls": ["mqtt://x", 1]}),
+            r'names no usable broker: .* not \["mqtt://x", 1\]; correct MQTT_PUBLIC_URL',
+        ),
+        ((200, {"robot": "giraff", "mqttUrl": None}), r"names no usable broker: .* not \[null\]"),
+        ((200, {"robot": "giraff", "mqttUrls": "mqtt://x"}), "names no usable broker"),
     ],
 )
 def test_what_asking_again_cannot_mend_ends_the_agent_with_a_sentence(answer, sentence):
     with AgentServer(answer) as server, pytest.raises(ConfigError, match=sentence):
         ask(server)
+
+
+def test_a_broker_of_the_servers_that_cannot_be_used_is_named_with_the_setting_to_correct(tmp_path):
+    with AgentServer((200, {"robot": "giraff", "mqttUrl": "https://broker.example"})) as server:
+        arguments = ("--server", server.url, "--adapter", "simulator", "--var", str(tmp_path))
+        agent = Agent(told("giraff", *arguments, environment={"TELEPRESENCE_TOKEN": "secret"}))
+        with pytest.raises(ConfigError, match=r"https://broker\.example.*correct MQTT"):
+            agent.run()

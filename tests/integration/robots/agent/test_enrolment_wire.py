@@ -70,12 +70,12 @@ def test_a_token_travels_in_the_body_and_the_answer_is_kept(server, tmp_path):
         (403, b'{"detail": "This token was used."}', "This token was used"),
         (403, b"<html>", "it answered 403"),
         (404, b"", "it answered 404"),
-        (500, b"", "could not be asked: it answered 500"),
-        (429, b"", "it answered 429"),
-        (200, b"nonsense", "could not be asked"),
-        (200, b"[]", "not understood"),
-        (200, b'{"robot": "rhodon", "token": "t"}', "not understood"),
-        (200, b'{"robot": "giraff"}', "not understood"),
+        (500, b"", r"the request to \S+ failed: it answered with HTTP status 500"),
+        (429, b"", "it answered with HTTP status 429"),
+        (200, b"nonsense", r"the request to \S+ failed"),
+        (200, b"[]", "its answer is invalid"),
+        (200, b'{"robot": "rhodon", "token": "t"}', "its answer is invalid"),
+        (200, b'{"robot": "giraff"}', "its answer is invalid"),
     ],
 )
 def test_an_answer_that_is_none_is_told_in_one_sentence_and_nothing_is_kept(
@@ -90,7 +90,7 @@ def test_an_answer_that_is_none_is_told_in_one_sentence_and_nothing_is_kept(
 def test_a_file_that_cannot_be_written_is_told(server, tmp_path):
     server.answer = (200, json.dumps(GOOD).encode())
     (tmp_path / "file").write_text("no folder")
-    with pytest.raises(ConfigError, match="cannot be kept"):
+    with pytest.raises(ConfigError, match="cannot be saved"):
         enrol("giraff", server.url, "once", tmp_path / "file" / "giraff.toml")
 
 
@@ -118,5 +118,5 @@ def test_present_credentials_are_shown_to_get_new_ones_and_stay_when_there_is_no
 
 
 def test_a_server_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(ConfigError, match="could not be asked"):
+    with pytest.raises(ConfigError, match=r"the request to \S+ failed"):
         enrol("giraff", "http://127.0.0.1:9", "once", tmp_path / "giraff.toml")

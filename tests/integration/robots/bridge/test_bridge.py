@@ -103,7 +103,7 @@ async def test_what_a_robot_says_is_brought_to_whoever_listens_and_what_is_said_
         await say(robot, "connection", words.online(), retain=True)
         await until(lambda: known.online)
         await say(robot, "state", words.state(seq=1))
-        await say(robot, "signal/p1/reply", m.Answer(sdp="v=0"))
+        await say(robot, "signal/p1/reply", m.SdpAnswer(sdp="v=0"))
         await until(lambda: ear.heard("state") and ear.heard("signal/p1/reply"))
         assert bridge.send("giraff", "command/velocity", words.velocity())
         assert bridge.send("giraff", "signal/p1", m.Bye(reason="left"))

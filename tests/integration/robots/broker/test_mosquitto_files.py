@@ -143,5 +143,5 @@ def test_what_stands_in_the_way_is_one_sentence(tmp_path):
     with pytest.raises(CommandError, match=r"No such file or directory\.$"):
         write(tmp_path / "nowhere")
     (tmp_path / "bad.pid").write_text("not a number")
-    with pytest.raises(CommandError, match="could not be told"):
+    with pytest.raises(CommandError, match="could not be signalled"):
         write(tmp_path, "--reload", "--pid-file", str(tmp_path / "bad.pid"))

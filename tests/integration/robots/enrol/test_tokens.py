@@ -193,7 +193,7 @@ def server(client, monkeypatch):
             headers=headers,
         )
         if found.status_code >= 400:
-            raise ConfigError(f"the server refused: {found.json()['detail']}")
+            raise ConfigError(f"the server refused the request: {found.json()['detail']}")
         return found.json()
 
     monkeypatch.setattr(agent_side, "_post", answer)
@@ -222,12 +222,12 @@ def test_an_agent_enrols_itself_and_starts_without_the_token_from_then_on(robot,
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        ({"adapter": None}, "which robot is this"),
+        ({"adapter": None}, "no adapter is given"),
         ({"adapter": "ADAPTER"}, "no adapter 'ADAPTER'"),
         ({"profile": "PROFILE"}, "no robot profile 'PROFILE'"),
         ({"option": ["hots=10.0.0.1"]}, "no option hots"),
         ({"plan": "nowhere"}, "nowhere"),
-        ({"loudspeaker": "talk.mp4"}, "the loudspeaker"),
+        ({"loudspeaker": "talk.mp4"}, "is not a loudspeaker"),
         ({"viewers": "all"}, "--viewers"),
     ],
 )
@@ -257,7 +257,7 @@ def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_pa
         path.mkdir(parents=True)
     else:
         path.parent.write_text("")
-    with pytest.raises(ConfigError, match="cannot be kept in"):
+    with pytest.raises(ConfigError, match="cannot be saved in"):
         agent_side.enrol("giraff", "https://site.example", "token", path)
     assert not asked
     assert not list(tmp_path.rglob("*.new"))

@@ -151,7 +151,8 @@ async def test_a_drivers_commands_reach_the_robot_under_the_servers_stamps(bridg
             m.Tilt(action_id="t1", stamp=1.0, angle=0.2, role="owner", user="Mallory"),
         )
         await page.say(
-            "signal", m.Offer(sdp="v=0", role="screen", session="forged", epoch=99, who="Mallory")
+            "signal",
+            m.SdpOffer(sdp="v=0", role="screen", session="forged", epoch=99, who="Mallory"),
         )
         await page.settle(bridge)
     assert bridge.commands() == [
@@ -196,7 +197,7 @@ async def test_an_observer_watches_and_whatever_it_forges_stays_here(bridge, rob
         )
         await observer.say(
             "signal",
-            m.Offer(sdp="v=0", role="driver", session=granted.session, epoch=granted.epoch),
+            m.SdpOffer(sdp="v=0", role="driver", session=granted.session, epoch=granted.epoch),
         )
         await observer.settle(bridge)
         denials = [(await observer.expect("denied")) for _ in range(4)]
@@ -352,7 +353,7 @@ async def test_a_page_that_lost_its_socket_resumes_with_its_old_peer_and_epoch(b
             assert await lost.closed() == protocol.REPLACED
             await back.say("command/velocity", words.velocity(seq=9))
             await back.settle(bridge)
-            bridge.say("giraff", f"signal/{granted.peer}/reply", m.Answer(sdp="v=0"))
+            bridge.say("giraff", f"signal/{granted.peer}/reply", m.SdpAnswer(sdp="v=0"))
             assert (await back.expect("signal/reply")).sdp == "v=0"
             await lost.close()
             assert bridge.stops == []
@@ -410,8 +411,8 @@ async def test_replies_and_echoes_go_to_their_own_peer_alone(bridge, robot, ada,
             for peer in (granted.peer, own, "server")
         )
         bridge.say("giraff", "heartbeat", m.Heartbeat(n=1, stamp=1.0, echoes=echoes))
-        bridge.say("giraff", f"signal/{granted.peer}/reply", m.Answer(sdp="for ada"))
-        bridge.say("giraff", f"signal/{own}/reply", m.Answer(sdp="for bob"))
+        bridge.say("giraff", f"signal/{granted.peer}/reply", m.SdpAnswer(sdp="for ada"))
+        bridge.say("giraff", f"signal/{own}/reply", m.SdpAnswer(sdp="for bob"))
         assert [echo.peer for echo in (await driver.expect("heartbeat")).echoes] == [granted.peer]
         assert [echo.peer for echo in (await observer.expect("heartbeat")).echoes] == [own]
         assert (await driver.expect("signal/reply")).sdp == "for ada"
@@ -599,7 +600,7 @@ async def test_without_a_broker_commands_are_dropped_and_what_is_wanted_is_denie
         await page.take()
         bridge.lose_broker()
         await page.say("command/velocity", words.velocity(seq=1))
-        await page.say("signal", m.Offer(sdp="v=0"))
+        await page.say("signal", m.SdpOffer(sdp="v=0"))
         await page.say("command/action", m.Photo(action_id="p", stamp=1.0))
         assert (await page.expect("robot")).reason == "server"
         for suffix in ("signal", "command/action"):
@@ -616,7 +617,7 @@ async def test_an_offline_robot_is_said_to_be_unreachable(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         await page.take()
         bridge.say("giraff", "connection", words.broken())
-        await page.say("signal", m.Offer(sdp="v=0"))
+        await page.say("signal", m.SdpOffer(sdp="v=0"))
         assert (await page.expect("denied")).reason == "robot_unreachable"
     assert bridge.sent == []
 

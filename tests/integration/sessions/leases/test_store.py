@@ -15,10 +15,10 @@ from robots.api import topics
 from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.expiry import tick
-from sessions.leases.transitions import IDLE, Free, Link, Move, decide_tick
-from sessions.manager.leadership import STALE_SECONDS, give_back, heartbeat
+from sessions.leases.transitions import IDLE, Free, Move, RobotLink, decide_tick
+from sessions.manager.leadership import give_back, heartbeat
 from sessions.manager.scheduler import Scheduler
-from sessions.models import Lease, Session
+from sessions.models import STALE_SECONDS, Lease, Session
 from sessions.protocol import Ended, Offered
 
 pytestmark = pytest.mark.django_db
@@ -27,6 +27,11 @@ NOW = timezone.now()
 
 def after(seconds: float) -> datetime.datetime:
     return NOW + datetime.timedelta(seconds=seconds)
+
+
+@pytest.fixture(autouse=True)
+def turns_of_fifteen_minutes(settings):
+    settings.TURN_MINUTES = 15.0
 
 
 @pytest.fixture
@@ -136,7 +141,7 @@ def test_a_visitor_can_drive_again_after_a_session_has_ended(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(1))
     second = store.take(giraff, ana, "peer-1", now=after(2))
-    assert isinstance(second, store.Granted)
+    assert isinstance(second, store.TakeGranted)
     assert second.session != first.session
 
 
@@ -181,7 +186,7 @@ def test_the_turn_is_limited_in_the_grant_when_others_wait(giraff, ana, ben):
 
 def test_an_offline_robot_is_refused_by_its_row(giraff, ana):
     giraff.connection = "OFFLINE"
-    assert store.take(giraff, ana, "peer-1", now=NOW) == store.Refused("offline")
+    assert store.take(giraff, ana, "peer-1", now=NOW) == store.TakeRefused("offline")
     assert not Session.objects.exists()
 
 
@@ -206,12 +211,13 @@ def test_a_visitor_who_came_back_is_not_ended_by_an_older_decision(giraff, ana, 
         scene = load(robot, now)
         monkeypatch.setattr("sessions.leases.expiry.load_scene", load)
         assert isinstance(
-            store.take(robot, ana, "peer-2", session=granted.session, now=after(100)), store.Granted
+            store.take(robot, ana, "peer-2", session=granted.session, now=after(100)),
+            store.TakeGranted,
         )
         return scene
 
     monkeypatch.setattr("sessions.leases.expiry.load_scene", then_the_visitor_returns)
-    link = Link(
+    link = RobotLink(
         since=NOW.timestamp(),
         last_received_at=after(100).timestamp(),
         state_at=after(100).timestamp(),
@@ -230,10 +236,10 @@ def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monk
             made = Robot.objects.create(
                 name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)
             )
-            assert isinstance(store.take(made, ana, f"peer-{number}", now=NOW), store.Granted)
+            assert isinstance(store.take(made, ana, f"peer-{number}", now=NOW), store.TakeGranted)
         Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
         links = {
-            robot.name: Link(
+            robot.name: RobotLink(
                 NOW.timestamp(),
                 after(1).timestamp(),
                 after(1).timestamp(),
@@ -244,10 +250,10 @@ def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monk
             for robot in Robot.objects.all()
         }
         keeper = Scheduler()
-        keeper.tick(links, Link(since=NOW.timestamp()), after(0.5))
+        keeper.tick(links, RobotLink(since=NOW.timestamp()), after(0.5))
         keeper.renew(after(0.5))
         with CaptureQueriesContext(connection) as asked:
-            keeper.tick(links, Link(since=NOW.timestamp()), after(1))
+            keeper.tick(links, RobotLink(since=NOW.timestamp()), after(1))
             assert not keeper.renew(after(1)), "nothing is due"
         assert not [query for query in asked if not query["sql"].startswith("SELECT")]
         return len(asked)
@@ -264,7 +270,7 @@ def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(
     Session.objects.update(state="driving", driving_at=NOW, seen_at=after(100))
     signs, asked = {}, (granted.session, after(61).timestamp())
     heard = {"last_received_at": after(100).timestamp(), "state_at": after(100).timestamp()}
-    link = Link(
+    link = RobotLink(
         since=NOW.timestamp(),
         **heard,
         session=granted.session,
@@ -292,12 +298,12 @@ def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(
 def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana, ben):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="waiting")
-    link = Link(since=NOW.timestamp(), last_received_at=NOW.timestamp())
+    link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
     assert tick(giraff, link, after(1)) == (Move(granted.session, "connecting"),)
     # and its end, without the lease
     Session.objects.update(state="ended", live_key="x", outcome="cancelled")
     assert tick(giraff, link, after(2)) == (Free(1),)
-    assert isinstance(store.take(giraff, ben, "peer-2", now=after(3)), store.Granted)
+    assert isinstance(store.take(giraff, ben, "peer-2", now=after(3)), store.TakeGranted)
 
 
 def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana, monkeypatch):
@@ -309,7 +315,7 @@ def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana,
         for number in range(12)
     ]
     for robot in robots:
-        assert isinstance(store.take(robot, ana, f"peer-{robot.name}", now=NOW), store.Granted)
+        assert isinstance(store.take(robot, ana, f"peer-{robot.name}", now=NOW), store.TakeGranted)
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
     keeper, told = Scheduler(), {robot.name: [] for robot in robots}
     for look in range(21):
@@ -336,7 +342,7 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert keeper.renew(after(0.5))
     keeper.outbox.clear()
     store.end(granted.session, Session.Outcome.STOPPED_BY_OPERATOR, "", after(0.9))
-    keeper.tick({}, Link(since=NOW.timestamp()), after(1))
+    keeper.tick({}, RobotLink(since=NOW.timestamp()), after(1))
     assert keeper.renew(after(1))
     first, *others = keeper.outbox
     assert (first.topic, first.payload, first.retain) == (topics.of("giraff", "lease"), b"", True)
@@ -363,7 +369,9 @@ def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover
         return rows
 
     monkeypatch.setattr(Session.objects, "filter", filter_then_grant)
-    assert tick(giraff, Link(since=NOW.timestamp(), last_received_at=NOW.timestamp()), NOW) == ()
+    assert (
+        tick(giraff, RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp()), NOW) == ()
+    )
     assert Lease.objects.get().session.visitor == ana
 
 
@@ -371,11 +379,11 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     queued = store.take(giraff, ben, "peer-2", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(1))
-    link = Link(since=NOW.timestamp(), last_received_at=NOW.timestamp())
+    link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
     assert tick(giraff, link, after(1)) == (
         Offered(session=queued.session, seconds=settings.START_SECONDS),
     )
-    assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.Queued)
+    assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.TakeQueued)
     store.seen({queued.session}, after(70))
     assert Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken") in tick(
         giraff, link, after(70)

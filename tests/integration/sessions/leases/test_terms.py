@@ -14,7 +14,7 @@ from sessions import protocol
 from sessions.consumers import queries, relay
 from sessions.leases import store, terms
 from sessions.leases.expiry import tick
-from sessions.leases.transitions import Link, Move
+from sessions.leases.transitions import Move, RobotLink
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
 from sessions.protocol import Ended
@@ -120,7 +120,7 @@ def test_a_free_visit_has_no_terms(provider, giraff, ana):
 
 def test_a_visit_that_must_not_begin_is_ended_and_says_why(provider, giraff, ana):
     provider.refusal = "full"
-    assert take(giraff, ana) == store.Refused("full", str(Session.objects.get().pk))
+    assert take(giraff, ana) == store.TakeRefused("full", str(Session.objects.get().pk))
     row = Session.objects.get()
     assert (row.state, row.outcome, row.outcome_reason) == ("ended", "cancelled", "full")
     assert Lease.objects.get().session is None
@@ -145,7 +145,7 @@ def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_com
 
     granted = take(giraff, ana, "peer-ana")
     provider.reason = "closed"
-    assert ask(ben) == store.Refused("closed")
+    assert ask(ben) == store.TakeRefused("closed")
     assert not Session.objects.filter(visitor=ben).exists()
     assert ask(ana).session == granted.session
 
@@ -164,7 +164,7 @@ def test_terms_nobody_lived_to_store_are_fixed_by_the_session_manager_before_the
     keeper = Scheduler()
     keeper.renew(NOW)
     assert not keeper.outbox
-    assert tick(giraff, Link(since=NOW.timestamp()), after(1)) == (
+    assert tick(giraff, RobotLink(since=NOW.timestamp()), after(1)) == (
         Move(str(session.pk), "connecting"),
     )
     session.refresh_from_db()
@@ -177,7 +177,7 @@ def test_a_dead_process_grants_nothing_that_must_not_begin(provider, giraff, ana
         robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW
     )
     Lease.objects.create(robot=giraff, epoch=1, session=session, peer="p1", changed_at=NOW)
-    assert tick(giraff, Link(since=NOW.timestamp()), after(1)) == ()
+    assert tick(giraff, RobotLink(since=NOW.timestamp()), after(1)) == ()
     session.refresh_from_db()
     assert (session.state, session.outcome_reason) == ("ended", "closed")
 
@@ -189,7 +189,7 @@ def test_the_turn_and_the_grace_of_the_terms_are_obeyed(provider, giraff, ana, b
     provider.terms = STUDY
     session = take(giraff, ana).session
     Session.objects.update(state="reconnecting", lost_at=after(1), driving_at=NOW, granted_at=NOW)
-    link = Link(
+    link = RobotLink(
         since=NOW.timestamp() - 100,
         last_received_at=after(400).timestamp(),
         state_at=after(400).timestamp(),
@@ -213,7 +213,7 @@ def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana
         "silence": 0.1,
         "active_at": after(299).timestamp(),
     }
-    link = Link(since=NOW.timestamp(), **near)
+    link = RobotLink(since=NOW.timestamp(), **near)
     assert tick(giraff, link, after(299)) == ()
     take(giraff, ben, "peer-ben", at=100)
     Session.objects.filter(visitor=ben).update(seen_at=after(299))

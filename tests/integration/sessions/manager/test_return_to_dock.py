@@ -14,7 +14,7 @@ from robots.models import Robot, RobotPermit
 from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.readiness import LATE, ORDERED
-from sessions.leases.transitions import Link, Withdraw
+from sessions.leases.transitions import RobotLink, Withdraw
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import SystemLog
@@ -113,13 +113,15 @@ def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
 ):
     robot = a_visit_ends(giraff, ana)
     queued = store.take(robot, ben, "p2", now=after(1))
-    assert isinstance(queued, store.Queued)
+    assert isinstance(queued, store.TakeQueued)
     assert queued.reason == "returning: dock"
     assert queued.minutes > 0
-    assert not [act for act in tick(robot, Link(), after(2)) if isinstance(act, Offered)]
+    assert not [act for act in tick(robot, RobotLink(), after(2)) if isinstance(act, Offered)]
     situation.says(after(3), docked=True)
     situation.look(after(3))
-    assert [act for act in tick(Robot.objects.get(), Link(), after(4)) if isinstance(act, Offered)]
+    assert [
+        act for act in tick(Robot.objects.get(), RobotLink(), after(4)) if isinstance(act, Offered)
+    ]
 
 
 def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, ana):
@@ -129,9 +131,11 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
     store.take(giraff, ana, "p1", now=NOW)
     Robot.objects.update(returns_home=False)
     store.leave(holder.session, peer="p0", now=after(1))
-    assert any(isinstance(act, Offered) for act in tick(giraff, Link(), after(2)))
+    assert any(isinstance(act, Offered) for act in tick(giraff, RobotLink(), after(2)))
     Robot.objects.update(returns_home=True, turnaround="paused", turnaround_reason="estop")
-    assert any(isinstance(act, Withdraw) for act in tick(Robot.objects.get(), Link(), after(3)))
+    assert any(
+        isinstance(act, Withdraw) for act in tick(Robot.objects.get(), RobotLink(), after(3))
+    )
 
 
 def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(
@@ -141,7 +145,7 @@ def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_take
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     RobotPermit.objects.create(robot=robot, user=ben, kind="operator")
-    assert isinstance(store.take(Robot.objects.get(), ben, "p2", now=after(2)), store.Granted)
+    assert isinstance(store.take(Robot.objects.get(), ben, "p2", now=after(2)), store.TakeGranted)
     (cancel,) = situation.look(after(3))
     assert (type(cancel), cancel.target) == (m.Cancel, dock.action_id)
     assert Robot.objects.get().turnaround == "ready"
@@ -185,7 +189,7 @@ def test_a_robot_that_need_not_or_cannot_go_home_is_free_at_once(giraff, ana, be
     giraff.refresh_from_db()
     robot = a_visit_ends(giraff, ana)
     assert robot.turnaround == "ready"
-    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.Granted)
+    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeGranted)
 
 
 def test_the_same_page_that_comes_back_to_a_living_visit_does_not_send_the_robot_home(
@@ -195,7 +199,7 @@ def test_the_same_page_that_comes_back_to_a_living_visit_does_not_send_the_robot
     again = store.take(
         giraff, ana, "p2", session=granted.session, old_peer="p1", takeover=True, now=after(1)
     )
-    assert isinstance(again, store.Granted)
+    assert isinstance(again, store.TakeGranted)
     assert Robot.objects.get().turnaround == "ready"
 
 

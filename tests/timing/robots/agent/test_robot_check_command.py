@@ -52,12 +52,12 @@ def test_without_a_yes_nothing_moves(tmp_path):
         timeout=patient(30.0),
     )
     assert done.returncode == 1
-    assert "Nothing was moved" in done.stderr
+    assert "The robot was not moved" in done.stderr
     assert "Driving" not in done.stdout
 
 
 def test_a_robot_whose_kind_is_not_told_is_not_tried(tmp_path):
-    with pytest.raises(ConfigError, match="Give --adapter"):
+    with pytest.raises(ConfigError, match="add --adapter"):
         check_robot({"robot": "giraff", "var": tmp_path}, print)
 
 

@@ -4,14 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from experiments.bots.drive import Drive
+from experiments.bots.drive import BotDrive
 from experiments.bots.endings import Ending
-from experiments.bots.steering import STAND, Speed
+from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api import messages as m
 from tests.support import words
 
-AHEAD = Speed(0.3, 0.1)
+AHEAD = SpeedSetting(0.3, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -20,4 +20,4 @@ AHEAD = Speed(0.3, 0.1)
 def test_a_bot_lets_go_where_the_robot_waits_for_that(inhibited, steers):
     view = View(state=words.state(safety=m.Safety(inhibited=inhibited)))
     bot = SimpleNamespace(view=view, ending=Ending.COMPLETES)
-    assert Drive._with_pauses(bot, AHEAD) == steers
+    assert BotDrive._with_pauses(bot, AHEAD) == steers

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import Speed
+from experiments.bots.steering import SpeedSetting
 from experiments.bots.view import View
 from experiments.definition.course import lay_out
 from experiments.definition.shipped import shipped
@@ -38,7 +38,7 @@ class Rig:
         guide = Guide(
             track.dock, stops, track.photo.stop.number if track.photo is not None else None
         )
-        fastest = Speed(0.9 * self.model.limits.linear, 0.9 * self.model.limits.angular)
+        fastest = SpeedSetting(0.9 * self.model.limits.linear, 0.9 * self.model.limits.angular)
         self.driver = Driver(self.plan, guide, fastest, skips_photo=skips, docks_early=early)
         self.view = View(localized=True, laser=Pose2D(self.model.laser.x, 0.0, 0.0))
         self.now, self.steps, self.photos, self.answers = 0.0, 0, 0, []

@@ -6,10 +6,10 @@ from django.http import QueryDict
 
 from experiments.builder import part_form, parts
 from experiments.builder.part_form import Group, PartForm, read
-from experiments.definition.schema import Checkpoint, Condition, Course, Study
+from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.definition.steps.instructions import Instructions
-from experiments.definition.steps.task import Task
+from experiments.definition.steps.task import TaskStep
 
 BOTH = ("en", "es")
 
@@ -49,7 +49,7 @@ def choices(form: PartForm, name: str) -> list[str]:
     return [value for value, _label in form[name].field.widget.choices]
 
 
-def parts_of(study: Study):
+def parts_of(study: StudyDefinition):
     yield from ((type(part), part) for part in (*study.steps, *study.conditions, *study.courses))
 
 
@@ -77,22 +77,26 @@ def test_the_whole_study_goes_through_its_form_unchanged():
         "analysis",
     )
     document = msgspec.to_builtins(study)
-    told = read(Study, sent(PartForm(Study, document, languages=BOTH, only=only)), only=only)
+    told = read(
+        StudyDefinition,
+        sent(PartForm(StudyDefinition, document, languages=BOTH, only=only)),
+        only=only,
+    )
     rest = {key: value for key, value in document.items() if key not in only}
-    assert msgspec.convert({**rest, **told}, Study) == study
+    assert msgspec.convert({**rest, **told}, StudyDefinition) == study
 
 
 def task(**changes: str) -> QueryDict:
-    document = {"kind": "task", "key": "task", "title": {"en": "Task"}}
-    return sent(PartForm(Task, document, languages=BOTH), **changes)
+    document = {"kind": "task", "key": "task", "title": {"en": "TaskStep"}}
+    return sent(PartForm(TaskStep, document, languages=BOTH), **changes)
 
 
 def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
-    document = read(Task, task(minutes="a quarter", last_minutes="-1"))
-    told = errors(Task, document)
+    document = read(TaskStep, task(minutes="a quarter", last_minutes="-1"))
+    told = errors(TaskStep, document)
     assert told["minutes"] == "This is not a number."
     assert ">= 0.0" in told["last_minutes"]
-    form = PartForm(Task, document, languages=["en"], is_sent=True)
+    form = PartForm(TaskStep, document, languages=["en"], is_sent=True)
     assert form["minutes"].value() == "a quarter"
     assert list(form["minutes"].errors) == ["This is not a number."]
     assert 'value="a quarter"' in str(form["minutes"])
@@ -100,24 +104,27 @@ def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
 
 @pytest.mark.parametrize("text", ["nan", "inf", "1e999", "1 000"])
 def test_numbers_that_are_no_lengths_of_time_are_refused(text):
-    assert "minutes" in errors(Task, read(Task, task(minutes=text)))
+    assert "minutes" in errors(TaskStep, read(TaskStep, task(minutes=text)))
 
 
 def test_an_empty_field_has_the_value_that_the_class_says():
-    assert read(Task, task(minutes="")).get("minutes") is None
-    assert msgspec.convert({"kind": "task", **read(Task, task(minutes=""))}, Task).minutes == 15.0
+    assert read(TaskStep, task(minutes="")).get("minutes") is None
+    assert (
+        msgspec.convert({"kind": "task", **read(TaskStep, task(minutes=""))}, TaskStep).minutes
+        == 15.0
+    )
 
 
 def test_a_comma_is_read_as_a_decimal_point():
-    assert read(Task, task(minutes="2,5"))["minutes"] == 2.5
+    assert read(TaskStep, task(minutes="2,5"))["minutes"] == 2.5
 
 
 def test_texts_in_other_languages_are_shown_until_somebody_empties_them():
-    document = {"key": "task", "title": {"en": "Task", "fr": "Tâche"}}
-    form = PartForm(Task, document, languages=["en"])
+    document = {"key": "task", "title": {"en": "TaskStep", "fr": "Tâche"}}
+    form = PartForm(TaskStep, document, languages=["en"])
     shown = [one.field.language for one in form if one.field.member.key == "title"]
     assert shown == ["en", "fr"]
-    assert read(Task, sent(form, title__fr=""))["title"] == {"en": "Task"}
+    assert read(TaskStep, sent(form, title__fr=""))["title"] == {"en": "TaskStep"}
 
 
 def test_what_may_be_chosen_is_offered_and_what_was_chosen_stays():
@@ -191,14 +198,17 @@ def test_the_photo_of_a_checkpoint_that_is_gone_is_left_for_the_check_to_tell():
 
 
 def test_no_number_of_a_checkpoint_is_asked_for():
-    assert "number" not in [member.key for member in parts.members(Checkpoint)]
+    assert "number" not in [member.key for member in parts.members(StudyCheckpoint)]
 
 
 def test_leaving_a_language_takes_its_texts_everywhere():
     study = msgspec.to_builtins(shipped()["exploration"])
-    assert '"es":' not in msgspec.json.encode(parts.in_languages(Study, study, ["en"])).decode()
+    assert (
+        '"es":'
+        not in msgspec.json.encode(parts.in_languages(StudyDefinition, study, ["en"])).decode()
+    )
     assert msgspec.json.encode(
-        parts.in_languages(Study, study, ["en", "es"])
+        parts.in_languages(StudyDefinition, study, ["en", "es"])
     ) == msgspec.json.encode(study)
 
 

@@ -10,7 +10,7 @@ from experiments.definition.conditions import (
     lease_limits,
     mismatches,
 )
-from experiments.definition.schema import Condition, Impairment, Network, Speed
+from experiments.definition.schema import Condition, Impairment, Network, SpeedChoice
 from experiments.definition.shipped import shipped
 from experiments.tasks.manipulation_check import as_stored
 from robots.api import codec
@@ -33,7 +33,7 @@ CONDITION = Condition(
     controllers=("keyboard",),
     actions=("map", "dock"),
     assist="slow",
-    speed=Speed(linear=0.4),
+    speed=SpeedChoice(linear=0.4),
     doors_closed=("lab-door",),
     network=Network(control=Impairment(delay=0.3, loss=0.05)),
 )

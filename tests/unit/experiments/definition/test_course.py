@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from experiments.definition.course import CourseError, Motion, PhotoSpot, Stop, lay_out
+from experiments.definition.course import CourseError, CourseStop, Motion, PhotoSpot, lay_out
 from experiments.definition.shipped import shipped
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sites import load_plan
@@ -55,7 +55,7 @@ def test_a_course_that_does_not_fit_the_plan_is_an_error():
 @given(start=points, end=points, x=metres, y=metres, theta=st.floats(-3.1, 3.1))
 def test_the_mirror_is_where_ones_reflection_stands(start, end, x, y, theta):
     assume(math.dist(start, end) > 0.5)
-    sight = PhotoSpot(Stop(1, 0.0, 0.0, 1.0), 1.0, 0.6, start, end).sight(Pose2D(x, y, theta))
+    sight = PhotoSpot(CourseStop(1, 0.0, 0.0, 1.0), 1.0, 0.6, start, end).sight(Pose2D(x, y, theta))
     # The reflection of the point, by complex numbers: z' = a + conj((z - a) / d) d with d along the
     # mirror.
     a, d = complex(*start), complex(*end) - complex(*start)

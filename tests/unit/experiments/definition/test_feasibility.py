@@ -16,10 +16,7 @@ def found(network: dict[str, dict[str, float]], *capabilities: str) -> list[str]
 def test_a_network_that_the_robot_cannot_make_worse_is_refused():
     slow = {"control": {"delay": 0.15}}
     assert found(slow) == [
-        (
-            "Condition all_open: giraff cannot make its network worse: no delay, loss or limit can"
-            " be put on it."
-        )
+        "Condition all_open: giraff cannot impair its network: remove the delay, loss or limit."
     ]
     assert found(slow, NETWORK_LAB) == []
 
@@ -28,8 +25,8 @@ def test_a_delay_that_makes_every_command_too_old_is_refused():
     assert found({"control": {"delay": 0.17, "jitter": 0.03}}, NETWORK_LAB) == []
     assert found({"control": {"delay": 0.25, "jitter": 0.05}}, NETWORK_LAB) == [
         (
-            "Condition all_open: commands would be delayed by up to 300 ms; giraff takes none older"
-            " than 250 ms, and 50 ms of that are the real network's."
+            "Condition all_open: commands would be delayed by up to 300 ms; giraff accepts none"
+            " older than 250 ms, and 50 ms of that are reserved for the real network."
         )
     ]
 
@@ -40,7 +37,7 @@ def test_a_delay_that_makes_every_picture_too_old_is_refused():
         == []
     )
     assert (
-        "takes no command whose picture is older than 1000 ms"
+        "accepts no command based on video older than 1000 ms"
         in found({"video": {"delay": 0.9}}, NETWORK_LAB)[0]
     )
 

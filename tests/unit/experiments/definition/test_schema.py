@@ -6,7 +6,7 @@ import pytest
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.problems import MAX_BYTES, parse, problems
 from experiments.definition.reachability import unreachable
-from experiments.definition.schema import Study, digest, from_stored, to_json
+from experiments.definition.schema import StudyDefinition, digest, from_stored, to_json
 from experiments.definition.shipped import shipped
 from robots.api.floorplan import FloorPlan
 from robots.world.robot_models import MODELS
@@ -23,7 +23,7 @@ def known(plan: FloorPlan | None = None, robot: RobotFacts = GIRAFF) -> Known:
     return Known({"cabin": plan or cabin()}, {"giraff": robot}, frozenset({("experience", 1)}))
 
 
-def here(study: Study, **of_known) -> list[str]:
+def here(study: StudyDefinition, **of_known) -> list[str]:
     return list(obstacles(study, known(**of_known), unreachable))
 
 
@@ -106,14 +106,14 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"courses": [{**STUDY["courses"][0], "checkpoints": []}]}, "there is no checkpoint"),
+        ({"courses": [{**STUDY["courses"][0], "checkpoints": []}]}, "there is no checkpoint; add"),
         (
             {
                 "courses": [
                     {**STUDY["courses"][0], "checkpoints": STUDY["courses"][0]["checkpoints"][:1]}
                 ]
             },
-            "no checkpoint beside",
+            "no checkpoint besides the charging station",
         ),
         ({"courses": []}, "there is no course for giraff at cabin"),
         ({"courses": STUDY["courses"] * 2}, "course of giraff at cabin stands 2 times"),
@@ -123,7 +123,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ),
         (
             changed("courses", 0, photo={"checkpoint": 7, "mirror": "mirror"}),
-            "checkpoint 7, which is not there",
+            "checkpoint 7, which does not exist",
         ),
         (changed("courses", 0, site="elsewhere"), "no condition uses it"),
         (changed("conditions", 1, key="all_open"), "condition all_open stands 2 times"),
@@ -134,7 +134,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ),
         (
             changed("conditions", 0, network={"control": {"delay": 0.1, "jitter": 0.2}}),
-            "towards the robot, the jitter is greater than the delay",
+            "towards the robot, the jitter varies the delay both ways, so it cannot be greater",
         ),
         (
             changed("conditions", 0, network={"video": {"loss": 0.6}}),
@@ -151,7 +151,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ({"conditions": []}, "There is no condition"),
         ({"steps": STUDY["steps"][1:]}, "There are 0 task steps"),
         ({"steps": [STUDY["steps"][0], *STUDY["steps"]]}, "There are 2 task steps"),
-        ({"steps": STUDY["steps"][:1]}, "statements of the analysis, experience, are not among"),
+        ({"steps": STUDY["steps"][:1]}, "statements of the analysis, experience, must be among"),
         (
             {
                 "steps": [
@@ -159,7 +159,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
                     {"kind": "consent", "key": "c", "title": {"en": "C"}, "text": {"en": "yes?"}},
                 ]
             },
-            "not the first step",
+            "must be the first step",
         ),
         (
             {
@@ -168,7 +168,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
                     *STUDY["steps"],
                 ]
             },
-            "not the last step",
+            "must be the last step",
         ),
         (
             {
@@ -177,16 +177,19 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
                     {"kind": "instructions", "key": "i", "title": {"en": "I"}, "leaves": []},
                 ]
             },
-            "nothing to read",
+            "there is no page to read",
         ),
-        ({"allocation": {"design": "within"}}, "the task is not repeated"),
+        ({"allocation": {"design": "within"}}, "the task must be repeated"),
         ({"refill": {"outcomes": ["robot_fault"]}}, "needs both outcomes and a number"),
-        ({"refill": {"outcomes": ["completed"], "most": 1}}, "may not refill"),
+        (
+            {"refill": {"outcomes": ["completed"], "most": 1}},
+            "The refill rule cannot include outcomes of the task itself",
+        ),
         (changed("steps", 0, last_minutes=9), "longer than the task"),
         ({"languages": ["en", "es"]}, "study.title has no text in es"),
         ({"title": {"en": "  "}}, "study.title has no text in en"),
         ({"title": {"en": "a\x00b"}}, "null character"),
-        ({"slug": "link"}, "belongs to the addresses of personal links"),
+        ({"slug": "link"}, "reserved for the addresses of personal links"),
     ],
 )
 def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(changes, said):
@@ -200,14 +203,14 @@ def test_five_conditions_are_too_many_for_one_participant():
     found = list(
         problems(small_study(conditions=conditions, steps=steps, allocation={"design": "within"}))
     )
-    assert found == ["5 conditions within one participant; at most 4 can be ordered."]
+    assert found == ["5 conditions for each participant; at most 4 can be ordered."]
 
 
 @pytest.mark.parametrize(
     ("document", "said"),
     [
-        (b"", "This is not JSON"),
-        (b"\xff\xfe", "This is not JSON"),
+        (b"", "This is not valid JSON"),
+        (b"\xff\xfe", "This is not valid JSON"),
         (b"[" * 100_000, "Expected `object`"),
         (b"{}", "missing required field"),
         (json.dumps({**STUDY, "stepz": []}).encode(), "unknown field `stepz`"),
@@ -273,7 +276,7 @@ def test_two_charging_stations_for_one_robot_are_one_too_many_until_the_course_n
 def test_a_station_of_another_robot_and_a_start_elsewhere_are_told():
     other = plan_with(docks=[{**PLAN["docks"][0], "type": "rhodon"}])
     assert any(
-        "no charging station there is one for giraff" in problem
+        "no charging station of the course fits giraff" in problem
         for problem in here(small_study(), plan=other)
     )
     far = plan_with(docks=[{**PLAN["docks"][0], "y": 3.2}])
@@ -312,7 +315,7 @@ def test_a_robot_that_cannot_do_what_a_condition_allows_is_told():
 
 def test_a_robot_too_slow_for_the_time_limit_is_told():
     assert any(
-        "the most of giraff, the course takes longer" in problem
+        "the top speed of giraff, the course takes longer" in problem
         for problem in here(small_study(), robot=RobotFacts(ALL, 0.02))
     )
 

@@ -1,14 +1,14 @@
 import msgspec
 import pytest
 
-from experiments.definition.schema import Study
+from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.participation import journey
-from experiments.participation.journey import NoPlaceError, Place
+from experiments.participation.journey import JourneyPlace, NoPlaceError
 from tests.support.studies import STUDY
 
 
-def study(*steps: str, within: bool = False) -> Study:
+def study(*steps: str, within: bool = False) -> StudyDefinition:
     """A study of steps that are written `kind:key`, with `*` where they are repeated."""
     needs = {
         "task": {"minutes": 5},
@@ -37,7 +37,7 @@ def study(*steps: str, within: bool = False) -> Study:
         )
     return msgspec.convert(
         {**STUDY, "steps": written, "allocation": {"design": "within" if within else "between"}},
-        Study,
+        StudyDefinition,
     )
 
 
@@ -77,9 +77,9 @@ def test_within_participants_there_are_as_many_rounds_as_conditions_that_are_ope
 
 def test_a_later_visit_begins_behind_what_was_given_and_answered_before():
     way = journey.route(TWICE, 2, 2)
-    assert journey.begin(way, {"consent", "you"}) == Place(2, 0, "read")
-    assert journey.begin(way, {"consent"}) == Place(2, 0, "you")
-    assert journey.begin(way) == Place(2, 0, "consent")
+    assert journey.begin(way, {"consent", "you"}) == JourneyPlace(2, 0, "read")
+    assert journey.begin(way, {"consent"}) == JourneyPlace(2, 0, "you")
+    assert journey.begin(way) == JourneyPlace(2, 0, "consent")
 
 
 @pytest.mark.parametrize("definition", [TWICE, *shipped().values()], ids=lambda one: one.slug)
@@ -95,14 +95,16 @@ def test_going_on_from_each_place_passes_every_place_once_and_ends(definition):
 
 def test_a_step_that_is_skipped_is_passed_over_also_from_where_one_stands():
     way = journey.route(TWICE, 2, 1)
-    assert journey.following(way, Place(1, 0, "consent"), {"you"}) == Place(1, 0, "read")
-    assert journey.following(way, Place(1, 0, "you"), {"you"}) == Place(1, 0, "read")
-    assert journey.following(way, Place(1, 1, "thanks")) is None
+    assert journey.following(way, JourneyPlace(1, 0, "consent"), {"you"}) == JourneyPlace(
+        1, 0, "read"
+    )
+    assert journey.following(way, JourneyPlace(1, 0, "you"), {"you"}) == JourneyPlace(1, 0, "read")
+    assert journey.following(way, JourneyPlace(1, 1, "thanks")) is None
 
 
 def test_a_place_that_is_not_on_the_way_leads_nowhere():
     with pytest.raises(NoPlaceError):
-        journey.following(journey.route(TWICE, 2, 1), Place(2, 0, "consent"))
+        journey.following(journey.route(TWICE, 2, 1), JourneyPlace(2, 0, "consent"))
 
 
 def test_a_page_sends_back_the_place_that_it_was_shown_at():
@@ -135,12 +137,20 @@ def test_a_forged_place_is_refused(word):
 
 
 def test_the_step_of_a_place_is_found_and_that_of_no_place_is_not():
-    assert journey.step_at(TWICE, Place(1, 1, "task")).key == "task"
+    assert journey.step_at(TWICE, JourneyPlace(1, 1, "task")).key == "task"
     with pytest.raises(NoPlaceError):
-        journey.step_at(TWICE, Place(1, 1, "gone"))
+        journey.step_at(TWICE, JourneyPlace(1, 1, "gone"))
 
 
 def test_progress_counts_from_one_to_all():
     way = journey.route(TWICE, 2, 1)
     assert journey.share_done(way, way[0]) == (1, 9)
     assert journey.share_done(way, way[-1]) == (9, 9)
+
+
+def test_steps_that_a_visit_skips_are_not_counted_unless_one_stands_on_them():
+    way = journey.route(TWICE, 2, 2)
+    first = next(one for one in way if one.step not in {"consent", "you"})
+    assert journey.share_done(way, first, {"consent", "you"}) == (1, 7)
+    assert journey.share_done(way, way[-1], {"consent", "you"}) == (7, 7)
+    assert journey.share_done(way, way[0], {"consent", "you"}) == (1, 8)

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from experiments.definition.problems import parse
-from experiments.definition.schema import Study
+from experiments.definition.schema import StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.participation.step_page import StepPage
 from experiments.participation.steps import UnknownStepError, page_type
@@ -30,15 +30,15 @@ def test_a_blank_step_of_every_kind_can_be_kept():
     for kind in KINDS:
         step = {"kind": kind, "key": "new", "title": {}, **page_type(kind).blank}
         study = {**STUDY, "steps": [step]}
-        assert msgspec.convert(study, Study).steps[0].kind == kind
+        assert msgspec.convert(study, StudyDefinition).steps[0].kind == kind
 
 
 def test_an_unknown_kind_is_an_error_and_no_other_kind():
-    with pytest.raises(UnknownStepError, match="no page of a study step 'lottery'"):
+    with pytest.raises(UnknownStepError, match="no page for a study step 'lottery'"):
         page_type("lottery")
 
 
 def test_an_import_says_which_kind_it_does_not_know():
     with pytest.raises(BadDefinitionError) as caught:
         parse(json.dumps({**STUDY, "steps": [{"kind": "lottery", "key": "new"}]}).encode())
-    assert "$.steps[0]: there is no kind of step “lottery”; there are " in str(caught.value)
+    assert "$.steps[0]: there is no kind of step “lottery”; choose one of " in str(caught.value)

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.records import (
-    Ended,
     FirstFrame,
     PhotoAnswer,
     PhotoFailed,
     PhotoTaken,
     Seen,
+    TaskEnded,
     identity,
     order,
     seen,
@@ -286,7 +286,7 @@ def test_what_comes_after_the_limit_is_too_late():
 )
 def test_an_end_from_outside_is_the_tasks_outcome_and_nothing_after_it_counts(outcome):
     drive = Drive().go(FIRST)
-    drive.say(Ended(drive.at, "end", outcome)).go(*THERE[1:], *BACK).dock()
+    drive.say(TaskEnded(drive.at, "end", outcome)).go(*THERE[1:], *BACK).dock()
     engine = run(drive.records)
     assert engine.result.outcome == outcome
     assert told(engine)[-1] == ("task_ended", outcome)
@@ -294,7 +294,7 @@ def test_an_end_from_outside_is_the_tasks_outcome_and_nothing_after_it_counts(ou
 
 
 def test_a_session_that_ends_before_the_first_picture_has_an_outcome_and_no_start():
-    engine = run([*Drive(frame=False).records, Ended(START + 9.0, "end", "connection_refused")])
+    engine = run([*Drive(frame=False).records, TaskEnded(START + 9.0, "end", "connection_refused")])
     assert (engine.result.outcome, engine.result.started) == ("connection_refused", None)
 
 

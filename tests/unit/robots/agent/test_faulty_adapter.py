@@ -8,6 +8,7 @@ import dataclasses
 import math
 from typing import ClassVar
 
+import numpy as np
 import pytest
 
 from robots.agent.ramp import ZERO
@@ -214,6 +215,22 @@ NONSENSE = {
     "an echo of letters": {"sonar": (SonarEcho(0, 1.0, "x"),)},
     "a contact nowhere": {"bumper": (None,)},
     "points that are none": {"points": ObstaclePoints(1.0, "x")},
+    "a clearance of NumPy's": {"clearance": np.float64(0.5)},
+    "a path of NumPy's": {"path": tuple(map(tuple, np.zeros((2, 2))))},
+    "ranges of NumPy's": {
+        "scan": m.Scan(
+            stamp=1.0, angle_min=0.0, angle_increment=0.1, range_max=8.0, ranges=(*np.ones(3),)
+        ),
+    },
+    "an angle of NumPy's": {
+        "scan": m.Scan(
+            stamp=1.0,
+            angle_min=np.float32(0.0),
+            angle_increment=0.1,
+            range_max=8.0,
+            ranges=(1.0,),
+        ),
+    },
     "a velocity that is none": {"velocity": None},
     "no pose": {"pose": None},
 }

@@ -45,8 +45,8 @@ SAMPLES = {
         refused={"stale": 3},
     ),
     "event": m.Event(stamp=1.0, boot="b", seq=3, type="session_closed", last_seq=2),
-    "signal/p1": m.Offer(sdp="v=0", ice_servers=(m.IceServer(urls=("stun:host",)),)),
-    "signal/p1/reply": m.Answer(sdp="v=0"),
+    "signal/p1": m.SdpOffer(sdp="v=0", ice_servers=(m.IceServer(urls=("stun:host",)),)),
+    "signal/p1/reply": m.SdpAnswer(sdp="v=0"),
     "config": m.Config(stamp=1.0, doors={"north": "open"}),
 }
 

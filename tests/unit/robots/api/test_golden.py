@@ -1,4 +1,4 @@
-"""The golden messages: what Python writes, JavaScript reads (tests/js/robot_api.test.js), and the
+"""The golden messages: what Python writes, JavaScript reads (tests/js/protocol/robot_api.test.js), and the
 other way round.
 """
 

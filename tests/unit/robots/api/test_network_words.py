@@ -43,21 +43,21 @@ def test_a_clean_network_has_no_words():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("fast", "'fast' says nothing about a network"),
+        ("fast", "'fast' is not a network setting"),
         (
             "speed=3",
             (
-                "says nothing about a network: write delay=150,jitter=30,loss=2, with delay,"
+                "is not a network setting: write delay=150,jitter=30,loss=2, using delay,"
                 " jitter, loss, reorder, rate"
             ),
         ),
-        ("delay=soon", "delay is a number of milliseconds from 0 to 10000, not 'soon'"),
-        ("delay=nan", "delay is a number of milliseconds"),
-        ("loss=101", "loss is a number of percent from 0 to 100, not '101'"),
-        ("rate=0", "rate is a number of kbit/s from 1 to 1000000, not '0'"),
-        ("delay=1,delay=2", "delay stands there twice"),
-        ("delay=10,jitter=20", "jitter changes the delay"),
-        ("", "'' says nothing"),
+        ("delay=soon", "delay must be a number of milliseconds from 0 to 10000, not 'soon'"),
+        ("delay=nan", "delay must be a number of milliseconds"),
+        ("loss=101", "loss must be a number of percent from 0 to 100, not '101'"),
+        ("rate=0", "rate must be a number of kbit/s from 1 to 1000000, not '0'"),
+        ("delay=1,delay=2", "delay is given twice"),
+        ("delay=10,jitter=20", "jitter varies the delay"),
+        ("", "'' is not a network setting"),
     ],
 )
 def test_bad_words_are_refused_with_one_sentence(words, said):

@@ -1,5 +1,11 @@
+import re
+
 import pytest
 
+from robots.agent.control import dispatcher, reports
+from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
+from robots.agent.safety import freshness, hold, permissions
+from robots.agent.safety.kernel import KERNEL
 from robots.api import messages, topics
 from robots.api.reference import classes, generated_files, reference
 from tests.support.paths import ROOT
@@ -31,3 +37,55 @@ def test_every_link_to_a_part_has_its_heading():
         if isinstance(kind, type) and f"](#{kind.__name__.lower()})" in text
     ]:
         assert f"# {name}\n" in text
+
+
+def rules():
+    """What an agent in another language must do, on one line."""
+    text = reference().partition("## What an agent must do by itself\n")[2]
+    return " ".join(text.partition("\n## ")[0].split())
+
+
+def test_every_reason_for_a_refusal_stands_among_the_rules_of_an_agent():
+    table = (ROOT / "docs/explanation/safety.md").read_text(encoding="utf-8")
+    rows = table.partition("## Refusal reasons")[2].partition("**Releasing")[0].splitlines()
+    cells = [row.partition(" | ")[0] for row in rows if row.startswith("|")]
+    reasons = {word for cell in cells for word in re.findall(r"`(\w+)`", cell)}
+    assert len(reasons) > 25
+    assert {reason for reason in reasons if f"`{reason}`" not in rules()} == set()
+
+
+def test_what_needs_no_lease_stands_among_the_rules_of_an_agent():
+    (sentence,) = re.findall(r"Without a lease .*? never the driver's", rules())
+    for kind, roles in permissions.WITHOUT_LEASE.items():
+        assert f"`{kind.__struct_config__.tag}`" in sentence
+        assert all(f"`{role}`" in rules() for role in roles)
+
+
+@pytest.mark.parametrize(
+    "figure",
+    [
+        f"`deadman` is at most {LONGEST_DEADMAN:g} s, `watchdog` at most {LONGEST_WATCHDOG:g} s",
+        (
+            f"at most {KERNEL.standstill:g} m/s and {KERNEL.standstill_turning:g} rad/s for"
+            f" {KERNEL.stands_for:g} s"
+        ),
+        f"{KERNEL.navigation_silence:g} s after the driver's last heartbeat",
+        f"The same `actionId` within {KERNEL.same_stop:g} s",
+        (
+            f"more than {freshness.FUTURE_TOLERANCE:g} s and half of the round trip, at most"
+            f" {freshness.FUTURE_TOLERANCE_CEILING:g} s"
+        ),
+        f"by more than {freshness.FRAME_FUTURE_TOLERANCE:g} s (`frame_future`)",
+        f"without a live lease, {hold.QUIET_RELEASES:g} s",
+        f"at most {hold.HEARTBEAT_GAP:g} s apart",
+        f"more than {permissions.ACTION_AGE:g} s old",
+        f"at most {1 / reports.POSE_PERIOD:.0f} times a second",
+    ],
+)
+def test_the_figures_of_the_rules_are_those_of_our_agent(figure):
+    assert figure in rules()
+
+
+def test_the_rates_of_the_rules_are_those_of_our_agent():
+    assert (reports.STATE_PERIOD, dispatcher.HEARTBEAT_PERIOD) == (1 / 4, 1 / 5)
+    assert reports.STATES_KEPT * reports.STATE_PERIOD >= 600.0

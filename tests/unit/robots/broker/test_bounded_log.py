@@ -1,8 +1,11 @@
 """A log that nobody can fill."""
 
 import logging
+from functools import partial
+from types import SimpleNamespace
 
 from robots.broker.bounded_log import LINES_OF_EVENT, LINES_OF_SUBJECT, PERIOD_S, BoundedLog
+from robots.logs import LogEvent
 
 
 class Journal:
@@ -10,14 +13,14 @@ class Journal:
 
     def __init__(self):
         self.now, self.lines = 0.0, []
-        logger = logging.Logger("broker")  # noqa: LOG001 -- nobody else's
-        handler = logging.Handler()
-        handler.emit = lambda record: self.lines.append(record.getMessage())
-        logger.addHandler(handler)
+        logger = SimpleNamespace(log=self._log, warning=partial(self._log, logging.WARNING))
         self.bounded = BoundedLog(logger, clock=lambda: self.now)
 
+    def _log(self, _level, event, **fields):
+        self.lines.append(str(LogEvent(event=event, **fields)))
+
     def note(self, event, subject):
-        self.bounded.write(logging.WARNING, subject, f"{event} user=%s", subject)
+        self.bounded.write(logging.WARNING, subject, event, user=subject)
 
 
 def test_of_one_event_about_one_user_a_few_lines_are_written_and_those_about_others_still_are():
@@ -51,7 +54,7 @@ def test_how_many_were_left_out_is_said_after_each_period_also_when_nobody_write
         assert journal.lines[(LINES_OF_SUBJECT + 1) * period :] == [
             *["broker_publish_refused user=hostile"] * LINES_OF_SUBJECT,
             (
-                f"broker_log_left_out event=broker_publish_refused lines={100 - LINES_OF_SUBJECT}"
+                f"broker_log_left_out what=broker_publish_refused lines={100 - LINES_OF_SUBJECT}"
                 " seconds=60"
             ),
         ]

@@ -139,7 +139,7 @@ def test_a_map_of_another_scale_or_place_than_the_plan_is_found(
 def test_a_map_that_is_a_tenth_too_large_is_found() -> None:
     office = load_site("office")
     wrong = MapTransform(0.055, office.grid.transform.origin, office.grid.image.shape[0])
-    assert "differ in scale: they fit better at 0.0495 m a pixel than at 0.055" in only(
+    assert "differ in scale: they fit better at 0.0495 m per pixel than at 0.055" in only(
         office.plan, dataclasses.replace(office.grid, transform=wrong)
     )
 
@@ -165,7 +165,7 @@ def test_a_place_in_furniture_or_too_near_to_it_is_found() -> None:
         only(changed(furniture=(furniture(6.5, 2.0),)))
         == "place 'desk' lies in a wall or in furniture on the map"
     )
-    assert "place 'desk' is too near" in only(changed(furniture=(furniture(6.5, 2.45),)))
+    assert "place 'desk' is too close" in only(changed(furniture=(furniture(6.5, 2.45),)))
 
 
 def test_a_place_behind_furniture_that_fills_the_room_cannot_be_reached() -> None:
@@ -182,13 +182,13 @@ def test_a_door_that_is_walled_up_on_the_map_is_found() -> None:
     walled = msgspec.structs.replace(
         PLAN, walls=(*PLAN.walls, Wall(start=(4.05, 1.4), end=(4.05, 2.6), thickness=0.1))
     )
-    assert "'door' is walled up or too narrow for a robot on the map" in inspect_site(
+    assert "'door' is blocked or too narrow for a robot on the map" in inspect_site(
         PLAN, rasterise(walled)
     )
 
 
 def test_a_dock_that_is_not_free_or_cannot_be_reached_is_found() -> None:
-    assert "dock 'dock' is not free on the map: something stands at" in only(
+    assert "dock 'dock' is not free on the map: there is an obstacle at" in only(
         changed(furniture=(furniture(1.3, 2.0, 0.3),))
     )
     pen = (furniture(1.9, 2.0, 0.1, 4.0),)
@@ -204,7 +204,7 @@ def test_a_checkpoint_that_cannot_be_reached_is_found() -> None:
         ],
     }
     found = only(changed(routes=(msgspec.convert(route, Route),)))
-    assert found.startswith("checkpoint 1 of 'giraff' is too near to a wall")
+    assert found.startswith("checkpoint 1 of 'giraff' is too close to a wall")
 
 
 def test_a_site_where_no_robot_fits_is_found() -> None:
@@ -213,7 +213,7 @@ def test_a_site_where_no_robot_fits_is_found() -> None:
     image[::8] = OCCUPIED  # a bar every 40 cm
     assert (
         only(changed(docks=(), places=()), dataclasses.replace(grid, image=image))
-        == "nowhere on the map is enough room for a robot"
+        == "there is not enough room for a robot anywhere on the map"
     )
 
 

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 from robots.api import codec
 from robots.api import messages as m
 from sessions import protocol
-from sessions.consumers.authorization import Authorization, Close, Deny, Halt, Publish, Report, Verb
+from sessions.consumers.authorization import (
+    Authorization,
+    Close,
+    DenyFrame,
+    Halt,
+    Publish,
+    ReportFrame,
+    Verb,
+)
 from tests.support import words
 
 PEER, SESSION = "peer-1", "session-1"
@@ -78,15 +86,15 @@ def test_a_drivers_action_is_stamped_with_role_session_epoch_and_user(asked):
 
 @pytest.mark.parametrize("asked", DRIVERS_ACTIONS, ids=lambda asked: type(asked).__name__)
 def test_an_observers_action_is_refused(asked):
-    assert say(observer(), "command/action", asked) == (Deny("command/action", "observer"),)
+    assert say(observer(), "command/action", asked) == (DenyFrame("command/action", "observer"),)
 
 
 def test_an_observers_velocity_and_heartbeat_are_refused():
     assert say(observer(), "command/velocity", words.velocity(session=SESSION, epoch=7)) == (
-        Deny("command/velocity", "observer"),
+        DenyFrame("command/velocity", "observer"),
     )
     assert say(observer(), "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=PEER)) == (
-        Deny("command/heartbeat", "observer"),
+        DenyFrame("command/heartbeat", "observer"),
     )
 
 
@@ -103,13 +111,13 @@ def test_an_observers_velocity_and_heartbeat_are_refused():
 def test_a_driver_without_the_lease_in_force_may_stop_and_nothing_else(lease):
     authorization = driver()
     assert say(authorization, "command/velocity", words.velocity(), lease) == (
-        Deny("command/velocity", "not_driver"),
+        DenyFrame("command/velocity", "not_driver"),
     )
     assert say(authorization, "command/action", action(m.Goto, x=0.0, y=0.0), lease) == (
-        Deny("command/action", "not_driver"),
+        DenyFrame("command/action", "not_driver"),
     )
-    assert say(authorization, "signal", m.Offer(sdp="v=0"), lease) == (
-        Deny("signal", "not_driver"),
+    assert say(authorization, "signal", m.SdpOffer(sdp="v=0"), lease) == (
+        DenyFrame("signal", "not_driver"),
     )
     assert isinstance(say(authorization, "command/action", action(m.Stop), lease)[0], Halt)
 
@@ -136,10 +144,10 @@ def test_the_number_of_a_stop_is_believed_from_the_driver_alone():
 
 def test_an_emergency_stop_is_cleared_by_operators_only_and_under_their_own_role():
     assert say(driver(), "command/action", action(m.ClearEStop, role="owner", user="Ada")) == (
-        Deny("command/action", "not_allowed"),
+        DenyFrame("command/action", "not_allowed"),
     )
     assert say(observer(), "command/action", action(m.ClearEStop, role="staff", user="Ada")) == (
-        Deny("command/action", "not_allowed"),
+        DenyFrame("command/action", "not_allowed"),
     )
     for authorization in (driver(operator="staff"), observer(operator="owner")):
         (effect,) = say(
@@ -159,19 +167,19 @@ def test_an_operator_needs_no_lease_for_what_a_role_allows(kind):
 
 def test_an_operator_without_the_lease_does_not_drive():
     assert say(observer(operator="owner"), "command/action", action(m.Goto, x=0.0, y=0.0)) == (
-        Deny("command/action", "observer"),
+        DenyFrame("command/action", "observer"),
     )
 
 
 def test_no_page_asks_for_states_again():
     asked = action(m.ResendStates, boot="b", first=1, last=2, role="server")
     assert say(driver(operator="owner"), "command/action", asked) == (
-        Deny("command/action", "not_allowed"),
+        DenyFrame("command/action", "not_allowed"),
     )
 
 
 def test_a_drivers_offer_is_made_anew_by_the_server():
-    forged = m.Offer(
+    forged = m.SdpOffer(
         sdp="v=0",
         role="screen",
         who="Mallory",
@@ -181,23 +189,25 @@ def test_a_drivers_offer_is_made_anew_by_the_server():
     assert say(driver(), "signal", forged) == (
         Publish(
             f"signal/{PEER}",
-            m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7, who="Ada", ice_servers=ICE),
+            m.SdpOffer(
+                sdp="v=0", role="driver", session=SESSION, epoch=7, who="Ada", ice_servers=ICE
+            ),
         ),
     )
 
 
 def test_an_observers_offer_says_observer_whatever_the_page_says():
     (effect,) = say(
-        observer(), "signal", m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7)
+        observer(), "signal", m.SdpOffer(sdp="v=0", role="driver", session=SESSION, epoch=7)
     )
     assert effect == Publish(
-        "signal/peer-2", m.Offer(sdp="v=0", role="observer", who="Bob", ice_servers=ICE)
+        "signal/peer-2", m.SdpOffer(sdp="v=0", role="observer", who="Bob", ice_servers=ICE)
     )
 
 
 def test_who_neither_drives_nor_watches_signals_nothing():
-    assert say(Authorization("p", "Eve"), "signal", m.Offer(sdp="v=0")) == (
-        Deny("signal", "no_role"),
+    assert say(Authorization("p", "Eve"), "signal", m.SdpOffer(sdp="v=0")) == (
+        DenyFrame("signal", "no_role"),
     )
 
 
@@ -205,10 +215,10 @@ def test_who_waits_may_watch_meanwhile_and_drives_as_nobody():
     authorization = Authorization("peer-3", "Cid")
     authorization.wait("session-3")
     authorization.observe()
-    (effect,) = say(authorization, "signal", m.Offer(sdp="v=0", role="driver"))
+    (effect,) = say(authorization, "signal", m.SdpOffer(sdp="v=0", role="driver"))
     assert effect.message.role == "observer"
     assert say(authorization, "command/velocity", words.velocity()) == (
-        Deny("command/velocity", "observer"),
+        DenyFrame("command/velocity", "observer"),
     )
 
 
@@ -236,7 +246,7 @@ def test_a_granted_page_no_longer_watches():
 )
 def test_a_page_uses_no_suffix_but_its_own(suffix):
     (effect,) = driver().receive(f"{suffix}\n{{}}", LEASE, 0.0)
-    assert effect == Deny(suffix, "unknown_topic")
+    assert effect == DenyFrame(suffix, "unknown_topic")
 
 
 @pytest.mark.parametrize(
@@ -289,7 +299,7 @@ def test_verbs_go_to_the_database_and_reports_to_the_record():
     )
     event = protocol.PageEvent(stamp=1.0, type="tab_hidden", data={"seconds": 2.0})
     (report,) = say(authorization, "page/event", event)
-    assert report == Report(
+    assert report == ReportFrame(
         protocol.PageReport(
             suffix="page/event", session=SESSION, message=msgspec.Raw(codec.encode(event))
         )
@@ -298,7 +308,7 @@ def test_verbs_go_to_the_database_and_reports_to_the_record():
 
 def test_a_page_without_a_session_has_nothing_to_report():
     assert say(observer(), "page/event", protocol.PageEvent(stamp=1.0, type="x")) == (
-        Deny("page/event", "no_session"),
+        DenyFrame("page/event", "no_session"),
     )
 
 
@@ -325,7 +335,7 @@ def test_what_would_fill_the_record_is_refused(data):
     (effect,) = say(
         driver(), "page/event", protocol.PageEvent(stamp=1.0, type="cue_shown", data=data)
     )
-    assert isinstance(effect, Deny)
+    assert isinstance(effect, DenyFrame)
 
 
 def test_the_longest_that_a_page_says_for_the_record_passes():
@@ -373,7 +383,7 @@ def test_the_longest_that_a_page_says_for_the_record_passes():
         *(("page/event", event) for event in events),
     ):
         (effect,) = say(driver(), suffix, message)
-        assert isinstance(effect, Report)
+        assert isinstance(effect, ReportFrame)
         assert len(effect.message.message) < protocol.MAX_REPORT / 2
 
 
@@ -389,7 +399,7 @@ def test_the_longest_that_a_page_says_for_the_record_passes():
 def test_more_than_a_page_needs_is_refused(suffix, message, rate, burst):
     authorization = driver()
     passed = sum(
-        isinstance(effect, Publish | Halt | Report)
+        isinstance(effect, Publish | Halt | ReportFrame)
         for tick in range(2000)
         for effect in say(authorization, suffix, message, now=tick / 200)
     )
@@ -493,7 +503,7 @@ MESSAGES = st.one_of(
         st.sampled_from(["peer-1", "x"]),
     ),
     st.builds(
-        lambda role, session: ("signal", m.Offer(sdp="v=0", role=role, session=session)),
+        lambda role, session: ("signal", m.SdpOffer(sdp="v=0", role=role, session=session)),
         st.sampled_from(["driver", "observer", "screen"]),
         st.sampled_from([None, "session-1"]),
     ),
@@ -505,7 +515,7 @@ MESSAGES = st.one_of(
 def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drives):
     authorization = driver() if drives else observer()
     for effect in authorization.receive(frame, LEASE, 0.0):
-        assert isinstance(effect, Deny | Publish | Halt | Verb | Report)
+        assert isinstance(effect, DenyFrame | Publish | Halt | Verb | ReportFrame)
         if isinstance(effect, Publish | Halt):
             codec.decode(
                 "command/action" if isinstance(effect, Halt) else effect.suffix,
@@ -585,14 +595,18 @@ def test_one_request_lets_one_picture_through():
 
 def test_a_guest_gets_no_picture():
     authorization = Authorization("peer-3", "Eve")
-    assert say(authorization, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
+    assert say(authorization, "command/picture", WANTED) == (
+        DenyFrame("command/picture", "no_role"),
+    )
     assert not authorization.may_see_picture(LEASE)
 
 
 def test_whoever_waits_without_watching_gets_no_picture():
     authorization = Authorization("peer-3", "Eve")
     authorization.wait("session-9")
-    assert say(authorization, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
+    assert say(authorization, "command/picture", WANTED) == (
+        DenyFrame("command/picture", "no_role"),
+    )
 
 
 def test_a_driver_whose_lease_has_gone_to_somebody_else_gets_no_picture():
@@ -600,7 +614,7 @@ def test_a_driver_whose_lease_has_gone_to_somebody_else_gets_no_picture():
     say(authorization, "command/picture", WANTED)
     assert not authorization.may_see_picture(msgspec.structs.replace(LEASE, epoch=8, peer="peer-9"))
     assert say(authorization, "command/picture", WANTED, lease=None) == (
-        Deny("command/picture", "not_driver"),
+        DenyFrame("command/picture", "not_driver"),
     )
 
 
@@ -647,12 +661,12 @@ def test_a_drivers_dot_carries_what_the_server_knows():
 
 
 def test_nobody_points_without_driving():
-    assert say(observer(), "command/point", DOT) == (Deny("command/point", "observer"),)
+    assert say(observer(), "command/point", DOT) == (DenyFrame("command/point", "observer"),)
     assert say(Authorization("peer-3", "Eve"), "command/point", DOT) == (
-        Deny("command/point", "not_driver"),
+        DenyFrame("command/point", "not_driver"),
     )
     assert say(driver(), "command/point", DOT, msgspec.structs.replace(LEASE, epoch=8)) == (
-        Deny("command/point", "not_driver"),
+        DenyFrame("command/point", "not_driver"),
     )
 
 
@@ -661,7 +675,7 @@ def test_nobody_points_without_driving():
 )
 def test_a_dot_that_is_not_on_the_picture_reaches_nobody(at):
     frame = f'command/point\n{{"stamp":5.0,"at":{at}}}'
-    assert driver().receive(frame, LEASE, 0.0) == (Deny("command/point", "malformed"),)
+    assert driver().receive(frame, LEASE, 0.0) == (DenyFrame("command/point", "malformed"),)
 
 
 def test_twenty_dots_a_second_pass_and_none_of_them_takes_the_room_of_a_stop_or_of_words():

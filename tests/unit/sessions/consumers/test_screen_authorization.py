@@ -5,7 +5,7 @@ import pytest
 from robots.api import codec
 from robots.api import messages as m
 from sessions import protocol
-from sessions.consumers.authorization import Deny, Halt, Publish
+from sessions.consumers.authorization import DenyFrame, Halt, Publish
 from sessions.consumers.screen_authorization import ScreenAuthorization
 from tests.support import words
 
@@ -57,10 +57,10 @@ def test_an_offer_of_a_screen_is_an_offer_of_a_screen(authorization):
     effect = say(
         authorization,
         "signal",
-        m.Offer(sdp="v=0", role="driver", session="s", epoch=9, who="Mallory"),
+        m.SdpOffer(sdp="v=0", role="driver", session="s", epoch=9, who="Mallory"),
     )
     assert effect == Publish(
-        "signal/peer-1", m.Offer(sdp="v=0", role="screen", who="Giraff", ice_servers=ICE)
+        "signal/peer-1", m.SdpOffer(sdp="v=0", role="screen", who="Giraff", ice_servers=ICE)
     )
 
 
@@ -95,4 +95,4 @@ def test_a_screen_points_as_the_screen_and_twenty_times_a_second(authorization):
     ],
 )
 def test_a_screen_neither_drives_nor_visits_nor_reports(authorization, suffix, message):
-    assert say(authorization, suffix, message) == Deny(suffix, "not_allowed")
+    assert say(authorization, suffix, message) == DenyFrame(suffix, "not_allowed")

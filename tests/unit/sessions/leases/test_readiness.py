@@ -8,13 +8,13 @@ from sessions.leases.readiness import (
     LATE,
     LONGEST,
     PAUSE,
-    Condition,
     Order,
     Readiness,
+    RobotCondition,
     decide,
 )
 
-AWAY = Condition(docked=False, charge=0.8, charge_limit=0.2)
+AWAY = RobotCondition(docked=False, charge=0.8, charge_limit=0.2)
 HOME = replace(AWAY, docked=True)
 
 

@@ -11,8 +11,8 @@ from sessions.leases.transitions import (
     ON_THE_WAY,
     ROBOT_SILENCE,
     Free,
-    Link,
     Move,
+    RobotLink,
     TurnLimited,
     TurnUnlimited,
     Withdraw,
@@ -49,9 +49,9 @@ def pass_time(world: World, seconds: float, *, open_pages=("ana", "ben", "cem"),
 def test_a_visit_drives_from_the_first_state_with_its_epoch_and_a_fresh_heartbeat(world):
     session = world.session_of("ana").id
     assert world.tick() == ()
-    old_epoch = Link(0.0, world.now, world.now, session, world.hold.epoch - 1, 0.1)
+    old_epoch = RobotLink(0.0, world.now, world.now, session, world.hold.epoch - 1, 0.1)
     assert world.tick(old_epoch) == ()
-    assert world.tick(Link(0.0, world.now, world.now, session, world.hold.epoch, 0.1)) == (
+    assert world.tick(RobotLink(0.0, world.now, world.now, session, world.hold.epoch, 0.1)) == (
         Move(session, "driving"),
     )
 
@@ -210,7 +210,7 @@ def test_nobody_is_punished_for_the_session_managers_own_absence(world):
     world.connected.clear()
     world.tick()
     world.now += 1000.0  # nobody looked
-    started = Link(since=world.now)
+    started = RobotLink(since=world.now)
     world.change(session, seen_at=None)
     assert world.tick(started) == ()
     world.now += RULES.grace + 0.1
@@ -345,3 +345,26 @@ def test_a_lost_visitor_is_not_asked_but_has_the_grace_period(asking):
     acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY)
     assert [type(act) for act in acts] == [Move, Ended]
     assert acts[-1] == Ended(session=session, outcome="connection_lost", reason="visitor_silent")
+
+
+def test_a_turn_that_the_terms_always_limit_ends_though_nobody_waits(world):
+    start = world.now
+    session = drive(world)
+    world.change(session, turn_always=True)
+    acts = pass_time(world, RULES.turn + 1.0)
+    assert acts[0] == TurnLimited(session, start + RULES.turn)
+    assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
+
+
+def test_a_turn_is_not_called_while_the_page_has_no_connection_and_the_place_is_kept(world):
+    session = drive(world)
+    world.take("ben")
+    ben = world.session_of("ben").id
+    world.end(session, "completed", "left")
+    assert [act.session for act in pass_time(world, 2.0) if isinstance(act, Offered)] == [ben]
+    world.change(ben, seen_at=None)
+    acts = pass_time(world, RULES.grace - 2.0, open_pages=("ana",))
+    assert Withdraw(ben) in acts
+    assert not any(isinstance(act, Ended) for act in acts)
+    acts = pass_time(world, 2.0)
+    assert [act.session for act in acts if isinstance(act, Offered)] == [ben]

@@ -3,7 +3,8 @@
 import pytest
 from django.db import OperationalError
 
-from sessions.manager.health import ManagerHealth, is_disk_full
+from sessions.disk_full import is_disk_full
+from sessions.manager.health import ManagerHealth
 
 FULL = OperationalError("database or disk is full")
 

@@ -1,36 +1,11 @@
 """Adapters that wait as long as a busy machine takes."""
 
-import dataclasses
-
 import pytest
 
-from robots.agent.adapters.common import remote_adapter
-from robots.agent.adapters.navigation_layer import adapter as autonomy
-from robots.agent.adapters.navigation_layer import child
-from robots.agent.adapters.simulator import adapter as simulator
-from tests.support.patience import patient
-
-SECONDS = (
-    (simulator, ("SILENCE",)),
-    (remote_adapter, ("SILENCE", "CONNECT_TIME", "FIRST_READING")),
-    (autonomy, ("STUCK", "STUCK_IDLE")),
-    (child, ("READY_TIME", "ANSWER_TIME")),
-)
+from tests.support.patient_adapters import make_patient
 
 
 @pytest.fixture
 def patient_adapters(monkeypatch):
-    """A robot or a mind that says nothing for a second is given up, one that does not answer for a
-    quarter is not driven.
-
-    Here that second may be the machine's, which has others to serve. With the real limits they are
-    tested in tests/timing.
-    """
-    for module, names in SECONDS:
-        for name in names:
-            monkeypatch.setattr(module, name, patient(getattr(module, name)))
-    gate = remote_adapter.GATE
-    slower = {
-        name: patient(getattr(gate, name)) for name in ("patience", "oldest", "freshest", "longest")
-    }
-    monkeypatch.setattr(remote_adapter, "GATE", dataclasses.replace(gate, **slower))
+    """Where something between the test and the adapter needs it."""
+    make_patient(monkeypatch)

@@ -81,7 +81,7 @@ def test_installed_it_is_driven_by_the_agent_as_ours_are(environment, tmp_path):
     assert found["touched"] == ["ahead"]
     assert found["after_contact"] == 0.0, "m/s"
     assert found["latest_tick"] < 0.2 + found["host_late"], "a hung call stalls nobody"
-    assert "says nothing of its odometry" in found["lost"] or "answer" in found["lost"]
+    assert "has stopped sending its odometry" in found["lost"] or "answer" in found["lost"]
     assert found["came_back"]
     assert found["seconds_to_end"] < 6.0
 

@@ -1,25 +1,38 @@
-"""The page about writing an adapter, executed: its two blocks are a robot, and pass the conformance
-suite.
+"""The page about writing an adapter, executed: its first two blocks are a robot, and pass the
+conformance suite; the third gives it a camera.
 """
 
 import asyncio
 import re
+import sys
+import time
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.robot_interface import AdapterError
+from robots.agent.media.pixels import video_frame
+from robots.agent.robot_interface import AdapterError, Frame
 from robots.agent.safety.collision_monitor import monitor_of
+from tests.support.adapter_conformance import wait_for
 from tests.support.paths import ROOT
-from tests.support.rca_conformance import RcaConformance
+from tests.support.patience import patient
+from tests.support.rca_conformance import RcaConformance, connected
 from tests.support.rca_world import RcaRig
 
 PAGE = ROOT / "docs" / "howto" / "write-an-adapter.md"
 
 
+CAMERA = "\n[camera]\nwidth = 64\nheight = 48\nfps = 30\nhfov = 1.0\nx = 0.1\nz = 0.5\n"
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
 def block(language):
-    (found,) = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    return found
+    return blocks(language)[0]
 
 
 class Rosie(RcaRig, asyncio.DatagramProtocol):
@@ -27,12 +40,13 @@ class Rosie(RcaRig, asyncio.DatagramProtocol):
 
     series = "rhodon"
 
-    def __init__(self, directory):
+    def __init__(self, directory, *, camera=False):
         super().__init__()
         self.port, self.transport, self.peer = 0, None, None
         self.adapter_file, self.profile_file = directory / "rosie.py", directory / "rosie.toml"
-        self.adapter_file.write_text(block("python"), encoding="utf-8")
-        self.profile_file.write_text(block("toml"), encoding="utf-8")
+        python, toml = blocks("python"), block("toml")
+        self.adapter_file.write_text("".join(python if camera else python[:1]), encoding="utf-8")
+        self.profile_file.write_text(toml + (CAMERA if camera else ""), encoding="utf-8")
 
     def adapter(self, **options):
         return registry.create(
@@ -71,6 +85,92 @@ class Rosie(RcaRig, asyncio.DatagramProtocol):
 class TestRosie(RcaConformance):
     def make_rig(self, directory):
         return Rosie(directory)
+
+
+class BlueCamera:
+    """Of cv2.VideoCapture what the page uses: `read` blocks for the next picture, BGR in uint8, and
+    returns False and None when there is none (modules/videoio, VideoCapture::read). Its memory is
+    used again, as `read(image)` does, and as the cameras of many SDKs do.
+    """
+
+    taken = 0
+    gone = False
+
+    def __init__(self, index):
+        assert index == 0
+        self._bgr = np.zeros((48, 64, 3), np.uint8)
+
+    def read(self):
+        time.sleep(0.005)
+        if BlueCamera.gone:
+            return False, None
+        BlueCamera.taken += 1
+        self._bgr[:] = (255, BlueCamera.taken % 100, 0)
+        return True, self._bgr
+
+    def release(self):
+        self._bgr[:] = 0
+
+
+@pytest.fixture
+def opencv(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", SimpleNamespace(VideoCapture=BlueCamera))
+    monkeypatch.setattr(BlueCamera, "gone", False)
+
+
+def test_the_camera_of_the_page_gives_rgb_in_memory_of_its_own(tmp_path, opencv):
+    adapter = Rosie(tmp_path, camera=True).adapter()
+    source = adapter.video()
+    assert "video" in adapter.profile.capabilities
+    assert source is adapter.video()
+    for _ in range(2):
+        source.start()
+        source.start()
+        frames = [source.read(patient(5.0)) for _ in range(3)]
+        source.stop()
+        source.stop()
+        assert source.read(0.05) is None
+        for frame in frames:
+            assert (frame.image.dtype, frame.image.shape) == (np.uint8, (48, 64, 3))
+            assert frame.image.flags.c_contiguous
+            red, green, blue = frame.image[0, 0]
+            assert (red, blue) == (0, 255), "the camera sees blue"
+            assert (frame.image[:, :, 1] == green).all()
+            assert video_frame(frame).to_ndarray(format="rgb24").shape == (48, 64, 3)
+        assert len({int(frame.image[0, 0, 1]) for frame in frames}) == 3, "no memory is shared"
+        assert frames[0].stamp < frames[1].stamp < frames[2].stamp
+    BlueCamera.gone = True
+    source.start()
+    with pytest.raises(AdapterError, match="the camera gives no frames"):
+        source.read(patient(5.0))
+    source.stop()
+
+
+async def test_a_callback_on_a_thread_of_the_sdk_reaches_the_readings_on_the_loop(tmp_path, opencv):
+    with Rosie(tmp_path, camera=True) as rig:
+        adapter = rig.adapter()
+        async with connected(adapter):
+            for count in (1, 2):
+                await asyncio.to_thread(adapter.on_bumper, True)
+                await wait_for(adapter, lambda s, count=count: s.contacts == count)
+                await asyncio.to_thread(adapter.on_bumper, False)
+    closed = adapter._loop = asyncio.new_event_loop()
+    closed.close()
+    await asyncio.to_thread(adapter.on_bumper, True)
+
+
+def test_every_array_of_the_page_has_the_shape_and_type_that_the_agent_takes():
+    table = PAGE.read_text(encoding="utf-8").partition("### NumPy arrays")[2]
+    for row in ("| `uint8` | (height, width, 3) | RGB", "| `int16` | (960,) |", "| (n, 2) |"):
+        assert row in table
+    tall = Frame(np.zeros((48, 64, 3), np.uint8), 1.0)
+    planes = Frame(np.zeros((72, 64), np.uint8), 1.0, "yuv420p")
+    assert (planes.width, planes.height) == (tall.width, tall.height) == (64, 48)
+    for frame in (tall, planes):
+        assert (video_frame(frame).width, video_frame(frame).height) == (64, 48)
+    for image in (np.zeros((48, 64, 3), np.float32), np.zeros((48, 64), np.uint8)):
+        with pytest.raises(ValueError, match=r"an image of shape \(48, 64.* is not rgb24"):
+            video_frame(Frame(image, 1.0))
 
 
 def test_what_the_page_promises_of_a_laser_is_so(tmp_path):

@@ -92,7 +92,7 @@ def test_what_cannot_be_done_is_refused_with_a_sentence():
     robot = HeadlessRobot()
     for action, words in (
         (goto("the moon"), "'the moon'"),
-        (m.Goto(action_id="g", stamp=0.0), "where to"),
+        (m.Goto(action_id="g", stamp=0.0), "the goal is missing"),
         (m.Goto(action_id="g", stamp=0.0, x=500.0, y=500.0), "."),
         (m.Follow(action_id="f", stamp=0.0, points=((0.0, 0.0),)), "line"),
         (m.Tilt(action_id="t", stamp=0.0, angle=0.1), "tilt"),

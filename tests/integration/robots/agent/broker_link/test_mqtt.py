@@ -163,6 +163,15 @@ def test_a_broker_whose_certificate_nobody_vouches_for_is_not_talked_to(tmp_path
         assert not agent.link.connected
 
 
+def test_an_agent_whose_password_the_broker_does_not_know_says_what_to_do(tmp_path, caplog):
+    with (
+        Mosquitto(tmp_path, anonymous=False) as broker,
+        LinkThread(broker.url) as agent,
+    ):
+        agent.wait(lambda: "manage.py enrol giraff --server" in caplog.text)
+    assert "[code" not in caplog.text
+
+
 def test_a_stored_lease_arrives_marked_as_such(broker, ear):
     ear.say("lease", LEASE, retain=True)
     with LinkThread(broker.url) as agent:

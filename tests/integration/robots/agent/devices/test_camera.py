@@ -98,7 +98,7 @@ def test_a_file_without_pictures_is_said_in_a_sentence(tmp_path):
             container.mux(packet)
     source = camera(str(path))
     source.start()
-    with pytest.raises(AdapterError, match="there is no video in it"):
+    with pytest.raises(AdapterError, match="it contains no video"):
         [source.read(0.5) for _ in range(60)]
     source.stop()
 

@@ -179,7 +179,7 @@ def test_a_device_that_is_not_there_is_said_with_those_that_are(pulseaudio, tmp_
         with pytest.raises(
             AdapterError,
             match=(
-                r"^the microphone basement cannot be used: there is no such device; there are:"
+                r"^the microphone basement cannot be used: there is no such device; available:"
                 r" default, pulse$"
             ),
         ):
@@ -190,7 +190,7 @@ def test_a_device_that_is_not_there_is_said_with_those_that_are(pulseaudio, tmp_
         with pytest.raises(
             AdapterError,
             match=(
-                r"^the loudspeaker hw:7,0 cannot be used: there is no such device; there are:"
+                r"^the loudspeaker hw:7,0 cannot be used: there is no such device; available:"
                 r" default, pulse$"
             ),
         ):
@@ -225,7 +225,8 @@ def test_a_computer_without_alsa_utils_is_told_what_to_install(tmp_path, monkeyp
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
     for device in (found.audio, found.outputs[0]):
         with pytest.raises(
-            AdapterError, match="is not there; sudo apt install alsa-utils libasound2-plugins"
+            AdapterError,
+            match="is not installed; run sudo apt install alsa-utils libasound2-plugins",
         ):
             device.start()
         device.stop()

@@ -6,7 +6,7 @@ from aiortc import RTCConfiguration, RTCPeerConnection
 from robots.agent.media.webrtc import signalling
 from robots.agent.media.webrtc.relays import Relays
 from robots.agent.media.webrtc.signalling import PageConnection
-from robots.api.messages import IceServer, Offer
+from robots.api.messages import IceServer, SdpOffer
 
 DATA_ONLY = RTCConfiguration(iceServers=[])
 
@@ -25,7 +25,7 @@ async def test_servers_that_held_up_an_answer_are_asked_again_before_the_next(
     relays, page = Relays(silent, lambda: 0.0), RTCPeerConnection(DATA_ONLY)
     page.createDataChannel("control")
     await page.setLocalDescription(await page.createOffer())
-    offer = Offer(
+    offer = SdpOffer(
         sdp=page.localDescription.sdp, ice_servers=(IceServer(urls=("stun:203.0.113.9",)),)
     )
     for _ in range(2):

@@ -21,10 +21,10 @@ from robots.api.messages import (
     CommandHeartbeat,
     Echo,
     Heartbeat,
-    Offer,
     PointCommand,
     Pointer,
     PoseUpdate,
+    SdpOffer,
     Stay,
     Stop,
 )
@@ -216,7 +216,7 @@ async def test_a_camera_that_falls_silent_is_started_anew(camera, media, new_pag
     await until(lambda: len(page.pictures) > 5)
     camera.fall_silent()
     await until(lambda: media.camera.status == "failed")
-    assert "gave nothing" in media.camera.reason
+    assert "sent no data" in media.camera.reason
     camera.recover()
     held = len(page.pictures)
     await until(lambda: len(page.pictures) > held + 5, what="pictures again")
@@ -358,7 +358,7 @@ async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(
     await until(lambda: exchange.byes("p1") == ["flooded"] and media.connected == 0, what="the end")
 
     def refused() -> bool:
-        media.signal("p1", Offer(sdp="v=0", role="observer"))
+        media.signal("p1", SdpOffer(sdp="v=0", role="observer"))
         return exchange.byes("p1")[-1] == "flooded"
 
     refused()
@@ -436,7 +436,7 @@ async def test_the_robot_is_full_for_observers_and_never_for_the_driver(
     for number in range(3):
         await new_page(f"p{number}", decode=False).connect()
     late = new_page("late", decode=False)
-    media.signal("late", Offer(sdp=await late.offer_sdp()))
+    media.signal("late", SdpOffer(sdp=await late.offer_sdp()))
     await until(lambda: exchange.byes("late") == ["full"])
     await new_page("driver", decode=False).connect("driver")
     assert exchange.byes("p2") == ["full"], "the observer who came last makes room"
@@ -472,7 +472,7 @@ async def test_a_page_that_never_comes_frees_its_place(
 ) -> None:
     monkeypatch.setattr(signalling, "CONNECT_TIMEOUT", 0.5)
     page = new_page("p1", decode=False)
-    media.signal("p1", Offer(sdp=await page.offer_sdp()))
+    media.signal("p1", SdpOffer(sdp=await page.offer_sdp()))
     await until(lambda: exchange.byes("p1") == ["failed"], what="the end")
     assert media.statistics() == {}
 
@@ -517,7 +517,7 @@ async def test_candidates_that_arrive_before_their_offer_count(media, exchange, 
     for candidate in candidates:
         media.signal("p1", Candidate(candidate=candidate, sdp_m_line_index=0))
     media.signal("p1", Candidate())
-    media.signal("p1", Offer(sdp=plain))
+    media.signal("p1", SdpOffer(sdp=plain))
     await until(lambda: exchange.answers("p1"))
     await page.take_answer()
     await until(lambda: len(page.pictures) > 3, what="pictures")
@@ -529,7 +529,7 @@ async def test_a_name_that_nobody_answers_for_delays_nothing(media, exchange, ne
     unknown = (
         "a=candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"
     )
-    media.signal("p1", Offer(sdp=sdp.replace("a=candidate", f"{unknown}\r\na=candidate", 1)))
+    media.signal("p1", SdpOffer(sdp=sdp.replace("a=candidate", f"{unknown}\r\na=candidate", 1)))
     began = time.monotonic()
     await until(lambda: exchange.answers("p1"))
     assert time.monotonic() - began < 0.8, "aioice waits 1 s for such a name"
@@ -552,7 +552,7 @@ async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(
         good.replace("m=video", "m=smell"),
     ]
     for number, sdp in enumerate(rubbish):
-        media.signal(f"bad{number}", Offer(sdp=sdp))
+        media.signal(f"bad{number}", SdpOffer(sdp=sdp))
         await until(
             lambda number=number: exchange.byes(f"bad{number}") == ["failed"],
             what=f"refusal {number}",
@@ -582,7 +582,7 @@ async def test_every_offer_is_answered_or_refused_however_it_is_mangled(
                 ]
             )
         peer = f"m{number}"
-        media.signal(peer, Offer(sdp="\r\n".join(lines) + "\r\n"))
+        media.signal(peer, SdpOffer(sdp="\r\n".join(lines) + "\r\n"))
         await until(
             lambda peer=peer: exchange.answers(peer) or exchange.byes(peer),
             what=f"a reply to {lines}",
@@ -636,7 +636,7 @@ async def test_a_page_that_asks_again_at_the_goodbye_is_told_it_again_and_leaves
         exchange.reply(peer, message)
         if isinstance(message, Bye) and len(asked) < 50:
             asked.append(message)
-            side.signal(peer, Offer(sdp=sdp))
+            side.signal(peer, SdpOffer(sdp=sdp))
             side.signal(peer, unknown)
 
     asked: list[Bye] = []

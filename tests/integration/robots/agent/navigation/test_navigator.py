@@ -123,8 +123,8 @@ def test_a_door_that_opens_again_while_the_robot_waits_lets_it_go_on() -> None:
 @pytest.mark.parametrize(
     ("x", "y", "theta", "reason"),
     [
-        (40.0, 1.0, None, "outside of the map"),
-        (math.inf, 1.0, None, "not a point"),
+        (40.0, 1.0, None, "outside the map"),
+        (math.inf, 1.0, None, "x or y is not a number"),
         (3.0, 1.0, math.nan, "heading"),
         (9.4, 7.15, None, "in a wall"),
     ],

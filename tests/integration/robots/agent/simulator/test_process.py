@@ -198,7 +198,7 @@ def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
         fault, onlooker = SimulatorOperator(robot.port), robot.onlooker()
         assert fault.wish(wire.CarryTo(8.6, 4.4, 1.0)) == ""
         assert (onlooker.truth().x, onlooker.truth().y) == (8.6, 4.4)
-        assert "desk-1 stands there" in fault.wish(wire.CarryTo(2.4, 7.2, 0.0))
+        assert "desk-1 is in that spot" in fault.wish(wire.CarryTo(2.4, 7.2, 0.0))
         assert fault.wish(wire.SetDoors({"lab-door": "closed"})) == ""
         assert eventually(lambda: onlooker.truth().doors["lab-door"] == "closed")
         with driving_agent(robot.address, linear=0.25):  # there is less than a metre ahead

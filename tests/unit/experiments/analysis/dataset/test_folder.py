@@ -11,13 +11,14 @@ from experiments.analysis.dataset.files import numbers
 from experiments.analysis.dataset.folder import DatasetError, put, read, write
 from experiments.analysis.dataset.records import (
     Dataset,
-    Event,
-    Participant,
-    Response,
-    Session,
+    EventRecord,
+    ParticipantRecord,
+    ResponseRecord,
+    SessionRecord,
     columns_of,
 )
 from experiments.definition.shipped import shipped
+from tests.support.questionnaires import defined, item
 from tests.support.study_dataset import made_up
 
 
@@ -76,17 +77,32 @@ def test_every_column_of_every_file_stands_in_the_code_book(folder):
         assert set(path.read_text().split("\n", 1)[0].split(",")) <= told, path.name
 
 
+def test_the_code_book_names_the_option_of_a_column_with_its_place(tmp_path):
+    asked = (defined([item("ranking", "r"), item("text", "t")]),)
+    write(Dataset(shipped()["exploration"], questionnaires=asked), tmp_path)
+    book = json.loads((tmp_path / "dataset_description.json").read_text())
+    told = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
+    assert {name: told[name] for name in ("r.a", "r.c", "r_missing", "t")} == {
+        "r.a": "test: Text of r – A",
+        "r.c": "test: Text of r – C",
+        "r_missing": "test: why there is no answer to: Text of r",
+        "t": "test: Text of t",
+    }
+
+
 def test_what_a_spreadsheet_takes_for_a_formula_is_defused_and_comes_back_as_it_was(tmp_path):
     said = '=HYPERLINK("x")\nsecond "line", with comma'
     dataset = Dataset(
         shipped()["exploration"],
-        participants=(Participant("a", left="'quoted"),),
+        participants=(ParticipantRecord("a", left="'quoted"),),
         sessions=(
-            Session("s", "a", "giraff", reason=said, doors_closed=("lab-door", "lounge-door")),
+            SessionRecord(
+                "s", "a", "giraff", reason=said, doors_closed=("lab-door", "lounge-door")
+            ),
         ),
-        events=(Event("s", -1.5, "page", "cue", {"ä": [1, "|"]}),),
+        events=(EventRecord("s", -1.5, "page", "cue", {"ä": [1, "|"]}),),
         responses=(
-            Response(
+            ResponseRecord(
                 "r",
                 "ict",
                 "a",
@@ -110,7 +126,7 @@ def test_numbers_come_back_with_all_their_digits(tmp_path):
     values = [0.1, 1e-17, 1.0 / 3.0, 123456789.123456789, -0.0, 1e300, 5.0]
     for file in numbers("states", "s", columns_of(STATES, x=values)):
         put(file, tmp_path)
-    dataset = Dataset(shipped()["exploration"], sessions=(Session("s", "a", "giraff"),))
+    dataset = Dataset(shipped()["exploration"], sessions=(SessionRecord("s", "a", "giraff"),))
     write(dataset, tmp_path)
     found = read(tmp_path).states("s")
     np.testing.assert_array_equal(found["x"], values)
@@ -180,7 +196,7 @@ def test_a_code_that_is_no_name_of_a_file_is_refused(tmp_path, code):
         write(
             Dataset(
                 shipped()["exploration"],
-                sessions=(Session(code, "a", "giraff"),),
+                sessions=(SessionRecord(code, "a", "giraff"),),
                 states=lambda _: columns_of(STATES, x=[1.0]),
             ),
             tmp_path,
@@ -189,14 +205,14 @@ def test_a_code_that_is_no_name_of_a_file_is_refused(tmp_path, code):
 
 def test_pilots_bots_and_the_withdrawn_do_not_count():
     people = (
-        Participant("a"),
-        Participant("b", kind="pilot"),
-        Participant("c", kind="bot"),
-        Participant("d", withdrawn=True),
+        ParticipantRecord("a"),
+        ParticipantRecord("b", kind="pilot"),
+        ParticipantRecord("c", kind="bot"),
+        ParticipantRecord("d", withdrawn=True),
     )
     sessions = (
-        *tuple(Session(f"s{one.id}", one.id, "giraff", kind=one.kind) for one in people),
-        Session("x", "a", "giraff", excluded="test drive"),
+        *tuple(SessionRecord(f"s{one.id}", one.id, "giraff", kind=one.kind) for one in people),
+        SessionRecord("x", "a", "giraff", excluded="test drive"),
     )
     dataset = Dataset(shipped()["exploration"], participants=people, sessions=sessions)
     assert [one.id for one in dataset.chosen().sessions] == ["sa", "x"]

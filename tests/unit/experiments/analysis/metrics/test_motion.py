@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from experiments.analysis.dataset.columns import STATES
 from experiments.analysis.dataset.records import columns_of
-from experiments.analysis.metrics.motion import Track, drive, travelled
+from experiments.analysis.metrics.motion import Trajectory, drive, travelled
 
 
 def track(seconds=None, **given):
@@ -24,7 +24,7 @@ def track(seconds=None, **given):
         "linear": np.zeros(n),
         "angular": np.zeros(n),
     }
-    return Track.of(columns_of(STATES, stamp=stamps, **(plain | given)))
+    return Trajectory.of(columns_of(STATES, stamp=stamps, **(plain | given)))
 
 
 def test_a_position_that_trembles_by_less_than_a_centimetre_is_no_way():
@@ -107,7 +107,7 @@ def test_standing_and_moving_fill_the_time():
 
 
 def test_time_is_that_of_the_servers_clock():
-    found = Track.of(
+    found = Trajectory.of(
         columns_of(STATES, stamp=[7.0, 7.25], clock_offset=[2.0, 2.0], boot=[0.0, 0.0])
     )
     assert found.at.tolist() == [5.0, 5.25]

@@ -12,12 +12,12 @@ from experiments.analysis.dataset.records import (
     NO_NETWORK,
     NO_STATES,
     Dataset,
-    Event,
-    Session,
+    EventRecord,
+    SessionRecord,
     columns_of,
 )
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
-from experiments.analysis.metrics.motion import Track
+from experiments.analysis.metrics.motion import Trajectory
 from experiments.analysis.metrics.sessions import METRICS, SEGMENT_METRICS, measure, measure_all
 from experiments.definition.shipped import shipped
 from tests.support.study_dataset import made_up
@@ -96,7 +96,7 @@ def test_nobody_drives_less_than_the_shortest_way():
 
 
 def test_a_session_without_anything_is_full_of_unknowns_and_no_error():
-    session = Session("s", "a", "giraff", site="office", outcome="connection_refused")
+    session = SessionRecord("s", "a", "giraff", site="office", outcome="connection_refused")
     found = measure(
         replace(
             DATASET, sessions=(session,), states=lambda _: NO_STATES, network=lambda _: NO_NETWORK
@@ -121,25 +121,25 @@ def test_a_robot_without_course_or_plan_is_measured_all_the_same():
 
 
 def test_docking_counts_once_every_checkpoint_was_passed():
-    session = Session("s", "a", "giraff", site="office", first_frame=0.0, ended=99.0)
+    session = SessionRecord("s", "a", "giraff", site="office", first_frame=0.0, ended=99.0)
     course = STUDY.courses[0]
     early = [
-        Event("s", 10.0, "task", "docked"),
-        *(Event("s", 20.0 + n, "task", "checkpoint", {"number": n}) for n in (1, 2, 3)),
+        EventRecord("s", 10.0, "task", "docked"),
+        *(EventRecord("s", 20.0 + n, "task", "checkpoint", {"number": n}) for n in (1, 2, 3)),
     ]
     assert math.isnan(milestones(session, early, course).docked)
     late = [
         *early,
-        Event("s", 30.0, "task", "checkpoint", {"number": 4}),
-        Event("s", 40.0, "task", "docked"),
+        EventRecord("s", 30.0, "task", "checkpoint", {"number": 4}),
+        EventRecord("s", 40.0, "task", "docked"),
     ]
     assert milestones(session, reversed(late), course).docked == 40.0
 
 
 def test_an_event_that_says_nonsense_is_no_milestone():
-    session = Session("s", "a", "giraff")
+    session = SessionRecord("s", "a", "giraff")
     events = [
-        Event("s", 1.0, "task", "checkpoint", data)
+        EventRecord("s", 1.0, "task", "checkpoint", data)
         for data in ({}, {"number": "4"}, {"number": None}, {"number": -1})
     ]
     assert milestones(session, events, STUDY.courses[0]).checkpoints == {}
@@ -148,7 +148,7 @@ def test_an_event_that_says_nonsense_is_no_milestone():
 def test_coming_near_the_station_twice_is_two_attempts():
     x = np.array([3.0, 1.0, 0.7, 0.9, 0.7, 1.0, 2.0, 0.5, 0.1])
     n = len(x)
-    track = Track.of(
+    track = Trajectory.of(
         columns_of(
             STATES,
             stamp=np.arange(n),

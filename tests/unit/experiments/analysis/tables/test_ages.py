@@ -5,7 +5,7 @@ import math
 import msgspec
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset, Session
+from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import METRICS, Measured
 from experiments.analysis.tables.ages import AGES, ages
@@ -24,7 +24,7 @@ CLEAN, WORSE = (condition.key for condition in CONDITIONS)
 def measured(who, condition, **values):
     nothing = {column.name: math.nan for column in METRICS}
     return Measured(
-        Session(f"{who}-{condition}", who, "giraff", condition=condition),
+        SessionRecord(f"{who}-{condition}", who, "giraff", condition=condition),
         Milestones(),
         nothing | values,
         (),

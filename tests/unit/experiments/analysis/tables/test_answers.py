@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 from scipy.special import ndtr
 
-from experiments.analysis.dataset.records import Dataset, Response, Session
+from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import METRICS, Measured
 from experiments.analysis.tables.answers import compare_answers
@@ -38,7 +38,7 @@ def study_of(study, opinion, scale=SCALE, item="q2"):
     for number in range(PARTICIPANTS):
         own = keys if study.allocation.design == "within" else [keys[number % len(keys)]]
         for order, key in enumerate(own, start=1):
-            one = Session(
+            one = SessionRecord(
                 f"{number}-{key}",
                 f"P{number}",
                 "giraff",
@@ -48,7 +48,7 @@ def study_of(study, opinion, scale=SCALE, item="q2"):
             )
             sessions.append(one)
             responses.append(
-                Response(
+                ResponseRecord(
                     f"{one.id}-q",
                     "experience",
                     one.participant,
@@ -122,7 +122,7 @@ def driven(rng):
     for number in range(PARTICIPANTS):
         own = rng.lognormal(5.0, 0.3)
         for order in (1, 2):
-            session = Session(
+            session = SessionRecord(
                 f"{number}-{order}",
                 f"P{number}",
                 "giraff",
@@ -140,12 +140,12 @@ def test_rows_are_tested_as_scipy_does_and_overall_is_a_participants_mean():
     keys = [one.key for one in WITHIN.conditions]
     answers = rng.integers(-2, 3, (12, len(keys), 8))
     sessions = [
-        Session(f"{n}-{c}", f"P{n}", "giraff", condition=key, number=c + 1)
+        SessionRecord(f"{n}-{c}", f"P{n}", "giraff", condition=key, number=c + 1)
         for n in range(12)
         for c, key in enumerate(keys)
     ]
     responses = [
-        Response(
+        ResponseRecord(
             f"r{n}-{c}",
             "experience",
             f"P{n}",
@@ -175,8 +175,8 @@ def test_rows_are_tested_as_scipy_does_and_overall_is_a_participants_mean():
 
 def test_without_answers_or_with_one_condition_alone_there_is_nothing_to_test():
     assert compare_answers(Dataset(BETWEEN, questionnaires=QUESTIONS)).rows == ()
-    one = Response("r", "experience", "P", {"q1": 2}, session="s")
-    session = Session("s", "P", "giraff", condition=BETWEEN.conditions[0].key)
+    one = ResponseRecord("r", "experience", "P", {"q1": 2}, session="s")
+    session = SessionRecord("s", "P", "giraff", condition=BETWEEN.conditions[0].key)
     table = compare_answers(
         Dataset(BETWEEN, sessions=(session,), responses=(one,), questionnaires=QUESTIONS)
     )

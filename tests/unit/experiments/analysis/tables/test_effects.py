@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import Dataset, Session
+from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import METRICS, Measured, measure_all
 from experiments.analysis.tables.effects import (
@@ -29,7 +29,7 @@ PAIR = msgspec.structs.replace(STUDY, conditions=STUDY.conditions[:2])
 
 
 def measured(who, condition="", number=1, outcome="completed", **values):
-    session = Session(
+    session = SessionRecord(
         f"{who}-{condition}-{number}",
         who,
         "giraff",
@@ -159,6 +159,6 @@ def test_studies_of_hardly_anybody_break_nothing(size):
 def test_sessions_without_a_condition_are_in_the_whole_and_in_no_group():
     table = outcomes_by_condition(
         Dataset(PAIR),
-        [replace(measured("P"), session=Session("s", "P", "giraff", outcome="completed"))],
+        [replace(measured("P"), session=SessionRecord("s", "P", "giraff", outcome="completed"))],
     )
     assert [one[0].text for one in table.rows] == ["all"]

@@ -4,7 +4,13 @@ import itertools
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset, Page, Participant, Response, Session
+from experiments.analysis.dataset.records import (
+    Dataset,
+    PageRecord,
+    ParticipantRecord,
+    ResponseRecord,
+    SessionRecord,
+)
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.tables.flow import FLOW, flow, funnel
 from experiments.definition.shipped import shipped
@@ -18,19 +24,19 @@ def people():
     return Dataset(
         STUDY,
         participants=(
-            Participant("declined", left="declined"),
-            Participant("withdrawn", cell="a", withdrawn=True),
-            Participant("refused", cell="a", left="connection refused"),
-            Participant("silent", cell="a"),
-            Participant("done", cell="b", finished=True),
+            ParticipantRecord("declined", left="declined"),
+            ParticipantRecord("withdrawn", cell="a", withdrawn=True),
+            ParticipantRecord("refused", cell="a", left="connection refused"),
+            ParticipantRecord("silent", cell="a"),
+            ParticipantRecord("done", cell="b", finished=True),
         ),
         sessions=(
-            Session("s1", "refused", "giraff", outcome="connection_refused"),
-            Session("s2", "silent", "giraff", outcome="timed_out", first_motion=3.0),
-            Session("s3", "done", "giraff", outcome="cancelled", first_motion=3.0),
-            Session("s4", "done", "giraff", number=2, outcome="completed", first_motion=3.0),
+            SessionRecord("s1", "refused", "giraff", outcome="connection_refused"),
+            SessionRecord("s2", "silent", "giraff", outcome="timed_out", first_motion=3.0),
+            SessionRecord("s3", "done", "giraff", outcome="cancelled", first_motion=3.0),
+            SessionRecord("s4", "done", "giraff", number=2, outcome="completed", first_motion=3.0),
         ),
-        responses=(Response("r", "experience", "done", {"q1": 1}, session="s3"),),
+        responses=(ResponseRecord("r", "experience", "done", {"q1": 1}, session="s3"),),
     )
 
 
@@ -74,11 +80,11 @@ def test_every_cell_has_a_flow_of_its_own():
 
 def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
     pages = (
-        Page("P1", "link", seconds=2.0),
-        Page("P2", "link", seconds=4.0),
-        Page("P3", "link", finished=False),
-        Page("P1", "consent", seconds=30.0),
-        Page("P2", "consent", finished=False),
+        PageRecord("P1", "link", seconds=2.0),
+        PageRecord("P2", "link", seconds=4.0),
+        PageRecord("P3", "link", finished=False),
+        PageRecord("P1", "consent", seconds=30.0),
+        PageRecord("P2", "consent", finished=False),
     )
     table = funnel(Dataset(STUDY, pages=pages), [])
     found = {row[0].text: [cell.value for cell in row[1:]] for row in table.rows}

@@ -9,7 +9,12 @@ import pandas
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import Dataset, Participant, Response, Session
+from experiments.analysis.dataset.records import (
+    Dataset,
+    ParticipantRecord,
+    ResponseRecord,
+    SessionRecord,
+)
 from experiments.analysis.tables.paper_tables import lines_of, table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.response_selection import counted
@@ -23,6 +28,7 @@ from experiments.analysis.tables.table import (
     words,
 )
 from experiments.definition.shipped import shipped
+from tests.support.questionnaires import defined, item
 from tests.support.study_dataset import made_up, questionnaires
 
 STUDY = shipped()["exploration"]
@@ -32,10 +38,13 @@ STATEMENTS = [f"q{n}" for n in range(1, 9)]
 
 def answered(*rows, **more):
     """A dataset of participants who answered so: a mapping each."""
-    people = tuple(Participant(f"P{n}") for n in range(len(rows)))
-    sessions = tuple(Session(f"S{n}", f"P{n}", "giraff", site="office") for n in range(len(rows)))
+    people = tuple(ParticipantRecord(f"P{n}") for n in range(len(rows)))
+    sessions = tuple(
+        SessionRecord(f"S{n}", f"P{n}", "giraff", site="office") for n in range(len(rows))
+    )
     responses = tuple(
-        Response(f"R{n}", "experience", f"P{n}", row, session=f"S{n}") for n, row in enumerate(rows)
+        ResponseRecord(f"R{n}", "experience", f"P{n}", row, session=f"S{n}")
+        for n, row in enumerate(rows)
     )
     return Dataset(
         STUDY,
@@ -154,9 +163,9 @@ def test_every_number_of_table_5_knows_the_sessions_behind_it():
 def test_the_response_that_counts_is_a_rule_of_the_study_and_stands_below(rule, value):
     import msgspec
 
-    sessions = tuple(Session(f"S{n}", "P", "giraff", number=n) for n in (1, 2))
+    sessions = tuple(SessionRecord(f"S{n}", "P", "giraff", number=n) for n in (1, 2))
     responses = tuple(
-        Response(f"R{n}", "experience", "P", {"q1": {1: -2, 2: 2}[n]}, session=f"S{n}")
+        ResponseRecord(f"R{n}", "experience", "P", {"q1": {1: -2, 2: 2}[n]}, session=f"S{n}")
         for n in (2, 1)
     )
     study = msgspec.structs.replace(
@@ -164,7 +173,7 @@ def test_the_response_that_counts_is_a_rule_of_the_study_and_stands_below(rule, 
     )
     dataset = Dataset(
         study,
-        participants=(Participant("P"),),
+        participants=(ParticipantRecord("P"),),
         sessions=sessions,
         responses=responses,
         questionnaires=questionnaires("experience"),
@@ -172,7 +181,7 @@ def test_the_response_that_counts_is_a_rule_of_the_study_and_stands_below(rule, 
     found = table_5(dataset)
     assert rows_of(found)["Q1"][7].value == value
     assert "response" in found.notes[0]
-    assert "1 participants" in found.notes[0]
+    assert "1 participant," in found.notes[0]
 
 
 def test_a_response_that_was_not_sent_off_does_not_count():
@@ -183,16 +192,16 @@ def test_a_response_that_was_not_sent_off_does_not_count():
 
 def test_in_each_condition_one_response_of_a_participant_counts():
     sessions = (
-        Session("S1", "P", "giraff", condition="alone"),
-        Session("S2", "P", "giraff", number=2, condition="assisted"),
+        SessionRecord("S1", "P", "giraff", condition="alone"),
+        SessionRecord("S2", "P", "giraff", number=2, condition="assisted"),
     )
     responses = (
-        Response("R1", "experience", "P", {"q1": 0}, session="S1"),
-        Response("R2", "experience", "P", {"q1": 2}, session="S2"),
+        ResponseRecord("R1", "experience", "P", {"q1": 0}, session="S1"),
+        ResponseRecord("R2", "experience", "P", {"q1": 2}, session="S2"),
     )
     dataset = Dataset(
         STUDY,
-        participants=(Participant("P"),),
+        participants=(ParticipantRecord("P"),),
         sessions=sessions,
         responses=responses,
         questionnaires=questionnaires("experience"),
@@ -227,7 +236,7 @@ def test_table_1_has_a_column_a_robot_also_for_one_that_nobody_described():
 
 def test_table_3_has_the_papers_systems_those_that_were_found_and_other():
     sessions = tuple(
-        Session(f"S{n}", f"P{n}", "giraff", os=system, browser=browser, network=f"n{n % 2}")
+        SessionRecord(f"S{n}", f"P{n}", "giraff", os=system, browser=browser, network=f"n{n % 2}")
         for n, (system, browser) in enumerate(
             (("Windows", "Chrome"), ("FreeBSD", "Firefox"), ("", ""), ("Windows", "Opera"))
         )
@@ -269,6 +278,47 @@ def test_the_answers_of_a_question_and_those_who_gave_none_sum_to_100():
         sums.pop("Participants", None)
         assert len(sums) >= 7
         assert all(total == pytest.approx(100.0) for total in sums.values())
+
+
+def test_those_to_whom_a_question_does_not_apply_are_counted_apart():
+    asked = (defined([item("single", "s", not_applicable=True), item("single", "t")], slug="ict"),)
+    said = [({"s": "a"}, {}), ({}, {"s": "not_applicable"}), ({}, {"s": "skipped"})]
+    responses = tuple(
+        ResponseRecord(f"R{n}", "ict", f"P{n}", values, missing=missing)
+        for n, (values, missing) in enumerate(said)
+    )
+    people = tuple(ParticipantRecord(f"P{n}") for n in range(len(said)))
+    found = table_2(Dataset(STUDY, participants=people, responses=responses, questionnaires=asked))
+    rows = [(row[1].text, row[2].value) for row in found.rows]
+    assert ("does not apply", 1) in rows
+    assert rows.count(("does not apply", 1)) == 1, "only where it is offered"
+    assert ("not reported", 1) in rows
+    assert ("not reported", 3) in rows
+
+
+def test_table_5_treats_what_does_not_apply_as_missing_and_says_how_often():
+    data = answered({"q1": 2, "q2": 1}, {"q1": 1}, {"q2": 0})
+    assert "Does not apply" not in " ".join(table_5(data).notes)
+    declined = tuple(
+        replace(one, missing={} if "q1" in one.values else {"q1": "not_applicable"})
+        for one in data.responses
+    )
+    table = table_5(replace(data, responses=declined))
+    assert table.rows == table_5(data).rows
+    assert table.notes[-1] == "Answers “Does not apply”: 1; they count as missing."
+
+
+def test_of_an_order_is_counted_what_is_first():
+    asked = (defined([item("ranking", "r")], slug="ict"),)
+    orders = [list("cab"), list("cba"), list("abc"), None]
+    responses = tuple(
+        ResponseRecord(f"R{n}", "ict", f"P{n}", {"r": order} if order else {})
+        for n, order in enumerate(orders)
+    )
+    people = tuple(ParticipantRecord(f"P{n}") for n in range(len(orders)))
+    found = table_2(Dataset(STUDY, participants=people, responses=responses, questionnaires=asked))
+    counts = {row[1].text: row[2].value for row in found.rows}
+    assert counts == {"A": 1, "B": 0, "C": 2, "not reported": 1}
 
 
 def test_ages_are_those_of_pandas():

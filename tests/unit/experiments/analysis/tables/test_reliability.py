@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.records import Session
+from experiments.analysis.dataset.records import SessionRecord
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.reliability import judge
@@ -17,7 +17,7 @@ GOOD = {"rate": 4.0, "longest_gap": 0.5, "clock_offset": 0.01}
 
 
 def measured(session=None, **changed):
-    session = session or Session("s", "a", "giraff", first_motion=3.0)
+    session = session or SessionRecord("s", "a", "giraff", first_motion=3.0)
     return Measured(session, Milestones(), GOOD | changed, (), np.empty((0, 2)), 0.0)
 
 
@@ -51,7 +51,7 @@ def test_a_record_at_a_bound_is_good(values):
 
 
 def test_what_was_applied_otherwise_and_an_operator_fail_it_where_the_study_says_so():
-    session = Session(
+    session = SessionRecord(
         "s", "a", "giraff", first_motion=3.0, mismatch="assist off, not steer", operator=True
     )
     assert words(judge(measured(session), RULES)) == ["condition", "operator"]

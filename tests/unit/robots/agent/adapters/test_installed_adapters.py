@@ -40,7 +40,7 @@ def test_a_name_of_ours_cannot_be_taken(site, caplog) -> None:
     install(site, "other-moos", "moos", text="def create(profile_name, options):\n    1 / 0\n")
     assert registry.create("moos", "giraff").profile.rca == "MOOS (OpenMORA)"
     adapter_names.installed()
-    assert "adapter_name_taken name=moos package=other-moos 1.0" in caplog.text
+    assert 'adapter_name_taken name=moos package="other-moos 1.0"' in caplog.text
 
 
 def test_two_packages_with_one_name_are_both_named(site) -> None:
@@ -75,7 +75,7 @@ def test_a_profile_may_have_a_table_for_an_installed_adapter(site, tmp_path) -> 
     text = (Path(registry.__file__).parent / "profiles" / "giraff.toml").read_text()
     file = tmp_path / "mine.toml"
     file.write_text(f"{text}\n[stranger]\nwatchdog = 0.4\n")
-    with pytest.raises(AdapterError, match=r"a section \[stranger\] that nobody reads"):
+    with pytest.raises(AdapterError, match=r"an unknown section \[stranger\]"):
         registry.create("moos", str(file))
     install(site, "stranger-robots", "stranger")
     assert registry.create("moos", str(file)).profile.series == "giraff"

@@ -52,11 +52,11 @@ STATED = "[ros1]\nwatchdog = 0.5\n"
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("[Ros1]\nwatchdog = 0.5\n", "a section [Ros1] that nobody reads; did you mean ros1?"),
-        (STATED + "[ross]\nport = 1\n", "a section [ross] that nobody reads; did you mean ros"),
+        ("[Ros1]\nwatchdog = 0.5\n", "an unknown section [Ros1]; did you mean ros1?"),
+        (STATED + "[ross]\nport = 1\n", "an unknown section [ross]; did you mean ros"),
         (
             STATED + "[batery]\nempty = 1.0\n",
-            "a section [batery] that nobody reads; did you mean battery?",
+            "an unknown section [batery]; did you mean battery?",
         ),
         (
             '[ros1]\nwatchdog = 0.5\ncmd_vell = "/base"\n',
@@ -104,15 +104,15 @@ def test_sections_of_other_adapters_are_no_business_of_this_one(tmp_path):
 def test_a_profile_that_states_no_watchdog_is_refused_for_no_default_is_a_property_of_the_base(
     tmp_path, adapter
 ):
-    with pytest.raises(
-        AdapterError, match=f"states no watchdog for {adapter}: write into its section"
-    ):
+    with pytest.raises(AdapterError, match=f"has no watchdog for {adapter}: set in its section"):
         made(tmp_path, "", adapter=adapter)
     assert made(tmp_path, f"[{adapter}]\nwatchdog = 0.7\n", adapter=adapter).profile.watchdog == 0.7
 
 
 def test_no_option_overrules_it(tmp_path):
-    assert "a watchdog is a property of the base" in refusal(tmp_path, STATED, {"watchdog": "0.4"})
+    assert "the watchdog is a property of the base" in refusal(
+        tmp_path, STATED, {"watchdog": "0.4"}
+    )
 
 
 @pytest.mark.parametrize(

@@ -583,11 +583,19 @@ def test_our_navigation_gets_what_is_in_the_way_where_the_architecture_assists_b
         )
 
 
+def test_an_agent_that_has_just_started_is_connecting_and_has_lost_nothing(rig):
+    first = rig.link.wait("state")
+    assert first.safety.inhibited == "fault"
+    assert first.errors == ("adapter_starting: the agent is connecting to the robot",)
+    later = rig.link.wait("state", lambda s: not s.errors)
+    assert later.safety.inhibited != "fault"
+
+
 def test_signals_reach_the_media_side_with_their_peer(rig):
-    rig.link.say("signal/p5", m.Offer(sdp="v=0", role="driver"))
-    rig.wait(lambda: rig.media.signals == [("p5", m.Offer(sdp="v=0", role="driver"))])
-    rig.control.reply("p5", m.Answer(sdp="v=1"))
-    assert rig.link.wait("signal/p5/reply") == m.Answer(sdp="v=1")
+    rig.link.say("signal/p5", m.SdpOffer(sdp="v=0", role="driver"))
+    rig.wait(lambda: rig.media.signals == [("p5", m.SdpOffer(sdp="v=0", role="driver"))])
+    rig.control.reply("p5", m.SdpAnswer(sdp="v=1"))
+    assert rig.link.wait("signal/p5/reply") == m.SdpAnswer(sdp="v=1")
 
 
 # --- the adapter ----------------------------------------------------------------------------------
@@ -600,8 +608,10 @@ def test_a_robot_that_is_gone_refuses_motion_and_comes_back_by_itself(rig, how):
     setattr(rig.robot, how, "cable" if how == "lost" else True)
     rig.push(0.5)
     rig.link.wait("event", lambda e: e.type == "adapter_lost")
-    state = rig.link.wait("state", lambda s: s.safety.inhibited == "fault")
-    assert any(error.startswith("adapter_lost") for error in state.errors)
+    state = rig.link.wait(
+        "state", lambda s: any(error.startswith("adapter_lost: ") for error in s.errors)
+    )
+    assert state.safety.inhibited == "fault"
     setattr(rig.robot, how, "" if how == "lost" else False)
     rig.link.wait("event", lambda e: e.type == "adapter_back")
     rig.lease(renewal=1)

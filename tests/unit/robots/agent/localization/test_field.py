@@ -83,7 +83,7 @@ def test_a_turned_map_leads_to_the_same_places() -> None:
     [
         ("####\n####", "no free space"),
         ("   \n###", "no free space"),
-        ("...\n...", "nothing stands"),
+        ("...\n...", "no obstacles"),
     ],
 )
 def test_a_map_that_cannot_tell_where_one_is_is_refused(picture: str, reason: str) -> None:

@@ -1,7 +1,7 @@
 """The golden file of pixels and the floor that they show, and of drives and where they led.
 
 The drive page's projection and the way that it draws ahead are tested against it
-(tests/js/overlay.test.js).
+(tests/js/view/overlay.test.js).
 """
 
 import json

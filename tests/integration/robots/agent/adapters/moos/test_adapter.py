@@ -115,7 +115,7 @@ async def test_a_database_without_a_robot_says_what_is_missing(monkeypatch):
     monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.2)
     db = MoosDb()
     await db.start()
-    with pytest.raises(AdapterError, match="says nothing of LOCALIZATION"):
+    with pytest.raises(AdapterError, match="has not sent LOCALIZATION"):
         await registry.create("moos", "giraff", {"port": db.port}).connect()
     await db.stop()
 

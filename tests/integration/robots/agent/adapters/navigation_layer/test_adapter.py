@@ -128,7 +128,7 @@ async def test_an_order_waits_for_a_mind_about_to_think_and_is_refused_where_not
     adapter = made()
     async with driving(adapter) as drive:
         await drive.until(lambda: drive.state is not None and adapter._beams is not None)
-        with pytest.raises(AdapterError, match="no place is called"):
+        with pytest.raises(AdapterError, match="no place here is called"):
             await adapter.start(goto(place="the moon"))
         with pytest.raises(AdapterError, match="line"):
             await adapter.start(Follow(action_id="f", stamp=0.0, points=((0.0, 0.0),)))

@@ -9,11 +9,13 @@ import signal
 import pytest
 
 from robots.agent.adapters import registry
+from robots.agent.adapters.common import remote_adapter
+from robots.agent.adapters.ros.graph import master_restarted
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Velocity
 from tests.support.adapter_conformance import drive, some, wait_for
 from tests.support.rca_conformance import RcaConformance, again, lost, sees_grey, standing
-from tests.support.ros1_robot import Ros1Rig
+from tests.support.ros1_robot import RobotBus, Ros1Rig
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
 
@@ -40,9 +42,56 @@ class TestRhodon(RcaConformance):
         self.rig.running = False
         self.rig.master.kill()
         self.rig.master.start()
-        await self.rig._bus.shut()
-        await self.rig.start_robot()
-        self.rig.running = True
+        await self.rig.restart_robot()
+
+    async def test_nodes_that_a_restarted_master_has_forgotten_are_named_until_they_are_restarted(
+        self, adapter, monkeypatch
+    ):
+        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
+        restarting = asyncio.get_running_loop().run_in_executor(None, self.restart_master)
+        assert "the ROS master at" in await lost(adapter, AHEAD)
+        await restarting
+        await standing(self.rig)
+        told = len(self.rig.world.commands)
+        with monkeypatch.context() as shortly:
+            shortly.setattr(remote_adapter, "FIRST_READING", 1.5)
+            for _ in range(2):
+                with pytest.raises(AdapterError) as found:
+                    await adapter.connect()
+                assert str(found.value).endswith(
+                    "has not sent its odometry on /odom: the ROS master was restarted. Nodes that"
+                    " started before it are no longer known to it; restart them: /base_driver"
+                )
+                with pytest.raises(AdapterError):
+                    adapter.apply(AHEAD)
+        assert self.rig.world.sim.motion.linear == 0.0
+        assert not any(linear or angular for _, linear, angular in self.rig.world.commands[told:])
+        await asyncio.to_thread(self.rig.call, self.rig.restart_robot())
+        await again(adapter)
+        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2 and s.errors == ())
+
+    async def test_a_forgotten_node_beside_a_base_that_is_known_again_is_the_first_error(
+        self, adapter
+    ):
+        laser = RobotBus(self.rig.master, "laser_driver")
+        await asyncio.to_thread(self.rig.call, laser.open(self.rig.lost.append, None))
+        try:
+            await wait_for(adapter, lambda _: "/laser_driver" in adapter._bus.known, 20.0)
+            restarting = asyncio.get_running_loop().run_in_executor(
+                None, lambda: self.rig.call(self.restart())
+            )
+            await lost(adapter, AHEAD)
+            await restarting
+            await again(adapter)
+            state = await wait_for(adapter, lambda s: s.errors, 10.0)
+            assert state.errors[0] == master_restarted(["/laser_driver"])
+        finally:
+            await asyncio.to_thread(self.rig.call, laser.shut())
+        await wait_for(adapter, lambda s: s.errors == (), 20.0)
+
+    def restart_master(self):
+        self.rig.master.kill()
+        self.rig.master.start()
 
     async def test_a_node_that_is_killed_stops_the_robot_by_its_watchdog_and_is_replaced(
         self, adapter
@@ -63,6 +112,16 @@ class TestRhodon(RcaConformance):
             lambda _: self.rig.world.commands[-1:] and self.rig.world.commands[-1][1] == 0.0,
             3.0,
         )
+
+
+@pytest.mark.parametrize("address", ["robot:11311", "http://", "http://robot:many"])
+def test_a_malformed_address_of_the_master_is_named_with_where_it_was_given(address, monkeypatch):
+    expected = r"must be the address of the ROS master, such as http://192\.168\.1\.30:11311, not "
+    with pytest.raises(AdapterError, match=f"^master {expected}'{address}'"):
+        registry.create("ros1", "rhodon", {"master": address})
+    monkeypatch.setenv("ROS_MASTER_URI", address)
+    with pytest.raises(AdapterError, match=f"^ROS_MASTER_URI {expected}'{address}'"):
+        registry.create("ros1", "rhodon")
 
 
 async def test_without_a_master_the_address_is_named():

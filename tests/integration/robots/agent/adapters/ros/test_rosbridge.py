@@ -98,7 +98,7 @@ async def test_a_rosbridge_without_a_robot_says_what_is_missing(monkeypatch):
     adapter = registry.create("rosbridge", "rhodon", {"url": server.url, "odom": "/wheels"})
     try:
         async with asyncio.timeout(patient(5.0)):
-            with pytest.raises(AdapterError, match="says nothing of its odometry on /wheels"):
+            with pytest.raises(AdapterError, match="has not sent its odometry on /wheels"):
                 await adapter.connect()
     finally:
         await server.stop()

@@ -52,7 +52,7 @@ def test_a_source_may_take_longer_to_start_than_between_two_that_it_gives():
         assert eventually(lambda: source.capture.state == CaptureState("live"))
         source.gives = False
         assert eventually(
-            lambda: source.capture.state.reason == "the camera gave nothing for 0.2 s"
+            lambda: source.capture.state.reason == "the camera sent no data for 0.2 s"
         )
 
 
@@ -61,7 +61,7 @@ def test_a_source_that_never_begins_is_given_up_and_tried_again():
         CaptureLimits(opening=0.1, stall=60.0, read=0.02, first_retry=0.02, last_retry=0.02)
     ) as source:
         assert eventually(lambda: source.starts > 2)
-        assert source.capture.state.reason == "the camera gave nothing for 0.1 s"
+        assert source.capture.state.reason == "the camera sent no data for 0.1 s"
 
 
 def test_why_it_failed_is_known_while_it_starts_again_and_forgotten_when_it_works():

@@ -10,7 +10,7 @@ from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection
 from robots.agent.broker_link.broker_discovery import believed
 from robots.agent.media.webrtc.relays import FAILURE_HOLDS, HOLDS, Relays, answers
 from robots.agent.media.webrtc.signalling import PageConnection
-from robots.api.messages import IceServer, Offer
+from robots.api.messages import IceServer, SdpOffer
 from tests.support.coturn import Coturn
 from tests.support.site import free_port
 
@@ -127,7 +127,7 @@ async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_w
         page = RTCPeerConnection(RTCConfiguration(iceServers=[]))
         page.createDataChannel("control")
         await page.setLocalDescription(await page.createOffer())
-        offer = Offer(sdp=page.localDescription.sdp, ice_servers=(coturn.server("tls"),))
+        offer = SdpOffer(sdp=page.localDescription.sdp, ice_servers=(coturn.server("tls"),))
         for trust, is_relayed in ((None, False), (believed(str(coturn.ca)), True)):
             connection = PageConnection(
                 "ada",

@@ -79,7 +79,7 @@ def test_a_base_without_localization_gets_ours():
         ("series = ", "cannot be used"),
         (MINE, "linear"),
         (MINE + LIMITS + "[tilt]\nminimum = 0.0\n", "maximum"),
-        ('colour = "red"\n' + MINE + LIMITS, "colour is nothing that a profile says"),
+        ('colour = "red"\n' + MINE + LIMITS, "colour is not a key of a robot profile"),
         (MINE + LIMITS + "[battery]\nempty = 30.0\nfull = 20.0\n", "fewer volts"),
         (MINE.replace("0.2, -0.2", "0.2") + LIMITS, "footprint"),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.0\n", "watchdog"),
@@ -97,7 +97,7 @@ def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sen
 
 
 def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
-    with pytest.raises(AdapterError, match="there are giraff, rhodon"):
+    with pytest.raises(AdapterError, match="choose one of giraff, rhodon"):
         load_profile("r2d2")
 
 
@@ -112,3 +112,38 @@ def test_what_is_not_installed_is_named_with_the_line_that_installs_it(monkeypat
         monkeypatch.setitem(sys.modules, library, None)
         with pytest.raises(AdapterError, match=re.escape(f"pip install '{extras[module][0]}'")):
             registry.create(module, "rhodon")
+
+
+@pytest.mark.parametrize(
+    ("adapter", "option", "value", "sentence"),
+    [
+        ("moos", "port", "many", "port must be a whole number from 1 to 65535, not 'many'"),
+        ("moos", "port", "99999", "port must be a whole number from 1 to 65535, not '99999'"),
+        ("moos", "tilt_sign", "up", "tilt_sign must be a number, not 'up'"),
+        ("openmora_mqtt", "broker", "robot:1883", "the broker's address must be mqtt://"),
+        ("openmora_mqtt", "broker", "mqtt://robot:x", "the port must be from 1 to 65535"),
+        ("ros1", "localization", "gps", "localization must be one of none, pose, tf, not 'gps'"),
+        ("ros1", "stamped", "maybe", "stamped must be auto, true or false, not 'maybe'"),
+        ("ros1", "cmd_vel", "cmd vel", "cmd_vel must be a name of ROS .* not 'cmd vel'"),
+        ("ros2", "namespace", "robot 1", "namespace must be .* such as /robot1, not 'robot 1'"),
+        ("ros2", "domain", "many", "domain must be a whole number from 0 to 232, not 'many'"),
+        ("ros2", "domain", "233", "domain must be a whole number from 0 to 232, not '233'"),
+        ("rosbridge", "url", "robot:9090", "url must be the address of rosbridge, such as ws://"),
+        ("rosbridge", "url", "ws://robot:x", "url must be the address of rosbridge"),
+        ("rosbridge", "version", "3", "version must be a whole number from 1 to 2, not '3'"),
+        ("simulator", "seed", "x", "the simulator's option seed must be a whole number, not 'x'"),
+        ("simulator", "start", "nowhere", "nowhere"),
+    ],
+)
+def test_an_option_that_is_malformed_is_named_with_what_it_must_be(
+    adapter, option, value, sentence
+):
+    with pytest.raises(AdapterError, match=sentence) as error:
+        registry.create(adapter, "giraff", {option: value})
+    assert "\n" not in str(error.value)
+
+
+def test_a_site_that_is_not_there_is_named_with_its_option():
+    adapter = registry.create("ros2", "rhodon", {"localization": "none"})
+    with pytest.raises(AdapterError, match="--plan: no site 'nowhere': give one of "):
+        registry.autonomous(adapter, "nowhere")

@@ -8,6 +8,7 @@ from robots.agent.adapters.ros.graph import (
     TopicNeed,
     TopicPeers,
     chosen_stamped,
+    master_restarted,
     nobody_listens,
     not_said,
 )
@@ -73,3 +74,15 @@ def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_som
         "/scan is a/B, not sensor_msgs/LaserScan: set scan to another topic",
     )
     assert not_said(None, [SCAN]) == ()
+
+
+def test_nodes_that_a_restarted_master_has_forgotten_are_named_and_many_are_counted():
+    assert master_restarted([]) == ""
+    assert (
+        master_restarted(["/laser", "/base_driver"])
+        == "the ROS master was restarted. Nodes that started before it are no longer known to it;"
+        " restart them: /base_driver, /laser"
+    )
+    many = master_restarted([f"/node_{number}" for number in range(9)])
+    assert many.endswith("/node_5 and 3 more")
+    assert len(many) < 300

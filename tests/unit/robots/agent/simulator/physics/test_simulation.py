@@ -206,7 +206,8 @@ def test_a_robot_that_is_carried_away_does_not_notice_by_its_wheels() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pose", "words"), [((2.4, 7.2, 0.0), "desk-1 stands there"), ((50.0, 1.0, 0.0), "no room")]
+    ("pose", "words"),
+    [((2.4, 7.2, 0.0), "desk-1 is in that spot"), ((50.0, 1.0, 0.0), "not in a room")],
 )
 def test_a_robot_is_not_carried_into_things_or_out_of_the_site(
     pose: tuple[float, float, float], words: str
@@ -359,11 +360,11 @@ def test_people_who_look_on_change_no_drive() -> None:
 @pytest.mark.parametrize(
     ("start", "words"),
     [
-        ("moon", "no start"),
-        ("1,2", "no start"),
-        ("100,100,0", "no room"),
-        ("nan,1,0", "no room"),
-        ("2.4,7.2,0", "stands there"),
+        ("moon", "cannot start at"),
+        ("1,2", "cannot start at"),
+        ("100,100,0", "not in a room"),
+        ("nan,1,0", "not in a room"),
+        ("2.4,7.2,0", "is in that spot"),
     ],
 )
 def test_a_start_that_cannot_be_is_refused_with_a_sentence(start: str, words: str) -> None:

@@ -1,0 +1,71 @@
+"""What is wrong with a study, as its builder tells it: a text that is missing is named as the page
+names it, once for all languages in which it is missing. Other problems are sentences already.
+"""
+
+import re
+from collections.abc import Iterable
+
+from django.utils.translation import gettext as _
+
+from experiments.builder import labels
+from experiments.builder.parts import Document
+
+_MISSING = re.compile(r"(?P<place>\S+) has no text in (?P<language>\S+)\.")
+_LISTED = re.compile(r"(?P<key>\w+)\[(?P<n>\d+)\]")
+
+
+def in_words(found: Iterable[str], whole: Document) -> dict[str, str]:
+    """Return each problem of a study with what is said of it, in order; of those about one text the
+    first stands for all.
+    """
+    told: dict[str, str] = {}
+    missing: dict[str, tuple[str, list[str]]] = {}
+    for problem in found:
+        about = _MISSING.fullmatch(problem)
+        if about is None:
+            told[problem] = problem
+            continue
+        first, languages = missing.setdefault(about["place"], (problem, []))
+        languages.append(labels.language(about["language"]))
+        told[first] = _("%(text)s (%(languages)s) is missing.") % {
+            "text": _name_of(about["place"], whole),
+            "languages": ", ".join(languages),
+        }
+    return told
+
+
+def _name_of(place: str, whole: Document) -> str:
+    """Return what a text is called: the part of the study, and what it is of that part."""
+    head, *path = place.split(".")
+    names = []
+    if head == "study" and (found := _LISTED.fullmatch(path[0])) and found["key"] in whole:
+        names.append(title_of(whole[found["key"]][int(found["n"])], whole))
+        path = path[1:]
+    elif head != "study":
+        parts = (*whole["steps"], *whole["conditions"])
+        names.append(next((title_of(one, whole) for one in parts if one["key"] == head), head))
+    return " · ".join([*names, *(_segment(one) for one in path)])
+
+
+def _segment(name: str) -> str:
+    """Return what one step of a path is called; checkpoints are counted from 0, the station."""
+    found = _LISTED.fullmatch(name)
+    if found is None:
+        return str(labels.label(name))
+    n = int(found["n"]) + (found["key"] != "checkpoints")
+    return f"{labels.item(found['key'])} {n}"
+
+
+def title_of(part: Document, whole: Document) -> str:
+    """Return what a step, condition or course is called, in the first language that has it."""
+    texts = part.get("title", {})
+    said = next((texts[language] for language in whole["languages"] if texts.get(language)), "")
+    return (
+        said
+        or part.get("key")
+        or _("%(robot)s at %(site)s")
+        % {
+            "robot": part.get("robot", ""),
+            "site": part.get("site", ""),
+        }
+    )

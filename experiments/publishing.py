@@ -1,0 +1,419 @@
+"""Studies in the database: taken from definitions, changed while they are drafts, published once
+nothing stands in the way, closed.
+
+A draft may be half done: it is stored as long as its types are right, and what is wrong with it is
+told until it is mended. What is published has no problems, is feasible with the sites, robots and
+questionnaires at hand, and never changes again.
+"""
+
+import datetime
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import msgspec
+from django.contrib.admin.models import CHANGE, LogEntry
+from django.db import IntegrityError, transaction
+from django.db.models import Max, Model
+
+from accounts import audit
+from experiments.definition.feasibility import Known, RobotFacts, obstacles
+from experiments.definition.problems import name_problems, problems
+from experiments.definition.reachability import unreachable
+from experiments.definition.schema import StudyDefinition, digest
+from experiments.definition.steps.consent import TEMPLATE
+from experiments.models import PersonalLink, Rehearsal, StudyMember
+from experiments.models import Study as Row
+from robots.api import floorplan
+from robots.models import FloorPlan, Robot
+from sessions.interfaces import INTERFACES
+from surveys import questionnaires
+from surveys.documents import BadDefinitionError
+from surveys.models import Questionnaire as QuestionnaireRow
+
+LEAST_REASON = 10  # characters: "later" is none
+
+
+class NotPublishableError(ValueError):
+    """Why a study cannot be published or closed; `reasons` has a sentence each."""
+
+    def __init__(self, reasons: Sequence[str]) -> None:
+        super().__init__("; ".join(reasons))
+        self.reasons = list(reasons)
+
+
+class ChangedMeanwhileError(RuntimeError):
+    """Somebody else changed or published the draft since it was read."""
+
+
+# --- into the database ----------------------------------------------------------------------------
+
+
+def store(definition: StudyDefinition, now: datetime.datetime) -> Row:
+    """Put a study into the database as a draft, in place of a draft of the same version, or return
+    the row that holds the same already.
+
+    Raises:
+        BadDefinitionError: when it is wrong, or its version was published with other content.
+    """
+    found = list(problems(definition))
+    if found:
+        raise BadDefinitionError(found)
+    return _put(definition, now)
+
+
+def _put(definition: StudyDefinition, now: datetime.datetime) -> Row:
+    fields = _fields(definition)
+    try:
+        with transaction.atomic():
+            return Row.objects.create(
+                slug=definition.slug, version=definition.version, created_at=now, **fields
+            )
+    except IntegrityError:
+        return _replace(definition, fields)
+
+
+def _replace(definition: StudyDefinition, fields: dict[str, Any]) -> Row:
+    rows = Row.objects.filter(slug=definition.slug, version=definition.version)
+    rows.filter(status=Row.Status.DRAFT).exclude(sha256=fields["sha256"]).update(**fields)
+    row = rows.get()
+    if row.sha256 != fields["sha256"]:
+        name = f"Version {definition.version} of {definition.slug}"
+        raise BadDefinitionError([f"{name} is published and cannot change: make a new version."])
+    return row
+
+
+def _fields(definition: StudyDefinition) -> dict[str, Any]:
+    title = next(
+        (text for text in (definition.title.get("en", ""), *definition.title.values()) if text),
+        definition.slug,
+    )
+    return {
+        "title": title[:200],
+        "definition": msgspec.to_builtins(definition),
+        "sha256": digest(definition),
+    }
+
+
+def save_draft(row: Row, definition: StudyDefinition) -> Row:
+    """Keep a draft as it stands now, right or half done; name and version stay.
+
+    Raises:
+        ChangedMeanwhileError: the row is no draft any more, or holds something else than when it
+            was read.
+    """
+    named = msgspec.structs.replace(definition, slug=row.slug, version=row.version)
+    rows = Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256)
+    if not rows.update(**_fields(named)):
+        raise ChangedMeanwhileError(f"{row.slug} {row.version} has since been changed or published")
+    return Row.objects.get(pk=row.pk)
+
+
+def begin_empty(slug: str, title: str, languages: Sequence[str], now: datetime.datetime) -> Row:
+    """Make a draft with the usual steps, and nothing to drive yet.
+
+    Raises:
+        BadDefinitionError: there is a study of that name, or name or languages cannot be.
+    """
+    taken = [
+        *name_problems(slug),
+        *([f"There is a study {slug} already."] if Row.objects.filter(slug=slug).exists() else []),
+    ]
+    if taken:
+        raise BadDefinitionError(taken)
+    try:
+        definition = msgspec.convert(
+            _usual(slug, title, tuple(dict.fromkeys(languages))), StudyDefinition
+        )
+    except msgspec.ValidationError as error:
+        raise BadDefinitionError([f"{error}."]) from error
+    return _put(definition, now)
+
+
+def _usual(slug: str, title: str, languages: tuple[str, ...]) -> dict[str, Any]:
+    def said(text: str) -> dict[str, str]:
+        return dict.fromkeys(languages, text)
+
+    steps = [
+        {
+            "kind": "consent",
+            "key": "consent",
+            "title": said("Consent"),
+            "text": {name: TEMPLATE.get(name, TEMPLATE["en"]) for name in languages},
+        },
+        {
+            "kind": "form",
+            "key": "about_you",
+            "title": said("About you"),
+            "questionnaire": "ict",
+            "version": 2,
+        },
+        {
+            "kind": "instructions",
+            "key": "instructions",
+            "title": said("How it works"),
+            "leaves": [],
+        },
+        {"kind": "task", "key": "task", "title": said("Task")},
+        {
+            "kind": "questionnaire",
+            "key": "experience",
+            "title": said("Your experience"),
+            "questionnaire": "experience",
+        },
+        {"kind": "debrief", "key": "thanks", "title": said("Thanks"), "text": {}},
+    ]
+    study = {
+        "format": 1,
+        "slug": slug,
+        "version": 1,
+        "title": said(title),
+        "languages": list(languages),
+        "conditions": [],
+        "courses": [],
+    }
+    return {**study, "steps": steps}
+
+
+def new_version(row: Row, now: datetime.datetime) -> Row:
+    """Return a draft copy, numbered after the newest version; how people come in and when is taken
+    along.
+    """
+    newest = Row.objects.filter(slug=row.slug).aggregate(newest=Max("version"))["newest"]
+    made = _put(msgspec.structs.replace(row.as_definition(), version=newest + 1), now)
+    kept = ("entry", "opening_hours", "time_zone", "exclusive")
+    Row.objects.filter(pk=made.pk).update(**{name: getattr(row, name) for name in kept})
+    return Row.objects.get(pk=made.pk)
+
+
+def own(row: Row, user: Any) -> None:
+    """Make whoever brought a study its owner, when it has none."""
+    if not StudyMember.objects.filter(slug=row.slug, role=StudyMember.Role.OWNER).exists():
+        StudyMember.objects.update_or_create(
+            slug=row.slug, user=user, defaults={"role": StudyMember.Role.OWNER}
+        )
+
+
+# --- what stands in the way -----------------------------------------------------------------------
+
+
+def problems_of(row: Row) -> list[str]:
+    """Return what is wrong with a study in itself, then, when nothing is, what stands in its way
+    here. A consent with placeholders is only refused here: a rehearsal may be run with them.
+    """
+    definition = row.as_definition()
+    consent = definition.consent
+    unfilled = consent.unfilled() if consent is not None else ()
+    return [*problems(definition), *unfilled] or obstacles_here(definition)
+
+
+def obstacles_here(definition: StudyDefinition) -> list[str]:
+    """Return what makes a study impossible with the sites, robots and questionnaires of this
+    server, a sentence each.
+    """
+    return [*obstacles(definition, known_here(), unreachable), *(_elsewhere(definition))]
+
+
+def known_here() -> Known:
+    """Return what is at hand. Questionnaires that come with the site count: publishing puts them
+    in.
+    """
+    return Known(
+        sites=sites(),
+        robots=_robots(),
+        questionnaires=frozenset(_usable()),
+        interfaces=frozenset(INTERFACES),
+    )
+
+
+def sites() -> dict[str, floorplan.FloorPlan]:
+    """Return the plans of the sites by map id; a site that has only a picture is none to make a
+    course on.
+    """
+    rows = FloorPlan.objects.exclude(plan={}).values_list("name", "plan")
+    return {name: floorplan.decode(msgspec.json.encode(plan)) for name, plan in rows}
+
+
+def _robots() -> dict[str, RobotFacts]:
+    """A series can do what each of its robots can: nobody knows which one a participant gets."""
+    found: dict[str, RobotFacts] = {}
+    for robot in _heard_of():
+        sheet = robot.factsheet or {}
+        limits = sheet["limits"]
+        linear = min(limits["linear"], robot.max_linear or float("inf"))
+        ages = (
+            limits.get("commandAge", RobotFacts.command_age),
+            limits.get("frameAge", RobotFacts.frame_age),
+        )
+        facts = RobotFacts(frozenset(sheet["capabilities"]), linear, *ages)
+        other = found.get(sheet["series"], facts)
+        found[sheet["series"]] = RobotFacts(
+            facts.capabilities & other.capabilities,
+            min(facts.linear, other.linear),
+            min(facts.command_age, other.command_age),
+            min(facts.frame_age, other.frame_age),
+        )
+    return found
+
+
+def _heard_of() -> list[Robot]:
+    """Return the robots in use that have said what they are, once at least."""
+    robots = (
+        Robot.objects.filter(enabled=True, practice=False)
+        .select_related("floor_plan")
+        .defer("floor_plan__image")
+    )
+    return [robot for robot in robots if robot.factsheet]
+
+
+def _elsewhere(definition: StudyDefinition) -> Iterator[str]:
+    here = {
+        ((robot.factsheet or {})["series"], robot.floor_plan.name)
+        for robot in _heard_of()
+        if robot.floor_plan is not None
+    }
+    series = {name for name, _site in here}
+    for condition in definition.conditions:
+        if condition.robot in series and (condition.robot, condition.site) not in here:
+            yield (
+                f"Condition {condition.key}: there is no {condition.robot} at the "
+                f"site {condition.site}."
+            )
+
+
+def _usable() -> Iterator[tuple[str, int]]:
+    """Yield slug and version of what can be asked: in the database, and what comes with the site;
+    never templates.
+    """
+    in_database = QuestionnaireRow.objects.values_list("slug", "version", "definition")
+    taken = {(slug, version) for slug, version, _definition in in_database}
+    yield from (
+        (slug, version)
+        for slug, version, definition in in_database
+        if not definition.get("template")
+    )
+    shipped = questionnaires.shipped().values()
+    yield from (
+        (one.slug, one.version)
+        for one in shipped
+        if not one.template and (one.slug, one.version) not in taken
+    )
+
+
+# --- publishing -----------------------------------------------------------------------------------
+
+
+def passed_rehearsal(row: Row) -> Rehearsal | None:
+    """Return the newest rehearsal of exactly this definition that passed."""
+    rehearsals = Rehearsal.objects.filter(
+        study=row, sha256=row.sha256, passed=True, finished_at__isnull=False
+    )
+    return rehearsals.order_by("-finished_at").first()
+
+
+def publish(row: Row, user: Any, reason: str, now: datetime.datetime) -> Row:
+    """Open a draft to participants; from now on its definition is frozen, and no earlier version
+    takes anybody new.
+
+    Args:
+        row: the draft.
+        user: who does it, for the log; None for a command.
+        reason: why without a rehearsal that passed; asked for only where there is none.
+        now: the time.
+
+    Raises:
+        NotPublishableError: with everything that stands in the way.
+    """
+    rehearsal, reason = passed_rehearsal(row), reason.strip()
+    wrong = (
+        ["Only a draft can be published."] if row.status != Row.Status.DRAFT else problems_of(row)
+    )
+    if rehearsal is None and len(reason) < LEAST_REASON:
+        wrong.append(
+            f"No rehearsal of this definition has passed: say in at least {LEAST_REASON} characters"
+            " why it is published without."
+        )
+    if wrong:
+        raise NotPublishableError(wrong)
+    _freeze_questionnaires(row.as_definition(), now)
+    told = {
+        "status": Row.Status.PUBLISHED,
+        "published_at": now,
+        "published_by": user,
+        "unrehearsed_reason": "" if rehearsal is not None else reason,
+    }
+    if not Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256).update(**told):
+        raise NotPublishableError(
+            ["The study has since been changed or published. Reload the page."]
+        )
+    Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk).update(
+        status=Row.Status.CLOSED, closed_at=now
+    )
+    audit.note(
+        "study_published",
+        actor=user,
+        study=row.slug,
+        detail=f"version {row.version}{', unrehearsed' if rehearsal is None else ''}",
+        at=now,
+    )
+    log(
+        row, user, f"Published without a rehearsal: {reason}" if rehearsal is None else "Published."
+    )
+    return Row.objects.get(pk=row.pk)
+
+
+def log(row: Model, user: Any, text: str) -> None:
+    """Note in the administration's log what somebody did with a study, or with
+    what belongs to it.
+    """
+    if user is not None:
+        LogEntry.objects.log_actions(user.pk, [row], CHANGE, text, single_object=True)
+
+
+def _freeze_questionnaires(definition: StudyDefinition, now: datetime.datetime) -> None:
+    """Put in those that come with the site, and let none of them change any more."""
+    shipped = {(one.slug, one.version): one for one in questionnaires.shipped().values()}
+    for step in definition.asking:
+        row = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version).first()
+        questionnaires.freeze(
+            row or questionnaires.store(shipped[step.questionnaire, step.version], now), now
+        )
+
+
+def close(row: Row, now: datetime.datetime) -> Row:
+    """Take nobody new; who takes part may finish.
+
+    Raises:
+        NotPublishableError: it is not published.
+    """
+    if not Row.objects.filter(pk=row.pk, status=Row.Status.PUBLISHED).update(
+        status=Row.Status.CLOSED, closed_at=now
+    ):
+        raise NotPublishableError(["Only a published study can be closed."])
+    return Row.objects.get(pk=row.pk)
+
+
+def reopen(row: Row) -> Row:
+    """Take participants again.
+
+    Raises:
+        NotPublishableError: it is not closed, or a newer version is published.
+    """
+    if (
+        Row.objects.filter(slug=row.slug, version__gt=row.version)
+        .exclude(status=Row.Status.DRAFT)
+        .exists()
+    ):
+        raise NotPublishableError(
+            [("A newer version of this study has been published; this one stays closed.")]
+        )
+    if not Row.objects.filter(pk=row.pk, status=Row.Status.CLOSED).update(
+        status=Row.Status.PUBLISHED, closed_at=None
+    ):
+        raise NotPublishableError(["Only a closed study can be opened again."])
+    return Row.objects.get(pk=row.pk)
+
+
+def may_delete(row: Row) -> bool:
+    """Tell whether nothing is lost with a study: a draft that nobody took part in."""
+    used = row.participants.exists() or PersonalLink.objects.filter(study=row).exists()
+    return row.status == Row.Status.DRAFT and not used

@@ -1,0 +1,124 @@
+"""A rehearsal's findings from the database in which the bots played, and its report into the one to
+which the study belongs.
+"""
+
+import datetime
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from django.utils import timezone
+
+from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.figures.drawing import as_svg
+from experiments.analysis.report import EVERY, reports
+from experiments.analysis.tables.table import as_csv
+from experiments.dataset.build import dataset_of
+from experiments.definition.schema import StudyDefinition
+from experiments.models import Drive, Kind, Rehearsal, Study
+from experiments.rehearsal.replay_check import discrepancies
+from experiments.rehearsal.report import Findings, Record, RehearsalReport
+
+# a bot has no WebRTC that would measure them
+NEVER_FOR_BOTS = frozenset({"loss", "fps", "bitrate", "freezes", "jitter"})
+ALWAYS_RARE = frozenset({"by_map", "by_script", "on_datachannel"})
+
+
+def findings(study: Study) -> Findings:
+    """Return what the database says of the bots' drives, answers and analysis."""
+    definition = study.as_definition()
+    practice = definition.practice_keys
+    drives = Drive.objects.filter(
+        participant__study=study, participant__kind=Kind.BOT
+    ).select_related("session")
+    records = {
+        str(drive.session_id): _record(drive, is_practice=drive.step in practice)
+        for drive in drives
+    }
+    dataset = dataset_of(study).chosen(("bot",))
+    drawn, not_drawn = _draw(dataset)
+    otherwise = discrepancies(
+        drives.select_related("session", "participant__study"), np.random.default_rng(1)
+    )
+    return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, otherwise)
+
+
+def _record(drive: Drive, *, is_practice: bool) -> Record:
+    result: dict[str, Any] = drive.result or {}
+    started, ended = result.get("started"), result.get("ended")
+    seconds = ended - started if started is not None and ended is not None else None
+    outcome = drive.outcome or drive.session.outcome
+    return Record(
+        drive.condition,
+        outcome,
+        len(result.get("checkpoints") or ()),
+        seconds,
+        tuple(drive.mismatches or ()),
+        is_practice,
+    )
+
+
+def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
+    """Yield the questions that no bot answered, and the columns that have no
+    number in any session.
+    """
+    steps = {getattr(step, "questionnaire", "") for step in definition.steps}
+    for questionnaire in dataset.questionnaires:
+        if questionnaire.slug not in steps:
+            continue
+        own = [one for one in dataset.responses if one.questionnaire == questionnaire.slug]
+        answered = {key for one in own for key, value in one.values.items() if value is not None}
+        yield from (
+            f"{questionnaire.slug}.{question.key}"
+            for question in questionnaire.questions()
+            if question.key not in answered
+        )
+    for name, read in (("states", dataset.states), ("network", dataset.network)):
+        yield from (f"{name}.{column}" for column in _without_numbers(dataset, read))
+
+
+def _without_numbers(dataset: Dataset, read: Any) -> list[str]:
+    seen: dict[str, bool] = {}
+    for session in dataset.sessions:
+        columns = read(session.id)
+        for column in columns.layout:
+            has_number = bool(len(columns)) and bool(np.isfinite(columns[column.name]).any())
+            seen[column.name] = seen.get(column.name, False) or has_number
+    return [
+        name
+        for name, has_number in seen.items()
+        if not has_number and name not in NEVER_FOR_BOTS | ALWAYS_RARE
+    ]
+
+
+def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
+    """Draw every table and figure; return the names of those that came about, and why others did
+    not.
+    """
+    if not dataset.sessions:
+        return [], ["tables and figures, because nobody drove"]
+    try:
+        report = next(one for one in reports(dataset, ("bot",)) if one.name == EVERY)
+        for table in report.tables:
+            as_csv(table)
+        for figure in report.figures:
+            as_svg(figure)
+    except (ValueError, KeyError, IndexError, ZeroDivisionError) as error:
+        # what numbers can be wrong with; a bug that is none of these is one
+        return [], [f"tables and figures, because of {type(error).__name__}: {error}"]
+    return [one.name for one in (*report.tables, *report.figures)], []
+
+
+def begin(study: Study, now: datetime.datetime) -> Rehearsal:
+    """Note that a study is being rehearsed as it stands."""
+    return Rehearsal.objects.create(study=study, sha256=study.sha256, began_at=now)
+
+
+def keep(rehearsal: Rehearsal, report: RehearsalReport | None, why_not: str = "") -> Rehearsal:
+    """Keep what was found, or why nothing could be."""
+    rehearsal.report = (
+        report.as_data() if report is not None else {"problems": [why_not], "passed": False}
+    )
+    rehearsal.passed, rehearsal.finished_at = report is not None and report.passed, timezone.now()
+    rehearsal.save()
+    return rehearsal

@@ -1,0 +1,169 @@
+"""What more is known of an event, in words for whoever reads a replay."""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+
+from robots.readiness_text import in_words as readiness
+from sessions.leases import terms
+from sessions.models import Session
+
+# Not told: it is drawn on the map, or names a row, or is long and of no use to a reader.
+UNTOLD = frozenset(
+    {"pose", "sha256", "actionId", "id", "user", "boot", "ranges", "photo", "lastSeq"}
+)
+LONGEST = 160
+UNITS = {
+    "seconds": "s",
+    "remaining": "s",
+    "minutes": "min",
+    "width": "px",
+    "height": "px",
+    "screen_width": "px",
+    "screen_height": "px",
+}
+# Fields that a reader would not miss a name for.
+PLAIN = frozenset({"name", "detail", "reason", "text", "type", "why", "outcome", "method"}) | {
+    "choice",
+    "state",
+    "status",
+    "word",
+    "layout",
+}
+FIELDS = {
+    "number": gettext_lazy("number"),
+    "place": gettext_lazy("place in the queue"),
+    "count": gettext_lazy("count"),
+    "way": gettext_lazy("via"),
+    "seconds": gettext_lazy("duration"),
+    "remaining": gettext_lazy("time left"),
+    "minutes": gettext_lazy("about"),
+    "on": gettext_lazy("on"),
+    "open": gettext_lazy("open"),
+    "hidden": gettext_lazy("hidden"),
+    "touch": gettext_lazy("touch screen"),
+    "width": gettext_lazy("width"),
+    "height": gettext_lazy("height"),
+    "screen_width": gettext_lazy("screen width"),
+    "screen_height": gettext_lazy("screen height"),
+    "density": gettext_lazy("pixel density"),
+    "interface": gettext_lazy("interface"),
+    "sight": gettext_lazy("the mirror:"),
+    "bearing": gettext_lazy("bearing (rad)"),
+    "distance": gettext_lazy("distance (m)"),
+    "before": gettext_lazy("in front of it"),
+    "sees": gettext_lazy("in view"),
+}
+CUES = {
+    "wait_for_picture": gettext_lazy("waiting for video"),
+    "leave_station": gettext_lazy("next: leave the station"),
+    "go_to_checkpoint": gettext_lazy("next: go to checkpoint {k}"),
+    "wrong_checkpoint": gettext_lazy("at a later checkpoint; {k} is next"),
+    "photo_turn_left": gettext_lazy("photo: turn left"),
+    "photo_turn_right": gettext_lazy("photo: turn right"),
+    "photo_move": gettext_lazy("photo: move in front of the mirror"),
+    "photo_ready": gettext_lazy("photo: ready to take"),
+    "photo_review": gettext_lazy("photo: being reviewed"),
+    "return_home": gettext_lazy("next: return to station"),
+    "dock_now": gettext_lazy("next: dock"),
+    "dock_hold": gettext_lazy("charger contact; release the controls"),
+    "dock_again": gettext_lazy("contact lost; drive further into the station"),
+    "docked_early": gettext_lazy("docked too early; checkpoint {k} is next"),
+    "lost": gettext_lazy("the robot has lost its position"),
+    "completed": gettext_lazy("completed"),
+    "timed_out": gettext_lazy("out of time"),
+    "ended": gettext_lazy("ended"),
+}
+VALUES = {
+    "keyboard": gettext_lazy("keyboard"),
+    "mouse": gettext_lazy("mouse"),
+    "touch": gettext_lazy("touch"),
+    "stick": gettext_lazy("stick"),
+    "gamepad": gettext_lazy("gamepad"),
+    "open": gettext_lazy("open"),
+    "closed": gettext_lazy("closed"),
+    "direct": gettext_lazy("direct connection"),
+    "server": gettext_lazy("server"),
+    "keep": gettext_lazy("keep"),
+    "again": gettext_lazy("retake"),
+    "skip": gettext_lazy("skip"),
+    "wide": gettext_lazy("wide"),
+    "upright": gettext_lazy("upright"),
+    "low": gettext_lazy("low"),
+    "camera": gettext_lazy("camera"),
+    "microphone": gettext_lazy("microphone"),
+    "granted": gettext_lazy("allowed"),
+    "denied": gettext_lazy("blocked"),
+    "prompt": gettext_lazy("not asked yet"),
+    "WAITING": gettext_lazy("waiting"),
+    "RUNNING": gettext_lazy("in progress"),
+    "FINISHED": gettext_lazy("finished"),
+    "FAILED": gettext_lazy("failed"),
+    "CANCELLED": gettext_lazy("cancelled"),
+    "goto": gettext_lazy("drive to a point"),
+    "follow": gettext_lazy("follow a route"),
+    "dock": gettext_lazy("dock"),
+    "undock": gettext_lazy("undock"),
+    "tilt": gettext_lazy("tilt the head"),
+    "photo": gettext_lazy("photo"),
+    "left": gettext_lazy("left"),
+    "right": gettext_lazy("right"),
+    "front": gettext_lazy("front"),
+    "rear": gettext_lazy("rear"),
+}
+_KEY = re.compile(r"[A-Za-z0-9]+([_.-][A-Za-z0-9]+)+")
+
+
+def in_words(data: Mapping[str, Any]) -> str:
+    """Return the data of an event in one line."""
+    return " · ".join(part for part in _parts(data) if part)[:LONGEST]
+
+
+def _parts(data: Mapping[str, Any]) -> Iterator[str]:
+    cue = str(data.get("name") or data.get("word") or "").removeprefix("cue.")
+    is_cue = cue in CUES
+    if is_cue:
+        yield str(CUES[cue]).replace("{k}", str(data.get("number") or ""))
+    for name, value in data.items():
+        if name in UNTOLD or value is None or (is_cue and name in {"name", "word", "number"}):
+            continue
+        told = _told(value, name)
+        yield told if name in PLAIN or not told else f"{_field(name)} {told}"
+
+
+def _field(name: str) -> str:
+    return str(FIELDS.get(name, name.replace("_", " ")))
+
+
+def _told(value: Any, field: str = "") -> str:
+    if isinstance(value, bool):
+        return _("yes") if value else _("no")
+    if isinstance(value, Mapping):
+        return ", ".join(f"{_field(name)} {_told(part, name)}" for name, part in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_told(part) for part in value)
+    if isinstance(value, int | float):
+        number = f"{value:.3g}" if value % 1 else f"{value:.0f}"
+        return f"{number} {UNITS.get(field, '')}".rstrip()
+    return _reason(str(value)) if field == "reason" else _word(str(value))
+
+
+def _reason(text: str) -> str:
+    """Return why something is so; of a robot that is not ready, what it waits for."""
+    return readiness(text.removeprefix(f"{terms.START}: ")) if text else ""
+
+
+def _word(text: str) -> str:
+    """Return a text of several words in which each that is known is translated, and a key of words
+    as these words.
+    """
+    known = {**dict(Session.Outcome.choices), **VALUES}
+    if text in known:
+        return str(known[text])
+    return " ".join(
+        str(known.get(word) or (re.sub(r"[_.-]", " ", word) if _KEY.fullmatch(word) else word))
+        for word in text.split(" ")
+    )

@@ -1,0 +1,48 @@
+"""What studies want to hear from the app below: who asks for a robot, and everything that the
+session manager tells.
+"""
+
+from django.db.models.signals import post_delete, pre_delete
+
+from accounts.models import User
+from experiments import interface_suggestion
+from experiments.access import forget_members
+from experiments.models import Study
+from experiments.participation.grants import StudyTerms, invites
+from experiments.participation.own_data import clear_settled, withdraw_everywhere
+from experiments.participation.questions import outer_progress
+from experiments.research.notices import publish_not_ready, publish_pause
+from experiments.tasks.runner import Runner
+from robots.access import register_guest_list, register_guest_rule
+from sessions import interfaces, signals
+from sessions.leases import terms
+from surveys.outer_progress import register_outer_progress
+
+STUDY_TERMS = StudyTerms()
+RUNNER = Runner()
+
+
+def connect() -> None:
+    """Register for the life of this process; a second time changes nothing."""
+    terms.register(STUDY_TERMS)
+    register_outer_progress(outer_progress)
+    register_guest_list(invites)
+    register_guest_rule(User.Kind.PARTICIPANT, STUDY_TERMS.claims)
+    interfaces.suggest_by(interface_suggestion.suggested_to)
+    pre_delete.connect(
+        withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere"
+    )
+    post_delete.connect(
+        forget_members, sender=Study, weak=False, dispatch_uid="experiments.forget_members"
+    )
+    for signal, receiver in (
+        (signals.state_received, RUNNER.on_state),
+        (signals.state_recovered, RUNNER.on_state),
+        (signals.message_received, RUNNER.on_message),
+        (signals.ticked, RUNNER.tick),
+        (signals.ticked, clear_settled),
+        (signals.session_ended, RUNNER.on_end),
+        (signals.queue_paused, publish_pause),
+        (signals.not_ready, publish_not_ready),
+    ):
+        signal.connect(receiver, weak=False, dispatch_uid=f"experiments.{receiver.__qualname__}")

@@ -1,0 +1,88 @@
+"""What an owner finds at the top of a robot's page in the administration, before its settings: how
+it is, how to start it, and who came. A script keeps it fresh.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, Literal
+
+from django.http import HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import get_object_or_404
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.safestring import SafeString
+
+from robots.admin_pages.access import WithDriver
+from robots.api.messages import VERSION
+from robots.cards import picture_of
+from robots.forms import offered
+from robots.models import Robot
+from robots.owner_status import OwnerStatus, owner_status
+
+Place = Literal["visits", "mail"]
+Section = Callable[[HttpRequest, Robot], SafeString | str]
+_sections: dict[Place, Section] = {}
+
+
+def register_section(place: Place, section: Section) -> None:
+    """Let an app above this one fill a place of the page; a second registration replaces the
+    first.
+    """
+    _sections[place] = section
+
+
+class OverviewPage(WithDriver):
+    """A part of the robots' administration."""
+
+    def change_view(
+        self,
+        request: HttpRequest,
+        object_id: str,
+        form_url: str = "",
+        extra_context: dict[str, Any] | None = None,
+        *,
+        token: str = "",
+    ) -> HttpResponse:
+        """Show a robot's page; with a one-time `token`, the command is the one that uses it."""
+        found = self.get_object(request, object_id)
+        if found is not None and self.has_view_permission(request, found):
+            robot = self._rows(request).get(pk=found.pk)
+            overview = self._overview(request, robot, token)
+            extra_context = {**(extra_context or {}), "overview": overview}
+        return super().change_view(request, object_id, form_url, extra_context)
+
+    def status_view(self, request: HttpRequest, pk: Any) -> JsonResponse:
+        """Answer with how a robot is now, for its page."""
+        robot: Robot = get_object_or_404(self._rows(request), pk=pk)
+        return JsonResponse(asdict(_status(robot)) | {"agent": _agent_version(robot)})
+
+    def _rows(self, request: HttpRequest) -> Any:
+        rows = self.get_queryset(request).select_related("floor_plan", "lease")
+        return rows.defer("floor_plan__image")
+
+    def _overview(self, request: HttpRequest, robot: Robot, token: str) -> dict[str, Any]:
+        return {
+            "robot": robot,
+            "status": _status(robot),
+            "status_url": reverse("admin:robots_robot_status", args=[robot.pk]),
+            "server": request.build_absolute_uri("/").rstrip("/"),
+            "token": token,
+            "adapters": ", ".join(offered()),
+            "may_enrol": self.has_change_permission(request, robot),
+            "agent": _agent_version(robot),
+            "api": VERSION,
+            "picture": picture_of(robot),
+            "sections": {place: section(request, robot) for place, section in _sections.items()},
+        }
+
+
+def _status(robot: Robot) -> OwnerStatus:
+    lease = getattr(robot, "lease", None)
+    driven = lease is not None and lease.session_id is not None
+    return owner_status(robot, driven=driven, now=timezone.now())
+
+
+def _agent_version(robot: Robot) -> str:
+    """Return the version that the agent reported, empty when it reported none."""
+    sheet = robot.factsheet if isinstance(robot.factsheet, dict) else {}
+    return str(sheet.get("agentVersion", ""))

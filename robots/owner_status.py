@@ -1,0 +1,94 @@
+"""What a robot's owner is told of it: one colour, one label, and one sentence on what it does and
+what to do next. Pure, beside what its card says to visitors (robots/cards.py).
+"""
+
+import datetime
+from dataclasses import dataclass
+from typing import Literal
+
+from django.utils.translation import gettext as _
+
+from robots.cards import Card, Traffic, card, is_latched
+from robots.models import Robot
+from robots.presence import trouble_of
+from robots.readiness_text import in_words
+
+# Ready, working, for the owner to act on, not usable, switched off: the colours of the page.
+Tone = Literal["good", "busy", "attention", "bad", "off"]
+
+
+@dataclass(frozen=True)
+class OwnerStatus:
+    """A robot's state in the language of the request.
+
+    `battery` is empty while the robot is away. `connected` tells whether it was ever seen.
+    """
+
+    tone: Tone
+    label: str
+    sentence: str
+    battery: str
+    connected: bool
+
+
+def owner_status(robot: Robot, *, driven: bool, now: datetime.datetime) -> OwnerStatus:
+    """Return how `robot`, with its floor plan, is at `now`; `driven` tells that it has a driver."""
+    shown = card(robot, Traffic(driven=driven), barred="", url="", now=now)
+    tone, label, sentence = _away(robot, shown) or _present(robot, shown, driven=driven)
+    return OwnerStatus(tone, label, sentence, shown.battery, robot.last_seen_at is not None)
+
+
+def _away(robot: Robot, shown: Card) -> tuple[Tone, str, str] | None:
+    """Return the state of a robot that is not connected; None when it is."""
+    if not robot.enabled:
+        return "off", _("Disabled"), _("It can't connect. Select “Enabled” below and save.")
+    if robot.last_seen_at is None:
+        sentence = _("It hasn't connected yet. Run the command below on the robot's computer.")
+        return "off", _("New"), sentence
+    if shown.state != "offline":
+        return None
+    if not robot.credential_hash:
+        sentence = _(
+            "It has no credentials and can't connect. Create a command below and run it on the "
+            "robot's computer."
+        )
+        return "bad", shown.label, sentence
+    check = _("Check that its computer is on and has network, then run the command below.")
+    return "bad", shown.label, f"{shown.detail} {check}"
+
+
+def _present(robot: Robot, shown: Card, *, driven: bool) -> tuple[Tone, str, str]:
+    """Return the state of a robot that is connected."""
+    if is_latched(robot):
+        sentence = _("The emergency stop is on. Release it at the robot or on its drive page.")
+        return "bad", shown.label, sentence
+    trouble = trouble_of(robot.report)
+    if trouble:
+        sentence = _(
+            "Its control system isn't responding: %(why)s. Check that the control system is "
+            "running. The agent reconnects by itself."
+        )
+        return "bad", shown.label, sentence % {"why": trouble}
+    if driven:
+        sentence = _("Somebody is driving. You can watch on its drive page.")
+        return "busy", shown.label, sentence
+    if shown.state == "busy":
+        return _between(robot, shown)
+    if not robot.shown_to_visitors:
+        sentence = _("Ready, but hidden from visitors. Select “Show to visitors” below and save.")
+        return "attention", _("Hidden"), sentence
+    return "good", shown.label, _("Connected and ready for visitors.")
+
+
+def _between(robot: Robot, shown: Card) -> tuple[Tone, str, str]:
+    """Return the state of a robot that takes no visitor for now, though nobody drives it."""
+    if robot.held:
+        sentence = _("A researcher paused visits: %(why)s. Resume them in the study's live view.")
+        return "attention", shown.label, sentence % {"why": robot.held}
+    if robot.turnaround == Robot.Turnaround.PAUSED:
+        sentence = _(
+            "It couldn't get ready for the next visit: %(why)s. It tries again by itself. If it "
+            "can't, put it in its charging station."
+        )
+        return "attention", shown.label, sentence % {"why": in_words(robot.turnaround_reason)}
+    return "busy", shown.label, _("It takes visitors again by itself as soon as it is ready.")

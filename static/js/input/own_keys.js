@@ -1,0 +1,86 @@
+/**
+ * Where a visitor chooses keys: a line a command, with its keys on a button. Pressed, the button takes the next key. Nothing here drives:
+ * the panel around it holds the keys (key_dispatcher.js), and the key that is chosen goes no farther.
+ */
+
+import { rememberKeys } from "../drive/storage.js";
+import { write } from "../lib/dom.js";
+import { labelOf } from "./keymap.js";
+
+/** @param {import("../drive/registry.js").Page} page */
+export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKeys }) => {
+  const section = element("own-keys");
+  const buttons = /** @type {HTMLButtonElement[]} */ (Array.from(section.querySelectorAll("button[data-command]")));
+  const note = element("own-keys-note");
+  /** @type {HTMLButtonElement | null} the one whose key is awaited */
+  let asked = null;
+
+  const drawKeys = () => {
+    for (const button of buttons) {
+      const own = keymap.keys[button.dataset.command ?? ""];
+      writeKeys(button, own.length ? own.map((key) => (key === "Space" ? words.say("keys.space") : labelOf(key))) : ["–"]);
+      button.setAttribute("aria-pressed", String(button === asked));
+    }
+  };
+
+  const ask = (/** @type {HTMLButtonElement | null} */ button, sentence = button ? words.say("keys.press") : "") => {
+    asked = button;
+    write(note, sentence);
+    drawKeys();
+  };
+
+  const choose = (/** @type {Record<string, string[]>} */ own) => {
+    useKeys(own);
+    rememberKeys(config.who ?? "", own);
+    ask(null, words.say("keys.kept"));
+  };
+
+  const take = (/** @type {KeyboardEvent} */ { key, code }) => {
+    const command = asked?.dataset.command ?? "";
+    const why = keymap.refuses(command, code);
+    if (key === "Escape") {
+      ask(null);
+    } else if (why) {
+      ask(asked, words.say(`keys.${why}`));
+    } else {
+      choose(keymap.withKey(command, code));
+    }
+  };
+
+  section.addEventListener("click", ({ target }) => {
+    const button = buttons.find((one) => one.contains(/** @type {Node} */ (target)));
+    if (button) {
+      button.focus(); // Safari gives it to no button that is clicked
+      ask(button === asked ? null : button);
+    }
+  });
+  element("own-keys-usual").addEventListener("click", () => choose({}));
+  section.addEventListener("keydown", (event) => {
+    if (!asked || event.ctrlKey || event.altKey || event.metaKey) {
+      return;
+    }
+    event.preventDefault();
+    event.stopPropagation();
+    take(event);
+  });
+  section.addEventListener("focusout", ({ relatedTarget }) => {
+    // nothing may move under a press on the next button
+    if (asked && !section.contains(/** @type {Node | null} */ (relatedTarget))) {
+      ask(null);
+    }
+  });
+
+  const show = (/** @type {boolean} */ shown) => {
+    section.hidden = !shown;
+    ask(null);
+  };
+  return { show };
+};
+
+/** What is under a pointer that is down must stay, or the browser sees no click. @param {HTMLElement} button @param {string[]} signs */
+const writeKeys = (button, signs) => {
+  const different = Array.from(new Set(signs));
+  if (button.textContent !== different.join("")) {
+    button.replaceChildren(...different.map((sign) => Object.assign(document.createElement("kbd"), { textContent: sign })));
+  }
+};

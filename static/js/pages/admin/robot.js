@@ -1,0 +1,47 @@
+/** A robot's page in the administration: asks every two seconds how the robot is, while somebody looks, and changes only what changed. */
+
+import { write } from "../../lib/dom.js";
+
+const PERIOD_MS = 2000;
+const PATIENCE_MS = 5000;
+const section = document.getElementById("robot-overview");
+const part = (/** @type {string} */ name) => /** @type {HTMLElement} */ (section.querySelector(`[data-${name}]`));
+let timer = 0;
+
+/** The first sign of life: says so, and lets the owner show the robot to visitors. */
+function welcome() {
+  section.dataset.connected = "true";
+  part("waiting").hidden = true;
+  part("arrived").hidden = false;
+  part("wait").dataset.done = "";
+  const shown = document.querySelector("input[name=shown_to_visitors]");
+  if (shown) shown.disabled = false;
+}
+
+/** @param {Record<string, any>} status robots.owner_status.OwnerStatus */
+function render(status) {
+  part("state").dataset.tone = status.tone;
+  write(part("label"), status.label);
+  write(part("sentence"), status.sentence);
+  write(part("battery"), status.battery || "–");
+  write(part("agent"), status.agent || "–");
+  if (status.connected && section.dataset.connected === "false") welcome();
+}
+
+async function refresh() {
+  try {
+    const answer = await fetch(section.dataset.status, { headers: { Accept: "application/json" }, signal: AbortSignal.timeout(PATIENCE_MS) });
+    if (answer.ok && !answer.redirected) render(await answer.json());
+  } catch {
+    // The server or the network is away for a moment: what the page says is as old as that.
+  }
+  schedule();
+}
+
+function schedule() {
+  clearTimeout(timer);
+  if (!document.hidden) timer = setTimeout(refresh, PERIOD_MS);
+}
+
+document.addEventListener("visibilitychange", () => (document.hidden ? clearTimeout(timer) : refresh()));
+if (section) schedule();

@@ -1,0 +1,24 @@
+/** Waits until a simulated robot is ready, and goes to it. */
+
+const AGAIN_MS = 1500;
+const LATE_MS = 30000; // a robot starts within a few seconds
+const section = document.getElementById("try");
+const { address, home } = section.dataset;
+const began = performance.now();
+
+async function ask() {
+  try {
+    const answer = await fetch(address, { headers: { Accept: "application/json" } });
+    if (answer.redirected) return location.replace(home); // signed out meanwhile
+    const { url } = await answer.json();
+    if (url) return location.replace(url);
+  } catch {
+    // no connection for a moment: asked again
+  }
+  const late = performance.now() - began > LATE_MS;
+  section.querySelector("[data-soon]").hidden = late;
+  section.querySelector("[data-late]").hidden = !late;
+  setTimeout(ask, AGAIN_MS);
+}
+
+void ask();

@@ -1,0 +1,122 @@
+"""Options to put into an order, first to last."""
+
+import datetime
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
+
+from django.utils.translation import gettext as _
+
+from surveys.documents import Text, spoken
+from surveys.item import (
+    Bot,
+    Choice,
+    OptionsItem,
+    Question,
+    RefusedError,
+    Scales,
+    Viewing,
+    Widget,
+    one_of,
+)
+
+MIN_OPTIONS, MAX_OPTIONS = 2, 20
+
+
+class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
+    """All options in an order, stored as the list of their values, the first place first.
+
+    The page sends a place and an option at a time, "2.a", because without JavaScript each option
+    has a list of places beside it.
+    """
+
+    takes_several: ClassVar[bool] = True
+
+    def problems(self, scales: Scales) -> Iterator[str]:
+        """Yield what is wrong with the options, or that they cannot be put into an order."""
+        yield from super().problems(scales)
+        count = len(self.options)
+        if self.options and not MIN_OPTIONS <= count <= MAX_OPTIONS:
+            yield f"{count} options are ranked; there must be {MIN_OPTIONS} to {MAX_OPTIONS}."
+        if any(option.alone for option in self.options):
+            yield "an option that is ranked cannot exclude the others (alone)."
+
+    def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> list[str]:
+        """Return the options in the order that was given; each has a place of its own."""
+        sendable = {
+            _sent(place, option.value): (place, option.value)
+            for place in range(1, len(self.options) + 1)
+            for option in self.options
+        }
+        given = {one_of(sendable, value) for value in values}
+        ranked = dict(given)
+        if len(ranked) < len(given) or len(set(ranked.values())) < len(given):
+            raise RefusedError(_("Give each option a different place."))
+        if len(ranked) < len(self.options):
+            raise RefusedError(_("Give every option a place."))
+        return [ranked[place] for place in sorted(ranked)]
+
+    def sent(self, value: Any) -> list[str]:
+        """Return each option with its place."""
+        return [_sent(place, option) for place, option in enumerate(value, start=1)]
+
+    def compared(self, value: Any) -> Any:
+        """Return the option in the first place; an answer to another version may be no order."""
+        return value[0] if isinstance(value, list) else value
+
+    def expected(self, value: str | float) -> str | float:
+        """Return the option as the page sends it in the first place."""
+        return _sent(1, str(value))
+
+    def cell(self, value: Any) -> str:
+        """Return the options in their order with bars between them."""
+        return "|".join(value)
+
+    def columns(self, key: str) -> tuple[str, ...]:
+        """Return a column an option; no key of another question has a point in it."""
+        return tuple(f"{key}.{option.value}" for option in self.options)
+
+    def column_labels(self) -> tuple[Text, ...]:
+        """Return the labels of the options."""
+        return tuple(option.label for option in self.options)
+
+    def cells(self, value: Any) -> tuple[Any, ...]:
+        """Return the place of each option, from 1."""
+        places = {option: place for place, option in enumerate(value or (), start=1)}
+        return tuple(places.get(option.value, "") for option in self.options)
+
+    def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
+        """Return the options with a list of places each, in the order that they have so far;
+        static/js/pages/survey/ranking.js keeps them in order and lets them be dragged.
+        """
+        places = [str(place) for place in range(1, len(self.options) + 1)]
+        given: Mapping[str, str] = {
+            option: place for place, _point, option in (value.partition(".") for value in chosen)
+        }
+        rows = [
+            Choice(
+                option.value,
+                spoken(option.label, viewing.language),
+                number=given.get(option.value, ""),
+            )
+            for option in self.options_shown(viewing.seed)
+        ]
+        rows.sort(key=lambda row: places.index(row.number) if row.number in places else len(places))
+        return Widget(
+            "surveys/_ranking.html", self.kind, choices=tuple(rows), more={"places": places}
+        )
+
+    @classmethod
+    def bot_answer(cls, fields: Sequence[Any], bot: Bot) -> list[tuple[str, str]]:
+        """Return the options in an order of the bot's choice."""
+        (asked,) = fields
+        sendable = (choice.value.partition(".") for choice in asked.choices if choice.value)
+        left = list(dict.fromkeys(option for _place, _point, option in sendable))
+        answer = []
+        for place in range(1, len(left) + 1):
+            option = left.pop(bot.option(f"{asked.name}.{place}", len(left)))
+            answer.append((asked.name, _sent(place, option)))
+        return answer
+
+
+def _sent(place: int, option: str) -> str:
+    return f"{place}.{option}"

@@ -1,0 +1,180 @@
+"""What the administration's first page says before one clicks anything: what goes on in the studies
+and with the robots, a card each, and under them the lists of everything else.
+"""
+
+import datetime
+from dataclasses import dataclass
+from typing import Any
+
+from django import template
+from django.contrib import admin
+from django.db.models import Count, Q
+from django.http import HttpRequest
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import ngettext
+
+from experiments.models import Kind, Participant, Study
+from experiments.participation import progress
+from experiments.research.live import RECENT
+from experiments.research.study_access import slugs_of
+from robots.models import Robot
+from robots.presence import trouble_of
+from sessions.models import ManagerBeat, Session
+
+MANAGER_SILENT_AFTER = datetime.timedelta(seconds=15)
+SEES_SITE = ("robots.view_robot", "telepresence_sessions.view_session")
+# The apps whose lists stand in a card, under the model without whose list there is no card.
+CARDS = {"Study": ("experiments", "surveys"), "Robot": ("robots",)}
+register = template.Library()
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A number with what it counts, and where one sees what was counted; `of` is the whole, where
+    the number is a part of one.
+    """
+
+    number: int
+    label: str
+    url: str
+    of: int | None = None
+    is_problem: bool = False
+
+
+@dataclass(frozen=True)
+class Card:
+    """What goes on, and `lists`, which are entries of Django's `app_list`; `own` is the first."""
+
+    name: str
+    facts: list[Fact]
+    own: dict[str, Any]
+    lists: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Home:
+    """The first page: cards, what is left of `app_list`, and whether the session manager is gone,
+    for those who may know.
+    """
+
+    cards: list[Card]
+    system: list[dict[str, Any]]
+    is_manager_silent: bool
+
+
+@register.simple_tag(takes_context=True)
+def admin_home(context: template.Context) -> Home:
+    """Return the first page of whoever asks, without what they have no right to see."""
+    request, apps = context["request"], context["app_list"]
+    now = timezone.now()
+    cards, taken = [], set()
+    for name, labels in CARDS.items():
+        by_label = {app["app_label"]: app["models"] for app in apps}
+        lists = [one for label in labels for one in by_label.get(label, ())]
+        own = next((one for one in lists if one["object_name"] == name), None)
+        if own is not None and own["admin_url"]:
+            facts = (_of_studies if name == "Study" else _of_robots)(request, now)
+            cards.append(Card(name, facts, own, [one for one in lists if one is not own]))
+            taken.update(labels)
+    return Home(
+        cards,
+        [app for app in apps if app["app_label"] not in taken],
+        request.user.has_perms(SEES_SITE) and _is_manager_silent(now),
+    )
+
+
+def _is_manager_silent(now: datetime.datetime) -> bool:
+    return not ManagerBeat.objects.filter(beat_at__gte=now - MANAGER_SILENT_AFTER).exists()
+
+
+def _of_studies(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
+    """Studies by version: one that is published and outside its opening hours is paused."""
+    user: Any = request.user
+    studies = Study.objects.order_by()
+    if not user.is_superuser:
+        studies = studies.filter(slug__in=list(slugs_of(user)))
+    rows = list(studies.only("status", "opening_hours", "time_zone"))
+    published = [row for row in rows if row.status == Study.Status.PUBLISHED]
+    n_open = sum(progress.is_open(row, now) for row in published)
+    n_paused = len(published) - n_open
+    n_drafts = sum(row.status == Study.Status.DRAFT for row in rows)
+    people = Participant.objects.filter(kind=Kind.PARTICIPANT, study__in=rows).aggregate(
+        now=Count("pk", filter=Q(status=Participant.Status.ACTIVE, seen_at__gte=now - RECENT)),
+        done=Count("pk", filter=Q(status=Participant.Status.FINISHED)),
+    )
+    listed = reverse("admin:experiments_study_changelist")
+    listed_people = reverse("admin:experiments_participant_changelist")
+    of_status, of_people = f"{listed}?status__exact=", f"{listed_people}?kind__exact=participant"
+    return [
+        Fact(n_open, ngettext("study open", "studies open", n_open), f"{of_status}published"),
+        Fact(
+            n_paused,
+            ngettext(
+                "study paused, outside its hours", "studies paused, outside their hours", n_paused
+            ),
+            f"{of_status}published",
+        ),
+        Fact(n_drafts, ngettext("draft study", "draft studies", n_drafts), f"{of_status}draft"),
+        Fact(
+            people["now"],
+            ngettext(
+                "participant in the last hour", "participants in the last hour", people["now"]
+            ),
+            f"{of_people}&status__exact=active",
+        ),
+        Fact(
+            people["done"],
+            ngettext("participant finished", "participants finished", people["done"]),
+            f"{of_people}&status__exact=finished",
+        ),
+    ]
+
+
+def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
+    robots = list(
+        admin.site.get_model_admin(Robot)
+        .get_queryset(request)
+        .filter(enabled=True)
+        .select_related(None)
+        .only("enabled", "connection", "last_seen_at", "turnaround", "report")
+    )
+    visits = Session.objects.filter(robot__in=robots).order_by()
+    states = list(visits.exclude(state=Session.State.ENDED).values_list("state", flat=True))
+    waiting = states.count(Session.State.WAITING)
+    online = sum(robot.is_online(now) for robot in robots)
+    in_use = len(states) - waiting
+    troubled = sum(has_problem(robot, now) for robot in robots)
+    listed = reverse("admin:robots_robot_changelist")
+    facts = [
+        Fact(online, ngettext("robot online", "robots online", online), listed, of=len(robots)),
+        Fact(in_use, ngettext("robot in use", "robots in use", in_use), listed),
+        Fact(
+            troubled,
+            ngettext("robot with a problem", "robots with a problem", troubled),
+            listed,
+            is_problem=troubled > 0,
+        ),
+    ]
+    if not admin.site.get_model_admin(Session).has_view_permission(request):
+        return facts
+    midnight = timezone.localtime(now).replace(hour=0, minute=0, second=0, microsecond=0)
+    today = visits.filter(queued_at__gte=midnight).count()
+    listed_visits = reverse("admin:telepresence_sessions_session_changelist")
+    return [
+        *facts,
+        Fact(waiting, ngettext("visitor waiting", "visitors waiting", waiting), listed_visits),
+        Fact(today, ngettext("visit today", "visits today", today), listed_visits),
+    ]
+
+
+def has_problem(robot: Robot, now: datetime.datetime) -> bool:
+    """Tell whether a robot is there and cannot be driven until somebody does something: its agent
+    does not reach it, its emergency stop is pressed, or it could not get ready for the next visit.
+    """
+    if not robot.is_online(now):
+        return False
+    report = robot.report or {}
+    stopped = (report.get("safety") or {}).get("estop", False)
+    is_stuck = robot.turnaround == Robot.Turnaround.PAUSED
+    return bool(trouble_of(report) or stopped or is_stuck)

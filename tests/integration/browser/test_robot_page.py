@@ -1,0 +1,63 @@
+"""An owner's page of a robot in a real Chromium: it waits for the robot, and says when it came."""
+
+import datetime
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from django.test import Client
+from django.utils import timezone
+from playwright.sync_api import expect
+
+from robots.models import Robot
+from tests.integration.browser.test_accessibility import opened
+from tests.support import replays
+from tests.support.people import person
+
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+__all__ = ["opened"]
+
+
+def test_an_owner_connects_a_robot_and_shows_it_without_leaving_its_page(opened):
+    owner = person("owner", is_staff=True)
+    robot = Robot.objects.create(
+        name="giraff", title="Giraff", owner=owner, shown_to_visitors=False
+    )
+    replays.session(robot, person("zaphod"), seconds=90)
+    client = Client()
+    client.force_login(owner)
+    page = opened(client)
+    problems = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda line: problems.append(line.text) if line.type == "error" else None)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.goto(f"/admin/robots/robot/{robot.pk}/change/")
+    overview = page.locator("#robot-overview")
+    switch = page.locator("input[name=shown_to_visitors]")
+    expect(overview).to_contain_text("Waiting for the robot to connect…")
+    expect(switch).to_be_disabled()
+    page.get_by_role("button", name="Create the command").click()
+    expect(overview).to_contain_text("Waiting for the robot to connect…")
+    page.get_by_role("button", name="Copy").click()
+    expect(page.get_by_role("button", name="Copied")).to_be_visible()
+    copied = page.evaluate("navigator.clipboard.readText()")
+    assert copied == page.locator("#command").inner_text()
+    assert "--enrol " in copied
+
+    page.evaluate("window.sameDocument = true")
+    Robot.objects.update(
+        connection="ONLINE",
+        last_seen_at=timezone.now() + datetime.timedelta(hours=1),  # for longer than the test
+        report={"battery": {"charge": 0.5}},
+        factsheet={"series": "giraff", "agentVersion": "0.1.0"},
+    )
+    expect(overview.locator("[data-arrived]")).to_be_visible()
+    expect(overview.locator("[data-waiting]")).to_be_hidden()
+    expect(overview).to_contain_text("50 %")
+    expect(overview).to_contain_text("0.1.0")
+    assert page.evaluate("window.sameDocument")
+    switch.check()
+    page.get_by_role("button", name="Save and continue editing").first.click()
+    expect(page.locator("input[name=shown_to_visitors]")).to_be_checked()
+    assert Robot.objects.get().shown_to_visitors
+    assert problems == []
+    assert Axe().run(page, "#robot-overview").response["violations"] == []

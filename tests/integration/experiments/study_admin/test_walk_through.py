@@ -1,0 +1,122 @@
+"""A researcher looks at every page of a study as its participants see it."""
+
+import pytest
+from django.apps import apps
+from django.urls import reverse
+from django.utils import timezone
+
+from experiments import publishing
+from experiments.definition.shipped import shipped
+from experiments.models import StudyMember
+from experiments.participation import journey
+from tests.integration.experiments.test_publishing import NOW
+from tests.support import participants as p
+from tests.support.html_page import faults, read
+from tests.support.people import person
+from tests.support.studies import small_study
+
+pytestmark = pytest.mark.django_db
+
+
+def rows() -> dict[str, int]:
+    """How many rows there are of everything but browser sessions."""
+    return {
+        model.__name__: model.objects.count()
+        for model in apps.get_models()
+        if model.__name__ != "Session" or hasattr(model, "visitor")
+    }
+
+
+def researcher(client, study, role="viewer"):
+    user = person("rosa", is_staff=True)
+    StudyMember.objects.create(slug=study.slug, user=user, role=role)
+    client.force_login(user)
+
+
+def frame(study, **query) -> str:
+    address = reverse("admin:experiments_study_walk_through", args=[study.pk])
+    return address + "?" + "&".join(f"{name}={value}" for name, value in query.items())
+
+
+def step(study, number: int, language: str = "en") -> str:
+    return reverse("admin:experiments_study_walked_step", args=[study.pk, language, number])
+
+
+@pytest.mark.parametrize("name", list(shipped()))
+@pytest.mark.parametrize("language", ["en", "es"])
+def test_every_step_is_seen_in_every_language_and_nothing_is_saved(client, name, language):
+    study = publishing.store(p.of(name), timezone.now())
+    researcher(client, study)
+    definition = study.as_definition()
+    way = journey.route(definition, journey.rounds(definition, "open"), 1)
+    before = rows()
+    for number, place in enumerate(way, start=1):
+        answer = client.get(step(study, number, language))
+        assert answer.status_code == 200
+        page = read(answer)
+        assert faults(page) == []
+        word = {"en": "Step", "es": "Paso"}[language]
+        assert page.all("title")[0].text.strip().startswith(f"{word} {number} "), place.word
+        assert page.all("html")[0].attributes["lang"] == language
+        assert definition.title[language] in page.all("main")[0].text
+        sent = client.post(step(study, number, language), {"age": "3", "agree": ""})
+        assert sent.url == step(study, min(number + 1, len(way)), language)
+    assert rows() == before
+
+
+def test_the_frame_offers_every_language_and_the_width_of_a_phone(client):
+    study = publishing.store(p.of("exploration"), timezone.now())
+    researcher(client, study)
+    page = read(client.get(frame(study)))
+    screen = page.all("iframe")[0].attributes
+    assert (screen["width"], screen["src"]) == ("390", step(study, 1))
+    page = read(client.get(frame(study, language="es", width="computer")))
+    screen = page.all("iframe")[0].attributes
+    assert (screen["width"], screen["src"]) == ("1280", step(study, 1, "es"))
+    assert len([e for e in page.all("a") if e.attributes.get("target")]) == 6
+    assert read(client.get(frame(study, language="xx", width="wall"))).all("iframe")
+
+
+def test_its_pages_are_shown_in_a_frame_of_this_site_and_of_no_other(client):
+    study = publishing.store(p.of("exploration"), timezone.now())
+    researcher(client, study)
+    answer = client.get(step(study, 1))
+    assert answer["X-Frame-Options"] == "SAMEORIGIN"
+    assert "frame-ancestors 'self'" in answer["Content-Security-Policy"]
+
+
+def test_a_questionnaire_of_several_pages_leads_from_one_to_the_next(client):
+    study = publishing.store(p.of("exploration"), timezone.now())
+    researcher(client, study)
+    page = read(client.get(step(study, 5) + "?page=99"))
+    assert faults(page) == []
+    following = [e.attributes.get("href") for e in page.all("a")]
+    if "?page=2" in following:
+        assert faults(read(client.get(step(study, 5) + "?page=2"))) == []
+
+
+def test_an_unfinished_draft_can_be_walked_through_as_far_as_it_goes(client):
+    study = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
+    researcher(client, study)
+    before = rows()
+    for number in range(1, 7):
+        answer = client.get(step(study, number))
+        assert answer.status_code == 200
+        assert faults(read(answer)) == []
+    assert "The instructions have no page." in read(client.get(step(study, 3))).text
+    assert "[[institution]]" in read(client.get(step(study, 1))).text
+    assert rows() == before
+
+
+@pytest.mark.parametrize(("number", "language"), [(0, "en"), (99, "en"), (1, "xx")])
+def test_what_the_study_does_not_have_is_not_found(client, number, language):
+    study = publishing.store(small_study(), NOW)
+    researcher(client, study)
+    assert client.get(step(study, number, language)).status_code == 404
+
+
+def test_the_studies_of_others_are_not_there(client):
+    study = publishing.store(small_study(), NOW)
+    client.force_login(person("other", is_staff=True))
+    assert client.get(step(study, 1)).status_code == 404
+    assert client.get(frame(study)).status_code == 404

@@ -1,0 +1,319 @@
+"""Studies in the database: drafts that may be half done, published versions that never change."""
+
+import datetime
+
+import msgspec
+import pytest
+from django.contrib.admin.models import LogEntry
+
+from experiments import publishing
+from experiments.definition.shipped import shipped
+from experiments.models import FrozenStudyError, Participant, Rehearsal, Study, StudyMember
+from experiments.publishing import NotPublishableError, publish, store
+from robots.floorplans import store_floor_plan
+from robots.models import FloorPlan
+from surveys.documents import BadDefinitionError
+from surveys.models import Questionnaire
+from tests.support.paths import ROOT
+from tests.support.people import person
+from tests.support.studies import STUDY, small_study
+from tests.support.study_site import cabin_with_giraff, robot_at
+
+pytestmark = pytest.mark.django_db
+NOW = datetime.datetime(2026, 5, 4, 10, 0, tzinfo=datetime.UTC)
+OFFICE = ROOT / "robots/world/plans/office"
+WHY = "It was rehearsed by hand in the laboratory."
+
+
+def rehearsed(row: Study, **changes) -> Rehearsal:
+    fields = {"sha256": row.sha256, "began_at": NOW, "finished_at": NOW, "passed": True}
+    return Rehearsal.objects.create(study=row, **{**fields, **changes})
+
+
+# --- drafts ---------------------------------------------------------------------------------------
+
+
+def test_storing_the_same_study_twice_gives_one_row():
+    assert store(small_study(), NOW).pk == store(small_study(), NOW).pk
+    row = Study.objects.get()
+    assert (row.slug, row.version, row.title, row.status) == (
+        "cabin-study",
+        1,
+        "Cabin",
+        Study.Status.DRAFT,
+    )
+
+
+def test_a_draft_is_replaced_by_a_changed_definition_of_its_version():
+    store(small_study(), NOW)
+    row = store(small_study(title={"en": "Hut"}), NOW)
+    assert (Study.objects.count(), row.title, row.as_definition().title) == (
+        1,
+        "Hut",
+        {"en": "Hut"},
+    )
+
+
+def test_a_study_with_problems_is_not_stored():
+    with pytest.raises(BadDefinitionError) as error:
+        store(small_study(conditions=[]), NOW)
+    assert "There is no condition; add at least one." in error.value.problems
+    assert not Study.objects.exists()
+
+
+def test_a_half_done_draft_is_kept_with_its_problems():
+    row = publishing.save_draft(
+        store(small_study(), NOW), small_study(conditions=[], slug="other", version=7)
+    )
+    assert (row.slug, row.version) == ("cabin-study", 1)
+    assert "There is no condition; add at least one." in publishing.problems_of(row)
+
+
+def test_saving_what_says_the_same_keeps_the_digest_that_was_rehearsed():
+    row = store(small_study(), NOW)
+    courses = [
+        {
+            **STUDY["courses"][0],
+            "zones": [],
+            "photo": {"checkpoint": 2, "mirror": "mirror", "radius": 1.5},
+        }
+    ]
+    assert publishing.save_draft(row, small_study(courses=courses)).sha256 == row.sha256
+
+
+def test_of_two_who_change_a_draft_at_once_the_second_is_told():
+    first, second = store(small_study(), NOW), Study.objects.get()
+    publishing.save_draft(first, small_study(title={"en": "Hut"}))
+    with pytest.raises(publishing.ChangedMeanwhileError):
+        publishing.save_draft(second, small_study(title={"en": "House"}))
+    assert Study.objects.get().title == "Hut"
+
+
+def test_an_empty_study_has_the_usual_steps_and_says_what_is_missing():
+    row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
+    assert [step.key for step in row.as_definition().steps] == [
+        "consent",
+        "about_you",
+        "instructions",
+        "task",
+        "experience",
+        "thanks",
+    ]
+    assert "There is no condition; add at least one." in publishing.problems_of(row)
+    asked = "institution, duration, risks, retention, ethics approval, contact"
+    english = ", ".join(f"[[{name}]]" for name in asked.split(", "))
+    told = [one for one in publishing.problems_of(row) if "placeholders" in one]
+    assert len(told) == 1
+    assert told[0].startswith(
+        f"Step consent: fill in the placeholders of the text. en: {english}; es: [[institución]], "
+    )
+    assert told[0].count("[[") == 12
+    with pytest.raises(BadDefinitionError, match="There is a study mine already"):
+        publishing.begin_empty("mine", "My study", ["en"], NOW)
+
+
+@pytest.mark.parametrize(
+    ("slug", "languages"), [("Not A Slug", ["en"]), ("mine", ["English!"]), ("link", ["en"])]
+)
+def test_an_empty_study_needs_a_right_name_and_languages(slug, languages):
+    with pytest.raises(BadDefinitionError):
+        publishing.begin_empty(slug, "My study", languages, NOW)
+    assert not Study.objects.exists()
+
+
+def test_a_consent_with_a_placeholder_is_not_published_and_names_it():
+    cabin_with_giraff()
+    consent = {"kind": "consent", "key": "consent", "title": {"en": "Consent"}}
+
+    def stored(text):
+        steps = [{**consent, "text": {"en": text}}, *STUDY["steps"]]
+        return publishing.store(small_study(steps=steps), NOW)
+
+    row = stored("Write to [[contact]]; see note [1].")
+    told = "Step consent: fill in the placeholders of the text. en: [[contact]]."
+    assert publishing.problems_of(row) == [told]
+    with pytest.raises(publishing.NotPublishableError):
+        publishing.publish(row, None, WHY, NOW)
+    assert publishing.problems_of(stored("Write to Ada; see note [1].")) == []
+
+
+# --- what stands in the way -----------------------------------------------------------------------
+
+
+def test_without_sites_and_robots_a_study_cannot_be_run():
+    told = publishing.obstacles_here(small_study())
+    assert "Course of giraff at cabin: there is no site cabin." in told
+    assert "Condition all_open: there is no robot of the series giraff." in told
+
+
+def test_with_its_site_and_robot_nothing_stands_in_the_way():
+    cabin_with_giraff()
+    assert publishing.obstacles_here(small_study()) == []
+
+
+def test_a_robot_that_is_elsewhere_stands_in_the_way():
+    cabin_with_giraff().robots.update(floor_plan=None)
+    robot_at(store_floor_plan(OFFICE), "far", "giraff")
+    assert "Condition shut: there is no giraff at the site cabin." in publishing.obstacles_here(
+        small_study()
+    )
+
+
+def test_a_series_can_do_what_each_of_its_robots_can():
+    plan = cabin_with_giraff()
+    robot_at(plan, "lame", "giraff", capabilities=("velocity",))
+    tilting = [{**condition, "actions": ["tilt"]} for condition in STUDY["conditions"]]
+    assert "Condition all_open: giraff cannot do the action tilt." in publishing.obstacles_here(
+        small_study(conditions=tilting)
+    )
+
+
+def test_the_shipped_studies_can_be_run_in_the_office():
+    office = store_floor_plan(OFFICE)
+    for name in ("giraff", "rhodon"):
+        robot_at(office, name, name)
+    assert {slug: publishing.obstacles_here(study) for slug, study in shipped().items()} == {
+        "exploration": [],
+        "assistance": [],
+    }
+
+
+# --- publishing -----------------------------------------------------------------------------------
+
+
+def test_publishing_asks_for_a_rehearsal_that_passed_or_a_reason():
+    cabin_with_giraff()
+    row = store(small_study(), NOW)
+    rehearsed(row, passed=False)
+    rehearsed(row, sha256="of something else")
+    rehearsed(row, finished_at=None)
+    for reason in ("", "   later   "):
+        with pytest.raises(NotPublishableError, match="No rehearsal of this definition has passed"):
+            publish(row, None, reason, NOW)
+    ada = person()
+    published = publish(row, ada, WHY, NOW)
+    assert (published.status, published.published_at, published.unrehearsed_reason) == (
+        Study.Status.PUBLISHED,
+        NOW,
+        WHY,
+    )
+    assert WHY in LogEntry.objects.get(user=ada).change_message
+
+
+def test_a_rehearsed_study_needs_no_reason():
+    cabin_with_giraff()
+    row = store(small_study(), NOW)
+    rehearsed(row)
+    assert publish(row, None, "", NOW).unrehearsed_reason == ""
+
+
+def test_an_impossible_study_is_not_published_and_every_reason_is_told():
+    with pytest.raises(NotPublishableError) as error:
+        publish(store(small_study(), NOW), None, WHY, NOW)
+    assert len(error.value.reasons) >= 3
+    assert Study.objects.get().status == Study.Status.DRAFT
+
+
+def test_publishing_freezes_the_questionnaires():
+    cabin_with_giraff()
+    publish(store(small_study(), NOW), None, WHY, NOW)
+    row = Questionnaire.objects.get(slug="experience")
+    assert row.frozen_at is not None
+
+
+def test_what_was_changed_since_it_was_read_is_not_published():
+    cabin_with_giraff()
+    row = store(small_study(), NOW)
+    publishing.save_draft(row, small_study(title={"en": "Hut"}))
+    with pytest.raises(NotPublishableError, match="has since been changed or published"):
+        publish(row, None, WHY, NOW)
+
+
+@pytest.fixture
+def published():
+    cabin_with_giraff()
+    return publish(store(small_study(), NOW), None, WHY, NOW)
+
+
+def test_a_published_version_never_changes(published):
+    with pytest.raises(BadDefinitionError, match="make a new version"):
+        store(small_study(title={"en": "Hut"}), NOW)
+    with pytest.raises(publishing.ChangedMeanwhileError):
+        publishing.save_draft(published, small_study(title={"en": "Hut"}))
+    changes = (
+        {"definition": msgspec.to_builtins(small_study(title={"en": "Hut"}))},
+        {"slug": "other"},
+        {"version": 2},
+        {"status": Study.Status.DRAFT},
+    )
+    for change in changes:
+        row = Study.objects.get(pk=published.pk)
+        for name, value in change.items():
+            setattr(row, name, value)
+        with pytest.raises(FrozenStudyError):
+            row.save()
+    assert Study.objects.get().sha256 == published.sha256
+
+
+def test_how_people_come_in_may_change_after_publishing(published):
+    published.entry = Study.Entry.PERSONAL
+    published.save()
+    assert Study.objects.get().entry == Study.Entry.PERSONAL
+
+
+def test_a_new_version_is_a_draft_with_the_same_settings(published):
+    Study.objects.update(time_zone="Europe/Madrid", exclusive=True)
+    copy = publishing.new_version(Study.objects.get(), NOW)
+    assert (copy.version, copy.status, copy.time_zone, copy.exclusive) == (
+        2,
+        Study.Status.DRAFT,
+        "Europe/Madrid",
+        True,
+    )
+    assert publishing.new_version(published, NOW).version == 3
+
+
+def test_publishing_a_new_version_closes_the_one_before(published):
+    newer = publish(publishing.new_version(published, NOW), None, WHY, NOW)
+    older = Study.objects.get(pk=published.pk)
+    assert (older.status, older.closed_at, newer.status) == (
+        Study.Status.CLOSED,
+        NOW,
+        Study.Status.PUBLISHED,
+    )
+    with pytest.raises(NotPublishableError, match="newer version"):
+        publishing.reopen(older)
+
+
+def test_a_study_is_closed_and_opened_again(published):
+    closed = publishing.close(published, NOW)
+    assert (closed.status, closed.closed_at) == (Study.Status.CLOSED, NOW)
+    with pytest.raises(NotPublishableError):
+        publishing.close(closed, NOW)
+    again = publishing.reopen(closed)
+    assert (again.status, again.closed_at) == (Study.Status.PUBLISHED, None)
+    with pytest.raises(NotPublishableError):
+        publishing.reopen(again)
+
+
+def test_only_a_draft_that_nobody_took_part_in_may_be_deleted(published):
+    assert not publishing.may_delete(published)
+    draft = publishing.new_version(published, NOW)
+    assert publishing.may_delete(draft)
+    Participant.objects.create(study=draft, slot="x", created_at=NOW, seen_at=NOW)
+    assert not publishing.may_delete(draft)
+
+
+def test_who_brings_a_study_owns_it_and_no_second_owner_is_made():
+    row = store(small_study(), NOW)
+    ada = person()
+    publishing.own(row, ada)
+    publishing.own(row, person("bob"))
+    assert [(member.user, member.role) for member in StudyMember.objects.all()] == [
+        (ada, StudyMember.Role.OWNER)
+    ]
+
+
+def test_a_site_without_a_plan_is_none_to_make_a_course_on():
+    FloorPlan.objects.filter(pk=cabin_with_giraff().pk).update(plan={})
+    assert publishing.sites() == {}

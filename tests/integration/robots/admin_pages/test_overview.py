@@ -1,0 +1,226 @@
+"""The top of a robot's page: how it is, how to start it, who came; and when visitors see it."""
+
+import datetime
+import re
+from html import unescape
+
+import pytest
+from django.contrib.auth.models import Permission
+from django.urls import reverse
+from django.utils import timezone
+
+from experiments.models import Study, StudyMember
+from robots.access import may_drive, robots_visible_to
+from robots.enrol.credentials import make_credentials
+from robots.enrol.tokens import redeem
+from robots.models import Robot
+from tests.support import replays
+from tests.support.people import person
+
+pytestmark = pytest.mark.django_db
+ADD = "/admin/robots/robot/add/"
+NEW = {
+    "title": "Lab robot",
+    "name": "lab",
+    "enabled": "on",
+    "access": "open",
+    "assist": "off",
+    "charge_limit": "0.2",
+    "calls": "accept",
+    "permits-TOTAL_FORMS": "0",
+    "permits-INITIAL_FORMS": "0",
+}
+
+
+def address(robot, page="change"):
+    return reverse(f"admin:robots_robot_{page}", args=[robot.pk])
+
+
+def overview(client, robot):
+    text = unescape(client.get(address(robot)).content.decode())
+    return re.search(r'<section id="robot-overview".*?</section>', text, re.DOTALL)[0]
+
+
+def checkbox(client, robot):
+    text = client.get(address(robot)).content.decode()
+    return re.search(r'<input[^>]*name="shown_to_visitors"[^>]*>', text)[0]
+
+
+@pytest.fixture
+def boss(client):
+    user = person("boss", is_staff=True, is_superuser=True)
+    client.force_login(user)
+    return user
+
+
+@pytest.fixture
+def owner(client):
+    user = person("owner", is_staff=True)
+    client.force_login(user)
+    return user
+
+
+@pytest.fixture
+def robot(owner):
+    return replays.cabin_robot(owner=owner, shown_to_visitors=False)
+
+
+def seen(robot):
+    Robot.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=timezone.now())
+
+
+# --- who sees it ----------------------------------------------------------------------------------
+
+
+def test_a_robot_that_is_added_is_hidden_and_its_page_says_how_to_connect_it(client, boss):
+    answer = client.post(ADD, NEW | {"shown_to_visitors": "on"})
+    robot = Robot.objects.get()
+    assert answer["Location"] == address(robot)
+    assert not robot.shown_to_visitors
+    assert not robots_visible_to(person("ada")).exists()
+    text = overview(client, robot)
+    assert "Waiting for the robot to connect…" in text
+    assert "Create the command" in text
+
+
+def test_adding_a_robot_asks_for_nothing_that_only_the_robot_can_tell(client, boss):
+    text = client.get(ADD).content.decode()
+    for field in ("online_now", "battery", "docked", "driver", "shown_to_visitors", "told_state"):
+        assert f"field-{field}" not in text
+    assert "field-title" in text
+    assert "field-adapter" in text
+
+
+def test_no_form_of_a_robot_takes_its_state(client, robot):
+    text = client.get(address(robot)).content.decode()
+    names = set(re.findall(r'<(?:input|select|textarea)[^>]*\sname="(\w+)"', text))
+    assert not names & {"connection", "online", "docked", "battery", "report", "last_seen_at"}
+
+
+def test_a_robot_is_shown_once_it_was_seen_and_hidden_again_at_any_time(client, robot):
+    form, visitor = NEW | {"shown_to_visitors": "on"}, person("visitor")
+    assert "disabled" in checkbox(client, robot)
+    refused = client.post(address(robot), form).content.decode()
+    assert "Connect it, then show it to visitors." in unescape(refused)
+    seen(robot)
+    assert "disabled" not in checkbox(client, robot)
+    for wanted in (form, NEW, form):
+        assert client.post(address(robot), wanted).status_code == 302
+        robot.refresh_from_db()
+        assert robot.shown_to_visitors is ("shown_to_visitors" in wanted)
+        assert robots_visible_to(visitor).exists() is robot.shown_to_visitors
+
+
+def test_a_robot_that_was_shown_before_it_was_seen_stays_so(client, robot):
+    Robot.objects.update(shown_to_visitors=True)
+    assert "disabled" not in checkbox(client, robot)
+    assert client.post(address(robot), NEW | {"shown_to_visitors": "on"}).status_code == 302
+    assert Robot.objects.get().shown_to_visitors
+
+
+def test_the_list_says_that_a_robot_is_hidden(client, robot):
+    assert ">hidden<" in client.get(reverse("admin:robots_robot_changelist")).content.decode()
+
+
+def test_its_owner_drives_a_hidden_robot(robot, owner):
+    assert may_drive(owner, robot)
+    assert may_drive(person("ada"), robot).reason == "disabled"
+
+
+# --- what is there --------------------------------------------------------------------------------
+
+
+def test_the_page_tells_an_owner_what_they_want_to_know_in_this_order(client, robot, owner):
+    make_credentials(robot, timezone.now())
+    seen(robot)
+    Robot.objects.update(
+        report={"battery": {"charge": 0.5}}, factsheet=robot.factsheet | {"agentVersion": "0.9.1"}
+    )
+    replays.session(robot, person("zaphod", display_name="Zaphod"), seconds=90)
+    text = overview(client, robot)
+    parts = (
+        "Ready, but hidden from visitors.",
+        "python manage.py run_robot giraff --server http://testserver",
+        "50 %",
+        "0.9.1",
+        "version 1",
+        ">1.5<",
+        ">completed<",
+        "img/robots/giraff",
+        "No: the owner's account has no e-mail address.",
+    )
+    places = [text.find(part) for part in parts]
+    assert -1 not in places
+    assert places == sorted(places)
+    assert "Waiting for the robot" not in text
+
+
+def test_a_command_with_a_token_is_shown_once_and_the_page_is_saved_as_ever(client, robot):
+    answer = client.post(address(robot, "enrol"))
+    text = unescape(answer.content.decode())
+    command = re.search(r'<pre id="command"[^>]*>(.*?)</pre>', text, re.DOTALL)[1]
+    token = command.rpartition("--enrol ")[2]
+    assert "This command is shown only once." in text
+    assert f'action="{address(robot)}"' in text
+    assert "no-store" in answer["Cache-Control"]
+    assert token not in client.get(address(robot)).content.decode()
+    assert redeem("giraff", token, timezone.now()) is not None
+    assert "--enrol" not in overview(client, robot)
+    assert "run_robot giraff" in overview(client, robot)
+
+
+def test_somebody_who_only_looks_gets_no_command_to_make(client, robot):
+    client.force_login(viewer := person("viewer", is_staff=True))
+    viewer.user_permissions.add(Permission.objects.get(codename="view_robot"))
+    assert "Create the command" not in overview(client, robot)
+    assert client.post(address(robot, "enrol")).status_code == 403
+
+
+def test_the_last_ten_visits_lead_to_their_replays_where_names_may_be_seen(client, robot):
+    for day in range(12):
+        visitor = person(f"zaphod{day}", display_name=f"Zaphod {day}")
+        replays.session(
+            robot,
+            visitor,
+            granted=replays.GRANTED + datetime.timedelta(days=day),
+            seconds=60,
+        )
+    text = overview(client, robot)
+    assert text.count(">someone<") == 10
+    assert "Zaphod" not in text
+    assert "/studies/replay/" not in text
+    assert text.count("/admin/telepresence_sessions/session/") == 11  # and the list of all
+    client.force_login(person("boss", is_staff=True, is_superuser=True))
+    text = overview(client, robot)
+    assert re.findall(r">Zaphod (\d+)<", text) == [str(day) for day in range(11, 1, -1)]
+    assert text.count("/studies/replay/") == 10
+
+
+def test_an_owner_who_researches_a_study_gets_mail_about_the_robot(client, robot, owner):
+    owner.email = "owner@example.org"
+    owner.save()
+    assert "No. Only researchers of a published study" in overview(client, robot)
+    study = replays.study(status=Study.Status.PUBLISHED)
+    assert "No. Only researchers" in overview(client, robot)
+    StudyMember.objects.create(slug=study.slug, user=owner, role=StudyMember.Role.RESEARCHER)
+    assert "Yes, when the robot can't get ready, as a researcher of: Cabin." in overview(
+        client, robot
+    )
+
+
+# --- what keeps it fresh --------------------------------------------------------------------------
+
+
+def test_the_state_changes_with_the_first_sign_of_life(client, robot):
+    before = client.get(address(robot, "status")).json()
+    assert (before["connected"], before["tone"], before["agent"]) == (False, "off", "")
+    seen(robot)
+    after = client.get(address(robot, "status")).json()
+    assert (after["connected"], after["label"]) == (True, "Hidden")
+
+
+def test_the_state_is_read_by_who_may_see_the_robot_alone(client, robot):
+    client.force_login(person("other", is_staff=True))
+    assert client.get(address(robot, "status")).status_code == 404
+    client.logout()
+    assert client.get(address(robot, "status")).status_code == 302

@@ -1,0 +1,131 @@
+"""Trying a simulated robot without an account: what such a visitor may do, and for how long."""
+
+import datetime
+
+import pytest
+from django.core.management import call_command
+from django.urls import reverse
+from django.utils import timezone
+
+from accounts.models import User
+from accounts.passwordless import NEW_GUESTS
+from robots.access import may_drive, may_observe
+from robots.models import Robot
+from sessions.leases import terms
+from sessions.leases.trial_terms import TURN_SECONDS
+from sessions.models import Session
+from telepresence_site.practice import robots
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(autouse=True)
+def practice(settings, tmp_path):
+    settings.PRACTICE_ROBOTS, settings.CREDENTIALS_DIR = 1, tmp_path / "credentials"
+    robots.prepare(1, "mqtt://127.0.0.1:1")
+    return Robot.objects.get(name="practice-1")
+
+
+@pytest.fixture
+def giraff():
+    now = timezone.now()
+    return Robot.objects.create(
+        name="giraff", title="Giraff", connection="ONLINE", last_seen_at=now
+    )
+
+
+@pytest.fixture
+def tries(client):
+    assert client.post(reverse("try_now")).url == reverse("try_robot")
+    return User.objects.get(kind=User.Kind.VISITOR)
+
+
+def is_there(robot: Robot) -> None:
+    Robot.objects.filter(pk=robot.pk).update(connection="ONLINE", last_seen_at=timezone.now())
+
+
+def test_the_first_page_offers_it_where_there_are_practice_robots(client, settings):
+    assert reverse("try_now") in client.get(reverse("home")).content.decode()
+    settings.PRACTICE_ROBOTS = 0
+    assert reverse("try_now") not in client.get(reverse("home")).content.decode()
+    assert client.post(reverse("try_now")).status_code == 404
+
+
+def test_it_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):
+    assert client.get(reverse("try_robot")).status_code == 200
+    assert client.get(reverse("practice")).json() == {"url": None}
+    is_there(practice)
+    url = client.get(reverse("practice")).json()["url"]
+    page = client.get(url)
+    assert page.status_code == 200
+    assert page.context["config"]["signUp"] == reverse("account_signup")
+    plan = client.get(page.context["config"]["floorplan"])
+    assert plan.status_code == 200
+    assert client.get(plan.json()["image"]).status_code == 200
+
+
+def test_asking_for_a_robot_has_one_started(client, tries):
+    User.objects.filter(pk=tries.pk).update(last_login=None)
+    assert robots.demand(None, timezone.now()).wanted_at is None
+    client.get(reverse("practice"))
+    assert robots.demand(None, timezone.now()).wanted_at is not None
+
+
+def test_everywhere_else_it_is_a_stranger_who_comes(client, tries, giraff):
+    home = client.get(reverse("home"))
+    assert not home.context["user"].is_authenticated
+    assert home.context["invitation"].url.startswith(reverse("account_signup"))
+    drive = client.get(reverse("drive", args=["giraff"]))
+    assert drive.url.startswith(reverse("account_login"))
+    assert client.get(reverse("account_signup")).status_code == 200
+    assert client.post(reverse("api_act", args=["giraff"])).status_code in (401, 403)
+    assert not may_drive(tries, giraff)
+    assert not may_observe(tries, giraff)
+
+
+def test_trying_twice_is_a_new_visitor_and_the_page_alone_is_nobodys(client, tries):
+    client.post(reverse("try_now"))
+    assert User.objects.filter(kind=User.Kind.VISITOR).count() == 2
+    client.cookies.clear()
+    assert client.get(reverse("try_robot")).url == reverse("home")
+
+
+def test_somebody_with_an_account_tries_as_who_they_are(client):
+    ada = User.objects.create_user("ada", password="x")
+    client.force_login(ada)
+    client.post(reverse("try_now"))
+    assert client.get(reverse("try_robot")).status_code == 200
+    assert User.objects.count() == 1
+
+
+def test_one_address_can_make_only_so_many(client, settings):
+    for _ in range(NEW_GUESTS.limit):
+        assert client.post(reverse("try_now")).status_code == 302
+    answer = client.post(reverse("try_now"))
+    assert answer.status_code == 429
+    assert int(answer["Retry-After"]) > 0
+
+
+def session_of(visitor: User, robot: Robot) -> Session:
+    now = timezone.now()
+    return Session.objects.create(
+        robot=robot, visitor=visitor, live_key=f"{robot.pk}:{visitor.pk}", queued_at=now
+    )
+
+
+def test_the_turn_is_short_also_while_nobody_waits(client, tries, practice):
+    fixed = terms.of_granted(session_of(tries, practice), timezone.now())
+    assert (fixed.turn_seconds, fixed.turn_always) == (TURN_SECONDS, True)
+    ada = User.objects.create_user("ada", password="x")
+    assert terms.of_granted(session_of(ada, practice), timezone.now()) == terms.FREE
+
+
+def test_after_a_day_nothing_is_left_of_them(client, tries, practice):
+    session_of(tries, practice)
+    call_command("forget", verbosity=0)
+    assert User.objects.filter(pk=tries.pk).exists()
+    before = timezone.now() - datetime.timedelta(days=2)
+    User.objects.filter(pk=tries.pk).update(last_login=before, date_joined=before)
+    call_command("forget", verbosity=0)
+    assert not User.objects.filter(pk=tries.pk).exists()
+    assert Session.objects.count() == 0

@@ -1,0 +1,80 @@
+"""Pages, messages and documents are in plain English: constructions that read like a translation are
+found, with what to say instead.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.support.paths import ROOT
+from tests.unit.site.test_templates import po_entries
+
+START = r"(?:^|(?<=[.!?:;] )|(?<=\n))"
+INSTEAD = {
+    START
+    + r"Who (?![^.?!\n]*\?)(?=[a-z]+ [a-z]+ )": "say who it is: you, the driver, participants",
+    r"\b[Ww]hoever\b": "say who it is: you, the driver, participants",
+    r"\b[Ii]t stands\b": "it is, it has stopped, it is written",
+    r"\bstands (?:in|on|there|where|until|for all|at the)\b": "is",
+    START + r"Nothing (?:is|stands|comes|goes)\b": "no … is",
+    r"\bby (?:your|their) wish\b": "at your request",
+    r"\b(?:is|are|was|were) looked at\b": "checked, reviewed, tested",
+    r"\ball the same\b": "still, anyway",
+    r"\b[Mm]eanwhile\b": "while …",
+    r"\bat hand\b": "available",
+    r"\bgoes by the name\b": "is called",
+    r"\bfrom then on\b": "after that",
+}
+# Programs speak in these calls; their strings are read by people, too.
+SPOKEN = {"CommandError", "add_argument", "write", "print", "AdapterError"}
+
+
+def spoken(path: Path) -> Iterator[str]:
+    """Yield the sentences that a module says on the command line."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Call) and _name(node.func) in SPOKEN:
+            for part in ast.walk(node):
+                if isinstance(part, ast.Constant) and isinstance(part.value, str):
+                    yield part.value
+
+
+def _name(function: ast.expr) -> str:
+    return getattr(function, "attr", getattr(function, "id", ""))
+
+
+def prose(path: Path) -> str:
+    """Return what a document says, without code."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"^    .*$", "", text, flags=re.MULTILINE)
+    return re.sub(r"`[^`]*`", "CODE", text)
+
+
+@cache
+def everything() -> tuple[tuple[str, str], ...]:
+    return tuple(_everything())
+
+
+def _everything() -> Iterator[tuple[str, str]]:
+    for entry in po_entries():
+        yield "locale", entry["msgid"]
+    for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
+        if path.name != "CHANGELOG.md":
+            yield str(path.relative_to(ROOT)), prose(path)
+    for app in ("accounts", "experiments", "robots", "sessions", "surveys", "telepresence_site"):
+        for path in (ROOT / app).rglob("*.py"):
+            for text in spoken(path):
+                yield str(path.relative_to(ROOT)), text
+
+
+@pytest.mark.parametrize("pattern", INSTEAD)
+def test_nothing_reads_like_a_translation(pattern):
+    found = [
+        f"{where}: …{text[max(0, hit.start() - 30) : hit.end() + 40]}…"
+        for where, text in everything()
+        for hit in re.finditer(pattern, text)
+    ]
+    assert found == [], f"say instead: {INSTEAD[pattern]}"

@@ -1,0 +1,140 @@
+import dataclasses
+
+import pytest
+
+from experiments.bots.diary import Diary, Entry, Leg
+from experiments.definition.shipped import shipped
+from experiments.rehearsal.report import Findings, Record, judge
+
+STUDY = shipped()["exploration"]
+KEYS = [condition.key for condition in STUDY.conditions]
+ALL = (1, 2, 3, 4)
+
+
+def diary(number, key, *, seconds=150.0, passed=ALL, outcome="completed", **more):
+    leg = Leg(
+        seconds=seconds,
+        outcome=outcome,
+        passed=passed,
+        session=f"s{number}",
+        closed=STUDY.condition(key).doors_closed,
+    )
+    entries = [
+        Entry("About you", "/q/", 0.0, 3.0, words=200, questions=6),
+        Entry("Exploration", "/drive/", 0.0, seconds),
+    ]
+    return Diary(number, "completes", code="ABCD", entries=entries, legs=[leg], **more)
+
+
+def played(*diaries, **more):
+    records = {
+        one.legs[0].session: Record(KEYS[one.number % len(KEYS)], one.legs[0].outcome)
+        for one in diaries
+        if one.legs
+    }
+    return judge(STUDY, diaries, Findings(records, **more))
+
+
+def everybody():
+    return [diary(number, key) for number, key in enumerate(KEYS)]
+
+
+def test_a_study_that_every_bot_gets_through_passes():
+    report = played(*everybody(), drawn=("table_1",))
+    assert report.passed, report.problems
+    assert [one.completed for one in report.conditions] == [1] * len(KEYS)
+    assert report.drawn == ["table_1"]
+
+
+def test_what_people_will_need_is_reckoned_from_words_questions_and_the_drive():
+    report = played(*everybody())
+    assert [step.expected_minutes for step in report.steps if step.heading == "About you"] == [1.7]
+    assert report.conditions[0].expected_minutes == 4.5
+    assert report.expected_minutes == pytest.approx(1.7 + 4.5, abs=0.1)
+
+
+def test_a_checkpoint_that_nobody_passes_stands_in_the_way():
+    bots = everybody()
+    bots[1].legs[0].passed, bots[1].legs[0].outcome = (1, 2), "timed_out"
+    report = played(*bots)
+    assert not report.passed
+    assert report.conditions[1].missed == [3, 4]
+    assert any(KEYS[1] in problem and "checkpoint 3" in problem for problem in report.problems)
+
+
+def test_a_condition_in_which_nobody_drove_stands_in_the_way():
+    report = played(*everybody()[:-1])
+    assert [
+        problem
+        for problem in report.problems
+        if KEYS[-1] in problem and "none was completed" in problem
+    ]
+
+
+def test_a_time_limit_that_leaves_people_no_time_is_told_with_one_that_does():
+    bots = everybody()
+    bots[0].legs[0].seconds = 500.0
+    (problem,) = played(*bots).problems
+    assert "allow 21" in problem
+
+
+def test_a_form_that_leads_nowhere_is_told_with_the_bot_that_was_there():
+    bots = [*everybody(), Diary(9, "completes", stuck="“About you” does not continue")]
+    assert any("Bot 9" in problem and "About you" in problem for problem in played(*bots).problems)
+
+
+def test_a_bot_that_got_no_code_is_a_problem():
+    bots = everybody()
+    bots[2] = dataclasses.replace(bots[2], code="")
+    assert played(*bots).problems == ["Bot 2 did everything and got no code."]
+
+
+def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
+    bots = everybody()
+    records = {
+        one.legs[0].session: Record(
+            KEYS[one.number], "completed", mismatches=("assist",) if one.number == 0 else ()
+        )
+        for one in bots
+    }
+    assert judge(STUDY, bots, Findings(records)).problems == [
+        f"Condition {KEYS[0]}: in force was something else than assigned: assist."
+    ]
+
+
+def test_columns_that_stay_empty_and_what_was_not_drawn_are_told_apart():
+    report = played(
+        *everybody(), empty_columns=("ict.use",), not_drawn=("figure_7, because of an error",)
+    )
+    assert "No bot gave a value for ict.use." in report.notes
+    assert report.problems == ["Not drawn: figure_7, because of an error."]
+
+
+def test_practice_counts_as_no_drive_of_the_condition():
+    bots = everybody()
+    records = {
+        one.legs[0].session: Record(KEYS[one.number], "completed", practice=one.number == 0)
+        for one in bots
+    }
+    assert judge(STUDY, bots, Findings(records)).conditions[0].drives == 0
+
+
+def test_it_tells_how_many_participants_an_effect_needs():
+    assert [need["effect"] for need in played(*everybody()).power] == [0.2, 0.5, 0.8]
+
+
+def test_nobody_at_all_is_no_rehearsal():
+    report = judge(STUDY, [], Findings())
+    assert not report.passed
+    assert report.expected_minutes == 0.0
+
+
+def test_a_drive_whose_record_gives_something_else_than_is_stored_stands_in_the_way():
+    assert (
+        played(
+            *everybody(),
+            discrepancies=("Session s1: a replay ends as cancelled, but completed is stored.",),
+        )
+        .problems[-1]
+        .startswith("Session s1")
+    )

@@ -1,0 +1,64 @@
+import datetime
+
+import pytest
+
+from robots.models import Robot
+from robots.owner_status import owner_status
+
+NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
+AWAY = {"connection": "OFFLINE", "last_seen_at": NOW - datetime.timedelta(hours=3)}
+LOST = {"errors": ["adapter_lost: no ROS master at http://robot:11311"]}
+
+
+def told(*, driven: bool = False, **changes):
+    fields = {
+        "name": "giraff",
+        "title": "Giraff",
+        "connection": "ONLINE",
+        "last_seen_at": NOW,
+        "credential_hash": "$7$",
+        "report": {"battery": {"charge": 0.824}},
+    }
+    return owner_status(Robot(**(fields | changes)), driven=driven, now=NOW)
+
+
+@pytest.mark.parametrize(
+    ("changes", "tone", "label", "says"),
+    [
+        ({}, "good", "Free now", "ready for visitors"),
+        ({"shown_to_visitors": False}, "attention", "Hidden", "Select “Show to visitors” below"),
+        ({"driven": True}, "busy", "In use", "Somebody is driving"),
+        ({"enabled": False}, "off", "Disabled", "Select “Enabled” below"),
+        ({"connection": "OFFLINE", "last_seen_at": None}, "off", "New", "Run the command below"),
+        (AWAY, "bad", "Offline", "Last seen 3\xa0hours ago. Check that its computer is on"),
+        (AWAY | {"credential_hash": ""}, "bad", "Offline", "Create a command below"),
+        ({"report": {"safety": {"estop": True}}}, "bad", "Stopped", "Release it at the robot"),
+        ({"report": LOST}, "bad", "Not available", "no ROS master at http://robot:11311"),
+        ({"held": "lunch"}, "attention", "Not ready", "lunch. Resume them"),
+        ({"turnaround": "charging"}, "busy", "Charging", "as soon as it is ready"),
+        (
+            {"turnaround": "paused", "turnaround_reason": "not_docked"},
+            "attention",
+            "Not ready",
+            "it is not docked. It tries again by itself.",
+        ),
+    ],
+)
+def test_an_owner_reads_one_state_and_what_to_do_next(changes, tone, label, says):
+    it = told(**changes)
+    assert (it.tone, it.label) == (tone, label)
+    assert says in it.sentence
+
+
+def test_a_stop_of_a_hidden_robot_that_is_driven_comes_first():
+    report = {"safety": {"estop": True}}
+    assert told(driven=True, shown_to_visitors=False, report=report).label == "Stopped"
+
+
+def test_the_battery_of_a_robot_that_is_away_is_unknown():
+    assert (told().battery, told(**AWAY).battery) == ("82 %", "")
+
+
+def test_a_robot_is_connected_for_good_once_it_was_seen():
+    assert told(**AWAY).connected
+    assert not told(connection="OFFLINE", last_seen_at=None).connected

@@ -1,0 +1,61 @@
+"""Every text of the pages is in the Spanish catalogue, and translated."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from django.conf import settings
+from django.utils.translation.template import templatize
+
+from tests.unit.site.test_templates import po_entries
+
+ROOT = settings.BASE_DIR
+APPS = ("accounts", "experiments", "robots", "sessions", "surveys", "telepresence_site")
+MARKS = {"_", "gettext", "gettext_lazy", "gettext_noop", "ngettext", "ngettext_lazy"}
+IN_CONTEXT = {"pgettext", "pgettext_lazy"}  # the context comes before the text
+MARKED = re.compile(r"\b(_|gettext|ngettext|pgettext)\(")
+
+
+def texts_of(code: str) -> Iterator[str]:
+    """Yield what a module marks for translation: the text, the first of a count's two."""
+    for node in ast.walk(ast.parse(code)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "id", "")
+        at = 1 if name in IN_CONTEXT else 0
+        if name in MARKS | IN_CONTEXT and isinstance(node.args[at], ast.Constant):
+            yield node.args[at].value
+
+
+def texts_of_template(source: str) -> Iterator[str]:
+    """Yield what a template marks, as Django's own preparation for xgettext writes it."""
+    prepared = templatize(source)
+    for found in MARKED.finditer(prepared):
+        depth, end = 1, found.end()
+        while depth:
+            quoted = re.compile(r"u?(\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*')").match(prepared, end)
+            end = quoted.end() if quoted else end + 1
+            depth += {"(": 1, ")": -1}.get(prepared[end - 1], 0) if not quoted else 0
+        yield from texts_of(prepared[found.start() : end])
+
+
+def marked() -> Iterator[tuple[Path, str]]:
+    for app in APPS:
+        for path in (ROOT / app).rglob("*.py"):
+            yield from ((path, text) for text in texts_of(path.read_text()))
+    for path in (ROOT / "templates").rglob("*"):
+        if path.suffix in {".html", ".txt"}:
+            yield from ((path, text) for text in texts_of_template(path.read_text()))
+
+
+def test_every_text_is_in_spanish_too():
+    spanish = {entry["msgid"]: entry for entry in po_entries() if "fuzzy" not in entry["flags"]}
+    texts = list(marked())
+    assert len(texts) > 1500
+    missing = {
+        f"{path.relative_to(ROOT)}: {text}"
+        for path, text in texts
+        if not any(spanish.get(text, {}).get(key) for key in ("msgstr", "msgstr[0]"))
+    }
+    assert not missing, "see CONTRIBUTING.md for how texts come into the catalogue"
