@@ -85,14 +85,19 @@ async def test_one_encoder_serves_every_viewer_the_same_pictures(new_page) -> No
     assert len(common) > 8
 
 
-async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(new_page) -> None:
+async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(
+    media, new_page
+) -> None:
     first, late = new_page("p1", decode=False), new_page("p2", decode=False)
     await first.connect()
     await until(lambda: len(first.pictures) > 20)
     await late.connect()
     await until(lambda: len(late.pictures) > 10)
     assert late.pictures[0][1], "the first picture is a key frame"
-    assert max(step(before, after) for before, after in pairwise(first.pictures)) < 90_000 * 0.5
+    # Counted, not timed: a busy computer spaces everybody's pictures out.
+    shown = {rtp for rtp, _ in late.pictures[:10]}
+    await until(lambda: shown <= {rtp for rtp, _ in first.pictures}, what="every picture of both")
+    assert media._pages._viewers["p1"]._pictures.queue.restarts == 0
 
 
 async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_else_does(
