@@ -179,7 +179,10 @@ class Robot(models.Model):
         max_length=5,
         choices=Assist,
         default=Assist.OFF,
-        help_text=_("Used unless the visitor or a study chooses another level."),
+        help_text=_(
+            "Used unless the visitor or a study chooses another level. Visitors who have never "
+            "driven begin with a robot that stops at obstacles."
+        ),
     )
     doors = models.JSONField(
         _("doors"),
