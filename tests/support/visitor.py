@@ -95,7 +95,7 @@ class Visitor:
             lambda: self.frames() > 3,
             within,
             "a picture",
-            lambda: {name: self.page_data(name) for name in ("phase", "link", "card")},
+            lambda: {name: self.page_data(name) for name in ("phase", "link")},
         )
 
     def hold(self, key: str, reached: Callable[[], Any], within: float, what: str) -> None:
