@@ -28,6 +28,7 @@ from experiments.analysis.tables.effects import (
     by_network,
     compare_conditions,
     learning,
+    learnt,
     outcomes_by_condition,
 )
 from experiments.analysis.tables.flow import flow, funnel
@@ -98,6 +99,7 @@ def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
             by_network(measured),
             ages(dataset, measured),
             learning(measured),
+            learnt(measured),
         ),
     )
     sites = dict.fromkeys(course.site for course in dataset.study.courses)

@@ -64,7 +64,9 @@ LABELS: dict[str, Words] = {
     "checkpoint": _("After checkpoint"),
     "mirror": _("Mirror"),
     "view": _("Angle (rad)"),
+    "levels": _("Levels"),
     "allocation": _("Assignment to conditions"),
+    "left_after_hours": _("Counts as having left after (hours)"),
     "design": _("Design"),
     "order": _("Order"),
     "quota": _("Participants per cell"),
@@ -108,6 +110,10 @@ HINTS: dict[str, Words] = {
     "view": _("Maximum angle between the mirror and the camera's axis."),
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
+    "left_after_hours": _(
+        "A participant who has not had all conditions and was not seen for this long. Their order "
+        "of conditions goes to someone else."
+    ),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
     "charge": _("0: any. A robot that does not report its charge is accepted."),
     "docked_seconds": _("While the robot is still and the controls are released. At least 1."),
@@ -190,6 +196,7 @@ ITEMS: dict[str, Words] = {
     "leaves": pgettext_lazy("of the instructions", "Page"),
     "checkpoints": _("Checkpoint"),
     "zones": _("Zone"),
+    "levels": _("Level"),
 }
 
 NOTHING = _("none")

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from experiments.builder.parts import Document, in_languages, renumber
-from experiments.definition.schema import Condition, Course, StudyDefinition
+from experiments.definition.schema import Condition, Course, Factor, StudyDefinition
 from experiments.definition.steps import KINDS
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
@@ -21,7 +21,7 @@ PAGES: Mapping[str, Collection[str]] = {
     "about": ("title", "intro", "source", "licence", "languages"),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
 }
-LISTS = ("steps", "conditions", "courses")
+LISTS = ("steps", "factors", "conditions", "courses")
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
 BEGINNINGS = {
     "steps": (
@@ -34,15 +34,17 @@ BEGINNINGS = {
         "The last",
         "Participants do",
     ),
-    "conditions": ("There is no condition", "The condition"),
+    "factors": ("The factor",),
+    "conditions": ("There is no condition", "The condition", "No condition has"),
     "courses": ("The course",),
-    "rules": ("The refill", "The statements"),
+    "rules": ("The refill", "The statements", "The assignment"),
 }
 _OF_A_PART = re.compile(
-    r"(Step|Condition) (?P<key>[a-z][a-z0-9_]*): |(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
+    r"(Step|Factor|Condition) (?P<key>[a-z][a-z0-9_]*): "
+    r"|(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
 )
 _OF_A_COURSE = re.compile(r"Course of (?P<robot>\S+) at (?P<site>\S+): ")
-_IN_A_LIST = re.compile(r"study\.(?P<section>steps|conditions|courses)\[(?P<index>\d+)\]")
+_IN_A_LIST = re.compile(r"study\.(?P<section>steps|factors|conditions|courses)\[(?P<index>\d+)\]")
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class BuilderPlace:
         return (
             KINDS[part["kind"]]
             if self.section == "steps"
-            else {"conditions": Condition, "courses": Course}[self.section]
+            else {"factors": Factor, "conditions": Condition, "courses": Course}[self.section]
         )
 
     @property
@@ -126,11 +128,16 @@ def place_of(problem: str, study: StudyDefinition) -> BuilderPlace | None:
 def _place_of_key(key: str, study: StudyDefinition) -> BuilderPlace | None:
     keys = {
         "steps": [step.key for step in study.steps],
+        "factors": [factor.key for factor in study.factors],
         "conditions": [condition.key for condition in study.conditions],
     }
-    return next(
-        (BuilderPlace(name, own.index(key)) for name, own in keys.items() if key in own), None
-    )
+    found = [BuilderPlace(name, own.index(key)) for name, own in keys.items() if key in own]
+    found += [
+        BuilderPlace("factors", n)
+        for n, factor in enumerate(study.factors)
+        if key in {level.key for level in factor.levels}
+    ]
+    return found[0] if found else None
 
 
 # --- what is new ----------------------------------------------------------------------------------
@@ -161,6 +168,13 @@ def new_condition(whole: Document, at_hand: AtHand) -> Document:
         "site": site,
         "controllers": ["keyboard", "mouse", "touch", "stick"],
     }
+
+
+def new_factor(whole: Document) -> Document:
+    """Return a factor of two levels without titles."""
+    key = _free("factor", [one["key"] for one in whole["factors"]])
+    levels = [{"key": f"{key}_level_{n}", "title": {}} for n in (1, 2)]
+    return {"key": key, "title": {}, "levels": levels}
 
 
 def new_course(whole: Document, at_hand: AtHand) -> Document:
@@ -205,6 +219,7 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
     ]
     parts: dict[str, Document] = {
         "leaves": {"text": {}},
+        "levels": {"key": f"level_{n + 1}", "title": {}},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
         "zones": {
             "name": f"zone_{n + 1}",

@@ -42,7 +42,7 @@ def _name_of(place: str, whole: Document) -> str:
         names.append(title_of(whole[found["key"]][int(found["n"])], whole))
         path = path[1:]
     elif head != "study":
-        parts = (*whole["steps"], *whole["conditions"])
+        parts = (*whole["steps"], *whole["factors"], *whole["conditions"])
         names.append(next((title_of(one, whole) for one in parts if one["key"] == head), head))
     return " · ".join([*names, *(_segment(one) for one in path)])
 

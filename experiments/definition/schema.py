@@ -47,6 +47,8 @@ Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
 OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
 ControlWay = Literal["any", "datachannel", "mqtt"]
 Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
+Design = Literal["between", "within"]
+Levels = dict[Key, Key]  # of a condition: the key of its level, by the key of the factor
 
 
 # --- where it is driven ---------------------------------------------------------------------------
@@ -131,16 +133,36 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
     angular: Positive | None = None
 
 
+class Level(DocumentPart, frozen=True, kw_only=True):
+    """A value of a factor."""
+
+    key: Key
+    title: Text
+
+
+class Factor(DocumentPart, frozen=True, kw_only=True):
+    """What is varied, such as the delay or the assistance. `within`: a participant has all of its
+    levels, `between`: one. The first level is the reference of treatment coding.
+    """
+
+    key: Key
+    title: Text
+    design: Design = "between"
+    levels: Annotated[tuple[Level, ...], Meta(max_length=24)] = ()
+
+
 class Condition(DocumentPart, frozen=True, kw_only=True):
     """One way to do the task. What it says, the visitor cannot change.
 
-    `robot` is a series. `access` says who may be assigned to it: everybody who has the link, or
-    those who were invited. `idle_seconds` is how long a driver may do nothing before being asked
+    `levels` is its cell: its level of each factor. `robot` is a series. `access` says who may be
+    assigned to it: everybody who has the link, or those who were invited. `idle_seconds` is how
+    long a driver may do nothing before being asked
     whether anybody is there; absent or 0 for ever, for a drive of a study has its own time limit.
     """
 
     key: Key
     title: Text
+    levels: Levels = {}
     robot: PlanKey
     site: PlanKey
     access: Literal["open", "invitation"] = "open"
@@ -162,13 +184,17 @@ class Allocation(DocumentPart, frozen=True, kw_only=True):
     """Who gets which condition.
 
     Between participants each does one condition; within them each does all that are open to them,
-    in an order: `fixed` as written, `all` orders, or `balanced` ones. `quota` is how many
-    participants fill a cell (a condition, or an order); None is no end.
+    in an order: `fixed` as written, `all` orders, or `balanced` ones. With factors of both kinds a
+    participant does the conditions of one cell of the between factors. `quota` is how many
+    participants fill a cell (a condition, or an order); None is no end. Who is to do several
+    conditions and was not seen for `left_after_hours` before the last of them has left: another
+    participant gets the order.
     """
 
-    design: Literal["between", "within"] = "between"
+    design: Design = "between"
     order: Literal["fixed", "all", "balanced"] = "balanced"
     quota: Annotated[int, Meta(ge=1, le=100_000)] | None = None
+    left_after_hours: Annotated[float, Meta(ge=1.0, le=8760.0)] = 24.0
 
 
 class Refill(DocumentPart, frozen=True, kw_only=True):
@@ -226,6 +252,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     licence: str = ""
     languages: tuple[Language, ...]
     steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
+    factors: Annotated[tuple[Factor, ...], Meta(max_length=4)] = ()
     conditions: Annotated[tuple[Condition, ...], Meta(max_length=24)]
     courses: Annotated[tuple[Course, ...], Meta(max_length=24)]
     allocation: Allocation = Allocation()

@@ -41,7 +41,11 @@ class Topic:
 TOPICS = (
     Topic("overview", _("Overview"), ("flow", "funnel", "table-1", "table-3")),
     Topic("participants", _("Participants"), ("participants", "table-2")),
-    Topic("outcomes", _("Outcomes"), ("outcomes", "conditions", "learning", "metrics")),
+    Topic(
+        "outcomes",
+        _("Outcomes"),
+        ("outcomes", "conditions", "learning", "learning-tests", "metrics"),
+    ),
     Topic(
         "questionnaires",
         _("Questionnaires"),

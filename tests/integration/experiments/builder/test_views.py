@@ -16,7 +16,7 @@ from tests.support.study_pages import form_of
 from tests.support.study_site import cabin_with_giraff
 
 pytestmark = pytest.mark.django_db
-SECTIONS = ("about", "steps", "conditions", "courses", "rules")
+SECTIONS = ("about", "steps", "factors", "conditions", "courses", "rules")
 
 
 @pytest.fixture
@@ -85,6 +85,31 @@ def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(cli
         "cabin",
         ("door",),
     )
+
+
+def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(client, study):
+    add = {"do": "add:", "sha256": study.sha256}
+    answer = client.post(section(study, "factors"), add)
+    assert answer.headers["Location"] == section(study, "factors", 0)
+    names = {"key": "doors", "title__en": "Doors"}
+    for n, level in enumerate(("open", "closed")):
+        names |= {f"levels__{n}__key": level, f"levels__{n}__title__en": level.title()}
+    send(client, section(study, "factors", 0), **names)
+    (factor,) = stored().factors
+    assert (factor.key, [level.key for level in factor.levels]) == ("doors", ["open", "closed"])
+    assert publishing.problems_of(Study.objects.get())[:2] == [
+        "Condition all_open: choose its level of the factor doors.",
+        "Condition shut: choose its level of the factor doors.",
+    ]
+    for n, level in enumerate(("open", "closed")):
+        page = section(study, "conditions", n)
+        assert send(client, page, levels__doors=level).status_code == 302
+    assert [one.levels for one in stored().conditions] == [{"doors": "open"}, {"doors": "closed"}]
+    assert publishing.problems_of(Study.objects.get()) == []
+    send(client, section(study, "factors", 0), "add:levels")
+    assert len(stored().factors[0].levels) == 3
+    listed = read(client.get(section(study, "factors"))).text
+    assert "between participants" in listed
 
 
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])
@@ -354,6 +379,11 @@ def test_nobody_else_may_ask_for_a_check(client, study):
         ("study.courses[0].checkpoints[1].title has no text in es.", BuilderPlace("courses", 0)),
         ("experience.title has no text in es.", BuilderPlace("steps", 1)),
         ("shut.title has no text in es.", BuilderPlace("conditions", 1)),
+        ("doors.title has no text in es.", BuilderPlace("factors", 0)),
+        ("closed.title has no text in es.", BuilderPlace("factors", 0)),
+        ("Factor doors: it needs at least 2 levels.", BuilderPlace("factors", 0)),
+        ("No condition has doors closed; each cell", BuilderPlace("conditions")),
+        ("The assignment must be within participants, because", BuilderPlace("rules")),
         ("Step task: there is no page to read; add at least one.", BuilderPlace("steps", 0)),
         ("Condition shut: there is no site cabin.", BuilderPlace("conditions", 1)),
         (
@@ -372,7 +402,9 @@ def test_nobody_else_may_ask_for_a_check(client, study):
     ],
 )
 def test_each_problem_leads_to_the_page_where_it_is_mended(problem, place):
-    assert place_of(problem, small_study()) == place
+    levels = [{"key": key, "title": {"en": key}} for key in ("ajar", "closed")]
+    study = small_study(factors=[{"key": "doors", "title": {"en": "Doors"}, "levels": levels}])
+    assert place_of(problem, study) == place
 
 
 def test_every_page_of_the_small_study_is_reached_from_the_others(client, study):
