@@ -20,7 +20,8 @@ from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset, Kind
 from experiments.analysis.figures.drawing import Drawing, as_pdf, as_svg
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
 from experiments.analysis.figures.trajectories import figure_6, figure_7
-from experiments.analysis.metrics.sessions import VERSION, Measured, measure_all
+from experiments.analysis.metrics.definitions import VERSION
+from experiments.analysis.metrics.sessions import Measured, measure_all
 from experiments.analysis.tables.ages import ages
 from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.effects import (

@@ -27,6 +27,7 @@ SUMMED = (
     *(f"by_{name}" for name in METHODS),
     *(f"on_{name}" for name in WAYS),
 )
+LATE = tuple(column.name for column in STATES if column.late)
 # their places in SUMMED
 _COUNTED = {name: index for index, name in enumerate((*METHODS, *WAYS), start=3)}
 
@@ -82,6 +83,7 @@ class StoredState(StoredPart):
     clearance: float | None = None
     contacts: int = 0
     distance: float = 0.0
+    distance_by_position: bool = False
     visitor_silence: float | None = None
     applied: list[Command] = []
     refused: dict[str, int] = {}
@@ -115,11 +117,12 @@ def states_of(session: object, granted: float) -> Columns:
     rows = [_row(state, granted) for state in states]
     whole = [
         _table(about, len(ABOUT)),
-        _table(rows, len(STATES) - len(ABOUT) - len(SUMMED)),
+        _table(rows, len(STATES) - len(ABOUT) - len(SUMMED) - len(LATE)),
         _commands(states),
+        _table([_late(state) for state in states], len(LATE)),
     ]
     # As in columns.STATES: the stamp stands before what is known of the chunk.
-    values = np.hstack((whole[1][:, :1], whole[0], whole[1][:, 1:], whole[2]))
+    values = np.hstack((whole[1][:, :1], whole[0], whole[1][:, 1:], *whole[2:]))
     return Columns(STATES, _exact(values))
 
 
@@ -161,6 +164,10 @@ def _row(state: StoredState, granted: float) -> tuple[float | None, ...]:
         len(state.applied),
         sum(state.refused.values()) if state.refused else 0,
     )
+
+
+def _late(state: StoredState) -> tuple[float | None, ...]:
+    return (state.distance_by_position,)
 
 
 def _commands(states: Sequence[StoredState]) -> Floats:

@@ -23,7 +23,7 @@ from django.db import connection
 from django.db.models import Count, Max
 
 from experiments.analysis.dataset.records import EVERY, WITHOUT, Kind
-from experiments.analysis.metrics.sessions import VERSION
+from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.page import LAYOUT, PAGE
 from experiments.export.reports import home
 from experiments.models import Drive, Participant, StepVisit, Study

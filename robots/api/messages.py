@@ -316,14 +316,15 @@ class State(Message, frozen=True, kw_only=True):
 
     `clearance` is the smallest distance in metres from the footprint to anything since the last
     state, `contacts` how many collisions began, `distance` the metres driven by odometry since the
-    boot. `visitor_silence` is the time in seconds since the driver's last heartbeat on either way.
-    `refused` counts refusals by reason since the last state. While the assistance changes what the
-    driver asks for, `assist_why` says why in one word, and `assist_point` what it minds, in metres
-    in the robot's frame. `call` says how far the driver's voice and face get, absent when the
-    driver sends neither; `screens` how many pages show them. `control_network` and `video_network`
-    are there while the robot makes the driver's network worse, as `config` told it to.
-    `camera_status` is there while the camera is wanted and gives no video, or gave none when it was
-    wanted last; `errors` says why, too.
+    boot, or with `distance_by_position` the sum of the steps between positions, of a robot that has
+    no odometry. `visitor_silence` is the time in seconds since the driver's last heartbeat on
+    either way. `refused` counts refusals by reason since the last state. While the assistance
+    changes what the driver asks for, `assist_why` says why in one word, and `assist_point` what it
+    minds, in metres in the robot's frame. `call` says how far the driver's voice and face get,
+    absent when the driver sends neither; `screens` how many pages show them. `control_network` and
+    `video_network` are there while the robot makes the driver's network worse, as `config` told it
+    to. `camera_status` is there while the camera is wanted and gives no video, or gave none when it
+    was wanted last; `errors` says why, too.
 
     `charger_contact` tells whether the charging contacts meet now, or the robot charges. `docked`
     is more: they have met for 2 s while the robot stood still (at most 0.03 m/s and 0.06 rad/s) and
@@ -360,6 +361,7 @@ class State(Message, frozen=True, kw_only=True):
     control_network: LabReport | None = None
     video_network: LabReport | None = None
     camera_status: CameraStatus | None = None
+    distance_by_position: bool = False
 
 
 class PoseUpdate(Message, frozen=True, kw_only=True):

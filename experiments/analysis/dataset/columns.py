@@ -58,6 +58,12 @@ STATES = (
     ),
     *(Column(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
     *(Column(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
+    Column(
+        "by_position",
+        "",
+        "1 when the odometer only adds up positions, as the robot has no odometry",
+        late=True,
+    ),
 )
 
 NETWORK = (

@@ -101,7 +101,8 @@ def read(folder: Path) -> Dataset:
 
 
 def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ...]) -> Columns:
-    """Return the states or network samples of a session; no file is none.
+    """Return the states or network samples of a session; no file is none, and late columns that an
+    older file lacks are NaN.
 
     Raises:
         DatasetError: other columns than these, or a cell that is no number.
@@ -111,15 +112,18 @@ def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ..
         return columns_of(layout)
     with path.open(encoding="utf-8") as file:
         head = file.readline().strip()
-        if head.split(",") != [column.name for column in layout]:
+        names = head.split(",")
+        there = tuple(one for one in layout if not one.late or one.name in names)
+        if names != [column.name for column in there]:
             raise DatasetError(f"{path.name} has unexpected columns: {head[:200]}")
         try:
-            return Columns(layout, np.loadtxt(file, delimiter=",", ndmin=2))
+            found = Columns(there, np.loadtxt(file, delimiter=",", ndmin=2))
         except ValueError as error:
             raise DatasetError(
                 f"{path.name} has a cell that is not a number, or a line that is too "
                 "short or too long"
             ) from error
+    return columns_of(layout, **{name: found[name] for name in names})
 
 
 def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:

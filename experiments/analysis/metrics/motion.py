@@ -12,15 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from experiments.analysis.dataset.records import Columns, Floats
+from experiments.analysis.metrics.path import DrivenPath, driven_path, turned
+from sessions.recording.sequence_tracker import WIDEST
 
-DEAD_BAND = 0.01  # m: a position that trembles is no way
-TURN_BAND = math.radians(0.5)
 STANDING, GOING = 0.02, 0.05  # m/s
 TURNING = 0.05  # rad/s
 STOP_SECONDS = 1.0
 NEAR, CLEAR = 0.20, 0.25  # m: nearer begins a near-collision, farther ends it
-# m/s, m: a robot that moves farther between two states found itself somewhere else
-JUMP_SPEED, JUMP_SLACK = 2.5, 0.5
 GAP_SECONDS = 1.0  # longer without a state is a gap
 Bools = npt.NDArray[np.bool_]
 
@@ -28,7 +26,8 @@ Bools = npt.NDArray[np.bool_]
 @dataclass(frozen=True)
 class Trajectory:
     """States of a session, or of a part of it: `at` is each state's time by the server's clock,
-    `lasts` how long it held; gaps hold nothing.
+    `lasts` the seconds to the next state, or 0 where a gap or the end of the part follows: what
+    happened then was not seen.
     """
 
     states: Columns
@@ -48,10 +47,10 @@ class Trajectory:
     def between(self, start: float, end: float) -> "Trajectory":
         """Return the part from one time to another; a bound that is NaN bounds nothing."""
         inside = ~(self.at < start) & ~(self.at > end)
+        lasts = self.lasts[inside]
+        lasts[-1:] = 0.0
         return Trajectory(
-            Columns(self.states.layout, self.states.values[inside]),
-            self.at[inside],
-            self.lasts[inside],
+            Columns(self.states.layout, self.states.values[inside]), self.at[inside], lasts
         )
 
     def __len__(self) -> int:
@@ -64,6 +63,18 @@ class Trajectory:
         steps = np.diff(self.at)
         return steps[steps > GAP_SECONDS]
 
+    def missing(self) -> int:
+        """Return how many states are missing by their numbers, which have no holes within a run; a
+        hole wider than any agent keeps is a robot that counts strangely.
+        """
+        skipped = np.diff(self.states["seq"]) - 1.0
+        alike = np.diff(self.states["boot"]) == 0.0
+        return int(skipped[alike & (skipped > 0.0) & (skipped < WIDEST)].sum())
+
+    def share_seen(self, seconds: float) -> float:
+        """Return the share of a time, in seconds, of which there are states; NaN of no time."""
+        return min(1.0, float(self.lasts.sum()) / seconds) if seconds > 0.0 else math.nan
+
     def rate(self) -> float:
         """Return how many states there were a second, from the first to the last; NaN with fewer
         than two.
@@ -74,13 +85,10 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class DriveMotion:
-    """How a robot was driven: metres, seconds, radians, m/s. `jumps` are places that it did not
-    drive to.
-    """
+    """How a robot was driven while it was seen: metres, seconds, radians, m/s."""
 
-    path: float
+    way: DrivenPath
     rotation: float
-    jumps: int
     moving: float
     idle: float
     seconds: float
@@ -91,8 +99,33 @@ class DriveMotion:
     least_clearance: float
 
     @property
+    def path(self) -> float:
+        """Metres that it drove."""
+        return self.way.length
+
+    @property
+    def path_by_odometry(self) -> bool:
+        """Tell whether that is by odometry, or by the position."""
+        return self.way.by_odometry
+
+    @property
+    def path_unseen(self) -> float:
+        """Metres that it drove at least while it was not seen."""
+        return self.way.unseen
+
+    @property
+    def slipped(self) -> float:
+        """Metres that only the wheels turned."""
+        return self.way.slipped
+
+    @property
+    def jumps(self) -> int:
+        """How often it found itself somewhere that it did not drive to."""
+        return self.way.jumps
+
+    @property
     def speed(self) -> float:
-        """Mean speed over all of the time."""
+        """Mean speed over all of the time that was seen."""
         return self.path / self.seconds if self.seconds > 0.0 else math.nan
 
     @property
@@ -104,15 +137,20 @@ class DriveMotion:
 def drive(track: Trajectory) -> DriveMotion:
     """Return how a robot was driven along a track."""
     states = track.states
-    path, jumps = travelled(states["x"], states["y"], track.at)
+    seen = track.lasts > 0.0
     going = np.abs(states["linear"]) > STANDING
     turning = np.abs(states["angular"]) > TURNING
     near, begun = _near(states["clearance"])
     clearance = states["clearance"][np.isfinite(states["clearance"])]
     return DriveMotion(
-        path=path,
-        rotation=_turned(states["theta"]),
-        jumps=jumps,
+        way=driven_path(
+            np.column_stack((states["x"], states["y"])),
+            np.where(states["by_position"] == 1.0, np.nan, states["distance"]),
+            track.at,
+            seen,
+            states["localized"] != 0.0,
+        ),
+        rotation=turned(states["theta"], track.at, seen),
         moving=float(track.lasts[going | turning].sum()),
         idle=float(track.lasts[~(going | turning)].sum()),
         seconds=float(track.lasts.sum()),
@@ -122,35 +160,6 @@ def drive(track: Trajectory) -> DriveMotion:
         near_seconds=float(track.lasts[near].sum()),
         least_clearance=float(clearance.min()) if clearance.size else math.nan,
     )
-
-
-def travelled(x: Floats, y: Floats, at: Floats) -> tuple[float, int]:
-    """Return the length of a way in metres with a dead band, and how often it jumps."""
-    known = np.isfinite(x) & np.isfinite(y)
-    length, jumps, last = 0.0, 0, None
-    for here in zip(x[known].tolist(), y[known].tolist(), at[known].tolist(), strict=True):
-        if last is None:
-            last = here
-            continue
-        step = math.hypot(here[0] - last[0], here[1] - last[1])
-        if step < DEAD_BAND:
-            continue
-        if step > JUMP_SPEED * max(0.0, here[2] - last[2]) + JUMP_SLACK:
-            jumps += 1
-        else:
-            length += step
-        last = here
-    return length, jumps
-
-
-def _turned(theta: Floats) -> float:
-    angles = np.unwrap(theta[np.isfinite(theta)]).tolist()
-    total, last = 0.0, None
-    for angle in angles:
-        if last is None or abs(angle - last) >= TURN_BAND:
-            total += 0.0 if last is None else abs(angle - last)
-            last = angle
-    return total
 
 
 def _stops(speed: Floats, at: Floats) -> int:

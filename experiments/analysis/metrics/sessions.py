@@ -1,7 +1,7 @@
 """What a session was like in numbers, and each of its segments from checkpoint to checkpoint.
 
-METRICS names them with unit and meaning; `version` changes with any definition, so that numbers of
-two releases are not mixed. A number that cannot be known is NaN, never zero.
+metrics/definitions.py names them with unit and meaning. A number that cannot be known is NaN, never
+zero.
 """
 
 import math
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.analysis.dataset.columns import METHODS, WAYS, Column
+from experiments.analysis.dataset.columns import METHODS, WAYS
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Columns,
@@ -19,92 +19,13 @@ from experiments.analysis.dataset.records import (
     Floats,
     SessionRecord,
 )
+from experiments.analysis.metrics.definitions import DRIVING, METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.geodesic import nearer
 from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
 from experiments.analysis.metrics.motion import Trajectory, drive
 from experiments.definition.schema import Course
 
-VERSION = 2
 Values = dict[str, float]
-
-DRIVING = (
-    Column("path", "m", "way driven, by the position on the map, with a dead band of 1 cm"),
-    Column("odometer", "m", "way driven, by the wheels"),
-    Column(
-        "shortest",
-        "m",
-        "how much the shortest ways to the checkpoints became shorter, with the doors as they were",
-    ),
-    Column(
-        "efficiency",
-        "",
-        "that, divided by the way driven in the segments that were finished: 1 is the shortest way",
-    ),
-    Column("speed", "m/s", "mean speed over all of the time"),
-    Column("moving_speed", "m/s", "mean speed while the robot moved"),
-    Column("rotation", "rad", "how far the robot turned, left and right added"),
-    Column(
-        "stops", "", "times it stood for 1 s (below 0.02 m/s) after it went faster than 0.05 m/s"
-    ),
-    Column("idle", "s", "time without moving or turning"),
-    Column("collisions", "", "collisions that began"),
-    Column("near_collisions", "", "times something came nearer than 0.20 m; over at 0.25 m"),
-    Column("near_seconds", "s", "time that something was so near"),
-    Column("least_clearance", "m", "smallest distance to anything"),
-    Column("jumps", "", "times the robot found itself elsewhere without driving there"),
-)
-COMMANDS = (
-    Column("commands", "", "velocity commands that were applied"),
-    Column("refused", "", "velocity commands that were refused"),
-    *(Column(f"share_{method}", "", f"share of the commands from: {method}") for method in METHODS),
-    *(Column(f"share_{way}", "", f"share of the commands on: {way}") for way in WAYS),
-    Column("command_age", "s", "mean age of a command when it was applied"),
-    Column("command_age_p95", "s", "95th percentile of the greatest age in a quarter of a second"),
-    Column(
-        "command_age_median",
-        "s",
-        "median age of a command, each with the mean of its quarter of a second",
-    ),
-    Column(
-        "answer_age", "s", "median age, when a command was applied, of the picture that it answered"
-    ),
-    Column("answer_age_p95", "s", "95th percentile of that"),
-)
-LINK = (
-    Column("round_trip", "s", "median round trip"),
-    Column("round_trip_p95", "s", "95th percentile of the round trip"),
-    Column("loss", "", "mean share of the picture's packets that were lost"),
-    Column("fps", "1/s", "mean rate of pictures"),
-    Column("freezes", "", "freezes of the picture"),
-    Column("frame_age", "s", "median age of the picture"),
-    Column("frame_age_p95", "s", "95th percentile of the age of the picture"),
-)
-RECORD = (
-    Column("rate", "Hz", "states a second"),
-    Column("gaps", "", "times without a state for longer than 1 s"),
-    Column("longest_gap", "s", "longest time without a state"),
-    Column("clock_offset", "s", "greatest difference of the clocks, either way"),
-)
-METRICS = (
-    Column("total_time", "s", "from the first picture to the end of the task"),
-    Column("time_to_motion", "s", "from the first picture to the first motion"),
-    Column(
-        "task_time", "s", "from the first picture to the dock, of sessions that completed the task"
-    ),
-    Column("docking_time", "s", "from the last checkpoint to the dock"),
-    Column(
-        "docking_attempts",
-        "",
-        "times the robot came within 0.8 m of its station after the last checkpoint",
-    ),
-    Column("passed", "", "checkpoints that were passed"),
-    Column("photo", "", "1 when a photo was kept"),
-    *DRIVING,
-    *COMMANDS,
-    *LINK,
-    *RECORD,
-)
-SEGMENT_METRICS = (Column("seconds", "s", "time that it took"), *DRIVING, *COMMANDS, *LINK[:4])
 
 
 @dataclass(frozen=True)
@@ -133,7 +54,6 @@ class Measured:
     values: Values
     segments: tuple[Segment, ...]
     way: Floats
-    missing_share: float
 
 
 def measure_all(dataset: Dataset) -> list[Measured]:
@@ -152,7 +72,8 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
     network = dataset.network(session.id)
     task = whole.between(found.start, found.end)
     segments = tuple(_segments(dataset, session, course, found, task, network))
-    values = _times(session, found) | _numbers(task, network) | _record(whole)
+    values = _times(session, found) | _numbers(task, network) | _record(session, whole)
+    values["seen"] = task.share_seen(found.end - found.start)
     if course is not None and not math.isnan(found.last_checkpoint):
         dock = course.checkpoints[0]
         values["docking_attempts"] = float(
@@ -162,11 +83,13 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
         segment.values for segment in segments if not math.isnan(segment.values["efficiency"])
     ]
     values["shortest"] = math.fsum(one["shortest"] for one in driven) if driven else math.nan
-    values["efficiency"] = _share(values["shortest"], math.fsum(one["path"] for one in driven))
+    values["efficiency"] = _share(values["shortest"], math.fsum(_driven(one) for one in driven))
+    values["efficiency_bounded"] = (
+        math.fsum(one["efficiency_bounded"] for one in driven) if driven else math.nan
+    )
     ordered = {column.name: values.get(column.name, math.nan) for column in METRICS}
     way = np.column_stack((task.states["x"], task.states["y"]))
-    share = session.missing / (session.missing + len(whole)) if session.missing else 0.0
-    return Measured(session, found, ordered, segments, way[np.isfinite(way).all(axis=1)], share)
+    return Measured(session, found, ordered, segments, way[np.isfinite(way).all(axis=1)])
 
 
 def _times(session: SessionRecord, found: Milestones) -> Values:
@@ -259,13 +182,14 @@ def _link(network: Columns) -> Values:
     }
 
 
-def _record(track: Trajectory) -> Values:
+def _record(session: SessionRecord, track: Trajectory) -> Values:
     gaps, offsets = track.gaps(), np.abs(track.states["clock_offset"])
     known = offsets[np.isfinite(offsets)]
     return {
         "rate": track.rate(),
         "gaps": float(len(gaps)),
         "longest_gap": float(gaps.max()) if gaps.size else 0.0 if len(track) > 1 else math.nan,
+        "missing_states": float(max(session.missing, track.missing())),
         "clock_offset": float(known.max()) if known.size else math.nan,
     }
 
@@ -294,7 +218,12 @@ def _segments(
         part = task.between(start, at)
         values = {"seconds": at - start} | _numbers(part, _during(network, start, at))
         values["shortest"] = _shortest(dataset, session, part, (end.x, end.y))
-        values["efficiency"] = _share(values["shortest"], values.get("path", 0.0))
+        values["seen"] = part.share_seen(at - start)
+        driven = _driven(values)
+        values["efficiency"] = _share(values["shortest"], driven)
+        values["efficiency_bounded"] = (
+            float(values["shortest"] > driven) if driven > 0.0 else math.nan
+        )
         yield Segment(
             session.id,
             number,
@@ -326,8 +255,13 @@ def _shortest(
     return nearer(plan, frozenset(session.doors_closed), goal, first, last)
 
 
+def _driven(values: Values) -> float:
+    """All of the way that is known, as the shortest way leads over what was not seen, too."""
+    return values.get("path", 0.0) + values.get("path_unseen", 0.0)
+
+
 def _share(shortest: float, path: float) -> float:
-    """A straight line over cells is up to 3 % too long: nobody drives less than
-    the shortest way.
+    """Nobody drives less than the shortest way: what is above 1 is measuring noise, and a straight
+    line over cells that is up to 3 % too long.
     """
     return min(1.0, shortest / path) if path > 0.0 else math.nan

@@ -8,7 +8,8 @@ from typing import Any
 
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.records import Dataset, EventRecord, SessionRecord
-from experiments.analysis.metrics.sessions import METRICS, VERSION, measure
+from experiments.analysis.metrics.definitions import METRICS, VERSION
+from experiments.analysis.metrics.sessions import measure
 from experiments.analysis.tables.reliability import judge
 
 METRIC_TABLE = (

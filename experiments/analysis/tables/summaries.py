@@ -3,17 +3,11 @@ spreads of each segment.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.analysis.dataset.columns import Column
-from experiments.analysis.metrics.sessions import (
-    METRICS,
-    SEGMENT_METRICS,
-    VERSION,
-    Measured,
-    Segment,
-    Values,
-)
+from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS, VERSION
+from experiments.analysis.metrics.sessions import Measured, Segment, Values
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.reliability import QualityVerdict
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
@@ -31,8 +25,35 @@ def metrics_table(measured: Sequence[Measured]) -> Table:
         _spread_row(column, [(one.session.id, one.values) for one in measured])
         for column in METRICS
     )
-    below = (f"{_amounts(measured)}; definitions of version {VERSION}.", OF_SESSIONS)
+    below = (
+        f"{_amounts(measured)}; definitions of version {VERSION}.",
+        OF_SESSIONS,
+        *_about_paths(measured),
+    )
     return Table("metrics", "Session metrics.", ("Metric", "Unit", *SPREAD), rows, below)
+
+
+def _about_paths(measured: Sequence[Measured]) -> Iterator[str]:
+    """Yield what paths and efficiencies are made of, in sentences."""
+    paths = [one.values["path_by_odometry"] for one in measured]
+    wheels, position = paths.count(1.0), paths.count(0.0)
+    if wheels or position:
+        yield (
+            f"Path: by odometry in {amount(wheels, 'session')}, by the position less its measuring"
+            f" noise in {amount(position, 'session')}. Path, speed and times of driving are of the"
+            " time that was seen (seen: its share)."
+        )
+    slipped = sum(one.values["slipped"] > 0.0 for one in measured)
+    if slipped:
+        yield (
+            f"Wheels slipped in {amount(slipped, 'session')}; there the path is by the position."
+        )
+    bounded = sum(one.values["efficiency_bounded"] > 0.0 for one in measured)
+    if bounded:
+        yield (
+            f"In {amount(bounded, 'session')}, a shortest way was longer than the way driven, which"
+            " is measuring noise: efficiency counts as 1 there."
+        )
 
 
 def _spread_row(

@@ -278,6 +278,7 @@ class Reports:
             control_network=control_network,
             video_network=video_network,
             camera_status=camera_status,
+            distance_by_position=reading.odometry is None,
         )
 
     def _safety(self, now: float) -> Safety:

@@ -133,6 +133,27 @@ def test_numbers_come_back_with_all_their_digits(tmp_path):
     assert np.isnan(found["y"]).all()
 
 
+def test_states_that_were_written_before_a_column_was_added_lack_it(tmp_path):
+    dataset = Dataset(
+        shipped()["exploration"],
+        sessions=(SessionRecord("s", "a", "giraff"),),
+        states=lambda _: columns_of(STATES, x=[1.0, 2.0], by_position=[1.0, 1.0]),
+    )
+    write(dataset, tmp_path)
+    path = next((tmp_path / "data" / "states").glob("*.csv"))
+    late = {column.name for column in STATES if column.late}
+    head, *lines = path.read_text().splitlines()
+    kept = [at for at, name in enumerate(head.split(",")) if name not in late]
+    rows = [[line.split(",")[at] for at in kept] for line in (head, *lines)]
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    found = read(tmp_path).states("s")
+    assert found["x"].tolist() == [1.0, 2.0]
+    assert np.isnan(found["by_position"]).all()
+    path.write_text(path.read_text().replace("x,y", "y,x", 1))
+    with pytest.raises(DatasetError, match="unexpected columns"):
+        read(tmp_path).states("s")
+
+
 def test_an_empty_study_can_be_written_and_read(tmp_path):
     write(Dataset(shipped()["exploration"]), tmp_path)
     assert read(tmp_path).sessions == ()

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from experiments.analysis.dataset.columns import STATES
 from experiments.analysis.dataset.records import columns_of
-from experiments.analysis.metrics.motion import Trajectory, drive, travelled
+from experiments.analysis.metrics.motion import Trajectory, drive
 
 
 def track(seconds=None, **given):
@@ -39,14 +37,6 @@ def test_a_slow_drive_is_a_way_although_each_step_is_below_the_dead_band():
 def test_a_robot_that_finds_itself_elsewhere_did_not_drive_there():
     found = drive(track(x=np.array([0.0, 0.1, 5.1, 5.2])))
     assert (found.path, found.jumps) == (pytest.approx(0.2), 1)
-
-
-@given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=30))
-def test_a_way_is_never_shorter_than_the_straight_line_less_a_dead_band(points):
-    x, y = np.array(points).T
-    length, jumps = travelled(x, y, np.arange(len(x)) * 100.0)
-    assert jumps == 0
-    assert length >= math.hypot(x[-1] - x[0], y[-1] - y[0]) - 0.0101
 
 
 def test_turning_counts_to_both_sides_and_across_the_back():
@@ -94,6 +84,41 @@ def test_two_runs_of_an_agent_are_not_one_drive():
         [0.0, 0.25, 0.3, 0.55], boot=np.array([0.0, 0.0, 1.0, 1.0]), linear=np.full(4, 0.3)
     )
     assert drive(found).seconds == pytest.approx(0.5)
+
+
+def test_the_way_over_a_gap_is_neither_path_nor_time_but_known_at_least():
+    stamps = np.delete(np.arange(0.0, 60.0, 0.25), np.arange(100, 112))
+    for odometer in ({"distance": 0.4 * stamps}, {}):
+        found = drive(track(stamps, x=0.4 * stamps, linear=np.full(len(stamps), 0.4), **odometer))
+        assert found.speed == pytest.approx(0.4, rel=0.001)
+        assert found.path == pytest.approx(0.4 * found.seconds, rel=0.001)
+        assert found.path_unseen == pytest.approx(0.4 * 3.25)
+        assert found.path_by_odometry is bool(odometer)
+
+
+def test_the_share_of_time_that_was_seen_is_less_by_the_gaps():
+    stamps = np.concatenate([np.arange(0.0, 17.01, 0.25) + 20.0 * n for n in range(5)])
+    found = track(stamps, linear=np.full(len(stamps), 0.3))
+    assert found.share_seen(97.0) == pytest.approx(85.0 / 97.0)
+    assert found.between(20.0, 37.0).share_seen(17.0) == 1.0
+    assert found.between(36.0, 41.0).share_seen(5.0) == pytest.approx(2.0 / 5.0)
+    assert found.between(17.5, 19.5).share_seen(2.0) == 0.0
+    assert math.isnan(found.share_seen(0.0))
+
+
+def test_a_part_of_a_drive_ends_with_its_last_state():
+    stamps = np.arange(0.0, 10.0, 0.25)
+    found = drive(track(stamps, x=0.3 * stamps).between(2.0, 4.0))
+    assert (found.seconds, found.path) == (pytest.approx(2.0), pytest.approx(0.6))
+    assert found.speed == pytest.approx(0.3)
+
+
+def test_holes_in_the_numbers_of_states_are_missing_states():
+    seq = np.array([7.0, 8.0, 11.0, 12.0, 0.0, 1.0, 3.0])
+    boot = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+    assert track(seq=seq, boot=boot).missing() == 3
+    assert track(seq=np.array([0.0, 1.0, 5e6])).missing() == 0
+    assert track(seq=np.array([4.0, 4.0, 3.0])).missing() == 0
 
 
 def test_standing_and_moving_fill_the_time():

@@ -16,9 +16,10 @@ from experiments.analysis.dataset.records import (
     SessionRecord,
     columns_of,
 )
+from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
 from experiments.analysis.metrics.motion import Trajectory
-from experiments.analysis.metrics.sessions import METRICS, SEGMENT_METRICS, measure, measure_all
+from experiments.analysis.metrics.sessions import measure, measure_all
 from experiments.definition.shipped import shipped
 from tests.support.study_dataset import made_up
 

@@ -6,8 +6,9 @@ import msgspec
 import numpy as np
 
 from experiments.analysis.dataset.records import Dataset, SessionRecord
+from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
-from experiments.analysis.metrics.sessions import METRICS, Measured
+from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.ages import AGES, ages
 from experiments.definition.schema import Impairment, Network
 from experiments.definition.shipped import shipped
@@ -29,7 +30,6 @@ def measured(who, condition, **values):
         nothing | values,
         (),
         np.empty((0, 2)),
-        0.0,
     )
 
 

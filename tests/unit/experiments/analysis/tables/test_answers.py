@@ -12,8 +12,9 @@ from scipy import stats
 from scipy.special import ndtr
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
+from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
-from experiments.analysis.metrics.sessions import METRICS, Measured
+from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.effects import compare_conditions
 from experiments.bots.persona import Effect, Persona
@@ -131,7 +132,7 @@ def driven(rng):
                 outcome="completed",
             )
             values = nothing | {"task_time": own * rng.lognormal(0.0, 0.1)}
-            found.append(Measured(session, Milestones(), values, (), np.empty((0, 2)), 0.0))
+            found.append(Measured(session, Milestones(), values, (), np.empty((0, 2))))
     return found
 
 

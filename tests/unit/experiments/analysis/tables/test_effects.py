@@ -11,8 +11,9 @@ import pytest
 from scipy import stats
 
 from experiments.analysis.dataset.records import Dataset, SessionRecord
+from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
-from experiments.analysis.metrics.sessions import METRICS, Measured, measure_all
+from experiments.analysis.metrics.sessions import Measured, measure_all
 from experiments.analysis.tables.effects import (
     against_network,
     by_network,
@@ -39,7 +40,7 @@ def measured(who, condition="", number=1, outcome="completed", **values):
         outcome=outcome,
     )
     nothing = {column.name: math.nan for column in METRICS}
-    return Measured(session, Milestones(), nothing | values, (), np.empty((0, 2)), 0.0)
+    return Measured(session, Milestones(), nothing | values, (), np.empty((0, 2)))
 
 
 def row(table, *labels):

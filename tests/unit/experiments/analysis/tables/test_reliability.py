@@ -18,7 +18,7 @@ GOOD = {"rate": 4.0, "longest_gap": 0.5, "clock_offset": 0.01}
 
 def measured(session=None, **changed):
     session = session or SessionRecord("s", "a", "giraff", first_motion=3.0)
-    return Measured(session, Milestones(), GOOD | changed, (), np.empty((0, 2)), 0.0)
+    return Measured(session, Milestones(), GOOD | changed, (), np.empty((0, 2)))
 
 
 def words(found):

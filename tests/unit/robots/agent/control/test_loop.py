@@ -572,6 +572,15 @@ class NavigatedRobot(ScriptedRobot):
         return None
 
 
+def test_states_say_whether_the_metres_are_of_the_wheels_or_added_up_from_positions(tmp_path, rig):
+    assert rig.link.wait("state", lambda s: s.seq > 0).distance_by_position
+    (tmp_path / "with-odometry").mkdir()
+    with ControlRig(tmp_path / "with-odometry", robot=NavigatedRobot()) as other:
+        other.wait(lambda: other.robot.points)
+        last = other.link.all("state")[-1].seq
+        assert not other.link.wait("state", lambda s: s.seq > last).distance_by_position
+
+
 def test_our_navigation_gets_what_is_in_the_way_where_the_architecture_assists_by_itself(tmp_path):
     robot = NavigatedRobot()
     with ControlRig(tmp_path, robot=robot) as rig:

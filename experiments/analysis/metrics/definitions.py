@@ -1,0 +1,118 @@
+"""What the numbers of a session and of a segment are called, with unit and meaning.
+
+VERSION changes with any definition, so that numbers of two releases are not mixed.
+"""
+
+from experiments.analysis.dataset.columns import METHODS, WAYS, Column
+
+VERSION = 3
+
+DRIVING = (
+    Column(
+        "path",
+        "m",
+        "way driven in the time that was seen: by the wheels, or by the position on the map less"
+        " its measuring noise",
+    ),
+    Column("path_by_odometry", "", "1 when the path is by the wheels, 0 when by the position"),
+    Column(
+        "path_unseen",
+        "m",
+        "way driven in gaps, at least: by the wheels, or straight; no part of the path",
+    ),
+    Column(
+        "slipped",
+        "m",
+        "way that only the wheels turned, as the position did not follow; no part of the path",
+    ),
+    Column("odometer", "m", "way driven, by the wheels, gaps and slipping included"),
+    Column(
+        "seen", "", "share of the time of which there are states; path, speed and times are of it"
+    ),
+    Column(
+        "shortest",
+        "m",
+        "how much the shortest ways to the checkpoints became shorter, with the doors as they were",
+    ),
+    Column(
+        "efficiency",
+        "",
+        "that, divided by the way driven in the segments that were finished, gaps included: 1 is"
+        " the shortest way, and the most that counts",
+    ),
+    Column(
+        "efficiency_bounded",
+        "",
+        "segments whose shortest way was longer than the way driven, which is measuring noise;"
+        " their efficiency counts as 1",
+    ),
+    Column("speed", "m/s", "mean speed over all of the time that was seen"),
+    Column("moving_speed", "m/s", "mean speed while the robot moved"),
+    Column("rotation", "rad", "how far the robot turned, left and right added"),
+    Column(
+        "stops", "", "times it stood for 1 s (below 0.02 m/s) after it went faster than 0.05 m/s"
+    ),
+    Column("idle", "s", "time without moving or turning"),
+    Column("collisions", "", "collisions that began"),
+    Column("near_collisions", "", "times something came nearer than 0.20 m; over at 0.25 m"),
+    Column("near_seconds", "s", "time that something was so near"),
+    Column("least_clearance", "m", "smallest distance to anything"),
+    Column("jumps", "", "times the robot found itself elsewhere without driving there"),
+)
+COMMANDS = (
+    Column("commands", "", "velocity commands that were applied"),
+    Column("refused", "", "velocity commands that were refused"),
+    *(Column(f"share_{method}", "", f"share of the commands from: {method}") for method in METHODS),
+    *(Column(f"share_{way}", "", f"share of the commands on: {way}") for way in WAYS),
+    Column("command_age", "s", "mean age of a command when it was applied"),
+    Column("command_age_p95", "s", "95th percentile of the greatest age in a quarter of a second"),
+    Column(
+        "command_age_median",
+        "s",
+        "median age of a command, each with the mean of its quarter of a second",
+    ),
+    Column(
+        "answer_age", "s", "median age, when a command was applied, of the picture that it answered"
+    ),
+    Column("answer_age_p95", "s", "95th percentile of that"),
+)
+LINK = (
+    Column("round_trip", "s", "median round trip"),
+    Column("round_trip_p95", "s", "95th percentile of the round trip"),
+    Column("loss", "", "mean share of the picture's packets that were lost"),
+    Column("fps", "1/s", "mean rate of pictures"),
+    Column("freezes", "", "freezes of the picture"),
+    Column("frame_age", "s", "median age of the picture"),
+    Column("frame_age_p95", "s", "95th percentile of the age of the picture"),
+)
+RECORD = (
+    Column("rate", "Hz", "states a second"),
+    Column("gaps", "", "times without a state for longer than 1 s"),
+    Column("longest_gap", "s", "longest time without a state"),
+    Column(
+        "missing_states",
+        "",
+        "states that are missing: by holes in their numbers, or known to be lost; the greater",
+    ),
+    Column("clock_offset", "s", "greatest difference of the clocks, either way"),
+)
+METRICS = (
+    Column("total_time", "s", "from the first picture to the end of the task"),
+    Column("time_to_motion", "s", "from the first picture to the first motion"),
+    Column(
+        "task_time", "s", "from the first picture to the dock, of sessions that completed the task"
+    ),
+    Column("docking_time", "s", "from the last checkpoint to the dock"),
+    Column(
+        "docking_attempts",
+        "",
+        "times the robot came within 0.8 m of its station after the last checkpoint",
+    ),
+    Column("passed", "", "checkpoints that were passed"),
+    Column("photo", "", "1 when a photo was kept"),
+    *DRIVING,
+    *COMMANDS,
+    *LINK,
+    *RECORD,
+)
+SEGMENT_METRICS = (Column("seconds", "s", "time that it took"), *DRIVING, *COMMANDS, *LINK[:4])

@@ -1,0 +1,238 @@
+"""How far a robot drove while its states were seen: by its odometry where it has one, by its
+position otherwise, from which measuring noise is taken first.
+
+A position that trembles while the robot stands would add a step at every state. So positions go
+through the smoother of a body whose velocity changes at random (Rauch, Tung and Striebel 1965,
+*Maximum likelihood estimates of linear dynamic systems*), solved as the penalized least squares of
+Whittaker (1923) and Eilers (2003, *A perfect smoother*), which give the same:
+
+    minimize   sum |z_i - y_i|² / σ²   +   ∫ |z''|² dt / q
+
+Its σ is that of the session's own positions, by differences (Gasser, Sroka and Jennen-Steinmetz
+1986, *Residual variance and residual pattern in nonlinear regression*). What is left of the noise
+is less than a dead band of BAND times σ. Odometry does not tremble, but wheels slip: where they
+turned for much more than the position moved, the position counts.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import solveh_banded
+
+from experiments.analysis.dataset.records import Floats
+
+DEAD_BAND = 0.01  # m: a position that trembles by less is never a way
+BAND = 3.0  # times the noise: after smoothing, no tremble is as wide
+LEAST_NOISE = 0.001  # m, rad: less needs no smoothing
+SHORTEST_STEP = 0.02  # s: states closer together than this would weigh without bound
+# (m/s²)² s: a velocity that changes at random by 0.1 m/s in a second; the turn rate by 0.3 rad/s
+WANDER, TURN_WANDER = 0.1**2, 0.3**2
+TURN_BAND = math.radians(0.5)
+# m/s, m: a robot that moves farther between two states found itself somewhere else
+JUMP_SPEED, JUMP_SLACK = 2.5, 0.5
+# Wheels slip where they turn for a third more than the position moves, in so many seconds and over
+# so many metres at least.
+SLIP_SECONDS, SLIP_SHARE, SLIP_LEAST = 5.0, 1.0 / 3.0, 0.3
+Bools = npt.NDArray[np.bool_]
+Counts = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class DrivenPath:
+    """Metres: `length` of what was seen, `unseen` at least between what was seen, `slipped` of the
+    wheels alone. `by_odometry` tells which of the two the length is of; `jumps` are places that the
+    robot did not drive to.
+    """
+
+    length: float
+    unseen: float
+    slipped: float
+    by_odometry: bool
+    jumps: int
+
+
+@dataclass(frozen=True)
+class PositionSteps:
+    """`steps`, (n,): metres that the filtered position moved up to each state since the one before;
+    `unseen` metres lie straight between pieces that were not seen together.
+    """
+
+    steps: Floats
+    unseen: float
+    jumps: int
+    noise: float
+
+
+def driven_path(
+    position: Floats, odometer: Floats, at: Floats, seen: Bools, trusted: Bools
+) -> DrivenPath:
+    """Return how far a robot drove: `position` is (n, 2) metres, `odometer` (n,) metres, NaN where
+    unknown, `at` (n,) seconds; `seen` is whether the time from each state to the next was seen,
+    `trusted` whether the robot knew its position.
+    """
+    moved = position_steps(position, at, seen)
+    turned = np.diff(odometer, prepend=np.nan)
+    turned[1:][~seen[:-1]] = np.nan
+    if not len(at) or not np.nanmax(odometer, initial=0.0) > 0.0:
+        length = float(moved.steps.sum())
+        return DrivenPath(length, moved.unseen, 0.0, by_odometry=False, jumps=moved.jumps)
+    wheels = np.maximum(np.nan_to_num(turned), 0.0)
+    slipped = _slipped(wheels, moved, at, seen, trusted)
+    return DrivenPath(
+        length=float(wheels.sum()) - slipped,
+        unseen=_unseen_by_wheels(odometer, seen, moved.unseen),
+        slipped=slipped,
+        by_odometry=True,
+        jumps=moved.jumps,
+    )
+
+
+def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
+    """Return how far the position moved to each state, less what trembles; see `driven_path`."""
+    steps = np.zeros(len(at))
+    known = np.flatnonzero(np.isfinite(position).all(axis=1))
+    known = known[_is_new(position[known])]
+    pieces, unseen, jumps = _pieces(known, position, at, seen)
+    noise = noise_of([(at[piece], position[piece]) for piece in pieces])
+    for piece in pieces:
+        smooth = smoothed(at[piece], position[piece], noise, WANDER)
+        steps[piece] = steps_of(smooth, max(DEAD_BAND, BAND * noise))
+    return PositionSteps(steps, unseen, jumps, noise)
+
+
+def turned(theta: Floats, at: Floats, seen: Bools) -> float:
+    """Return how far a robot turned in radians, left and right added, less what trembles."""
+    known = np.flatnonzero(np.isfinite(theta))
+    angle = np.full((len(theta), 1), np.nan)
+    angle[known, 0] = np.unwrap(theta[known])
+    known = known[_is_new(angle[known])]
+    breaks = np.flatnonzero(~_together(known, seen)) + 1
+    pieces = [piece for piece in np.split(known, breaks) if len(piece)]
+    noise = noise_of([(at[piece], angle[piece]) for piece in pieces])
+    band = max(TURN_BAND, BAND * noise)
+    return math.fsum(
+        float(steps_of(smoothed(at[piece], angle[piece], noise, TURN_WANDER), band).sum())
+        for piece in pieces
+    )
+
+
+def noise_of(pieces: list[tuple[Floats, Floats]]) -> float:
+    """Return the standard deviation of the noise along one axis, from pieces of times, (n,), and
+    values, (n, axes), in the values' unit.
+
+    Each value is compared with the line through its neighbours (Gasser et al., formula 2.1); the
+    median of these residuals is not moved by corners and starts.
+    """
+    residuals = [_residuals(*piece) for piece in pieces if len(piece[0]) > 2]
+    found = np.abs(np.concatenate(residuals)) if residuals else np.empty(0)
+    return float(np.median(found)) / 0.6745 if found.size else 0.0
+
+
+def _residuals(at: Floats, values: Floats) -> Floats:
+    before, after = np.diff(at)[:-1, None], np.diff(at)[1:, None]
+    left, right = after / (before + after), before / (before + after)
+    off_line = left * values[:-2] + right * values[2:] - values[1:-1]
+    return np.ravel(off_line / np.sqrt(1.0 + left**2 + right**2))
+
+
+def smoothed(at: Floats, values: Floats, noise: float, wander: float) -> Floats:
+    """Return values, (n, axes), without noise of a standard deviation in the values' unit; `wander`
+    is q above, the unit squared over s³.
+    """
+    n = len(at)
+    if n < 3 or noise < LEAST_NOISE:
+        return values
+    steps = np.maximum(np.diff(at), SHORTEST_STEP)
+    before, after = steps[:-1], steps[1:]
+    # z'' at state i is first·z[i-1] + middle·z[i] + last·z[i+1], and holds for half of both steps.
+    first, last = 2.0 / (before * (before + after)), 2.0 / (after * (before + after))
+    middle, weight = -(first + last), noise**2 / wander * (before + after) / 2.0
+    banded = np.zeros((3, n))  # 1 + D'WD: the diagonal, and the two below it
+    banded[0] = 1.0
+    banded[0, :-2] += weight * first**2
+    banded[0, 1:-1] += weight * middle**2
+    banded[0, 2:] += weight * last**2
+    banded[1, :-2] += weight * first * middle
+    banded[1, 1:-1] += weight * middle * last
+    banded[2, :-2] += weight * first * last
+    return np.asarray(solveh_banded(banded, values, lower=True))
+
+
+def steps_of(values: Floats, band: float) -> Floats:
+    """Return how far a point, (n, axes), moved up to each state, (n,): nothing before it is `band`
+    away from where it last counted.
+    """
+    steps = np.zeros(len(values))
+    rows = values.tolist()
+    last = rows[0] if rows else []
+    for index, here in enumerate(rows):
+        step = math.dist(here, last)
+        if step >= band:
+            steps[index], last = step, here
+    return steps
+
+
+def _is_new(values: Floats) -> Bools:
+    """A position that is told again is no measurement of its own."""
+    found: Bools = np.ones(len(values), dtype=np.bool_)
+    found[1:] = np.diff(values, axis=0).any(axis=1)
+    return found
+
+
+def _together(known: Counts, seen: Bools) -> Bools:
+    """Tell of each pair of neighbours among states whether all the time between them was seen."""
+    holes = np.concatenate(([0], np.cumsum(~seen)))
+    found: Bools = holes[known[1:]] == holes[known[:-1]]
+    return found
+
+
+def _pieces(
+    known: Counts, position: Floats, at: Floats, seen: Bools
+) -> tuple[list[Counts], float, int]:
+    """Return states that were driven in one go, the metres straight between such pieces, and how
+    often there was a jump instead.
+    """
+    together = _together(known, seen)
+    steps = np.hypot(*np.diff(position[known], axis=0).T)
+    jumped = steps > JUMP_SPEED * np.maximum(np.diff(at[known]), 0.0) + JUMP_SLACK
+    pieces = np.split(known, np.flatnonzero(~together | jumped) + 1)
+    return (
+        [piece for piece in pieces if len(piece)],
+        float(steps[~together & ~jumped].sum()),
+        int(jumped.sum()),
+    )
+
+
+def _unseen_by_wheels(odometer: Floats, seen: Bools, straight: float) -> float:
+    """A run's odometer only grows: over a gap it says more than the straight line, over a restart
+    nothing.
+    """
+    steps = np.diff(odometer)[~seen[:-1]]
+    return max(straight, float(np.nansum(np.maximum(steps, 0.0))))
+
+
+def _slipped(
+    wheels: Floats, moved: PositionSteps, at: Floats, seen: Bools, trusted: Bools
+) -> float:
+    """Return the metres by which wheels went farther than the position where they slipped."""
+    slack, found = max(DEAD_BAND, BAND * moved.noise), 0.0
+    for window in _windows(at, seen):
+        if not trusted[window].all():
+            continue
+        turned_, went = float(wheels[window].sum()), float(moved.steps[window].sum())
+        if turned_ > SLIP_LEAST and turned_ - went > SLIP_SHARE * turned_ + slack:
+            found += turned_ - went
+    return found
+
+
+def _windows(at: Floats, seen: Bools) -> Iterator[slice]:
+    """Yield stretches of SLIP_SECONDS without a gap, and what is left of each at its end."""
+    start = 0
+    for index in range(len(at)):
+        is_last = index + 1 == len(at) or not seen[index]
+        if is_last or at[index] - at[start] >= SLIP_SECONDS:
+            yield slice(start, index + 1)
+            start = index + 1
