@@ -20,7 +20,7 @@ const UNCONFIRMED = 2;
 /**
  * @param {Told} told @param {number} now
  * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
- *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
+ *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, knock: string, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
  */
 export const sceneFor = (told, now) => {
   const { screen, state } = told;
@@ -39,6 +39,7 @@ export const sceneFor = (told, now) => {
     canPoint: scene === "seen" && shares,
     canWrite: visited,
     canHangUp: visited && through && (call.audio || call.video),
+    knock: visited && scene !== "offline" && state?.knock?.status === "ringing" ? state.knock.actionId : "",
     stopped: stoppedBy(told, now),
   };
 };
