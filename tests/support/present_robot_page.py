@@ -5,7 +5,6 @@ loudspeaker and display can be measured.
 import json
 import secrets
 import time
-from types import SimpleNamespace
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -91,11 +90,11 @@ class PresentRobotPage(FakeRobotPage):
         return self._rendered[language]
 
     def screen_html(self, language: str = "en") -> str:
-        config = {"robot": ROBOT, "socket": SCREEN, "key": "/key", "csrf": "x"}
+        config = {"robot": ROBOT, "title": "Giraff", "socket": SCREEN, "key": "/key", "csrf": "x"}
         with translation.override(language):
             return render_to_string(
                 "sessions/screen.html",
-                {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config},
+                {"title": "Giraff", "config": config},
             )
 
     def _http(self, connection: ServerConnection, request: Request) -> Response | None:

@@ -47,9 +47,14 @@ class _Knock:
 
 
 class CallControl:
-    """The call of whoever drives. `now` is monotonic seconds, `lease` the live one."""
+    """The call and the knock of whoever drives. `now` is monotonic seconds, `lease` the live one.
 
-    def __init__(self) -> None:
+    Args:
+        knock_pause: seconds between two knocks.
+    """
+
+    def __init__(self, knock_pause: float = KNOCK_PAUSE) -> None:
+        self.knock_pause = knock_pause
         self.rule: Rule = "accept"
         self._session = ""
         self._epoch = -1
@@ -73,7 +78,7 @@ class CallControl:
             return "nobody_there"
         if self._is_quiet(lease):
             return "declined"
-        if self._knock is not None and now - self._knock.at < KNOCK_PAUSE:
+        if self._knock is not None and now - self._knock.at < self.knock_pause:
             return "too_soon"
         self._knock = _Knock(action_id, lease.session, now)
         return None

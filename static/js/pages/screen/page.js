@@ -17,7 +17,7 @@ import { MediaSender } from "./media_sender.js";
 import { createChime } from "./chime.js";
 import { exchangeKey } from "./key.js";
 import { Receipts, newFate, whenSeen } from "./receipts.js";
-import { sceneFor } from "./scene.js";
+import { sceneFor, titleOf } from "./scene.js";
 import { createVoice } from "./speech.js";
 
 const TICK = 0.1; // s
@@ -249,10 +249,11 @@ document.addEventListener("pointerdown", () => void hear(), { once: true });
 const show = () => {
   const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, knock: rings, stopped } = sceneFor(told, unixNow());
   const shownName = name || words.say("somebody");
+  const robot = titleOf(told.screen, document.documentElement.lang) || config.title;
   const face = element("face");
   face.dataset.scene = scene;
   face.toggleAttribute("data-live", link.live);
-  write(element("title"), words.say(`${scene}.title`, { name: shownName }));
+  write(element("title"), words.say(`${scene}.title`, { name: shownName, robot }));
   write(element("text"), words.say(`${scene}.text`, { name: shownName }));
   write(element("initial"), ["visiting", "speaking", "ringing"].includes(scene) ? Array.from(shownName)[0].toUpperCase() : "");
   element("answers").hidden = scene !== "ringing";

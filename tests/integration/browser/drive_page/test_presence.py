@@ -247,6 +247,55 @@ async def test_a_message_says_honestly_how_far_it_has_come(browser, site) -> Non
     assert complaints == []
 
 
+KNOCKS = """() => {
+  globalThis.notes = [];
+  const start = OscillatorNode.prototype.start;
+  OscillatorNode.prototype.start = function (...when) {
+    notes.push(this.frequency.value);
+    return start.apply(this, when);
+  };
+}"""
+
+
+async def test_a_knock_rings_at_the_screen_until_somebody_answers(browser, site) -> None:
+    complaints: list[str] = []
+    page = await drives(browser, site, complaints)
+
+    # No screen: the robot's own loudspeaker.
+    await page.click("#presence-knock")
+    await until(lambda: site.speaker.played > 60_000)
+    await page.wait_for_selector("text=You knocked. Waiting for someone to answer.")
+    await page.click("#presence-knock")
+    await page.wait_for_selector("text=You just knocked. Wait a moment.")
+
+    # A screen rings, is seen, and answers.
+    site.calls.knock_pause = 0.0
+    screen = await opened(browser, site.screen_url, complaints)
+    await screen.wait_for_selector("#face[data-scene=visiting][data-live]")
+    await screen.click("#title")  # a browser that nobody has touched keeps silent
+    await screen.evaluate(KNOCKS)
+    await page.click("#presence-knock")
+    await screen.wait_for_selector("#knock-text >> text=Ana is knocking")
+    notes = await evaluated(screen, "() => notes", lambda found: len(found) == 4)
+    assert notes == pytest.approx([659.25, 1318.5, 523.25, 1046.5])
+    results = await Axe().run(screen)
+    assert results.violations_count == 0, results.generate_report()
+    await kept(screen, "screen-knock")
+    await screen.click("#knock-accept")
+    await screen.wait_for_selector("#knock", state="hidden")
+    await page.wait_for_selector("text=Someone answered your knock.")
+    assert await screen.evaluate("notes.length") == 4, "it rings once"
+
+    # Not now: it stays quiet, and so does the button.
+    await page.click("#presence-knock")
+    await screen.wait_for_selector("#knock:not([hidden])")
+    await screen.click("#knock-decline")
+    await page.wait_for_selector("text=They'd rather not talk now. You can keep driving.")
+    await page.wait_for_selector("#presence-knock", state="hidden")
+    await kept(page, "knock-declined")
+    assert complaints == []
+
+
 async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_robot(
     browser, site
 ) -> None:
