@@ -102,6 +102,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
                     "title",
                     "name",
                     "description",
+                    "translations",
                     "owner",
                     "floor_plan",
                     "enabled",

@@ -11,6 +11,7 @@ from django.http.request import split_domain_port
 from django.shortcuts import get_object_or_404
 from django.urls import reverse
 from django.utils.cache import get_conditional_response
+from django.utils.translation import get_language
 from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_GET, require_safe
@@ -106,17 +107,17 @@ def _tagged(request: HttpRequest, response: HttpResponse) -> HttpResponseBase:
 
 def plan_content(plan: FloorPlan) -> dict[str, Any]:
     """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner,
-    the picture's address, the plan.
+    the picture's address, the plan in the language of the page.
     """
     return {
         "name": plan.name,
-        "title": plan.title,
+        "title": plan.shown_title,
         "resolution": plan.resolution,
         "origin": [plan.origin_x, plan.origin_y, plan.origin_theta],
         "width": plan.width,
         "height": plan.height,
         "image": f"{reverse('floor_plan_image', args=[plan.name])}?v={plan.sha256[:16]}",
-        "plan": plan.plan,
+        "plan": plan.plan_in(get_language() or ""),
     }
 
 
