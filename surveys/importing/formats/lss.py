@@ -115,7 +115,7 @@ class _Reading:
 
     def _take_group(self, group: Group) -> None:
         name = next((row.get("group_name", "") for row in group.texts.values()), "")
-        note = Note(f"{_('Group')}: {name}")
+        note = Note(_("Group: %(name)s") % {"name": name})
         title = self.into.text(
             {lang: row.get("group_name", "") for lang, row in group.texts.items()}, note, limit=200
         )

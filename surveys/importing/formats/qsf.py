@@ -144,7 +144,7 @@ class _Reading:
             "BlockRandomizer": _("The order of blocks is not random: all are asked as written."),
             "EmbeddedData": _("Embedded data have no counterpart; a study records its own."),
         }
-        name = f"{_('Survey flow')}: {part.get('Description') or kind}"
+        name = _("Survey flow: %(name)s") % {"name": part.get("Description") or kind}
         self.into.leave_out(name, reasons.get(kind, _("It has no counterpart here.")))
 
     # questions
@@ -155,7 +155,7 @@ class _Reading:
         self.into.page(is_shuffled=shuffled)
         if str(options.get("Looping", "None")) not in {"None", "", "false"}:
             self.into.leave_out(
-                f"{_('Block')}: {block.get('Description')}",
+                _("Block: %(name)s") % {"name": block.get("Description")},
                 _("Loops have no counterpart: its questions are asked once."),
             )
         for element in by_id(block.get("BlockElements")).values():

@@ -193,7 +193,8 @@ class _Reading:
         note = Note(row["name"])
         heading = self.into.text({self.into.languages[0]: row["header"]}, note)
         if note.remarks:
-            self.into.note(f"{_('Section')}: {row['name']}", row["header"]).remarks = note.remarks
+            section = _("Section: %(name)s") % {"name": row["name"]}
+            self.into.note(section, row["header"]).remarks = note.remarks
         return heading
 
     def _grid(self, rows: list[Row]) -> None:

@@ -166,7 +166,7 @@ def test_bipolar_rows_have_their_own_words_at_the_ends():
     assert [points[4].label["en"] for points in definition.scales.values()] == ["fast", "good"]
 
 
-def test_side_by_side_columns_are_questions_of_their_own():
+def test_columns_beside_each_other_are_questions_of_their_own():
     column = {"QuestionType": "Matrix", "Selector": "Likert", "SubSelector": "SingleAnswer"}
     document = qsf(
         payload(
