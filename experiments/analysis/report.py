@@ -23,6 +23,7 @@ from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.sessions import VERSION, Measured, measure_all
 from experiments.analysis.tables.ages import ages
 from experiments.analysis.tables.answers import compare_answers
+from experiments.analysis.tables.declared import declared
 from experiments.analysis.tables.effects import (
     against_network,
     by_network,
@@ -100,6 +101,7 @@ def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
             ages(dataset, measured),
             learning(measured),
             learnt(measured),
+            *declared(dataset, measured),
         ),
     )
     sites = dict.fromkeys(course.site for course in dataset.study.courses)
