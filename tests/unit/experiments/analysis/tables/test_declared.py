@@ -18,6 +18,7 @@ from experiments.analysis.dataset.records import (
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import METRICS, Measured
 from experiments.analysis.tables.declared import declared
+from experiments.analysis.tables.table import as_latex
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
@@ -204,3 +205,9 @@ def test_the_papers_study_compares_doors_within_a_robot():
 def test_a_study_without_declared_analyses_has_none_of_these_tables():
     assert declared(Dataset(shipped()["assistance"]), []) == ()
     assert DeclaredAnalysis(key="a", title={}).test == "means"
+
+
+def test_its_notes_are_latex_that_needs_no_package():
+    study = study_of({"key": "delay", "measures": ["task_time"], "contrasts": [CONTRAST]})
+    (table,) = declared(Dataset(study), [])
+    assert as_latex(table).isascii()
