@@ -24,6 +24,7 @@ from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
 from experiments.analysis.tables.ages import ages
 from experiments.analysis.tables.answers import compare_answers
+from experiments.analysis.tables.declared import declared
 from experiments.analysis.tables.effects import (
     against_network,
     by_network,
@@ -101,6 +102,7 @@ def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
             ages(dataset, measured),
             learning(measured),
             learnt(measured),
+            *declared(dataset, measured),
         ),
     )
     sites = dict.fromkeys(course.site for course in dataset.study.courses)

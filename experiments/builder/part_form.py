@@ -36,7 +36,7 @@ from experiments.builder.parts import (
     read_number,
     read_points,
 )
-from experiments.definition.schema import Levels
+from experiments.definition.design import Levels
 from surveys.documents import Text
 
 LONG = frozenset({"text", "intro", "source"})  # what is written on several lines

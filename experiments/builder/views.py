@@ -35,6 +35,7 @@ from experiments.builder.pages import (
     BuilderPlace,
     copied,
     middle_of,
+    new_analysis,
     new_condition,
     new_course,
     new_factor,
@@ -62,6 +63,7 @@ TITLES = {
     "factors": gettext_lazy("Factors"),
     "conditions": gettext_lazy("Conditions"),
     "courses": gettext_lazy("Courses"),
+    "analyses": gettext_lazy("Analyses"),
     "rules": gettext_lazy("Rules"),
 }
 MEANWHILE = gettext_lazy(
@@ -162,6 +164,9 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
             )
         ),
         "interface": INTERFACES,
+        **dict.fromkeys(
+            ("first", "second", "conditions"), tuple(one["key"] for one in whole["conditions"])
+        ),
         **{
             f"levels.{factor['key']}": tuple(level["key"] for level in factor.get("levels", ()))
             for factor in whole["factors"]
@@ -427,7 +432,12 @@ def _keep(row: Row, whole: Document) -> Row | str:
 def _kinds(section: str) -> list[tuple[str, Any]]:
     if section == "steps":
         return [(kind, page_type(kind).label) for kind in KINDS]
-    named = {"factors": _("Factor"), "conditions": _("Condition"), "courses": _("Course")}
+    named = {
+        "factors": _("Factor"),
+        "conditions": _("Condition"),
+        "courses": _("Course"),
+        "analyses": _("Analysis"),
+    }
     return [("", named[section])]
 
 
@@ -451,6 +461,9 @@ def _about(section: str, part: Document, whole: Document) -> Iterator[Any]:
     elif section == "factors":
         yield labels.word("design", part.get("design", "between"))
         yield ", ".join(title_of(level, whole) for level in part.get("levels", ()))
+    elif section == "analyses":
+        yield labels.word("test", part.get("test", "means"))
+        yield ", ".join(part.get("measures", ()))
     elif section == "conditions":
         yield ", ".join(part.get("levels", {}).values())
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
@@ -479,6 +492,8 @@ def _new(section: str, kind: str, whole: Document) -> Document:
         return new_step(kind, page_type(kind).blank, whole)
     if section == "factors":
         return new_factor(whole)
+    if section == "analyses":
+        return new_analysis(whole)
     return (
         new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
     )

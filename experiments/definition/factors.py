@@ -8,7 +8,8 @@ has all of its levels, *between* when they have one; a study with both kinds is 
 from collections.abc import Iterator, Sequence
 from itertools import product
 
-from experiments.definition.schema import Condition, Factor, StudyDefinition
+from experiments.definition.design import Factor
+from experiments.definition.schema import Condition, StudyDefinition
 from surveys.documents import duplicates
 
 LEAST_LEVELS = 2

@@ -5,7 +5,7 @@ study itself.
 import math
 from collections.abc import Iterator
 
-from experiments.definition import factors
+from experiments.definition import analysis_problems, factors
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.steps import KINDS
 from surveys.documents import checked, duplicates, text_problems
@@ -186,6 +186,7 @@ def _of_allocation(study: StudyDefinition) -> Iterator[str]:
         yield "There is no condition; add at least one."
         return
     yield from factors.problems(study)
+    yield from analysis_problems.problems(study)
     if bool(study.refill.outcomes) != bool(study.refill.most):
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):

@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 import msgspec
 from msgspec import Meta
 
+from experiments.definition.analyses import DeclaredAnalysis
+from experiments.definition.design import Design, Factor, Levels
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
@@ -47,8 +49,6 @@ Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
 OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
 ControlWay = Literal["any", "datachannel", "mqtt"]
 Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
-Design = Literal["between", "within"]
-Levels = dict[Key, Key]  # of a condition: the key of its level, by the key of the factor
 
 
 # --- where it is driven ---------------------------------------------------------------------------
@@ -131,24 +131,6 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
 
     linear: Positive | None = None
     angular: Positive | None = None
-
-
-class Level(DocumentPart, frozen=True, kw_only=True):
-    """A value of a factor."""
-
-    key: Key
-    title: Text
-
-
-class Factor(DocumentPart, frozen=True, kw_only=True):
-    """What is varied, such as the delay or the assistance. `within`: a participant has all of its
-    levels, `between`: one. The first level is the reference of treatment coding.
-    """
-
-    key: Key
-    title: Text
-    design: Design = "between"
-    levels: Annotated[tuple[Level, ...], Meta(max_length=24)] = ()
 
 
 class Condition(DocumentPart, frozen=True, kw_only=True):
@@ -260,6 +242,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     start: Start = Start()
     quality: Quality = Quality()
     analysis: Analysis = Analysis()
+    analyses: Annotated[tuple[DeclaredAnalysis, ...], Meta(max_length=40)] = ()
 
     def condition(self, key: str) -> Condition | None:
         """Return the condition with a key."""

@@ -44,7 +44,7 @@ TOPICS = (
     Topic(
         "outcomes",
         _("Outcomes"),
-        ("outcomes", "conditions", "learning", "learning-tests", "metrics"),
+        ("outcomes", "analysis-", "conditions", "learning", "learning-tests", "metrics"),
     ),
     Topic(
         "questionnaires",

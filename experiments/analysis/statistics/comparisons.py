@@ -19,8 +19,8 @@ call.
 """
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -36,7 +36,6 @@ DIGITS = 12  # that two values share which are a tie
 NO_VARIANCE = "no variance"
 EQUAL_DIFFERENCES = "no variance: all differences are equal"
 TOO_FEW = "fewer than two participants"
-ONE_CONDITION = "fewer than two conditions to compare"
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class Test:
     """A test of one hypothesis.
 
     Attributes:
-        name: what it is called; NO_TEST where there was none.
+        name: what it is called; "–" where there was none.
         n: participants that were tested; pairs, for a paired test.
         statistic: its value; NaN where there was no test, and then `remark` says why.
         df: degrees of freedom, none to two.
@@ -81,9 +80,6 @@ class Test:
     def is_known(self) -> bool:
         """Tell whether there was anything to test."""
         return math.isfinite(self.p)
-
-
-NO_TEST = "–"
 
 
 def is_constant(values: Floats, scale: float = 0.0) -> bool:
@@ -289,52 +285,6 @@ def _concordance(size: float, table: Floats) -> Estimate:
 def _tie_term(ranks: Floats) -> float:
     _, counts = np.unique(ranks, return_counts=True)
     return float((counts.astype(np.float64) ** 3 - counts).sum())
-
-
-# --- conditions that are what they are ------------------------------------------------------------
-
-
-def compare(groups: Mapping[str, Mapping[str, float]], *, is_paired: bool) -> Test:
-    """Return the test of a difference between conditions, each with a value a participant.
-
-    A condition with fewer than two participants, or between participants one without variance,
-    takes itself out; the others are compared, and the remark says which and why.
-    """
-    reasons = {key: _unfit(group, is_paired=is_paired) for key, group in groups.items()}
-    kept = [group for key, group in groups.items() if not reasons[key]]
-    told = [f"{key}: {reason}" for key, reason in reasons.items() if reason]
-    if len(kept) < 2:
-        test = Test(NO_TEST, 0, remark=ONE_CONDITION)
-    else:
-        test = _paired_test(kept) if is_paired else _group_test(kept)
-    return replace(test, remark="; ".join((*told, *filter(None, (test.remark,)))))
-
-
-def _unfit(group: Mapping[str, float], *, is_paired: bool) -> str:
-    if len(group) < 2:
-        return f"left out, n = {len(group)}"
-    if not is_paired and is_constant(np.array(list(group.values()), dtype=np.float64)):
-        return "left out, no variance"
-    return ""
-
-
-def _paired_test(groups: Sequence[Mapping[str, float]]) -> Test:
-    table = complete(groups)
-    return within(table[:, 0], table[:, 1]) if len(groups) == 2 else several_within(table)
-
-
-def complete(groups: Sequence[Mapping[str, float]]) -> Floats:
-    """Return the values of the participants who have one in every group, (n, k), in the order of
-    their codes.
-    """
-    shared = sorted(set.intersection(*(set(group) for group in groups)))
-    rows = [[group[who] for group in groups] for who in shared]
-    return np.array(rows, dtype=np.float64).reshape(len(shared), len(groups))
-
-
-def _group_test(groups: Sequence[Mapping[str, float]]) -> Test:
-    arrays: list[Floats] = [np.array(list(group.values()), dtype=np.float64) for group in groups]
-    return between(arrays[0], arrays[1]) if len(arrays) == 2 else several_between(arrays)
 
 
 # --- relations, and several tests -----------------------------------------------------------------

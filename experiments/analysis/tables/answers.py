@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
-from experiments.analysis.statistics.comparisons import compare
+from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.tables.comparisons import READ_AS, compared, corrected_for, head_of
 from experiments.analysis.tables.effects import family
 from experiments.analysis.tables.paper_tables import behind, label_of, lines_of

@@ -15,7 +15,8 @@ import numpy as np
 from experiments.analysis.dataset.columns import WAYS
 from experiments.analysis.dataset.records import COMPLETED, Dataset
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.statistics.comparisons import compare, correlation, holm
+from experiments.analysis.statistics.comparisons import correlation, holm
+from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.descriptive import spread, wilson
 from experiments.analysis.tables.comparisons import (
     READ_AS,
@@ -61,7 +62,9 @@ def compare_conditions(
         key: [one.session.id for one in measured if one.session.condition == key] for key in keys
     }
     is_paired = dataset.study.allocation.design == "within"
-    rows = [[(_by_participant(measured, name, key), ids[key]) for key in keys] for name in names]
+    rows = [
+        [(values_by_participant(measured, name, key), ids[key]) for key in keys] for name in names
+    ]
     tests = [
         compare(
             {key: values for key, (values, _) in zip(keys, row, strict=True)}, is_paired=is_paired
@@ -90,10 +93,10 @@ def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
     )
 
 
-def _by_participant(
+def values_by_participant(
     measured: Sequence[Measured], name: str, condition: str | None = None
 ) -> dict[str, float]:
-    """The mean of a metric over a participant's sessions."""
+    """Return the mean of a metric over each participant's sessions, of all or of one condition."""
     found: dict[str, list[float]] = {}
     for one in measured:
         if condition in {None, one.session.condition} and math.isfinite(one.values[name]):
@@ -154,7 +157,10 @@ def against_network(measured: Sequence[Measured], names: Sequence[str] = OUTCOME
     pairs = [(cause, name) for cause in CAUSES for name in names]
     tests, members = [], []
     for cause, name in pairs:
-        first, second = _by_participant(measured, cause), _by_participant(measured, name)
+        first, second = (
+            values_by_participant(measured, cause),
+            values_by_participant(measured, name),
+        )
         shared = sorted(set(first) & set(second))
         x, y = ([one[who] for who in shared] for one in (first, second))
         tests.append(correlation(np.array(x), np.array(y)))

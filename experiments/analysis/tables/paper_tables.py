@@ -193,10 +193,17 @@ def scale_of(dataset: Dataset) -> tuple[int, ...]:
 
 def behind(line: Line, responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
     """Return the sessions whose answers a row of Table 5 is made of."""
+    return behind_statements(line.statements, responses)
+
+
+def behind_statements(
+    statements: Sequence[str], responses: Sequence[ResponseRecord]
+) -> tuple[str, ...]:
+    """Return the sessions in which one of some statements was answered."""
     return tuple(
         one.session
         for one in responses
-        if one.session and any(one.values.get(key) is not None for key in line.statements)
+        if one.session and any(one.values.get(key) is not None for key in statements)
     )
 
 

@@ -16,7 +16,7 @@ from tests.support.study_pages import form_of
 from tests.support.study_site import cabin_with_giraff
 
 pytestmark = pytest.mark.django_db
-SECTIONS = ("about", "steps", "factors", "conditions", "courses", "rules")
+SECTIONS = ("about", "steps", "factors", "conditions", "courses", "analyses", "rules")
 
 
 @pytest.fixture
@@ -112,6 +112,24 @@ def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(cli
     assert "between participants" in listed
 
 
+def test_an_analysis_is_declared_without_json(client, study):
+    client.post(section(study, "analyses"), {"do": "add:", "sha256": study.sha256})
+    page = section(study, "analyses", 0)
+    send(client, page, key="doors", title__en="Doors", measures="task_time, experience.q1")
+    send(client, page, "add:contrasts")
+    sides = {"contrasts__0__first": ["shut"], "contrasts__0__second": ["all_open"]}
+    send(client, page, contrasts__0__title__en="Shut", test="ranks", **sides)
+    (analysis,) = stored().analyses
+    assert (analysis.key, analysis.test) == ("doors", "ranks")
+    assert analysis.measures == ("task_time", "experience.q1")
+    assert (analysis.contrasts[0].first, analysis.contrasts[0].second) == (("shut",), ("all_open",))
+    assert publishing.problems_of(Study.objects.get()) == []
+    send(client, page, measures="task_tim")
+    assert publishing.problems_of(Study.objects.get()) == [
+        "Analysis doors: there is no metric task_tim."
+    ]
+
+
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])
 def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     row = publishing.store(shipped()[slug], NOW)
@@ -119,7 +137,7 @@ def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     addresses = [section(row, "about"), section(row, "rules")]
     addresses += [
         section(row, name, n)
-        for name in ("steps", "conditions", "courses")
+        for name in ("steps", "conditions", "courses", "analyses")
         for n in range(len(getattr(definition, name)))
     ]
     for address in addresses:

@@ -8,7 +8,6 @@ from scipy import optimize, stats
 
 from experiments.analysis.statistics.comparisons import (
     between,
-    compare,
     correlation,
     holm,
     paired,
@@ -18,6 +17,7 @@ from experiments.analysis.statistics.comparisons import (
     welch,
     within,
 )
+from experiments.analysis.statistics.conditions import compare
 from experiments.definition.power import participants_needed
 
 RUNS = 1000
