@@ -16,7 +16,7 @@ from surveys.importing.qualtrics.question import Asked, by_id, mapping, no_count
 from surveys.importing.report import NotImportedError
 
 
-def side_by_side(asked: Asked) -> list[Item]:
+def columns_of(asked: Asked) -> list[Item]:
     """SBS: several matrices with the same rows, one a column."""
     asked.note.changed(_("Each column is a question of its own."))
     columns = by_id(asked.payload.get("AdditionalQuestions"))
@@ -26,7 +26,7 @@ def side_by_side(asked: Asked) -> list[Item]:
         inner = Asked(asked.draft, asked.note, {**mapping(column), **rows})
         inner.name = f"{asked.name}_{one}"
         converter = TYPES.get(inner.kind)
-        if converter is None or converter is side_by_side:
+        if converter is None or converter is columns_of:
             raise NotImportedError(no_counterpart(inner))
         made = converter(inner)
         text = asked.text()
@@ -42,7 +42,7 @@ TYPES: dict[str, Callable[[Asked], list[Item]]] = {
     "TE": text_entry,
     "Slider": slider,
     "RO": ranking,
-    "SBS": side_by_side,
+    "SBS": columns_of,
 }
 
 
