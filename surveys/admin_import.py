@@ -72,8 +72,8 @@ class SaveForm(forms.Form):
 def choose(request: HttpRequest) -> HttpResponse:
     """Take a file and show what became of it; nothing is stored."""
     _check(request)
-    form = FileForm(request.POST or None, request.FILES or None)
-    if request.method != "POST" or not form.is_valid():
+    form = FileForm(request.POST, request.FILES) if request.method == "POST" else FileForm()
+    if not form.is_valid():
         return _page(request, {"form": form})
     wishes = Wishes(form.cleaned_data["language"], form.cleaned_data["form"].strip())
     try:

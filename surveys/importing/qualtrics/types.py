@@ -16,7 +16,7 @@ from surveys.importing.qualtrics.question import Asked, by_id, mapping, no_count
 from surveys.importing.report import NotImportedError
 
 
-def column_table(asked: Asked) -> list[Item]:
+def columns_of(asked: Asked) -> list[Item]:
     """SBS: several matrices with the same rows, one a column."""
     asked.note.changed(_("Each column is a question of its own."))
     columns = by_id(asked.payload.get("AdditionalQuestions"))
@@ -26,7 +26,7 @@ def column_table(asked: Asked) -> list[Item]:
         inner = Asked(asked.draft, asked.note, {**mapping(column), **rows})
         inner.name = f"{asked.name}_{one}"
         converter = TYPES.get(inner.kind)
-        if converter is None or converter is column_table:
+        if converter is None or converter is columns_of:
             raise NotImportedError(no_counterpart(inner))
         made = converter(inner)
         text = asked.text()
@@ -42,7 +42,7 @@ TYPES: dict[str, Callable[[Asked], list[Item]]] = {
     "TE": text_entry,
     "Slider": slider,
     "RO": ranking,
-    "SBS": column_table,
+    "SBS": columns_of,
 }
 
 
