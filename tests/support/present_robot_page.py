@@ -205,7 +205,9 @@ class PresentRobotPage(FakeRobotPage):
                 reason = self.calls.knock(message.action_id, lease, now, audible=self.media.audible)
                 if reason is None:
                     self.media.ring()
-            if reason is None:
+            if reason is None and self._is_known(message):
+                self._tell_receipt(message.action_id)  # as Actions.take of the agent
+            elif reason is None:
                 self.asked.append(message)
                 self._obey(message, now)
             if not isinstance(message, m.Photo):
@@ -241,11 +243,20 @@ class PresentRobotPage(FakeRobotPage):
         ):
             page.say("pointer", pointer)
 
-    def _tell_driver(self, suffix: str, message: m.Message) -> None:
-        lease = self._lease
+    def _is_known(self, message: Any) -> bool:
+        return isinstance(message, m.Say) and any(
+            one.action_id == message.action_id for one in self.asked
+        )
+
+    def _tell_receipt(self, action_id: str) -> None:
+        lease, found = self._lease, self.receipts.of(action_id)
         page = self._pages.get(lease.peer) if lease else None
-        if page is not None:
-            page.say(suffix, message)
+        if page is not None and found is not None:
+            session, state = found
+            page.say(
+                "receipt",
+                m.Receipt(stamp=time.time(), action_id=action_id, session=session, state=state),
+            )
 
     def _obey(self, message: Any, now: float) -> None:
         lease = self.kernel.leases.live(now)
@@ -278,15 +289,7 @@ class PresentRobotPage(FakeRobotPage):
                 self._tell("words", words)
             case m.ConfirmWords() if lease:
                 if self.receipts.confirm(message.target, message.state, lease.session)[1]:
-                    self._tell_driver(
-                        "receipt",
-                        m.Receipt(
-                            stamp=time.time(),
-                            action_id=message.target,
-                            session=lease.session,
-                            state=message.state,
-                        ),
-                    )
+                    self._tell_receipt(message.target)
         self._say("state", self._state())
 
     def _state(self) -> m.State:

@@ -86,7 +86,8 @@ const setUp = (page) => {
       element("presence").hidden = roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes");
       // In a study its photos belong to the task.
       element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
-      element("presence-knock").hidden = roleOf(visit) !== "driver" || !state.robot?.knockable || !mayAsk(state, "knock");
+      // What is shared lies beside the bar; on a phone there is no room for one more button.
+      element("presence-knock").hidden = roleOf(visit) !== "driver" || !state.robot?.knockable || state.own.shares || !mayAsk(state, "knock");
       renders.forEach((render) => render(state));
       photo?.render(state);
     },
