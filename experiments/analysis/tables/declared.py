@@ -12,7 +12,8 @@ from itertools import combinations
 import numpy as np
 
 from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.metrics.sessions import METRICS, Measured
+from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.comparisons import Test, holm
 from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.mixed_models import (

@@ -15,8 +15,9 @@ from experiments.analysis.dataset.records import (
     ResponseRecord,
     SessionRecord,
 )
+from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
-from experiments.analysis.metrics.sessions import METRICS, Measured
+from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.declared import declared
 from experiments.analysis.tables.table import as_latex
 from experiments.definition.analyses import DeclaredAnalysis
@@ -65,7 +66,7 @@ def driven(study, people, value, answer=None):
             sessions.append(one)
             values = {column.name: math.nan for column in METRICS}
             values["task_time"] = value(number, study.condition(key).levels, place)
-            measured.append(Measured(one, Milestones(), values, (), np.empty((0, 2)), 0.0))
+            measured.append(Measured(one, Milestones(), values, (), np.empty((0, 2))))
             if answer is not None:
                 said = {"q2": answer(number, study.condition(key).levels)}
                 responses.append(
