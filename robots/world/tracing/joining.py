@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from robots.api.floorplan import Point, contains
+from robots.api.floorplan import contains
 from robots.api.geometry import Pose2D
+from robots.api.messages import Point
 from robots.world.tracing.layers import Layers
 from robots.world.tracing.outlines import polygon_of
 from robots.world.tracing.rooms import ROOMS, filled
