@@ -2,16 +2,13 @@
 
 import hashlib
 import time
-from typing import Any
 
 import msgspec
 from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
 from django.http.request import split_domain_port
 from django.shortcuts import get_object_or_404
-from django.urls import reverse
 from django.utils.cache import get_conditional_response
-from django.utils.translation import get_language
 from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_GET, require_safe
@@ -21,6 +18,7 @@ from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import too_many
 from robots.access import may_drive, may_observe, robots_visible_to
 from robots.enrol import credentials
+from robots.floorplans import plan_content
 from robots.ice import ice_servers
 from robots.models import FloorPlan
 
@@ -103,22 +101,6 @@ def _tagged(request: HttpRequest, response: HttpResponse) -> HttpResponseBase:
     """Return the response, or 304 when the browser has it already."""
     response["ETag"] = f'"{hashlib.sha256(response.content).hexdigest()}"'
     return get_conditional_response(request, response["ETag"], None, response) or response
-
-
-def plan_content(plan: FloorPlan) -> dict[str, Any]:
-    """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner,
-    the picture's address, the plan in the language of the page.
-    """
-    return {
-        "name": plan.name,
-        "title": plan.shown_title,
-        "resolution": plan.resolution,
-        "origin": [plan.origin_x, plan.origin_y, plan.origin_theta],
-        "width": plan.width,
-        "height": plan.height,
-        "image": f"{reverse('floor_plan_image', args=[plan.name])}?v={plan.sha256[:16]}",
-        "plan": plan.plan_in(get_language() or ""),
-    }
 
 
 def _visible_plan(request: HttpRequest, name: str) -> FloorPlan:

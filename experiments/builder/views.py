@@ -52,8 +52,8 @@ from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
+from robots.floorplans import plan_content
 from robots.models import FloorPlan
-from robots.views import plan_content
 from sessions.interfaces import INTERFACES
 
 PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"

@@ -90,8 +90,10 @@ def _grid(content: dict[str, Any], path: Path) -> OccupancyGrid:
     if mode not in MODES:
         message = f"mode {mode!r} is none of {', '.join(MODES)}"
         raise ValueError(message)
-    file = str(path.parent / str(content["image"]))
-    image, opaque = _decoded(file, file)
+    file = path.parent / str(content["image"])
+    if file.is_absolute() and not file.exists():  # map_saver writes where the image once was
+        file = path.parent / file.name
+    image, opaque = _decoded(str(file), str(file))
     x, y, theta = (float(value) for value in content["origin"])
     grid = OccupancyGrid(
         image=image,

@@ -141,6 +141,11 @@ def test_a_file_of_brackets_is_an_error_like_any_other(tmp_path: Path) -> None:
         load_grid(tmp_path / "map.yaml")
 
 
+def test_an_image_that_was_moved_with_its_file_is_found_beside_it(tmp_path: Path) -> None:
+    grid = load_grid(write(tmp_path, IMAGE, image="/home/somebody/catkin_ws/maps/map.png"))
+    assert np.array_equal(grid.image, IMAGE)
+
+
 def test_in_the_mode_raw_a_value_is_a_percentage_and_more_than_a_hundred_is_unknown(
     tmp_path: Path,
 ) -> None:
