@@ -41,7 +41,9 @@ class Topic:
 TOPICS = (
     Topic("overview", _("Overview"), ("flow", "funnel", "table-1", "table-3")),
     Topic("participants", _("Participants"), ("participants", "table-2")),
-    Topic("outcomes", _("Outcomes"), ("outcomes", "conditions", "learning", "metrics")),
+    Topic(
+        "outcomes", _("Outcomes"), ("outcomes", "fault-sides", "conditions", "learning", "metrics")
+    ),
     Topic(
         "questionnaires",
         _("Questionnaires"),
