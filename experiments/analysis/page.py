@@ -130,10 +130,10 @@ def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
             "condition": _named(one.session.condition, found.titles),
             "outcome": one.session.outcome,
             "kind": one.session.kind,
-            "excluded": one.session.excluded,
+            "excluded": one.session.excluded or one.session.ruled_out,
             "problems": found.verdicts[one.session.id].problems,
             "start": one.milestones.start if one.milestones.start == one.milestones.start else 0.0,
             "segments": [segment.start for segment in one.segments],
         }
-        for one in found.measured
+        for one in (*found.measured, *found.ruled_out)
     }

@@ -11,7 +11,7 @@ A selection is `all`, or `without-excluded` where a researcher has excluded sess
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from experiments.analysis.tables.effects import (
     learnt,
     outcomes_by_condition,
 )
-from experiments.analysis.tables.flow import flow, funnel
+from experiments.analysis.tables.flow import fault_sides, flow, funnel
 from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.reliability import QualityVerdict, judge
@@ -49,14 +49,16 @@ from experiments.analysis.tables.table import Table, as_csv, as_latex
 
 @dataclass(frozen=True)
 class Report:
-    """The tables and figures of a selection of sessions, with the sessions' numbers, the verdicts
-    on their records, and what each condition is called, by its key.
+    """The tables and figures of a selection of sessions, with the sessions' numbers, those of
+    sessions that count nowhere by rule, the verdicts on their records, and what each condition is
+    called, by its key.
     """
 
     name: str
     tables: tuple[Table, ...]
     figures: tuple[Drawing, ...]
     measured: tuple[Measured, ...]
+    ruled_out: tuple[Measured, ...]
     verdicts: dict[str, QualityVerdict]
     titles: dict[str, str]
 
@@ -67,18 +69,27 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
     """
     every = dataset.chosen(kinds)
     measured = measure_all(every)
-    yield report(EVERY, every, measured)
+    ruled_out = measure_all(replace(dataset, sessions=every.ruled_out))
+    yield report(EVERY, every, measured, ruled_out)
     if any(session.excluded for session in every.sessions):
         yield report(
             WITHOUT,
             dataset.chosen(kinds, with_excluded=False),
             [one for one in measured if not one.session.excluded],
+            ruled_out,
         )
 
 
-def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
+def report(
+    name: str,
+    dataset: Dataset,
+    measured: Sequence[Measured],
+    ruled_out: Sequence[Measured] = (),
+) -> Report:
     """Return the tables and figures of a dataset whose sessions were measured."""
-    verdicts = {one.session.id: judge(one, dataset.study.quality) for one in measured}
+    verdicts = {
+        one.session.id: judge(one, dataset.study.quality) for one in (*measured, *ruled_out)
+    }
     conditions = [one.key for one in dataset.study.conditions]
     tables = (
         *(table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset)),
@@ -91,8 +102,9 @@ def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
             segments_table(measured),
         ),
         *(
-            verdicts_table(measured, verdicts),
+            verdicts_table(measured, verdicts, ruled_out),
             outcomes_by_condition(dataset, measured),
+            fault_sides(dataset),
             compare_conditions(dataset, measured),
         ),
         *(
@@ -113,7 +125,7 @@ def report(name: str, dataset: Dataset, measured: Sequence[Measured]) -> Report:
         figure_8b(dataset),
     )
     titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
-    return Report(name, tables, figures, tuple(measured), verdicts, titles)
+    return Report(name, tables, figures, tuple(measured), tuple(ruled_out), verdicts, titles)
 
 
 Also = Callable[[Report, Path], None]

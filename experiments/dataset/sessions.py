@@ -15,6 +15,8 @@ from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import Drive, Participant, Study
 from robots.api.messages import LabReport
 from robots.api.network_words import spell
+from sessions.leases.absences import end_of, faults_of
+from sessions.leases.fault_side import Fault
 from sessions.models import Session as Visit
 from sessions.models import SessionEvent
 
@@ -39,6 +41,7 @@ def sessions_of(
     definition = study.as_definition()
     practice = definition.practice_keys
     touched = _touched([drive.session_id for drive in drives])
+    faults = faults_of(drive.session for drive in drives)
     numbers = _numbers([drive for drive in drives if drive.step not in practice])
     return [
         _session(
@@ -48,6 +51,7 @@ def sessions_of(
             choice,
             number=numbers.get(drive.pk, 0),
             operator=drive.session_id in touched,
+            fault=faults[drive.session_id],
         )
         for drive in drives
     ]
@@ -78,6 +82,7 @@ def _session(
     *,
     number: int,
     operator: bool,
+    fault: Fault,
 ) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
     device = visit.device or {}
@@ -104,12 +109,14 @@ def _session(
         network=names.network(device.get("network", "")),
         first_frame=_first_frame(drive),
         first_motion=_first_motion(drive),
-        ended=_after(drive, visit.ended_at),
+        ended=_after(drive, end_of(visit)),
         **_ends(drive),
         **_docking(drive),
         operator=operator or stopped,
         missing=visit.summary.get("missing", 0),
         excluded=drive.excluded_reason,
+        fault_side=fault.side,
+        fault_part=fault.part,
     )
 
 

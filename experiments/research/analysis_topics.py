@@ -44,7 +44,15 @@ TOPICS = (
     Topic(
         "outcomes",
         _("Outcomes"),
-        ("outcomes", "analysis-", "conditions", "learning", "learning-tests", "metrics"),
+        (
+            "outcomes",
+            "fault-sides",
+            "analysis-",
+            "conditions",
+            "learning",
+            "learning-tests",
+            "metrics",
+        ),
     ),
     Topic(
         "questionnaires",

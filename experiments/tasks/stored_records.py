@@ -22,6 +22,7 @@ from experiments.tasks.records import (
     seen,
 )
 from robots.api.messages import ActionStatus, Event, State
+from sessions.leases.absences import end_of
 from sessions.models import Session, SessionEvent
 from sessions.protocol import PageEvent
 from sessions.recording.batches import iter_batches
@@ -70,14 +71,15 @@ def _of_page(kind: str, stamp: float, received_at: float, data: Mapping[str, Any
 
 
 def ended(session: Session) -> TaskEnded | None:
-    """Return the end of a session as the task takes it: leaving it is no way to complete it. None
-    while it lives.
+    """Return the end of a session as the task takes it: leaving it is no way to complete it, and
+    the time in which a lost connection was waited for is none of its own. None while it lives.
     """
-    if session.ended_at is None or session.outcome not in get_args(Outcome):
+    at = end_of(session)
+    if at is None or session.outcome not in get_args(Outcome):
         return None
     left = session.outcome == Session.Outcome.COMPLETED and session.outcome_reason != TASK
     outcome: Outcome = "cancelled" if left else session.outcome
-    return TaskEnded(session.ended_at.timestamp(), str(session.pk), outcome)
+    return TaskEnded(at.timestamp(), str(session.pk), outcome)
 
 
 def offset_of(drive: Drive) -> float:

@@ -138,7 +138,7 @@ class RobotConsumer(DirectConsumer):
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
         self._stop_listening(self.page_session)
-        await self.page_session.page_gone()
+        await self.page_session.page_gone(code)
         log.info(
             "page_left",
             robot=self.name,

@@ -306,16 +306,16 @@ class PageSession:
         self.sender.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
         return False
 
-    async def page_gone(self) -> None:
-        """Note that the page's socket has closed, when what was begun is done. The visit goes on:
-        its time is the session manager's.
+    async def page_gone(self, code: int) -> None:
+        """Note that the page's socket has closed, when what was begun is done, with the code of its
+        end. The visit goes on: its time is the session manager's.
         """
         async with self.turn:
             session, peer = self.authorization.session, self.authorization.peer
             if session is not None:
                 self.forget()
                 last_seen_batcher.forget(session)
-                await database_sync_to_async(store.page_gone)(session, peer, timezone.now())
+                await database_sync_to_async(store.page_gone)(session, peer, timezone.now(), code)
 
     # --- small steps ------------------------------------------------------------------------------
 

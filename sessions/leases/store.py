@@ -34,6 +34,7 @@ from robots.access import may_operate
 from robots.api import messages as m
 from robots.models import Robot
 from sessions.leases import terms
+from sessions.leases.absences import note_page_closed
 from sessions.leases.policy import (
     ActiveSession,
     Ask,
@@ -62,6 +63,7 @@ LIVE = (
 ATTEMPTS = 200
 # the reason of a session that ended because the visitor began another one, on somebody's terms
 BEGINS_ANEW = "begins_anew"
+CLOSED = 1001  # the code of a page that was closed or left
 LEFT_QUEUE = "left_queue"  # the reason of a session that ended before it had the robot
 
 
@@ -333,13 +335,16 @@ def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
     return {str(key) for key in live}
 
 
-def page_gone(session: str, peer: str, now: datetime.datetime) -> None:
-    """Note that a page closed its socket; ignored when another page of the
-    visitor has taken over.
+def page_gone(session: str, peer: str, now: datetime.datetime, code: int = CLOSED) -> None:
+    """Note that a page closed its socket, with the code of its end; ignored when another page of
+    the visitor has taken over.
     """
     if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
         return
-    Session.objects.filter(pk=session, state__in=LIVE).update(seen_at=None)
+    living = Session.objects.filter(pk=session, state__in=LIVE)
+    living.update(seen_at=None)
+    if living.exclude(state=Session.State.WAITING).exists():
+        note_page_closed(session, code, now)
     Session.objects.filter(pk=session, state=Session.State.WAITING).update(lost_at=now)
 
 

@@ -17,6 +17,7 @@ from typing import Any
 from django.db.models import Q
 from django.utils import timezone
 
+from sessions.leases.absences import note_manager_absence
 from sessions.manager.database_thread import DatabaseThread
 from sessions.manager.health import ManagerHealth
 from sessions.manager.lock_file import LockFile
@@ -25,6 +26,7 @@ from sessions.models import STALE_SECONDS, ManagerBeat
 NAME = "session_manager"
 HEARTBEAT_INTERVAL_S = 1.0
 WAIT_SECONDS = 0.5  # between two attempts of one that waits
+LEFT = "left_at"  # in the report of a row that was given back: Unix seconds
 _LONG_AGO = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)
 
 
@@ -40,6 +42,8 @@ class LeaderElection:
         self.holder = f"{socket.gethostname()}:{os.getpid()}:{secrets.token_hex(4)}"
         self._lock_file = LockFile(lock_file)
         self._thread = DatabaseThread("heartbeat", health)
+        self._leads = False
+        self._before: datetime.datetime | None = None  # when the one before was last alive
 
     async def win(self) -> bool:
         """Take the row; False while somebody else has it, or the database is away."""
@@ -53,11 +57,21 @@ class LeaderElection:
         return bool(await self._thread.attempt(self._heartbeat, report, refused=True))
 
     def _heartbeat(self, report: dict[str, Any]) -> bool:
-        dead = self._lock_file.predecessor()
-        ours = heartbeat(self.holder, timezone.now(), report, dead=dead)
+        dead, now = self._lock_file.predecessor(), timezone.now()
+        if not self._leads and (before := last_alive(self.holder)) is not None:
+            self._before = before
+        ours = heartbeat(self.holder, now, report, dead=dead)
         if ours:
             self._lock_file.sign(self.holder)
+            self._begin(now)
+        self._leads = ours
         return ours
+
+    def _begin(self, now: datetime.datetime) -> None:
+        """Note how long nobody led, once it is this process that does."""
+        if self._before is not None and (now - self._before).total_seconds() > STALE_SECONDS:
+            note_manager_absence(self._before, now)
+        self._before = None
 
     async def close(self) -> None:
         """Let another process lead at once."""
@@ -86,5 +100,19 @@ def heartbeat(
 
 
 def give_back(holder: str) -> None:
-    """Let another process take the row at once."""
-    ManagerBeat.objects.filter(name=NAME, holder=holder).update(holder="", beat_at=_LONG_AGO)
+    """Let another process take the row at once; the report says when this one was last alive."""
+    last = last_alive("")
+    ManagerBeat.objects.filter(name=NAME, holder=holder).update(
+        holder="", beat_at=_LONG_AGO, report={LEFT: last.timestamp()} if last else {}
+    )
+
+
+def last_alive(holder: str) -> datetime.datetime | None:
+    """Return when a holder other than this one was last alive; None when there never was any."""
+    row = ManagerBeat.objects.filter(name=NAME).exclude(holder=holder or "-").first()
+    if row is None:
+        return None
+    left = row.report.get(LEFT)
+    if row.beat_at == _LONG_AGO:
+        return None if left is None else datetime.datetime.fromtimestamp(left, datetime.UTC)
+    return row.beat_at

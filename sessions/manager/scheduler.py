@@ -24,6 +24,7 @@ from robots.models import Robot
 from sessions import protocol, signals, system_log
 from sessions.disk_full import is_disk_full
 from sessions.leases import expiry, store, terms
+from sessions.leases.absences import WebAbsences
 from sessions.leases.policy import Hold, Scene, minutes_until_turn
 from sessions.leases.store import LIVE, lease_message, load_scene, load_scenes, rules_of
 from sessions.leases.transitions import (
@@ -78,6 +79,7 @@ class Scheduler:
         self._warned: set[tuple[str, int]] = set()
         # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
+        self._web_absences = WebAbsences()
         # session: why the robot is not as it needs it, and since when
         self._unready: dict[str, tuple[str, float]] = {}
         self._published: set[str] = set()
@@ -112,6 +114,7 @@ class Scheduler:
         scenes = load_scenes(robots, now)
         for robot in robots:
             link = replace(links.get(robot.name, default), asked=self._asked.get(robot.name))
+            self._web_absences.tick(scenes[robot.pk].holder, now)
             with log_ids.about(robot=robot.name):
                 for act in expiry.tick(robot, link, now, scenes[robot.pk]):
                     self._publish(act, robot, now)

@@ -124,7 +124,12 @@ SESSIONS = (
     Column("network", "", "hash of the visitor's network, for counting them"),
     Column("first_frame", "s", "when the first picture was shown"),
     Column("first_motion", "s", "when the first command moved the robot"),
-    Column("ended", "s", "when the session ended"),
+    Column(
+        "ended",
+        "s",
+        "when the session ended; a lost connection or silent robot ends it when it was lost, not"
+        " when waiting for it was over",
+    ),
     *(
         column
         for name, word in (("began", "first"), ("ended", "last"))
@@ -169,6 +174,19 @@ SESSIONS = (
     Column("operator", "", "1 when an operator intervened"),
     Column("missing", "", "states that are known to be lost"),
     Column("excluded", "", "why a researcher excluded it; empty when not"),
+    Column(
+        "fault_side",
+        "",
+        "whose fault the end was: visitor, network, platform, robot or operator; empty when"
+        " nobody's. A session that the platform ended counts nowhere",
+        late=True,
+    ),
+    Column(
+        "fault_part",
+        "",
+        "part of the platform that was away then: web_process or session_manager",
+        late=True,
+    ),
 )
 
 EVENTS = (

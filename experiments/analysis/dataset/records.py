@@ -23,6 +23,7 @@ Floats = npt.NDArray[np.float64]
 Kind = Literal["participant", "pilot", "bot"]
 COMPLETED = "completed"
 EVERY, WITHOUT = "all", "without-excluded"  # selections of sessions, and their folders in a report
+PLATFORM = "platform"  # the side of a fault that rules a session out
 WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
 
 
@@ -94,6 +95,16 @@ class SessionRecord:
     operator: bool = False
     missing: int = 0
     excluded: str = ""
+    fault_side: str = ""
+    fault_part: str = ""
+
+    @property
+    def ruled_out(self) -> str:
+        """Why it counts nowhere, by rule; empty when it counts."""
+        if self.fault_side != PLATFORM:
+            return ""
+        part = self.fault_part.replace("_", " ")
+        return f"platform fault: {part} away" if part else "platform fault"
 
     @property
     def exposed(self) -> bool:
@@ -174,7 +185,8 @@ NO_NETWORK = columns_of(NETWORK)
 @dataclass(frozen=True)
 class Dataset:
     """A study and all that was recorded of it. `states` and `network` read those of a session,
-    which may have none.
+    which may have none. `ruled_out` are sessions that count nowhere, by rule, in a dataset of those
+    that count (`chosen`).
     """
 
     study: StudyDefinition
@@ -188,6 +200,7 @@ class Dataset:
     plans: Mapping[str, FloorPlan] = field(default_factory=dict)
     states: Callable[[str], Columns] = lambda _: NO_STATES
     network: Callable[[str], Columns] = lambda _: NO_NETWORK
+    ruled_out: tuple[SessionRecord, ...] = ()
 
     @property
     def language(self) -> str:
@@ -207,7 +220,8 @@ class Dataset:
     def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:
         """Return the ids of the sessions of participants."""
         wanted = set(participants)
-        return tuple(one.id for one in self.sessions if one.participant in wanted)
+        rows = (*self.sessions, *self.ruled_out)
+        return tuple(one.id for one in rows if one.participant in wanted)
 
     def robot(self, name: str) -> RobotRecord:
         """Return a robot; one that the dataset does not describe is called by its name."""
@@ -236,21 +250,24 @@ class Dataset:
         self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = True
     ) -> "Dataset":
         """Return the part of it that counts: neither pilots and bots, unless asked for, nor
-        practice; a withdrawn participant keeps only a row.
+        practice, nor what the platform ended; a withdrawn participant keeps only a row.
         """
         people = tuple(one for one in self.participants if one.kind in kinds)
         known = {one.id for one in people if not one.withdrawn}
-        own = (
+        own = tuple(
             one
             for one in self.sessions
             if one.kind in kinds and one.participant in known and not one.practice
         )
-        sessions = tuple(one for one in own if with_excluded or not one.excluded)
+        sessions = tuple(
+            one for one in own if not one.ruled_out and (with_excluded or not one.excluded)
+        )
         kept = {one.id for one in sessions} | {""}
         return replace(
             self,
             participants=people,
             sessions=sessions,
+            ruled_out=tuple(one for one in own if one.ruled_out),
             events=tuple(one for one in self.events if one.session in kept),
             pages=tuple(
                 one for one in self.pages if one.participant in known and one.session in kept

@@ -8,14 +8,20 @@ named between.
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
-from experiments.analysis.dataset.records import Dataset, ParticipantRecord
+from experiments.analysis.dataset.records import (
+    COMPLETED,
+    Dataset,
+    ParticipantRecord,
+    SessionRecord,
+)
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 
-FLOW = ("arrived", "assigned", "exposed", "ended with an outcome", "answered")
+COUNTED = "ended with an outcome"
+FLOW = ("arrived", "assigned", "exposed", COUNTED, "answered")
 STILL_THERE = "no word (yet)"
 Row = tuple[TableCell, ...]
 
@@ -31,16 +37,28 @@ def flow(dataset: Dataset) -> Table:
             1:
         ]
     below = (
-        "Every line is the one above it less those who are named between; withdrawn participants"
-        " are counted to the step at which they stood."
+        (
+            "Every line is the one above it less those who are named between; withdrawn"
+            " participants are counted to the step at which they stood."
+        ),
+        *_about_ruled_out(dataset),
     )
     return Table(
         "flow",
         "Flow of participants.",
         ("Condition", "Stage", "Reason", "Participants"),
         tuple(rows),
-        (below,),
+        below,
     )
+
+
+def _about_ruled_out(dataset: Dataset) -> Iterator[str]:
+    reasons = Counter(one.ruled_out for one in dataset.ruled_out)
+    for reason, number_ in sorted(reasons.items()):
+        yield (
+            f"Excluded by rule, as the platform ended them: {amount(number_, 'session')}"
+            f" ({reason}). They count in no other table or figure."
+        )
 
 
 def _stages(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> list[Row]:
@@ -53,10 +71,14 @@ def _stages(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> lis
         for one in dataset.responses
         if one.questionnaire == dataset.study.analysis.statements and one.finished
     }
+    ruled_out = {
+        one.id: [session for session in dataset.ruled_out if session.participant == one.id]
+        for one in people
+    }
     tests: tuple[Callable[[ParticipantRecord], bool], ...] = (
         lambda _: True,
-        lambda one: bool(one.cell or sessions[one.id]),
-        lambda one: any(session.exposed for session in sessions[one.id]),
+        lambda one: bool(one.cell or sessions[one.id] or ruled_out[one.id]),
+        lambda one: any(session.exposed for session in (*sessions[one.id], *ruled_out[one.id])),
         lambda one: any(session.exposed and session.outcome for session in sessions[one.id]),
         lambda one: one.id in answered,
     )
@@ -65,13 +87,19 @@ def _stages(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> lis
     for stage, reached in zip(FLOW, tests, strict=True):
         lost = [one for one in left if not reached(one)]
         left = [one for one in left if reached(one)]
-        for reason, number_ in sorted(Counter(_reason(one) for one in lost).items()):
-            ids = [one.id for one in lost if _reason(one) == reason]
+        reasons = {
+            one.id: _excluded(ruled_out[one.id])
+            if stage == COUNTED and ruled_out[one.id]
+            else f"left: {_reason(one)}"
+            for one in lost
+        }
+        for reason, number_ in sorted(Counter(reasons.values()).items()):
+            ids = [one.id for one in lost if reasons[one.id] == reason]
             rows.append(
                 (
                     words(cell),
                     words(""),
-                    words(f"left: {reason}"),
+                    words(reason),
                     count(number_, dataset.sessions_of(ids)),
                 )
             )
@@ -83,7 +111,7 @@ def _stages(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> lis
                 count(len(left), dataset.sessions_of([one.id for one in left])),
             )
         )
-        if stage == "ended with an outcome":
+        if stage == COUNTED:
             rows += _outcomes(dataset, left, cell)
     return rows
 
@@ -105,8 +133,38 @@ def _outcomes(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> l
     ]
 
 
+def _excluded(ruled_out: Sequence[SessionRecord]) -> str:
+    return f"excluded: {ruled_out[-1].ruled_out}"
+
+
 def _reason(one: ParticipantRecord) -> str:
     return "withdrew" if one.withdrawn else one.left or STILL_THERE
+
+
+def fault_sides(dataset: Dataset) -> Table:
+    """Return on which side it lay that sessions were not completed, by outcome; with those that are
+    excluded by rule.
+    """
+    ended = [
+        one for one in (*dataset.sessions, *dataset.ruled_out) if one.outcome not in {"", COMPLETED}
+    ]
+    keys = sorted({(one.outcome, one.fault_side) for one in ended})
+    rows = tuple(
+        (words(outcome), words(side or "nobody"), count(len(ids), ids))
+        for outcome, side in keys
+        for ids in [[one.id for one in ended if (one.outcome, one.fault_side) == (outcome, side)]]
+    )
+    below = (
+        "Platform: the server was away when the connection was lost; network: the connection was"
+        " lost, and the visitor had not closed the page."
+    )
+    return Table(
+        "fault-sides",
+        "Sessions that were not completed, by side.",
+        ("Outcome", "Side", "Sessions"),
+        rows,
+        (below,),
+    )
 
 
 def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:

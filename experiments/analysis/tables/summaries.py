@@ -165,8 +165,14 @@ def segment_spreads(measured: Sequence[Measured], names: Sequence[str] = OF_SEGM
     )
 
 
-def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, QualityVerdict]) -> Table:
-    """Return how many records are good, and how many fail each rule."""
+def verdicts_table(
+    measured: Sequence[Measured],
+    verdicts: Mapping[str, QualityVerdict],
+    ruled_out: Sequence[Measured] = (),
+) -> Table:
+    """Return how many records are good, how many fail each rule, and which sessions are excluded,
+    by hand or, `ruled_out`, by rule.
+    """
     good = [one.session.id for one in measured if verdicts[one.session.id].good]
     failed: dict[str, list[str]] = {}
     for one in measured:
@@ -183,6 +189,13 @@ def verdicts_table(measured: Sequence[Measured], verdicts: Mapping[str, QualityV
     rows += [
         (words("excluded by hand"), words(reason), count(len(ids), ids))
         for reason, ids in sorted(excluded.items())
+    ]
+    by_rule: dict[str, list[str]] = {}
+    for one in ruled_out:
+        by_rule.setdefault(one.session.ruled_out, []).append(one.session.id)
+    rows += [
+        (words("excluded by rule"), words(reason), count(len(ids), ids))
+        for reason, ids in sorted(by_rule.items())
     ]
     below = f"{_amounts(measured)}. A record may fail several rules; what fails is kept."
     return Table(

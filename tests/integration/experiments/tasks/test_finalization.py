@@ -23,7 +23,8 @@ from robots.api import messages as m
 from robots.models import Robot
 from sessions import system_log
 from sessions.leases import store, terms
-from sessions.models import Session, StateChunk, SystemLog
+from sessions.leases.absences import note_manager_absence, note_page_closed
+from sessions.models import Session, SessionEvent, StateChunk, SystemLog
 from sessions.protocol import PageEvent
 from tests.support import participants as p
 from tests.support import task_drives
@@ -132,6 +133,35 @@ def test_a_record_that_gives_something_else_than_is_stored_is_named(robot):
     drive.outcome = "timed_out"
     (sentence,) = discrepancies([drive], rng)
     assert "a replay ends as completed, but timed_out is stored" in sentence
+
+
+def test_a_lost_connection_ends_the_task_when_it_was_lost_and_names_the_side(robot):
+    drive = begin(robot)
+    records = whole(timezone.now().timestamp())
+    write(drive, records[: len(records) // 2])
+    lost = records[len(records) // 2].at
+    key = drive.session_id
+    Session.objects.filter(pk=key).update(
+        state="reconnecting",
+        seen_at=None,
+        lost_at=datetime.datetime.fromtimestamp(lost, datetime.UTC),
+    )
+    note_page_closed(str(key), 1001, timezone.now())
+    closed = close(drive, outcome="connection_lost", reason="visitor_silent", at=lost + 120.0)
+    drive = settled(closed)
+    assert told(drive)[-1] == ("task_ended", "connection_lost")
+    assert drive.result["ended"] == pytest.approx(lost, abs=0.001)
+    (session,) = dataset_of(drive.participant.study).sessions
+    assert session.ended == pytest.approx(lost - drive.granted_at.timestamp(), abs=0.001)
+    assert (session.outcome, session.fault_side) == ("connection_lost", "visitor")
+    SessionEvent.objects.filter(session=key).delete()
+    note_manager_absence(
+        datetime.datetime.fromtimestamp(lost - 30.0, datetime.UTC),
+        datetime.datetime.fromtimestamp(lost - 1.0, datetime.UTC),
+    )
+    (session,) = dataset_of(drive.participant.study).sessions
+    assert (session.fault_side, session.fault_part) == ("platform", "session_manager")
+    assert session.ruled_out == "platform fault: session manager away"
 
 
 def test_settling_again_changes_nothing_and_late_states_change_what_they_must(robot):

@@ -1,6 +1,7 @@
 """Nobody is lost from the flow, and the funnel says where people left."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from experiments.analysis.dataset.records import (
     SessionRecord,
 )
 from experiments.analysis.metrics.sessions import measure_all
-from experiments.analysis.tables.flow import FLOW, flow, funnel
+from experiments.analysis.report import reports
+from experiments.analysis.tables.flow import FLOW, fault_sides, flow, funnel
 from experiments.definition.shipped import shipped
 from tests.support.study_dataset import made_up
 
@@ -47,15 +49,68 @@ def lines(table, cell):
 
 
 def test_every_line_is_the_one_above_less_those_who_are_named_between():
-    for dataset in (people(), made_up(np.random.default_rng(41), 40)):
+    for dataset in (people(), platform_faults().chosen(), made_up(np.random.default_rng(41), 40)):
         left = None
         for label, number in lines(flow(dataset), "all"):
             if label in FLOW:
                 assert left is None or number == left
                 left = number
-            elif label.startswith("left: "):
+            elif label.startswith(("left: ", "excluded: ")):
                 left -= number
         assert left == lines(flow(dataset), "all")[-1][1]
+
+
+def platform_faults():
+    """The people above, one of whom was ended by the platform in the only drive, another in one of
+    two.
+    """
+    found = people()
+    ended = {"fault_side": "platform", "outcome": "connection_lost"}
+    sessions = [
+        replace(one, **ended, fault_part="web_process") if one.id == "s2" else one
+        for one in found.sessions
+    ]
+    sessions[2] = replace(sessions[2], **ended, fault_part="session_manager")
+    sessions[0] = replace(sessions[0], fault_side="network")
+    return replace(found, sessions=tuple(sessions))
+
+
+def test_what_the_platform_ended_counts_nowhere_and_the_flow_says_how_often_and_why():
+    dataset = platform_faults().chosen()
+    assert [one.id for one in dataset.sessions] == ["s1", "s4"]
+    assert [one.id for one in dataset.ruled_out] == ["s2", "s3"]
+    assert dataset.responses == (), "an answer about a drive that does not count"
+    table = flow(dataset)
+    found = dict(lines(table, "all"))
+    assert [found[stage] for stage in FLOW] == [5, 4, 2, 1, 0]
+    assert found["excluded: platform fault: web process away"] == 1
+    assert found["first task: completed"] == 1
+    below = " ".join(table.notes)
+    assert "1 session (platform fault: web process away)" in below
+    assert "1 session (platform fault: session manager away)" in below
+    row = next(row for row in table.rows if row[2].text.startswith("excluded: "))
+    assert row[3].sessions == ("s2",)
+
+
+def test_the_table_of_exclusions_has_them_too_and_no_number_is_made_of_them():
+    (found,) = reports(platform_faults())
+    quality = next(table for table in found.tables if table.name == "quality")
+    excluded = {row[1].text: row[2] for row in quality.rows if row[0].text == "excluded by rule"}
+    assert {reason: cell.sessions for reason, cell in excluded.items()} == {
+        "platform fault: web process away": ("s2",),
+        "platform fault: session manager away": ("s3",),
+    }
+    assert [one.session.id for one in found.measured] == ["s1", "s4"]
+    sessions = next(table for table in found.tables if table.name == "sessions")
+    assert [row[0].text for row in sessions.rows] == ["s1", "s4"]
+
+
+def test_sessions_that_were_not_completed_stand_by_outcome_and_side():
+    table = fault_sides(platform_faults().chosen())
+    assert [([cell.text for cell in row], row[2].sessions) for row in table.rows] == [
+        (["connection_lost", "platform", "2"], ("s2", "s3")),
+        (["connection_refused", "network", "1"], ("s1",)),
+    ]
 
 
 def test_assigned_exposed_ended_and_answered_are_four_facts():

@@ -1,0 +1,165 @@
+"""When the server was away from a session: noted as events of the session, and read back.
+
+- A web process says every few seconds that it has a page open, and notes when the page's socket
+  closes. One that is killed does neither: the page was last seen long ago, and never closed. The
+  session manager notes that as `server_absent`, and `server_back` when a page of the session is
+  seen again.
+- A session manager finds when the one before it was last alive, and notes `server_absent` with both
+  ends in the sessions that lived then.
+"""
+
+import datetime
+import uuid
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from sessions.leases.fault_side import (
+    MANAGER,
+    WEB,
+    Fault,
+    ServerAbsence,
+    SessionEnd,
+    fault_of,
+)
+from sessions.leases.policy import ActiveSession
+from sessions.models import Session, SessionEvent, StateChunk
+
+ABSENT, BACK, PAGE_CLOSED = "server_absent", "server_back", "page_closed"
+LIVING = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+EVENT_KEYS = uuid.UUID("5b0ce3cf-2d6c-4d6c-9f5a-0c4a3f5f8f39")
+
+
+class WebAbsences:
+    """What the session manager remembers of absent web processes between two ticks; what one
+    before it has noted is read when a session is first looked at.
+    """
+
+    def __init__(self) -> None:
+        self._since: dict[str, float | None] = {}
+
+    def tick(self, driver: ActiveSession | None, now: datetime.datetime) -> None:
+        """Note that the web process of a driver's page has gone, or that the page is back."""
+        if driver is None or driver.granted_at is None:
+            return
+        if driver.id not in self._since:
+            if len(self._since) > 1000:
+                self._since.clear()
+            self._since[driver.id] = _noted(driver.id)
+        since = self._since[driver.id]
+        seen, is_open = driver.seen_at, driver.page_open(now.timestamp())
+        if since is None and seen is not None and not is_open:
+            _note(driver.id, ABSENT, now, part=WEB, since=seen)
+            self._since[driver.id] = seen
+        elif since is not None and seen is not None and is_open:
+            _note(driver.id, BACK, now, part=WEB, since=since, until=seen)
+            self._since[driver.id] = None
+
+
+def note_manager_absence(since: datetime.datetime, until: datetime.datetime) -> None:
+    """Note in every session that was driven then that no session manager was there."""
+    living = Session.objects.filter(state__in=LIVING, granted_at__lt=until)
+    ended = Session.objects.filter(
+        state=Session.State.ENDED, granted_at__lt=until, ended_at__gte=since
+    )
+    for rows in (living, ended):
+        for key in rows.values_list("pk", flat=True):
+            _note(
+                str(key),
+                ABSENT,
+                until,
+                part=MANAGER,
+                since=since.timestamp(),
+                until=until.timestamp(),
+            )
+
+
+def note_page_closed(session: str, code: int, now: datetime.datetime) -> None:
+    """Note that the socket of a driver's page has closed, with the code of its end."""
+    _note(session, PAGE_CLOSED, now, code=code)
+
+
+def faults_of(sessions: Iterable[Session]) -> dict[uuid.UUID, Fault]:
+    """Return whose fault the end of each session was, by its key."""
+    rows = list(sessions)
+    noted: dict[uuid.UUID, list[tuple[str, dict[str, Any]]]] = defaultdict(list)
+    events = SessionEvent.objects.filter(
+        session__in=[row.pk for row in rows],
+        source=SessionEvent.Source.SERVER,
+        type__in=(ABSENT, BACK, PAGE_CLOSED),
+    )
+    for key, kind, data in events.order_by("received_at", "stamp").values_list(
+        "session_id", "type", "data"
+    ):
+        noted[key].append((kind, data))
+    return {row.pk: fault_of(_end(row, noted[row.pk])) for row in rows}
+
+
+def end_of(session: Session) -> datetime.datetime | None:
+    """Return when a session was over for the visitor: without the time in which a lost connection,
+    or a silent robot, was waited for. None while it lives.
+    """
+    if session.ended_at is None:
+        return None
+    if session.outcome == Session.Outcome.CONNECTION_LOST and session.lost_at is not None:
+        return min(session.lost_at, session.ended_at)
+    if (session.outcome, session.outcome_reason) in {
+        (Session.Outcome.ROBOT_FAULT, "robot_offline"),
+        (Session.Outcome.CONNECTION_LOST, "lease_gone"),
+    }:
+        chunks = StateChunk.objects.filter(session=session).order_by("-received_at")
+        last = chunks.values_list("received_at", flat=True).first()
+        if last is not None:
+            return min(datetime.datetime.fromtimestamp(last, datetime.UTC), session.ended_at)
+    return session.ended_at
+
+
+def _end(row: Session, noted: list[tuple[str, dict[str, Any]]]) -> SessionEnd:
+    begun = row.granted_at or row.queued_at
+    ended = row.ended_at or begun
+    codes = [data.get("code") for kind, data in noted if kind == PAGE_CLOSED]
+    return SessionEnd(
+        outcome=row.outcome,
+        reason=row.outcome_reason,
+        begun_at=begun.timestamp(),
+        ended_at=ended.timestamp(),
+        lost_at=row.lost_at.timestamp() if row.lost_at is not None else None,
+        close_code=codes[-1] if codes and row.seen_at is None else None,
+        absences=tuple(_absences(noted)),
+    )
+
+
+def _absences(noted: list[tuple[str, dict[str, Any]]]) -> Iterator[ServerAbsence]:
+    back = [data for kind, data in noted if kind == BACK]
+    for kind, data in noted:
+        if kind == ABSENT:
+            ends = (one["until"] for one in back if abs(one["since"] - data["since"]) < 1.0)
+            yield ServerAbsence(data["part"], data["since"], data.get("until") or next(ends, None))
+
+
+def _noted(session: str) -> float | None:
+    """Return since when the web process was away by the last note of it; None when it is there."""
+    notes = SessionEvent.objects.filter(
+        session=session, source=SessionEvent.Source.SERVER, type__in=(ABSENT, BACK)
+    ).order_by("-stamp")
+    for kind, data in notes.values_list("type", "data"):
+        if data.get("part") == WEB:
+            return data["since"] if kind == ABSENT else None
+    return None
+
+
+def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
+    """Note something once, however often it is tried."""
+    once = data.get("since", now.timestamp())
+    key = uuid.uuid5(EVENT_KEYS, f"{session} {kind} {data.get('part')} {once}")
+    SessionEvent.objects.get_or_create(
+        pk=key,
+        defaults={
+            "session_id": session,
+            "source": SessionEvent.Source.SERVER,
+            "type": kind,
+            "stamp": now.timestamp(),
+            "received_at": now.timestamp(),
+            "data": data,
+        },
+    )

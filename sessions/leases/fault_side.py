@@ -1,0 +1,101 @@
+"""Whose fault the end of a session was: the one place that decides it, on what was recorded.
+
+- *platform*: the server was away (`ServerAbsence`) when the visitor's connection was lost, or did
+  not come back before the end; or a session had lost its lease.
+- *robot*: it was silent, or had a fault.
+- *operator*: somebody who looks after the robot ended the session.
+- *visitor*: left, closed the page, or gave no sign.
+- *network*: the connection was lost or never came about, and none of these is known.
+- nobody's (empty): the task was completed, or its time or the turn was over.
+
+An absence explains a loss that begins during it or up to RETURN_SECONDS after it: by then a page
+that is still open has come back.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+Side = Literal["", "visitor", "network", "platform", "robot", "operator"]
+WEB, MANAGER = "web_process", "session_manager"
+LEASE_GONE = "lease_gone"
+RETURN_SECONDS = 60.0
+# WebSocket close codes (RFC 6455, 7.4.1) of a page that was closed or left, not cut off.
+CLOSED_BY_VISITOR = frozenset({1000, 1001})
+LINK_OUTCOMES = frozenset({"connection_lost", "connection_refused"})
+# outcomes and reasons that say it all by themselves; a reason of "" stands for every other
+_SIDES: dict[tuple[str, str], Side] = {
+    ("robot_fault", ""): "robot",
+    ("stopped_by_operator", ""): "operator",
+    ("cancelled", ""): "visitor",
+    ("timed_out", "idle"): "visitor",
+    ("timed_out", "no_picture"): "network",
+}
+
+
+@dataclass(frozen=True)
+class ServerAbsence:
+    """A part of the server (WEB or MANAGER) was away from `since` to `until`, Unix seconds; `until`
+    is None when it did not come back before the session ended.
+    """
+
+    part: str
+    since: float
+    until: float | None = None
+
+
+@dataclass(frozen=True)
+class SessionEnd:
+    """What is known of a session's end; times are Unix seconds.
+
+    `lost_at` is since when the visitor's connection was lost at the end, None when it was not.
+    `close_code` is that of the page's socket when it was closed at the end, None when it was open.
+    """
+
+    outcome: str
+    reason: str
+    begun_at: float
+    ended_at: float
+    lost_at: float | None = None
+    close_code: int | None = None
+    absences: tuple[ServerAbsence, ...] = ()
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Whose fault it was, and which part of the platform where it was the platform's."""
+
+    side: Side = ""
+    part: str = ""
+
+
+def fault_of(end: SessionEnd) -> Fault:
+    """Return whose fault the end of a session was."""
+    if end.outcome in {"", "completed"}:
+        return Fault()
+    if end.reason == LEASE_GONE:
+        return Fault("platform", MANAGER)
+    absence = _absence(end)
+    if absence is not None:
+        return Fault("platform", absence.part)
+    known = _SIDES.get((end.outcome, end.reason)) or _SIDES.get((end.outcome, ""))
+    if known is not None:
+        return Fault(known)
+    if end.outcome in LINK_OUTCOMES or end.lost_at is not None:
+        return Fault("visitor" if end.close_code in CLOSED_BY_VISITOR else "network")
+    return Fault()
+
+
+def _absence(end: SessionEnd) -> ServerAbsence | None:
+    """Return the absence that explains the end, if one does."""
+    is_lost = end.outcome in LINK_OUTCOMES or end.lost_at is not None
+    if not is_lost and end.outcome != "timed_out":
+        return None
+    lost = end.begun_at if end.outcome == "connection_refused" else end.lost_at
+    for absence in end.absences:
+        until = math.inf if absence.until is None else absence.until
+        begins_then = lost is not None and absence.since <= lost <= until + RETURN_SECONDS
+        meets_start = end.outcome == "connection_refused" and absence.since <= end.ended_at
+        if until >= end.ended_at or begins_then or (meets_start and until >= end.begun_at):
+            return absence
+    return None
