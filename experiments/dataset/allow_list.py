@@ -38,6 +38,8 @@ from sessions import protocol as p
 from sessions.devices import OTHER as OTHER_DEVICE
 from sessions.devices import SYSTEMS, TABLE_3_BROWSERS
 from sessions.interfaces import INTERFACES
+from sessions.leases.absences import ABSENT, BACK, PAGE_CLOSED
+from sessions.leases.fault_side import MANAGER, WEB
 
 Fields = Mapping[str, Form]
 
@@ -165,11 +167,11 @@ MESSAGES: Mapping[type, Fields] = {
     m.State: {
         **dict.fromkeys(("stamp", "seq", "pose", "velocity", "battery", "docked"), in_columns),
         **dict.fromkeys(("tilt", "mode", "clearance", "contacts", "distance"), in_columns),
-        **dict.fromkeys(("visitorSilence", "applied", "refused"), in_columns),
+        **dict.fromkeys(("visitorSilence", "applied", "refused", "distanceByPosition"), in_columns),
         **dict.fromkeys(("boot", "session", "epoch", "chargerContact", "assist"), withheld),
         **dict.fromkeys(("safety", "errors", "viewers", "assistWhy", "assistPoint"), withheld),
         **dict.fromkeys(("call", "screens", "controlNetwork", "videoNetwork"), withheld),
-        "cameraStatus": withheld,
+        **dict.fromkeys(("cameraStatus", "knock", "knockable"), withheld),
     },
     m.Pose: {
         **dict.fromkeys(("x", "y", "theta", "localized", "score"), in_columns),
@@ -218,6 +220,7 @@ MESSAGES: Mapping[type, Fields] = {
 KEPT_BACK: frozenset[type] = frozenset(
     {
         *(m.Safety, m.Limits, m.Camera, m.Laser, m.TiltRange, m.CallState, m.CameraStatus),
+        *(m.KnockState, m.Receipt),
         *(m.Connection, m.PoseUpdate, m.Scan, m.Path, m.Words, m.Pointer, m.Echo, m.Heartbeat),
         *(m.CommandHeartbeat, m.Lease, m.PointCommand, m.VelocityCommand),
         *(m.MediaClock, m.LeaseLimits, m.Config, m.FloorPlanUpdate, m.IceServer, m.SdpOffer),
@@ -262,6 +265,8 @@ SERVER: Mapping[str, Fields] = {
     "operator_message": {"text": text, "user": withheld},
     "states_missing": {"boot": code, "ranges": withheld, "count": number},
     **{key: {"reason": words(*READINESS)} for key in ("robot_not_ready", "staff_called")},
+    **dict.fromkeys((ABSENT, BACK), {"part": words(WEB, MANAGER), "since": time, "until": time}),
+    PAGE_CLOSED: {"code": number},
     **dict.fromkeys(("connecting", "driving", "reconnecting", "robot_ready"), NONE),
     **dict.fromkeys(("first_motion", "turn_limited", "turn_unlimited"), NONE),
 }
