@@ -265,7 +265,7 @@ SERVER: Mapping[str, Fields] = {
     "operator_message": {"text": text, "user": withheld},
     "states_missing": {"boot": code, "ranges": withheld, "count": number},
     **{key: {"reason": words(*READINESS)} for key in ("robot_not_ready", "staff_called")},
-    **dict.fromkeys((ABSENT, BACK), {"part": words(WEB, MANAGER), "since": time, "until": time}),
+    **{key: {"part": words(WEB, MANAGER), "since": time, "until": time} for key in (ABSENT, BACK)},
     PAGE_CLOSED: {"code": number},
     **dict.fromkeys(("connecting", "driving", "reconnecting", "robot_ready"), NONE),
     **dict.fromkeys(("first_motion", "turn_limited", "turn_unlimited"), NONE),
