@@ -95,8 +95,6 @@ def may_drive(user: Any, robot: Robot) -> Verdict:
 
 
 def _is_let_in(user: Any, robot: Robot) -> bool:
-    if robot.practice:
-        return True
     rule = _guest_rules.get(user.kind)
     return rule is not None and rule(user, robot)
 

@@ -20,11 +20,13 @@ class TelepresenceSessionsConfig(AppConfig):
     def ready(self) -> None:
         """Have open pages look again whether they may stay when what allows it has changed."""
         from accounts.models import User
+        from robots.access import register_guest_rule
         from robots.models import Robot, RobotPermit
         from sessions.leases import terms
         from sessions.leases.trial_terms import TRIAL_TERMS
 
         terms.register(TRIAL_TERMS)
+        register_guest_rule(User.Kind.VISITOR, lambda _user, robot: robot.practice)
         post_save.connect(_user_changed, sender=User, dispatch_uid="sessions.user")
         user_logged_out.connect(_user_logged_out, dispatch_uid="sessions.logged_out")
         post_save.connect(_robot_changed, sender=Robot, dispatch_uid="sessions.robot")

@@ -172,7 +172,7 @@ def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(cli
 def test_a_missing_text_is_told_once_for_all_languages_and_by_the_names_of_the_page(client, boss):
     row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
     told = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
-    assert told.count("Consent · Text (English, Spanish) is missing.") == 1
+    assert told.count("Thanks · Text (English, Spanish) is missing.") == 1
     assert not [text for text in told if "has no text in" in text]
     send(client, section(row, "steps", 0), text__en="You will drive.")
     page = read(client.get(section(row, "steps", 0)))
