@@ -7,13 +7,24 @@
 set -eu
 started=$(date +%s)
 logs=$(mktemp -d)
-trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$logs"' EXIT
+# Whoever ends a run wants to know how far it came.
+unshown() { for log in "$logs"/*.running; do [ ! -f "$log" ] || { printf '\n-- %s, not finished\n' "$(basename "$log")"; tail -n 60 "$log"; }; done; }
+trap 'kill $(jobs -p) 2>/dev/null || true; unshown; rm -rf "$logs"' EXIT
+trap 'exit 143' TERM
 step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
 # Tests wait for real servers half of their time: two of these run side by side on each core.
 cores=$(getconf _NPROCESSORS_ONLN)
+# A lane that hangs is interrupted, so that it says what it had found; what the shell starts in the background would ignore that.
+limit=40m
 # 5 says that the arguments chose no test: with -k, or where nothing is marked so.
-pytest() { "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-} || [ $? -eq 5 ]; }
+pytest() {
+    env --default-signal=INT timeout --foreground --signal INT --kill-after 60 "$limit" \
+        "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-} && return
+    code=$?
+    [ "$code" -eq 124 ] && echo "ended: it took longer than $limit"
+    [ "$code" -eq 5 ]
+}
 side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
 unit() { side_by_side logical tests/unit; }
 servers() {
@@ -24,7 +35,8 @@ servers() {
 browsers_and_studies() {
     export TEST_LANE=1 VAR_DIR="$logs/var"
     went=0
-    side_by_side "$cores" -m "$1" tests/integration/browser || went=1
+    # A browser that shows live video and the robot that sends it take a core of their own.
+    side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser || went=1
     side_by_side "$cores" -m "$1" tests/integration/accounts tests/integration/experiments tests/integration/surveys || went=1
     return "$went"
 }
@@ -55,7 +67,7 @@ together() {
     shift
     waited=""
     while [ $# -gt 0 ]; do
-        "$1" "$2" >"$logs/$1" 2>&1 &
+        "$1" "$2" >"$logs/$1.running" 2>&1 &
         waited="$waited $1:$!"
         shift 2
     done
@@ -63,7 +75,8 @@ together() {
     for one in $waited; do
         wait "${one#*:}" || failed="$failed ${one%%:*}"
         printf '\n-- %s (%s s)\n' "${one%%:*}" "$(($(date +%s) - started))"
-        cat "$logs/${one%%:*}"
+        mv "$logs/${one%%:*}.running" "$logs/shown"
+        cat "$logs/shown"
     done
     [ -z "$failed" ] || { echo "failed:$failed" >&2; exit 1; }
 }
@@ -83,6 +96,7 @@ case "${1:-test}" in
         ;;
     soak)
         step "soak: this takes hours, and prints what each part took"
+        limit=12h
         servers soak
         browsers_and_studies soak
         timing soak

@@ -210,7 +210,24 @@ def obstacles_here(definition: StudyDefinition) -> list[str]:
     """Return what makes a study impossible with the sites, robots and questionnaires of this
     server, a sentence each.
     """
-    return [*obstacles(definition, known_here(), unreachable), *(_elsewhere(definition))]
+    return [
+        *obstacles(definition, known_here(), unreachable),
+        *_elsewhere(definition),
+        *_unknown_metrics(definition),
+    ]
+
+
+def _unknown_metrics(definition: StudyDefinition) -> Iterator[str]:
+    if not definition.analyses:
+        return
+    # with numpy and scipy, which a page about a study without analyses need not load
+    from experiments.analysis.metrics.sessions import METRICS  # noqa: PLC0415
+
+    known = {column.name for column in METRICS}
+    for one in definition.analyses:
+        for measure in one.measures:
+            if "." not in measure and measure not in known:
+                yield f"Analysis {one.key}: there is no metric {measure}."
 
 
 def known_here() -> Known:

@@ -21,6 +21,7 @@ from django.views.decorators.cache import never_cache
 from accounts import audit
 from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
 from robots.admin_pages.doors import DoorPage
+from robots.admin_pages.finishing import FinishingPage
 from robots.admin_pages.keys import EnrolmentPage, ScreenPage
 from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, RobotForm, offered
@@ -102,6 +103,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
                     "title",
                     "name",
                     "description",
+                    "translations",
                     "owner",
                     "floor_plan",
                     "enabled",
@@ -502,7 +504,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
 
 @admin.register(FloorPlan)
-class FloorPlanAdmin(OfRobots):
+class FloorPlanAdmin(FinishingPage, OfRobots):
     """Floor plans, taken from files. They are the site's: owners look at those of their robots."""
 
     form = FloorPlanForm
@@ -512,6 +514,7 @@ class FloorPlanAdmin(OfRobots):
         "preview",
         "size",
         "places",
+        "finishing",
         "resolution",
         "origin_x",
         "origin_y",
@@ -539,7 +542,7 @@ class FloorPlanAdmin(OfRobots):
         return rows.annotate(robots_there=Count("robots", filter=Q(robots__practice=False)))
 
     def get_fieldsets(
-        self, _request: HttpRequest, obj: FloorPlan | None = None
+        self, request: HttpRequest, obj: FloorPlan | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
         """A new floor plan is three files; an old one shows what is in them."""
         files = ("map_file", "image_file", "plan_file")
@@ -564,8 +567,9 @@ class FloorPlanAdmin(OfRobots):
             "places",
             "sha256",
         )
+        finishing = ("finishing",) if self.has_change_permission(request, obj) else ()
         return [
-            (None, {"fields": ("title", "name", "preview")}),
+            (None, {"fields": ("title", "name", "preview", *finishing)}),
             (_("Map"), {"fields": geometry}),
             (_("Replace the files"), {"fields": files, "classes": ("collapse",)}),
         ]
@@ -575,6 +579,20 @@ class FloorPlanAdmin(OfRobots):
     ) -> tuple[str, ...]:
         """A map id is known to robots: it stays."""
         return (*self.readonly_fields, *(("name",) if obj is not None else ()))
+
+    def get_urls(self) -> list[URLPattern]:
+        """Add the page that finishes a plan."""
+        page = self.admin_site.admin_view(never_cache(self.finish_view))
+        return [
+            path("<uuid:pk>/finish/", page, name="robots_floorplan_finish"),
+            *super().get_urls(),
+        ]
+
+    @admin.display(description=_("plan"))
+    def finishing(self, plan: FloorPlan) -> str | SafeString:
+        """The page on which rooms, openings, charging stations and checkpoints are edited."""
+        words = gettext("Edit the plan on the map") if plan.plan else gettext("Draw a plan")
+        return link_to("admin:robots_floorplan_finish", words, plan.pk)
 
     @admin.display(description=_("preview"))
     def preview(self, plan: FloorPlan) -> str | SafeString:

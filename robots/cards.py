@@ -69,16 +69,16 @@ def card(robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime
     charge, charging = _battery(robot.report) if state != "offline" else (None, False)
     return Card(
         name=robot.name,
-        title=robot.title or robot.name,
-        description=robot.description,
-        place=robot.floor_plan.title if robot.floor_plan else "",
+        title=robot.shown_title,
+        description=robot.shown_description,
+        place=robot.floor_plan.shown_title if robot.floor_plan else "",
         picture=picture_of(robot),
         state=state,
         label=away[0] if away else _label(state),
         detail=_barred(barred) or (away[1] if away else _detail(state, robot, traffic, now)),
         charge=charge,
         battery="" if state == "offline" else _charge(charge, charging=charging),
-        action=_action(state, robot.title or robot.name, drives=drives),
+        action=_action(state, robot.shown_title, drives=drives),
         drives=drives,
         url=url,
     )

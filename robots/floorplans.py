@@ -7,6 +7,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from django.urls import reverse
+from django.utils.translation import get_language
+
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlanError
 from robots.models import FloorPlan
@@ -107,6 +110,22 @@ def read_upload(
             "Without a plan.json the floor plan needs a map id and a title."
         )
     return _values(name, title, _grid(map_yaml, image), plan)
+
+
+def plan_content(plan: FloorPlan) -> dict[str, Any]:
+    """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner,
+    the picture's address, the plan in the language of the page.
+    """
+    return {
+        "name": plan.name,
+        "title": plan.shown_title,
+        "resolution": plan.resolution,
+        "origin": [plan.origin_x, plan.origin_y, plan.origin_theta],
+        "width": plan.width,
+        "height": plan.height,
+        "image": f"{reverse('floor_plan_image', args=[plan.name])}?v={plan.sha256[:16]}",
+        "plan": plan.plan_in(get_language() or ""),
+    }
 
 
 def _plan(data: bytes | None) -> floorplan.FloorPlan | None:

@@ -41,6 +41,10 @@ class RobotForm(forms.ModelForm):
         if switch is not None and robot.last_seen_at is None and not robot.shown_to_visitors:
             switch.widget.attrs["disabled"] = True  # the page lifts it with the first sign of life
 
+    def clean_translations(self) -> dict[str, Any]:
+        """Take an empty field for no translations."""
+        return self.cleaned_data["translations"] or {}
+
     def clean_shown_to_visitors(self) -> bool:
         """Refuse to show a robot that was never seen."""
         shown = bool(self.cleaned_data["shown_to_visitors"])

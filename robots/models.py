@@ -2,18 +2,24 @@
 
 import base64
 import datetime
+import re
 import uuid
+from typing import Any
 
 from django.conf import settings
 from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
 from django.db import models
+from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
+from robots.api import floorplan
 from robots.api.messages import FloorPlanUpdate
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
 ONLINE_SECONDS = 15.0
+TITLE_LENGTH = 80
+LANGUAGE = re.compile(r"[a-z]{2,3}(-[a-z0-9]{2,8})*")
 
 
 def refuse_reserved_name(name: str) -> None:
@@ -21,6 +27,27 @@ def refuse_reserved_name(name: str) -> None:
     if name in RESERVED_NAMES:
         raise ValidationError(
             _("“%(name)s” is reserved. Choose another name."), params={"name": name}
+        )
+
+
+def check_translations(value: Any) -> None:
+    """Raise ValidationError for translations of a robot that are not {language: {"title": …,
+    "description": …}}, either left out.
+    """
+    is_right = isinstance(value, dict) and all(
+        LANGUAGE.fullmatch(language)
+        and isinstance(words, dict)
+        and set(words) <= {"title", "description"}
+        and all(isinstance(text, str) and text.strip() for text in words.values())
+        and len(words.get("title", "")) <= TITLE_LENGTH
+        for language, words in value.items()
+    )
+    if not is_right:
+        raise ValidationError(
+            _(
+                "Enter translations like this: "
+                "{“es”: {“title”: “…”, “description”: “…”}}, with straight quotes."
+            )
         )
 
 
@@ -66,8 +93,23 @@ class FloorPlan(models.Model):
             occupied_thresh=self.occupied_thresh,
             free_thresh=self.free_thresh,
             image=base64.b64encode(bytes(self.image)).decode(),
-            plan=self.plan or None,
+            # Robots go by names; one whose agent is older refuses a plan with fields that it does
+            # not know.
+            plan={name: part for name, part in self.plan.items() if name != "translations"} or None,
         )
+
+    def plan_in(self, language: str) -> dict[str, Any]:
+        """Return the plan with its titles in a language; {} when there is none."""
+        return floorplan.in_language(self.plan or {}, language)
+
+    @property
+    def shown_title(self) -> str:
+        """Return the title in the language of the page that is being made."""
+        words = floorplan.in_language(
+            {"title": self.title, "translations": (self.plan or {}).get("translations", {})},
+            get_language() or "",
+        )
+        return str(words["title"])
 
 
 class Robot(models.Model):
@@ -114,8 +156,18 @@ class Robot(models.Model):
         ],
         help_text=_("Used in links, topics and “run_robot NAME”."),
     )
-    title = models.CharField(_("title"), max_length=80)
+    title = models.CharField(_("title"), max_length=TITLE_LENGTH)
     description = models.TextField(_("description"), blank=True)
+    translations = models.JSONField(
+        _("translations"),
+        default=dict,
+        blank=True,
+        validators=[check_translations],
+        help_text=_(
+            "Title and description in other languages, by language code. "
+            "What you leave out is shown as above."
+        ),
+    )
     owner = models.ForeignKey(
         settings.AUTH_USER_MODEL,
         models.SET_NULL,
@@ -179,7 +231,10 @@ class Robot(models.Model):
         max_length=5,
         choices=Assist,
         default=Assist.OFF,
-        help_text=_("Used unless the visitor or a study chooses another level."),
+        help_text=_(
+            "Used unless the visitor or a study chooses another level. Visitors who have never "
+            "driven begin with a robot that stops at obstacles."
+        ),
     )
     doors = models.JSONField(
         _("doors"),
@@ -255,6 +310,34 @@ class Robot(models.Model):
 
     def __str__(self) -> str:
         return self.title or self.name
+
+    def title_in(self, language: str) -> str:
+        """Return what visitors call the robot in a language, or the title as it is."""
+        return self._words_in(language).get("title") or self.title or self.name
+
+    @property
+    def titles(self) -> dict[str, str]:
+        """Return the titles in other languages, by language."""
+        return {
+            language: words["title"]
+            for language, words in (self.translations or {}).items()
+            if words.get("title")
+        }
+
+    @property
+    def shown_title(self) -> str:
+        """Return the title in the language of the page that is being made."""
+        return self.title_in(get_language() or "")
+
+    @property
+    def shown_description(self) -> str:
+        """Return the description in the language of the page that is being made."""
+        return self._words_in(get_language() or "").get("description") or self.description
+
+    def _words_in(self, language: str) -> dict[str, str]:
+        offered: dict[str, dict[str, str]] = self.translations or {}
+        language = language.lower()
+        return offered.get(language) or offered.get(language.partition("-")[0]) or {}
 
     @property
     def can_go_home(self) -> bool:

@@ -2,14 +2,12 @@
 
 import hashlib
 import time
-from typing import Any
 
 import msgspec
 from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
 from django.http.request import split_domain_port
 from django.shortcuts import get_object_or_404
-from django.urls import reverse
 from django.utils.cache import get_conditional_response
 from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import csrf_exempt
@@ -20,6 +18,7 @@ from accounts.passwordless import open_to_visitors
 from accounts.rate_limits import too_many
 from robots.access import may_drive, may_observe, robots_visible_to
 from robots.enrol import credentials
+from robots.floorplans import plan_content
 from robots.ice import ice_servers
 from robots.models import FloorPlan
 
@@ -102,22 +101,6 @@ def _tagged(request: HttpRequest, response: HttpResponse) -> HttpResponseBase:
     """Return the response, or 304 when the browser has it already."""
     response["ETag"] = f'"{hashlib.sha256(response.content).hexdigest()}"'
     return get_conditional_response(request, response["ETag"], None, response) or response
-
-
-def plan_content(plan: FloorPlan) -> dict[str, Any]:
-    """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner,
-    the picture's address, the plan.
-    """
-    return {
-        "name": plan.name,
-        "title": plan.title,
-        "resolution": plan.resolution,
-        "origin": [plan.origin_x, plan.origin_y, plan.origin_theta],
-        "width": plan.width,
-        "height": plan.height,
-        "image": f"{reverse('floor_plan_image', args=[plan.name])}?v={plan.sha256[:16]}",
-        "plan": plan.plan,
-    }
 
 
 def _visible_plan(request: HttpRequest, name: str) -> FloorPlan:

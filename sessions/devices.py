@@ -28,6 +28,8 @@ _PLATFORMS = {
     "Android": "Android",
     "iOS": "iOS",
 }
+# Table 3's names, of systems and of browsers.
+SYSTEMS = frozenset(name for _, name in _SYSTEMS)
 # In this order: everybody claims to be everybody who came before.
 _AGENTS = (
     (r"(?:OPR|Opera|OPT|OPiOS)/([\d.]+)", "Opera"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
-from django.db.models import Count, Q
+from django.db.models import Count, Exists, OuterRef, Q
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse
@@ -21,11 +21,14 @@ from accounts.passwordless import NEW_GUESTS, create_guest, open_to_visitors, si
 from accounts.rate_limits import limited
 from robots.models import Robot
 from sessions.leases.store import LIVE
+from sessions.models import StateChunk
 
 
 @dataclass(frozen=True)
 class PracticePlace:
-    """A practice robot: whether it could be driven now, and how many drive it or wait for it."""
+    """A practice robot: whether it could be driven now, and how many drive it or wait for it. One
+    that a visitor has left is about to be started anew, and could not.
+    """
 
     name: str
     there: bool
@@ -41,8 +44,16 @@ def choose(places: list[PracticePlace]) -> str | None:
 def places(now: datetime.datetime) -> list[PracticePlace]:
     """Return all practice robots in use."""
     living = Count("sessions", filter=Q(sessions__state__in=LIVE))
-    rows = Robot.objects.filter(practice=True, enabled=True).annotate(taken=living).order_by("name")
-    return [PracticePlace(row.name, row.is_online(now), row.taken) for row in rows]
+    left = StateChunk.objects.filter(
+        session__robot=OuterRef("pk"), session__ended_at__isnull=False, boot=OuterRef("boot")
+    )
+    rows = Robot.objects.filter(practice=True, enabled=True).annotate(
+        taken=living, used=Exists(left)
+    )
+    return [
+        PracticePlace(row.name, row.is_online(now) and not row.used, row.taken)
+        for row in rows.order_by("name")
+    ]
 
 
 @require_POST

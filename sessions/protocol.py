@@ -224,11 +224,12 @@ class RoomState(Message, frozen=True, kw_only=True):
 
 
 class Screen(Message, frozen=True, kw_only=True):
-    """`screen`, for the robot's own display: what the robot is called, who visits it, None when
-    nobody does, and whether in a study.
+    """`screen`, for the robot's own display: what the robot is called, `titles` by language where
+    it has others, who visits it, None when nobody does, and whether in a study.
     """
 
     title: Name
+    titles: Annotated[dict[Name, Name], Meta(max_length=50)] = {}
     session: Id | None = None
     visitor: Name | None = None
     study: bool = False

@@ -28,12 +28,15 @@ def screen(request: HttpRequest, robot: str) -> HttpResponse:
     found = screen_of(robot, request.COOKIES.get(cookie_of(robot), ""))
     config = {
         "robot": robot,
+        "title": found.shown_title if found is not None else robot,
         "socket": "/" + protocol.SCREEN_PATH.replace("<slug:robot>", robot),
         "key": reverse("screen_key", args=[robot]),
         "csrf": get_token(request),
     }
     return render(
-        request, "sessions/screen.html", {"robot": found or {"title": robot}, "config": config}
+        request,
+        "sessions/screen.html",
+        {"title": found.shown_title if found is not None else robot, "config": config},
     )
 
 

@@ -82,7 +82,7 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
     plan = robot.floor_plan
     return {
         "robot": robot.name,
-        "title": robot.title,
+        "title": robot.shown_title,
         "who": user.shown_name,
         "check": "/" + protocol.CHECK_PATH,
         "practice": reverse("practice")

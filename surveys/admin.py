@@ -17,11 +17,12 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
 from accounts.admin_filters import ShownFilters
-from surveys import admin_pages
+from surveys import admin_import, admin_pages
 from surveys.definition import to_json
 from surveys.documents import spoken
 from surveys.downloads import as_long_csv
 from surveys.forms import QuestionnaireForm
+from surveys.importing.report import from_stored
 from surveys.models import Answer, Questionnaire, Response
 
 NOTHING = "–"
@@ -53,6 +54,7 @@ class QuestionnaireAdmin(ShownFilters):
         "source",
         "response_count",
         "preview",
+        "imported",
         "shown",
     )
     change_list_template = "admin/surveys/questionnaire/change_list.html"
@@ -77,9 +79,13 @@ class QuestionnaireAdmin(ShownFilters):
             "response_count",
             "preview",
         )
-        if obj.frozen_at is not None:
-            return [(None, {"fields": about}), (_("Definition"), {"fields": ("shown",)})]
-        return [(None, {"fields": about}), (_("Definition"), {"fields": ("file", "document")})]
+        fields = ("file", "document") if obj.frozen_at is None else ("shown",)
+        imported = [(_("Import"), {"fields": ("imported",), "classes": ["collapse"]})]
+        return [
+            (None, {"fields": about}),
+            *(imported if obj.import_report else []),
+            (_("Definition"), {"fields": fields}),
+        ]
 
     def has_change_permission(self, request: HttpRequest, obj: Questionnaire | None = None) -> bool:
         """What is in use never changes."""
@@ -146,10 +152,20 @@ class QuestionnaireAdmin(ShownFilters):
         """The definition as JSON."""
         return format_html("<pre>{}</pre>", to_json(row.as_definition()).decode())
 
+    @admin.display(description=_("import report"))
+    def imported(self, row: Questionnaire) -> SafeString:
+        """What became of each part of the file that it was imported from."""
+        report = from_stored(row.import_report)
+        return render_to_string("admin/surveys/questionnaire/_report.html", {"report": report})
+
     def get_urls(self) -> list[URLPattern]:
         """The pages of the model, and its own."""
         guard = self.admin_site.admin_view
         own = [
+            path("import/", guard(admin_import.choose), name="surveys_questionnaire_import"),
+            path(
+                "import/save/", guard(admin_import.save), name="surveys_questionnaire_import_save"
+            ),
             path("shipped/", guard(admin_pages.take_shipped), name="surveys_questionnaire_shipped"),
             path(
                 "<uuid:pk>/preview/",

@@ -26,6 +26,9 @@ class Questionnaire(models.Model):
     sha256 = models.CharField(max_length=64, editable=False)
     created_at = models.DateTimeField(_("imported"))
     frozen_at = models.DateTimeField(_("in use since"), null=True, blank=True)
+    # What became of each part of another system's file (surveys.importing.report); None for a
+    # questionnaire that was written here.
+    import_report = models.JSONField(_("import report"), null=True, editable=False)
 
     class Meta:
         verbose_name = _("questionnaire")

@@ -11,9 +11,12 @@ from django.db import IntegrityError, transaction
 
 from surveys.definition import Definition, digest, language_for
 from surveys.documents import BadDefinitionError, spoken
+from surveys.importing.report import Report, stored
 from surveys.models import Questionnaire
 from surveys.problems import parse, problems
 
+# How often somebody else may take the next version's number first.
+ATTEMPTS = 5
 SHIPPED = Path(__file__).resolve().parent / "definitions"
 
 
@@ -40,6 +43,40 @@ def store(definition: Definition, now: datetime.datetime) -> Questionnaire:
             )
     except IntegrityError:
         return _replace(definition, fields)
+
+
+def store_next(
+    definition: Definition, report: Report, now: datetime.datetime
+) -> tuple[Questionnaire, bool]:
+    """Put what was imported from another system into the database as the next version of its name,
+    with the report. Return the row, and whether it is new: the newest version may be the same.
+
+    Raises:
+        BadDefinitionError: when it is wrong, or others store versions of this name all the time.
+    """
+    if found := list(problems(definition)):
+        raise BadDefinitionError(found)
+    for _attempt in range(ATTEMPTS):
+        newest = Questionnaire.objects.filter(slug=definition.slug).order_by("-version").first()
+        version = 1 if newest is None else newest.version
+        same = msgspec.structs.replace(definition, version=version)
+        if newest is not None and newest.sha256 == digest(same):
+            return newest, False
+        if newest is not None:
+            same = msgspec.structs.replace(definition, version=version + 1)
+        try:
+            with transaction.atomic():
+                row = Questionnaire.objects.create(
+                    slug=same.slug,
+                    version=same.version,
+                    created_at=now,
+                    import_report=stored(report),
+                    **_fields(same),
+                )
+        except IntegrityError:
+            continue
+        return row, True
+    raise BadDefinitionError([f"{definition.slug} is being changed by somebody else: try again."])
 
 
 def _replace(definition: Definition, fields: dict[str, Any]) -> Questionnaire:

@@ -276,6 +276,9 @@ SILENCED_SYSTEM_CHECKS = ["security.W005", "security.W021"]
 if env.flag("BEHIND_TLS_PROXY"):
     SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
 DATA_UPLOAD_MAX_MEMORY_SIZE = 1024 * 1024
+# The page that finishes a large floor plan has 100 rooms, 100 openings and 200 places, with several
+# fields each.
+DATA_UPLOAD_MAX_NUMBER_FIELDS = 4000
 
 # Who may read /metrics: whoever has the token, and what connects straight from these addresses or
 # networks; without either, nobody.

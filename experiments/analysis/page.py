@@ -17,8 +17,9 @@ if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page d
     from experiments.analysis.report import Report
 
 PAGE = "page"
-LAYOUT = 2  # of these files; a report whose page has another one is made again
+LAYOUT = 3  # of these files; a report whose page has another one is made again
 OF_CONDITIONS = frozenset({"Condition", "condition"})  # columns that hold keys of conditions
+REMARKS = "Remark"  # the column whose parts begin with a key, and a colon
 
 
 def write_page(found: "Report", folder: Path) -> None:
@@ -43,7 +44,7 @@ def _files(found: "Report", sets: dict[tuple[str, ...], int]) -> Iterator[tuple[
             f"table-{table.name}",
             [
                 [
-                    (_named(cell.text, found.titles) if head in OF_CONDITIONS else cell.text, at)
+                    (_shown(head, cell.text, found.titles), at)
                     for head, cell, at in zip(
                         table.head, row, [place(cell.sessions) for cell in row], strict=True
                     )
@@ -90,6 +91,13 @@ def _head(table: Table, titles: Mapping[str, str]) -> dict[str, Any]:
         "rows": len(table.rows),
         "empty": is_empty(table),
     }
+
+
+def _shown(head: str, text: str, titles: Mapping[str, str]) -> str:
+    """Return the text of a cell with the titles of the conditions that it names."""
+    if head == REMARKS:
+        return "; ".join(_column(part, titles) for part in text.split("; "))
+    return _named(text, titles) if head in OF_CONDITIONS else text
 
 
 def _named(text: str, titles: Mapping[str, str]) -> str:

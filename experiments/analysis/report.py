@@ -24,11 +24,13 @@ from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
 from experiments.analysis.tables.ages import ages
 from experiments.analysis.tables.answers import compare_answers
+from experiments.analysis.tables.declared import declared
 from experiments.analysis.tables.effects import (
     against_network,
     by_network,
     compare_conditions,
     learning,
+    learnt,
     outcomes_by_condition,
 )
 from experiments.analysis.tables.flow import fault_sides, flow, funnel
@@ -113,6 +115,8 @@ def report(
             ages(dataset, measured),
             safety_limits(dataset, measured),
             learning(measured),
+            learnt(measured),
+            *declared(dataset, measured),
         ),
     )
     sites = dict.fromkeys(course.site for course in dataset.study.courses)

@@ -64,7 +64,18 @@ LABELS: dict[str, Words] = {
     "checkpoint": _("After checkpoint"),
     "mirror": _("Mirror"),
     "view": _("Angle (rad)"),
+    "levels": _("Levels"),
+    "measures": _("Measures"),
+    "test": _("Test"),
+    "contrasts": _("Contrasts"),
+    "first": _("First side"),
+    "second": _("Second side"),
+    "conditions": _("Conditions"),
+    "post_hoc": _("Compare all pairs"),
+    "effects": _("Effects of the model"),
+    "coding": _("Coding of levels"),
     "allocation": _("Assignment to conditions"),
+    "left_after_hours": _("Counts as having left after (hours)"),
     "design": _("Design"),
     "order": _("Order"),
     "quota": _("Participants per cell"),
@@ -108,6 +119,21 @@ HINTS: dict[str, Words] = {
     "view": _("Maximum angle between the mirror and the camera's axis."),
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
+    "left_after_hours": _(
+        "A participant who has not had all conditions and was not seen for this long. Their order "
+        "of conditions goes to someone else."
+    ),
+    "measures": _(
+        "Metrics such as task_time, or answers such as experience.q1 or experience.overall, with "
+        "commas between."
+    ),
+    "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
+    "conditions": _("Without contrasts: the conditions to compare. None: all of them."),
+    "post_hoc": _("Only without contrasts."),
+    "effects": _(
+        "For a mixed model: factors, interactions such as delay:help, condition, period, order; "
+        "with commas between."
+    ),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
     "charge": _("0: any. A robot that does not report its charge is accepted."),
     "docked_seconds": _("While the robot is still and the controls are released. At least 1."),
@@ -173,6 +199,15 @@ CHOICES: dict[str, dict[str, Words]] = {
         "all": _("all orders"),
         "balanced": _("counterbalanced orders"),
     },
+    "test": {
+        "means": _("means: t tests, analysis of variance"),
+        "ranks": _("ranks: Wilcoxon, Mann-Whitney, Friedman, Kruskal-Wallis"),
+        "mixed": _("linear mixed model"),
+    },
+    "coding": {
+        "treatment": _("against the first level"),
+        "sum": _("against the mean of all levels"),
+    },
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal, as in the paper"), "t": _("Student's t")},
     "outcomes": {
@@ -190,6 +225,8 @@ ITEMS: dict[str, Words] = {
     "leaves": pgettext_lazy("of the instructions", "Page"),
     "checkpoints": _("Checkpoint"),
     "zones": _("Zone"),
+    "levels": _("Level"),
+    "contrasts": _("Contrast"),
 }
 
 NOTHING = _("none")

@@ -11,6 +11,8 @@ from typing import Any
 import msgspec
 
 from experiments.builder.parts import Document, in_languages, renumber
+from experiments.definition.analyses import DeclaredAnalysis
+from experiments.definition.design import Factor
 from experiments.definition.schema import Condition, Course, StudyDefinition
 from experiments.definition.steps import KINDS
 from robots.api.floorplan import FloorPlan
@@ -21,7 +23,13 @@ PAGES: Mapping[str, Collection[str]] = {
     "about": ("title", "intro", "source", "licence", "languages"),
     "rules": ("allocation", "start", "refill", "quality", "analysis"),
 }
-LISTS = ("steps", "conditions", "courses")
+LISTS = ("steps", "factors", "conditions", "courses", "analyses")
+CLASSES: Mapping[str, type[Any]] = {
+    "factors": Factor,
+    "conditions": Condition,
+    "courses": Course,
+    "analyses": DeclaredAnalysis,
+}
 NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
 BEGINNINGS = {
     "steps": (
@@ -34,15 +42,20 @@ BEGINNINGS = {
         "The last",
         "Participants do",
     ),
-    "conditions": ("There is no condition", "The condition"),
+    "factors": ("The factor",),
+    "conditions": ("There is no condition", "The condition", "No condition has"),
     "courses": ("The course",),
-    "rules": ("The refill", "The statements"),
+    "analyses": ("The analysis",),
+    "rules": ("The refill", "The statements", "The assignment"),
 }
 _OF_A_PART = re.compile(
-    r"(Step|Condition) (?P<key>[a-z][a-z0-9_]*): |(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
+    r"(Step|Factor|Condition|Analysis) (?P<key>[a-z][a-z0-9_]*): "
+    r"|(?P<text>[a-z][a-z0-9_]*)(\.[a-z_\[\]0-9]+)+[: ]"
 )
 _OF_A_COURSE = re.compile(r"Course of (?P<robot>\S+) at (?P<site>\S+): ")
-_IN_A_LIST = re.compile(r"study\.(?P<section>steps|conditions|courses)\[(?P<index>\d+)\]")
+_IN_A_LIST = re.compile(
+    r"study\.(?P<section>steps|factors|conditions|courses|analyses)\[(?P<index>\d+)\]"
+)
 
 
 @dataclass(frozen=True)
@@ -63,11 +76,7 @@ class BuilderPlace:
         """Return the class of what is edited."""
         if self.index is None:
             return StudyDefinition
-        return (
-            KINDS[part["kind"]]
-            if self.section == "steps"
-            else {"conditions": Condition, "courses": Course}[self.section]
-        )
+        return KINDS[part["kind"]] if self.section == "steps" else CLASSES[self.section]
 
     @property
     def only(self) -> Collection[str]:
@@ -126,11 +135,17 @@ def place_of(problem: str, study: StudyDefinition) -> BuilderPlace | None:
 def _place_of_key(key: str, study: StudyDefinition) -> BuilderPlace | None:
     keys = {
         "steps": [step.key for step in study.steps],
+        "factors": [factor.key for factor in study.factors],
         "conditions": [condition.key for condition in study.conditions],
+        "analyses": [analysis.key for analysis in study.analyses],
     }
-    return next(
-        (BuilderPlace(name, own.index(key)) for name, own in keys.items() if key in own), None
-    )
+    found = [BuilderPlace(name, own.index(key)) for name, own in keys.items() if key in own]
+    found += [
+        BuilderPlace("factors", n)
+        for n, factor in enumerate(study.factors)
+        if key in {level.key for level in factor.levels}
+    ]
+    return found[0] if found else None
 
 
 # --- what is new ----------------------------------------------------------------------------------
@@ -161,6 +176,18 @@ def new_condition(whole: Document, at_hand: AtHand) -> Document:
         "site": site,
         "controllers": ["keyboard", "mouse", "touch", "stick"],
     }
+
+
+def new_factor(whole: Document) -> Document:
+    """Return a factor of two levels without titles."""
+    key = _free("factor", [one["key"] for one in whole["factors"]])
+    levels = [{"key": f"{key}_level_{n}", "title": {}} for n in (1, 2)]
+    return {"key": key, "title": {}, "levels": levels}
+
+
+def new_analysis(whole: Document) -> Document:
+    """Return an analysis that measures nothing yet."""
+    return {"key": _free("analysis", [one["key"] for one in whole["analyses"]]), "title": {}}
 
 
 def new_course(whole: Document, at_hand: AtHand) -> Document:
@@ -205,6 +232,8 @@ def new_part(key: str, n: int, at: Point) -> Document | None:
     ]
     parts: dict[str, Document] = {
         "leaves": {"text": {}},
+        "contrasts": {"title": {}, "first": [], "second": []},
+        "levels": {"key": f"level_{n + 1}", "title": {}},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
         "zones": {
             "name": f"zone_{n + 1}",

@@ -36,6 +36,7 @@ from experiments.builder.parts import (
     read_number,
     read_points,
 )
+from experiments.definition.design import Levels
 from surveys.documents import Text
 
 LONG = frozenset({"text", "intro", "source"})  # what is written on several lines
@@ -160,6 +161,20 @@ class PointsField(ValueField):
     def refusal(self, value: Any) -> str:
         """Return what is said of text, or what the class says."""
         return NOT_POINTS if isinstance(value, str) else super().refusal(value)
+
+
+class LevelField(ValueField):
+    """The level that a condition has of one factor, or none yet."""
+
+    def __init__(self, member: AskedField, factor: str, levels: Sequence[str], value: str) -> None:
+        known = dict.fromkeys(("", *levels, value))
+        listed = [(level, level or labels.NOTHING) for level in known]
+        super().__init__(member, "choice", forms.Select(choices=listed))
+        self.label = f"{self.label}: {factor}"
+
+    def refusal(self, value: Any) -> str:
+        """Refuse nothing: which levels there are is the study's to say."""
+        return ""
 
 
 def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) -> ValueField:
@@ -302,8 +317,19 @@ class PartForm(forms.Form):
                 for language in dict.fromkeys((*self._languages, *written)):
                     one = text_field(member, language)
                     yield self._add(f"{name}.{language}", one, written.get(language, ""))
+            elif member.annotation == Levels:
+                yield from self._levels(member, dict(value or {}), name)
             else:
                 yield self._add(name, field_of(member, value, self._offered), value)
+
+    def _levels(
+        self, member: AskedField, chosen: dict[str, str], name: str
+    ) -> Iterator[forms.BoundField]:
+        start = f"{member.key}."
+        factors = (key.removeprefix(start) for key in self._offered if key.startswith(start))
+        for factor in dict.fromkeys((*factors, *chosen)):
+            levels, level = self._offered.get(start + factor, ()), chosen.get(factor, "")
+            yield self._add(f"{name}.{factor}", LevelField(member, factor, levels, level), level)
 
     def _items(self, member: AskedField, values: list[Document], name: str) -> Iterator[Group]:
         for n, value in enumerate(values):
@@ -342,7 +368,7 @@ def _read(member: AskedField, sent: Any, name: str) -> Any:
             ({"number": n} if numbered else {}) | read(member.listed, sent, prefix=f"{name}.{n}.")
             for n in range(_count(sent, name))
         ]
-    if member.annotation == Text:
+    if member.annotation in (Text, Levels):
         start = f"{name}."
         texts = {
             key.removeprefix(start): text_of(sent.get(key)) for key in sent if key.startswith(start)

@@ -42,7 +42,11 @@ def _name_of(place: str, whole: Document) -> str:
         names.append(title_of(whole[found["key"]][int(found["n"])], whole))
         path = path[1:]
     elif head != "study":
-        parts = (*whole["steps"], *whole["conditions"])
+        parts = (
+            part
+            for section in ("steps", "factors", "conditions", "analyses")
+            for part in whole[section]
+        )
         names.append(next((title_of(one, whole) for one in parts if one["key"] == head), head))
     return " · ".join([*names, *(_segment(one) for one in path)])
 

@@ -35,8 +35,10 @@ from experiments.builder.pages import (
     BuilderPlace,
     copied,
     middle_of,
+    new_analysis,
     new_condition,
     new_course,
+    new_factor,
     new_part,
     new_step,
     place_of,
@@ -50,16 +52,18 @@ from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
+from robots.floorplans import plan_content
 from robots.models import FloorPlan
-from robots.views import plan_content
 from sessions.interfaces import INTERFACES
 
 PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
 TITLES = {
     "about": gettext_lazy("About the study"),
     "steps": gettext_lazy("Steps"),
+    "factors": gettext_lazy("Factors"),
     "conditions": gettext_lazy("Conditions"),
     "courses": gettext_lazy("Courses"),
+    "analyses": gettext_lazy("Analyses"),
     "rules": gettext_lazy("Rules"),
 }
 MEANWHILE = gettext_lazy(
@@ -92,7 +96,7 @@ class Draft:
 def whole_of(row: Row) -> Document:
     """Return the definition of a study as a plain document."""
     document: Document = msgspec.to_builtins(row.as_definition())
-    return document
+    return {**{name: [] for name in LISTS}, **document}
 
 
 def address(row: Row, place: BuilderPlace) -> str:
@@ -160,6 +164,13 @@ def offered(whole: Document, part: Document) -> dict[str, Sequence[str]]:
             )
         ),
         "interface": INTERFACES,
+        **dict.fromkeys(
+            ("first", "second", "conditions"), tuple(one["key"] for one in whole["conditions"])
+        ),
+        **{
+            f"levels.{factor['key']}": tuple(level["key"] for level in factor.get("levels", ()))
+            for factor in whole["factors"]
+        },
         "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
     }
 
@@ -421,7 +432,13 @@ def _keep(row: Row, whole: Document) -> Row | str:
 def _kinds(section: str) -> list[tuple[str, Any]]:
     if section == "steps":
         return [(kind, page_type(kind).label) for kind in KINDS]
-    return [("", _("Condition") if section == "conditions" else _("Course"))]
+    named = {
+        "factors": _("Factor"),
+        "conditions": _("Condition"),
+        "courses": _("Course"),
+        "analyses": _("Analysis"),
+    }
+    return [("", named[section])]
 
 
 def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
@@ -431,17 +448,24 @@ def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
             "url": address(row, BuilderPlace(section, n)),
             "n": n,
             "title": title_of(part, whole),
-            "about": list(_about(section, part)),
+            "about": list(_about(section, part, whole)),
         }
 
 
-def _about(section: str, part: Document) -> Iterator[Any]:
+def _about(section: str, part: Document, whole: Document) -> Iterator[Any]:
     if section == "steps":
         yield page_type(part["kind"]).label
         yield part.get("questionnaire", "")
         yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
         yield _("for each condition") if part.get("repeat") else ""
+    elif section == "factors":
+        yield labels.word("design", part.get("design", "between"))
+        yield ", ".join(title_of(level, whole) for level in part.get("levels", ()))
+    elif section == "analyses":
+        yield labels.word("test", part.get("test", "means"))
+        yield ", ".join(part.get("measures", ()))
     elif section == "conditions":
+        yield ", ".join(part.get("levels", {}).values())
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
         yield _("by invitation") if part.get("access") == "invitation" else ""
         yield (
@@ -466,6 +490,10 @@ def _new(section: str, kind: str, whole: Document) -> Document:
         if kind not in KINDS:
             raise Http404
         return new_step(kind, page_type(kind).blank, whole)
+    if section == "factors":
+        return new_factor(whole)
+    if section == "analyses":
+        return new_analysis(whole)
     return (
         new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
     )

@@ -13,6 +13,7 @@ from experiments.analysis.dataset.columns import NETWORK, STATES
 from experiments.analysis.dataset.records import Columns, Dataset, columns_of
 from experiments.dataset.answers import questionnaires_of, responses_of
 from experiments.dataset.events import events_of, page_offset
+from experiments.dataset.forms import Release
 from experiments.dataset.people import Round, pages_of, participants_of
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.dataset.robots import plans_of, robots_of
@@ -25,7 +26,10 @@ ANALYSED = Selection(sources=("task",))  # tables and figures ask for no other e
 
 
 def dataset_of(
-    study: Study, *, choice: Selection = ANALYSED, drives: Sequence[Drive] | None = None
+    study: Study,
+    *,
+    choice: Selection = ANALYSED,
+    drives: Sequence[Drive] | None = None,
 ) -> Dataset:
     """Return what was recorded of a study.
 
@@ -35,17 +39,18 @@ def dataset_of(
         drives: its drives, by whoever has them already and reads their events by themself: then the
             dataset has none.
     """
-    names = Pseudonyms(study.secret)
+    release = release_of(study, choice)
+    names = release.names
     with_events = drives is None
     drives = list(drives_of(study)) if drives is None else drives
-    sessions = sessions_of(study, drives, names, choice)
+    sessions = sessions_of(study, drives, release)
     places = places_of(drives, names)
     return Dataset(
         study=study.as_definition(),
         robots=robots_of(study.as_definition(), (one.robot for one in sessions)),
         participants=tuple(participants_of(study, drives)),
         sessions=tuple(sessions),
-        events=tuple(events_of(drives, names, choice)) if with_events else (),
+        events=tuple(events_of(drives, release)) if with_events else (),
         pages=tuple(pages_of(study, places)),
         responses=tuple(responses_of(study, places, names, choice)),
         questionnaires=questionnaires_of(study),
@@ -58,6 +63,13 @@ def dataset_of(
         ),
         network=_reader(drives, names, _network, columns_of(NETWORK)),
     )
+
+
+def release_of(study: Study, choice: Selection) -> Release:
+    """Return what the data of a study leaves by."""
+    plans = plans_of(study.as_definition()).values()
+    doors = frozenset(opening.name for plan in plans for opening in plan.openings)
+    return Release(Pseudonyms(study.secret), choice, doors)
 
 
 def places_of(drives: Sequence[Drive], names: Pseudonyms) -> dict[Round, str]:

@@ -8,59 +8,63 @@ from collections.abc import Iterable, Iterator
 from django.db.models import F, Min
 
 from experiments.analysis.dataset.records import EventRecord
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection, event_data
+from experiments.dataset.allow_list import released
+from experiments.dataset.forms import NEAR, Origin, Release
 from experiments.dataset.sessions import granted
 from experiments.models import Drive, TaskEvent
 from experiments.stored_states import clock_offsets
 from sessions.models import NetworkSample, SessionEvent
 
 
-def events_of(
-    drives: Iterable[Drive], names: Pseudonyms, choice: Selection
-) -> Iterator[EventRecord]:
+def events_of(drives: Iterable[Drive], release: Release) -> Iterator[EventRecord]:
     """Yield the events of drives, session by session and in order of time, by the
     server's clock.
     """
     for drive in drives:
-        told = [*_task(drive, names, choice), *_told(drive, names, choice)]
+        told = [*_task(drive, release), *_told(drive, release)]
         yield from sorted(told, key=lambda event: (event.stamp, event.source, event.type))
 
 
-def _task(drive: Drive, names: Pseudonyms, choice: Selection) -> Iterator[EventRecord]:
-    if "task" not in choice.sources:
+def _task(drive: Drive, release: Release) -> Iterator[EventRecord]:
+    if "task" not in release.choice.sources:
         return
-    code, begin = names.session(drive.session_id), granted(drive)
+    code, origin = release.names.session(drive.session_id), Origin(granted(drive))
     for stamp, kind, data in (
         TaskEvent.objects.filter(drive=drive)
         .order_by("number")
         .values_list("stamp", "type", "data")
     ):
-        yield EventRecord(
-            code,
-            round(stamp - begin, 6),
-            "task",
-            kind,
-            event_data("task", kind, data, granted=begin, choice=choice, names=names),
-        )
+        kept = released("task", kind, data, release, origin)
+        if kept is not None:
+            yield EventRecord(code, origin.relative(stamp), "task", kind, kept)
 
 
-def _told(drive: Drive, names: Pseudonyms, choice: Selection) -> Iterator[EventRecord]:
-    sources = [source for source in choice.sources if source != "task"]
+def _told(drive: Drive, release: Release) -> Iterator[EventRecord]:
+    sources = [source for source in release.choice.sources if source != "task"]
     if not sources:
         return
-    code, begin = names.session(drive.session_id), granted(drive)
-    offsets = {"robot": robot_offset(drive.session_id), "page": page_offset(drive.session_id)}
+    code, begin = release.names.session(drive.session_id), granted(drive)
+    origins = {
+        "robot": Origin(begin, robot_offset(drive.session_id)),
+        "page": Origin(begin, page_offset(drive.session_id)),
+    }
     rows = SessionEvent.objects.filter(session=drive.session_id, source__in=sources).order_by(
         "received_at", "id"
     )
-    for source, kind, stamp, data in rows.values_list("source", "type", "stamp", "data").iterator(
-        chunk_size=1000
-    ):
-        kept = event_data(source, kind, data, granted=begin, choice=choice, names=names)
-        yield EventRecord(
-            code, round(stamp - offsets.get(source, 0.0) - begin, 6), source, kind, kept
-        )
+    columns = ("source", "type", "stamp", "received_at", "data")
+    for source, kind, stamp, received, data in rows.values_list(*columns).iterator(chunk_size=1000):
+        origin = origins.get(source, Origin(begin))
+        kept = released(source, kind, data, release, origin)
+        if kept is not None:
+            yield EventRecord(code, _at(stamp, received, origin), source, kind, kept)
+
+
+def _at(stamp: float, received: float, origin: Origin) -> float:
+    """Return when an event happened; when it was received where the sender's clock was not set: the
+    difference to such a clock would tell the date.
+    """
+    relative = origin.relative(stamp)
+    return relative if abs(relative) < NEAR else round(received - origin.granted, 6)
 
 
 def robot_offset(session: object) -> float:

@@ -8,8 +8,8 @@ import msgspec
 from django.db.models import QuerySet
 
 from experiments.analysis.dataset.records import SessionRecord
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection, words_of
+from experiments.dataset.allow_list import BROWSERS, OS, device, end_reason
+from experiments.dataset.forms import NEAR, Release
 from experiments.dataset.states import STORED
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.models import Drive, Participant, Study
@@ -34,9 +34,7 @@ def drives_of(study: Study) -> QuerySet[Drive]:
     ).order_by("participant__code", "number", "granted_at")
 
 
-def sessions_of(
-    study: Study, drives: Sequence[Drive], names: Pseudonyms, choice: Selection
-) -> list[SessionRecord]:
+def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list[SessionRecord]:
     """Return drives as sessions, in their order."""
     definition = study.as_definition()
     practice = definition.practice_keys
@@ -47,8 +45,7 @@ def sessions_of(
         _session(
             drive,
             definition,
-            names,
-            choice,
+            release,
             number=numbers.get(drive.pk, 0),
             operator=drive.session_id in touched,
             fault=faults[drive.session_id],
@@ -77,15 +74,14 @@ def _touched(sessions: Sequence[object]) -> set[object]:
 def _session(
     drive: Drive,
     definition: StudyDefinition,
-    names: Pseudonyms,
-    choice: Selection,
+    release: Release,
     *,
     number: int,
     operator: bool,
     fault: Fault,
 ) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
-    device = visit.device or {}
+    names, about = release.names, visit.device or {}
     stopped = (
         visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
         and visit.outcome_reason != "robot_disabled"
@@ -103,10 +99,10 @@ def _session(
         **_assigned(condition),
         **_applied(drive),
         outcome=drive.outcome or visit.outcome,
-        reason=_reason(visit, choice, by_operator=stopped),
-        os=device.get("os", ""),
-        browser=device.get("browser", ""),
-        network=names.network(device.get("network", "")),
+        reason=_reason(visit, release, by_operator=stopped),
+        os=device(about.get("os", ""), release, OS),
+        browser=device(about.get("browser", ""), release, BROWSERS),
+        network=names.network(about.get("network", "")),
         first_frame=_first_frame(drive),
         first_motion=_first_motion(drive),
         ended=_after(drive, end_of(visit)),
@@ -120,9 +116,10 @@ def _session(
     )
 
 
-def _reason(visit: Visit, choice: Selection, *, by_operator: bool) -> str:
+def _reason(visit: Visit, release: Release, *, by_operator: bool) -> str:
     """What an operator wrote is free text, be it one word."""
-    return "" if by_operator and not choice.has_text else words_of(visit.outcome_reason, choice)
+    is_withheld = by_operator and not release.choice.has_text
+    return "" if is_withheld else end_reason(visit.outcome_reason, release)
 
 
 def _assigned(condition: Condition | None) -> dict[str, object]:
@@ -207,5 +204,6 @@ def _from_states(drive: Drive) -> float:
     for chunk in STORED.chunks_of(drive.session_id):
         for state in chunk.states:
             if state.applied:
-                return round(state.stamp - (chunk.clock_offset or 0.0) - granted(drive), 6)
+                at = round(state.stamp - (chunk.clock_offset or 0.0) - granted(drive), 6)
+                return at if abs(at) < NEAR else NAN  # by a clock that nobody has set
     return NAN

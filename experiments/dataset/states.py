@@ -1,7 +1,8 @@
 """The stored states and network samples of a session as columns of numbers, read a session at a
 time.
 
-Times are seconds since the grant, to the microsecond.
+Times are seconds since the grant, to the microsecond. What of a message is read here stands in
+experiments/dataset/allow_list.py, too.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,7 +14,8 @@ from django.db.models import ExpressionWrapper, F
 
 from experiments.analysis.dataset.columns import METHODS, MODES, NETWORK, STATES, WAYS
 from experiments.analysis.dataset.records import Columns, Floats
-from experiments.stored_states import Decoded, StateReader
+from experiments.dataset.forms import NEAR
+from experiments.stored_states import Decoded, StateReader, StoredChunk
 from sessions.models import NetworkSample
 
 DECIMALS = 6
@@ -117,10 +119,11 @@ def states_of(session: object, granted: float) -> Columns:
     """
     states: list[StoredState] = []
     about: list[tuple[float | None, ...]] = []
-    for own, found in _chunks(session, granted):
+    rows: list[tuple[float | None, ...]] = []
+    for own, begin, first_seq, found in _chunks(session, granted):
         states += found
         about += [own] * len(found)
-    rows = [_row(state, granted) for state in states]
+        rows += [_row(state, begin, first_seq) for state in found]
     whole = [
         _table(about, len(ABOUT)),
         _table(rows, len(STATES) - len(ABOUT) - len(SUMMED) - len(LATE)),
@@ -134,23 +137,38 @@ def states_of(session: object, granted: float) -> Columns:
 
 def _chunks(
     session: object, granted: float
-) -> Iterator[tuple[tuple[float | None, ...], list[StoredState]]]:
-    """Yield what is known of each chunk (ABOUT), and its states."""
+) -> Iterator[tuple[tuple[float | None, ...], float, int, list[StoredState]]]:
+    """Yield what is known of each chunk (ABOUT), where its times and its counts begin, and its
+    states. Counts begin with the session, because a robot's own would lead to its other records.
+    """
     chunks = list(STORED.chunks_of(session))
     runs = {
         boot: float(number)
         for number, boot in enumerate(dict.fromkeys(chunk.boot for chunk in chunks))
     }
+    first: dict[str, int] = {}
+    wrong: dict[str, float] = {}
     for chunk in sorted(chunks, key=lambda chunk: (runs[chunk.boot], chunk.first_seq)):
-        about = (chunk.received_at - granted, chunk.clock_offset, runs[chunk.boot])
-        yield about, chunk.states
+        first.setdefault(chunk.boot, chunk.first_seq)
+        error = wrong.setdefault(chunk.boot, _clock_error(chunk))
+        offset = None if chunk.clock_offset is None else chunk.clock_offset - error
+        about = (chunk.received_at - granted, offset, runs[chunk.boot])
+        yield about, granted + error, first[chunk.boot], chunk.states
 
 
-def _row(state: StoredState, granted: float) -> tuple[float | None, ...]:
+def _clock_error(chunk: StoredChunk[StoredState]) -> float:
+    """Return by how much the clock of a run differs from the server's where nobody has set it: the
+    difference would tell the date. 0 for any other clock.
+    """
+    error = chunk.states[0].stamp - chunk.received_at if chunk.states else 0.0
+    return error if abs(error) >= NEAR else 0.0
+
+
+def _row(state: StoredState, begin: float, first_seq: int) -> tuple[float | None, ...]:
     pose, velocity, battery = state.pose, state.velocity, state.battery
     return (
-        state.stamp - granted,
-        state.seq,
+        state.stamp - begin,
+        state.seq - first_seq,
         pose.x,
         pose.y,
         pose.theta,

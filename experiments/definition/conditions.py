@@ -15,7 +15,7 @@ from robots.api.messages import Config, LabReport, LeaseLimits, NetworkLab, Stat
 FASTER = 1.02  # a robot may overshoot its limit by so much
 # nobody is kept from these
 ALWAYS = frozenset(
-    {"stop", "estop", "cancel", "photo", "say", "call", "relocalize", "resend_states"}
+    {"stop", "estop", "cancel", "photo", "say", "call", "knock", "relocalize", "resend_states"}
 )
 
 

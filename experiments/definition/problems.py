@@ -5,12 +5,12 @@ study itself.
 import math
 from collections.abc import Iterator
 
+from experiments.definition import analysis_problems, factors
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.steps import KINDS
 from surveys.documents import checked, duplicates, text_problems
 
 MAX_BYTES = 1024 * 1024
-MOST_ORDERED = 4  # conditions within one participant
 MOST_MINUTES = 240.0  # of driving, for one participant
 LEAST_CHECKPOINTS = 2
 # Beyond these nobody can drive: with more loss the robot brakes between commands, below these rates
@@ -185,12 +185,8 @@ def _of_allocation(study: StudyDefinition) -> Iterator[str]:
     if not study.conditions:
         yield "There is no condition; add at least one."
         return
-    for access in ("open", "invitation"):
-        count = sum(condition.access == access for condition in study.conditions)
-        if study.allocation.design == "within" and count > MOST_ORDERED:
-            yield (
-                f"{count} conditions for each participant; at most {MOST_ORDERED} can be ordered."
-            )
+    yield from factors.problems(study)
+    yield from analysis_problems.problems(study)
     if bool(study.refill.outcomes) != bool(study.refill.most):
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):

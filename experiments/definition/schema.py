@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 import msgspec
 from msgspec import Meta
 
+from experiments.definition.analyses import DeclaredAnalysis
+from experiments.definition.design import Design, Factor, Levels
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
@@ -134,13 +136,15 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
 class Condition(DocumentPart, frozen=True, kw_only=True):
     """One way to do the task. What it says, the visitor cannot change.
 
-    `robot` is a series. `access` says who may be assigned to it: everybody who has the link, or
-    those who were invited. `idle_seconds` is how long a driver may do nothing before being asked
+    `levels` is its cell: its level of each factor. `robot` is a series. `access` says who may be
+    assigned to it: everybody who has the link, or those who were invited. `idle_seconds` is how
+    long a driver may do nothing before being asked
     whether anybody is there; absent or 0 for ever, for a drive of a study has its own time limit.
     """
 
     key: Key
     title: Text
+    levels: Levels = {}
     robot: PlanKey
     site: PlanKey
     access: Literal["open", "invitation"] = "open"
@@ -162,13 +166,17 @@ class Allocation(DocumentPart, frozen=True, kw_only=True):
     """Who gets which condition.
 
     Between participants each does one condition; within them each does all that are open to them,
-    in an order: `fixed` as written, `all` orders, or `balanced` ones. `quota` is how many
-    participants fill a cell (a condition, or an order); None is no end.
+    in an order: `fixed` as written, `all` orders, or `balanced` ones. With factors of both kinds a
+    participant does the conditions of one cell of the between factors. `quota` is how many
+    participants fill a cell (a condition, or an order); None is no end. Who is to do several
+    conditions and was not seen for `left_after_hours` before the last of them has left: another
+    participant gets the order.
     """
 
-    design: Literal["between", "within"] = "between"
+    design: Design = "between"
     order: Literal["fixed", "all", "balanced"] = "balanced"
     quota: Annotated[int, Meta(ge=1, le=100_000)] | None = None
+    left_after_hours: Annotated[float, Meta(ge=1.0, le=8760.0)] = 24.0
 
 
 class Refill(DocumentPart, frozen=True, kw_only=True):
@@ -226,6 +234,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     licence: str = ""
     languages: tuple[Language, ...]
     steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
+    factors: Annotated[tuple[Factor, ...], Meta(max_length=4)] = ()
     conditions: Annotated[tuple[Condition, ...], Meta(max_length=24)]
     courses: Annotated[tuple[Course, ...], Meta(max_length=24)]
     allocation: Allocation = Allocation()
@@ -233,6 +242,7 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     start: Start = Start()
     quality: Quality = Quality()
     analysis: Analysis = Analysis()
+    analyses: Annotated[tuple[DeclaredAnalysis, ...], Meta(max_length=40)] = ()
 
     def condition(self, key: str) -> Condition | None:
         """Return the condition with a key."""

@@ -8,8 +8,7 @@ files: an export without sums was broken off.
 from collections.abc import Iterable, Iterator
 from hashlib import sha256
 
-from experiments.dataset.build import dataset_of
-from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.dataset.build import dataset_of, release_of
 from experiments.dataset.selection import Selection
 from experiments.dataset.sessions import drives_of
 from experiments.export.format import ExportSource, File
@@ -63,7 +62,7 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
         [READ_ME.format(title=title, slug=definition.slug, version=definition.version).encode()],
     )
     more = {name: columns for one in classes for name, columns in one.tables.items()}
-    source = ExportSource(dataset, drives, Pseudonyms(study.secret), choice, more)
+    source = ExportSource(dataset, drives, release_of(study, choice), more)
     formats = [one(source) for one in classes]
     for one in formats:
         yield from one.of_study()

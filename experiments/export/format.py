@@ -11,7 +11,7 @@ from django.utils.functional import Promise
 from experiments.access import Role
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.records import Dataset, SessionRecord
-from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.dataset.forms import Release
 from experiments.dataset.selection import Selection
 from experiments.models import Drive
 
@@ -26,8 +26,7 @@ class ExportSource:
 
     dataset: Dataset
     drives: Sequence[Drive]
-    names: Pseudonyms
-    choice: Selection
+    release: Release
     more: Mapping[str, tuple[Column, ...]]
 
 

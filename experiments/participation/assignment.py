@@ -6,7 +6,10 @@ conditions (within them). A place in it is held from the grant on, and is
 - freed only when its visitor left before the first velocity was applied: nothing was done to them;
 - filled by every other ending, whose outcome counts in the cell;
 - filled and yet given to another when the study's frozen rule says so of its outcome, as often as
-  the rule allows.
+  the rule allows;
+- left, where a participant is to do several conditions, by one who is gone before they had them
+  all: such a place is given to another, so that the *complete cases* of the orders are even.
+  Whether somebody is gone is asked anew each time; who comes back goes on in their place.
 
 With all participants drawn to the smallest cell, the numbers of filled places never differ by more
 than the greatest number of participants that were under way at once: the last one who filled the
@@ -26,10 +29,11 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Literal
 
+from experiments.definition.factors import groups
 from experiments.definition.schema import Outcome, Refill, StudyDefinition
 
 Access = Literal["open", "invitation"]
-Stage = Literal["under_way", "freed", "filled", "refilled"]
+Stage = Literal["under_way", "freed", "filled", "refilled", "left"]
 
 
 @dataclass(frozen=True)
@@ -63,15 +67,15 @@ class AssignmentChoice:
 
 def cells(study: StudyDefinition, access: Access = "open") -> tuple[Cell, ...]:
     """Return the cells that somebody who came by an open link, or by invitation, can be assigned
-    to.
+    to. In a mixed design they are the orders within each cell of the between factors.
     """
-    keys = [condition.key for condition in study.conditions if condition.access == access]
+    several = [[condition.key for condition in group] for group in groups(study, access)]
     if study.allocation.design == "between":
-        return tuple(Cell(key, (key,)) for key in keys)
+        return tuple(Cell(key, (key,)) for keys in several for key in keys)
     orders = {"fixed": _as_written, "all": _all_orders, "balanced": balanced}[
         study.allocation.order
-    ](keys)
-    return tuple(Cell("-".join(order), order) for order in orders)
+    ]
+    return tuple(Cell("-".join(order), order) for keys in several for order in orders(keys))
 
 
 def _as_written(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
@@ -143,3 +147,16 @@ def stage_at_end(
         return "freed"
     before = sum(place.stage == "refilled" and place.cell == cell for place in held)
     return "refilled" if outcome in refill.outcomes and before < refill.most else "filled"
+
+
+def stage_now(stage: Stage, *, conditions: int, done: int, is_gone: bool) -> Stage:
+    """Return the stage of a place as it counts now.
+
+    Args:
+        stage: as it was stored.
+        conditions: how many the participant is to do.
+        done: in how many of them they drove.
+        is_gone: whether they withdrew, or were not seen for as long as the study waits.
+    """
+    is_taken = stage in {"under_way", "filled"}
+    return "left" if conditions > 1 and is_taken and is_gone and done < conditions else stage

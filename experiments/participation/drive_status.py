@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from experiments.definition.schema import Condition
 from experiments.models import Drive, Participant, StepVisit
-from experiments.participation import assignment, progress
+from experiments.participation import assignment, places, progress
 from experiments.participation.journey import JourneyPlace
 from robots.models import Robot
 from sessions.models import Session
@@ -131,7 +131,7 @@ def robot_for(
     does not decide the cell; of several of its kind the one that is online and where fewest wait.
     """
     conditions = progress.open_conditions(participant)
-    series = _series_wanted(participant, conditions)
+    series = _series_wanted(participant, conditions, now)
     fitting = tuple(
         condition for condition in conditions if (condition.robot, condition.site) == series
     )
@@ -152,14 +152,16 @@ def robot_for(
     return (ranked[0][0] if ranked else None), fitting
 
 
-def _series_wanted(participant: Participant, conditions: tuple[Condition, ...]) -> tuple[str, str]:
+def _series_wanted(
+    participant: Participant, conditions: tuple[Condition, ...], now: datetime.datetime
+) -> tuple[str, str]:
     definition = participant.study.as_definition()
     kinds = {(condition.robot, condition.site) for condition in conditions}
     if len(kinds) > 1:
         cells = assignment.cells(
             definition, "invitation" if participant.access == "invitation" else "open"
         )
-        held = progress.held(participant.study, participant.kind)
+        held = places.held(participant.study, participant.kind, now)
         chosen = assignment.choose(
             cells, held, definition.allocation.quota, participant.pk.int % 2**31
         )

@@ -27,7 +27,7 @@ from experiments.definition.course import CourseError
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import DriveStep
 from experiments.models import Drive, Kind, Participant, Study
-from experiments.participation import assignment, progress
+from experiments.participation import assignment, places, progress
 from experiments.participation.assignment import AssignmentChoice, Cell, Held
 from experiments.participation.drive_status import driven, series_of
 from experiments.participation.layout import laid_out
@@ -196,7 +196,7 @@ def _why_not(standing: Standing, now: datetime.datetime) -> str:
     participant = standing.participant
     if not progress.is_open(participant.study, now):
         return "closed"
-    if standing.assigned is None and _choose(standing, _held(participant), 0) is None:
+    if standing.assigned is None and _choose(standing, _held(participant, now), 0) is None:
         return "full"
     return (
         "not_allowed"
@@ -268,7 +268,7 @@ def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
     for _ in range(ATTEMPTS):
         if (condition := standing.assigned) is not None:
             return condition
-        held = _held(participant)
+        held = _held(participant, now)
         chosen = _choose(standing, held, secrets.randbits(31))
         if chosen is None:
             return None
@@ -283,23 +283,11 @@ def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
     raise AssignmentContention(participant.code)
 
 
-def _held(participant: Participant) -> list[tuple[int, Held]]:
-    """Return (number of the draw, place) of everybody of the study and kind who was ever assigned,
-    in one reading.
+def _held(participant: Participant, now: datetime.datetime) -> list[tuple[int, Held]]:
+    """Return (number of the draw, place) of everybody of the study and kind who was ever
+    assigned.
     """
-    rows = Participant.objects.filter(study=participant.study_id, kind=participant.kind).exclude(
-        cell=""
-    )
-    return [
-        (_number_of(word), Held(cell, stage))
-        for word, cell, stage in rows.values_list("drawn_as", "cell", "stage")
-    ]
-
-
-def _number_of(word: str) -> int:
-    """Return the number of a draw; 0 of an assignment that was made by hand."""
-    number = word.rpartition(":")[2]
-    return int(number) if ":" in word and number.isdecimal() else 0
+    return places.numbered(participant.study, participant.kind, now)
 
 
 def _choose(standing: Standing, held: list[tuple[int, Held]], seed: int) -> AssignmentChoice | None:

@@ -119,7 +119,7 @@ def stand(study: Study, user: Any, own: Participant | None, now: datetime.dateti
     shut = _shut(study, now)
     if shut is not None or own is not None:
         return shut or "finished"
-    return _to_first_time_visitors(study, user)
+    return _to_first_time_visitors(study, user, now)
 
 
 def _shut(study: Study, now: datetime.datetime) -> Literal["closed", "shut"] | None:
@@ -128,11 +128,11 @@ def _shut(study: Study, now: datetime.datetime) -> Literal["closed", "shut"] | N
     return None if progress.is_open(study, now) else "shut"
 
 
-def _to_first_time_visitors(study: Study, user: Any) -> Stand:
+def _to_first_time_visitors(study: Study, user: Any, now: datetime.datetime) -> Stand:
     kind = progress.kind_of(user, study)
     if study.entry == Study.Entry.PERSONAL and kind != "pilot":
         return "personal"
-    if progress.is_full(study, "open", kind):
+    if progress.is_full(study, "open", now, kind):
         return "full"
     if user.is_authenticated and not user.is_guest:
         return "welcome"

@@ -16,7 +16,7 @@ from experiments.definition import opening_hours
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import Step
 from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
-from experiments.participation import assignment, completion, journey
+from experiments.participation import assignment, completion, journey, places
 from experiments.participation.assignment import Access
 from experiments.participation.journey import JourneyPlace
 from surveys.documents import spoken
@@ -169,27 +169,22 @@ def title_of(study: Study, wanted: str) -> str:
     return spoken(definition.title, language_of(definition, wanted))
 
 
-def is_full(study: Study, access: Access, kind: str = Kind.PARTICIPANT) -> bool:
+def is_full(
+    study: Study, access: Access, now: datetime.datetime, kind: str = Kind.PARTICIPANT
+) -> bool:
     """Tell whether nobody new can get a place: every cell has its quota, or there is none for those
     who came that way.
     """
     definition = study.as_definition()
     return (
         assignment.choose(
-            assignment.cells(definition, access), held(study, kind), definition.allocation.quota, 0
+            assignment.cells(definition, access),
+            places.held(study, kind, now),
+            definition.allocation.quota,
+            0,
         )
         is None
     )
-
-
-def held(study: Study, kind: str) -> list[assignment.Held]:
-    """Return the places of a study that people of one kind hold, or held."""
-    rows = (
-        Participant.objects.filter(study=study, kind=kind)
-        .exclude(cell="")
-        .values_list("cell", "stage")
-    )
-    return [assignment.Held(cell, stage) for cell, stage in rows]
 
 
 # --- where they are -------------------------------------------------------------------------------

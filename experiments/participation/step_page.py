@@ -166,7 +166,7 @@ class DrivePage(StepPage):
         """Show what is to be driven; whoever came when every cell was full is turned away."""
         participant, study, done = self.participant, self.participant.study, self.done
         is_full = not progress.has_place(participant) and progress.is_full(
-            study, progress.access_of(participant), participant.kind
+            study, progress.access_of(participant), now, participant.kind
         )
         if is_full and done.standing == "never":
             progress.screen_out(participant, now)

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from experiments.bots.diary import Diary, Leg
+from experiments.definition import factors
 from experiments.definition.power import LARGE, MEDIUM, SMALL, participants_needed
 from experiments.definition.schema import Condition, StudyDefinition
 
@@ -214,7 +215,8 @@ def _whole(
     reading = statistics.median(
         sum(_minutes(entry.words, entry.questions) for entry in diary.entries) for diary in through
     )
-    rounds = max(len(study.conditions), 1) if study.allocation.design == "within" else 1
+    together = max((len(group) for group in factors.groups(study, "open")), default=1)
+    rounds = together if study.allocation.design == "within" else 1
     drives = [one.expected_minutes for one in conditions if one.expected_minutes is not None]
     practice = sum(step.minutes for step in study.drives if step.is_practice)
     return reading + rounds * ((statistics.mean(drives) if drives else 0.0) + practice)

@@ -42,7 +42,17 @@ TOPICS = (
     Topic("overview", _("Overview"), ("flow", "funnel", "table-1", "table-3")),
     Topic("participants", _("Participants"), ("participants", "table-2")),
     Topic(
-        "outcomes", _("Outcomes"), ("outcomes", "fault-sides", "conditions", "learning", "metrics")
+        "outcomes",
+        _("Outcomes"),
+        (
+            "outcomes",
+            "fault-sides",
+            "analysis-",
+            "conditions",
+            "learning",
+            "learning-tests",
+            "metrics",
+        ),
     ),
     Topic(
         "questionnaires",

@@ -212,7 +212,7 @@ def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:
     report = robot.report or {}
     return {
         "name": robot.name,
-        "title": robot.title,
+        "title": robot.shown_title,
         "online": robot.is_online(now),
         "heard": (now - robot.last_seen_at).total_seconds() if robot.last_seen_at else None,
         "pose": report.get("pose"),

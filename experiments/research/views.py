@@ -25,8 +25,8 @@ from experiments.participation.robot_eligibility import is_lent
 from experiments.research import interventions, live
 from experiments.research.replay import photos_of, replay
 from robots.access import may_observe, may_operate
+from robots.floorplans import plan_content
 from robots.models import Robot
-from robots.views import plan_content
 from sessions.models import Session
 
 BROKER_PATIENCE_SECONDS = 1.0

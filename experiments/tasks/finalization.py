@@ -23,7 +23,7 @@ from django.db.models import F, Q
 from experiments.definition import conditions
 from experiments.definition.schema import Condition
 from experiments.models import Drive, Participant, TaskEvent
-from experiments.participation import assignment, progress
+from experiments.participation import assignment, places
 from experiments.participation.layout import track_of
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.manipulation_check import Gathering, as_stored
@@ -237,7 +237,7 @@ def _stage_after(drive: Drive, participant: Participant) -> str:
     definition = participant.study.as_definition()
     if definition.task is None or drive.step != definition.task.key:
         return participant.stage if participant.stage == Stage.FILLED else Stage.UNDER_WAY
-    held = progress.held(participant.study, participant.kind)
+    held = places.stored(participant.study, participant.kind)
     outcome: Any = drive.outcome
     return assignment.stage_at_end(
         participant.cell, outcome, exposed=True, refill=definition.refill, held=held

@@ -7,6 +7,7 @@ from typing import Any
 from django.contrib import messages
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
+from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
 from accounts import audit
@@ -19,7 +20,7 @@ def doors_of(robot: Robot) -> list[dict[str, Any]]:
     """Return the doors of a robot's site: name, title, and the state that the server has set or the
     plan has.
     """
-    plan = robot.floor_plan.plan if robot.floor_plan else {}
+    plan = robot.floor_plan.plan_in(get_language() or "") if robot.floor_plan else {}
     return [
         {
             "name": door["name"],

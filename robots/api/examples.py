@@ -86,6 +86,8 @@ _STATE = m.State(
     assist_point=(0.6, -0.1),
     call=m.CallState(status="accepted", audio=True, video=True, volume=0.5, shares=True),
     screens=1,
+    knockable=True,
+    knock=m.KnockState(action_id="a1", status="answered"),
     control_network=m.LabReport(
         lab=m.NetworkLab(delay=0.1, jitter=0.02, loss=0.01, reorder=0.005, seed=7),
         taken=400,
@@ -217,7 +219,13 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
             text="Hola, ¿qué tal?",
             language="es",
             aloud=True,
+            receipts=True,
         ),
+    },
+    "receipt": {
+        "shown": m.Receipt(stamp=_STAMP, action_id="a1", session=_SESSION, state="shown"),
+        "spoken": m.Receipt(stamp=_STAMP, action_id="a1", session=_SESSION, state="spoken"),
+        "not_spoken": m.Receipt(stamp=_STAMP, action_id="a1", session=_SESSION, state="not_spoken"),
     },
     "pointer": {
         "gone": m.Pointer(stamp=_STAMP, by="screen"),
@@ -339,10 +347,13 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
         "relocalize": m.Relocalize(**_WHOLE, x=1.0, y=2.0, theta=0.5),
         "say": m.Say(**_WHOLE, text="Hola, ¿qué tal?", language="es"),
         "say-least": m.Say(**_ASKED, role="screen", text="Hello!", aloud=False),
+        "confirm_words": m.ConfirmWords(**_ASKED, role="screen", target="a0", state="shown"),
         "call": m.Call(**_WHOLE, audio=True, video=True, volume=0.5),
         "call-screen": m.Call(**_WHOLE, video=True, shares=True),
         "call-end": m.Call(**_WHOLE, ringing=False),
         "answer_call": m.AnswerCall(**_ASKED, role="screen", accept=True),
+        "answer_call-knock": m.AnswerCall(**_ASKED, role="screen", accept=False, knock="a0"),
+        "knock": m.Knock(**_WHOLE),
         "resend_states": m.ResendStates(**_ASKED, role="server", boot="b7f3", first=10, last=20),
     },
     "command/picture": {

@@ -4,13 +4,16 @@ The simulator builds its walls, rooms and pictures from it; the server and the p
 names, doors, docks, checkpoints and places. Metres and radians in the frame of the map. On the wire
 it is camelCase JSON, like every other message.
 
+Titles are in one language, English in the sites that we ship; `translations` says them in others,
+and `in_language` puts them in their place. Robots are not told: they go by names.
+
 Two layers of checks: msgspec refuses what is malformed, `problems()` what is well-formed and cannot
 be a place.
 """
 
 import math
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, Struct
@@ -21,6 +24,7 @@ Length = Annotated[float, Meta(gt=0.0, le=1000.0)]
 Height = Annotated[float, Meta(ge=0.0, le=20.0)]
 Colour = Annotated[str, Meta(pattern=r"^#[0-9a-fA-F]{6}$")]
 Key = Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")]
+Language = Annotated[str, Meta(pattern=r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$", max_length=16)]
 DoorState = Literal["open", "closed"]
 
 WallMaterial = Literal["plaster", "brick", "wallpaper", "panelling", "two_tone", "concrete", "trim"]
@@ -249,6 +253,9 @@ class Route(PlanPart, frozen=True, kw_only=True):
 class FloorPlan(PlanPart, frozen=True, kw_only=True):
     """A whole site. `ceiling` is its height in metres; `map_id` names the map
     that it belongs to.
+
+    `translations` has for each language what titles of this file are in it; those that are left out
+    stay as they are.
     """
 
     version: Literal[1] = 1
@@ -267,6 +274,13 @@ class FloorPlan(PlanPart, frozen=True, kw_only=True):
     places: Annotated[tuple[Place, ...], Meta(max_length=200)] = ()
     starts: Annotated[tuple[Place, ...], Meta(max_length=200)] = ()
     routes: Annotated[tuple[Route, ...], Meta(max_length=50)] = ()
+    translations: Annotated[
+        dict[Language, Annotated[dict[Name, Name], Meta(max_length=1000)]], Meta(max_length=50)
+    ] = {}
+
+    def __hash__(self) -> int:
+        """Plans are keys of caches; a dictionary, as `translations` are, has no hash."""
+        return hash((self.map_id, self.walls, self.doors, self.furniture))
 
     @property
     def openings(self) -> tuple[Door | Passage, ...]:
@@ -311,6 +325,33 @@ def encode(plan: FloorPlan) -> bytes:
     return msgspec.json.encode(plan)
 
 
+def in_language(plan: Mapping[str, Any], language: str) -> dict[str, Any]:
+    """Return a plan, as JSON has it, with its titles in a language, or as they are where there is
+    no translation, and without the translations. `es-mx` is content with `es`.
+    """
+    offered = plan.get("translations", {})
+    language = language.lower()
+    words = offered.get(language) or offered.get(language.partition("-")[0]) or {}
+    return {
+        name: _translated(value, words) for name, value in plan.items() if name != "translations"
+    } | ({"title": words.get(plan["title"], plan["title"])} if "title" in plan else {})
+
+
+def _translated(value: Any, words: Mapping[str, str]) -> Any:
+    if not words:
+        return value
+    if isinstance(value, list):
+        return [_translated(one, words) for one in value]
+    if isinstance(value, dict):
+        return {
+            name: words.get(one, one)
+            if name == "title" and isinstance(one, str)
+            else _translated(one, words)
+            for name, one in value.items()
+        }
+    return value
+
+
 def contains(polygon: tuple[Point, ...], x: float, y: float) -> bool:
     """Tell whether a point lies in a simple polygon (even-odd rule)."""
     inside = False
@@ -329,6 +370,7 @@ def problems(plan: FloorPlan) -> tuple[str, ...]:
         *_unknown_rooms(plan),
         *_outside(plan),
         *_bad_routes(plan),
+        *_stray_translations(plan),
     )
 
 
@@ -414,6 +456,26 @@ def _bad_routes(plan: FloorPlan) -> Iterator[str]:
             yield f"the checkpoints of {route.type!r} are numbered {numbers}, not 0, 1, 2 …"
         if plan.dock_of(route.type) is None:
             yield f"there is a route but no dock for {route.type!r}"
+
+
+def _stray_translations(plan: FloorPlan) -> Iterator[str]:
+    titles = {plan.title} | {
+        part.title
+        for parts in (
+            plan.rooms,
+            plan.openings,
+            plan.mirrors,
+            plan.docks,
+            plan.places,
+            plan.starts,
+            *(route.checkpoints for route in plan.routes),
+        )
+        for part in parts
+    }
+    for language, words in plan.translations.items():
+        for title in words:
+            if title not in titles:
+                yield f"the translation to {language!r} of {title!r} is that of no title"
 
 
 def _on_face(wall: Wall, x: float, y: float) -> bool:

@@ -67,6 +67,7 @@ Capability = Literal[
     "doors",
     "network_lab",
 ]
+WordsState = Literal["shown", "spoken", "not_spoken"]
 ActionState = Literal["WAITING", "RUNNING", "FINISHED", "FAILED", "CANCELLED"]
 ENDED: frozenset[ActionState] = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
@@ -239,6 +240,15 @@ class CallState(Message, frozen=True, kw_only=True):
     shares: bool = False
 
 
+class KnockState(Message, frozen=True, kw_only=True):
+    """A knock of the driver, `action_id` being that of the `knock`: the robot's displays ring, or
+    its own loudspeaker where none is connected, and show who knocks, while it is `ringing`.
+    """
+
+    action_id: Id
+    status: Literal["ringing", "answered", "declined", "unanswered"]
+
+
 class CameraStatus(Message, frozen=True, kw_only=True):
     """A camera that gives no video: it is `starting`, which takes seconds, or has `failed`.
     `reason` is why it failed, now or the last time.
@@ -328,10 +338,12 @@ class State(Message, frozen=True, kw_only=True):
     either way. `refused` counts refusals by reason since the last state. While the assistance
     changes what the driver asks for, `assist_why` says why in one word, and `assist_point` what it
     minds, in metres in the robot's frame. `call` says how far the driver's voice and face get,
-    absent when the driver sends neither; `screens` how many pages show them. `control_network` and
-    `video_network` are there while the robot makes the driver's network worse, as `config` told it
-    to. `camera_status` is there while the camera is wanted and gives no video, or gave none when it
-    was wanted last; `errors` says why, too.
+    absent when the driver sends neither; `screens` how many pages show them. `knockable`: somebody
+    may hear a `knock` now, at a display or from the robot's own loudspeaker; `knock` is the newest
+    of this session, for a minute. `control_network` and `video_network` are there while the robot
+    makes the driver's network worse, as `config` told it to. `camera_status` is there while the
+    camera is wanted and gives no video, or gave none when it was wanted last; `errors` says why,
+    too.
 
     `charger_contact` tells whether the charging contacts meet now, or the robot charges. `docked`
     is more: they have met for 2 s while the robot stood still (at most 0.03 m/s and 0.06 rad/s) and
@@ -365,6 +377,8 @@ class State(Message, frozen=True, kw_only=True):
     assist_point: Point | None = None
     call: CallState | None = None
     screens: Count = 0
+    knockable: bool = False
+    knock: KnockState | None = None
     control_network: LabReport | None = None
     video_network: LabReport | None = None
     camera_status: CameraStatus | None = None
@@ -458,6 +472,8 @@ class ActionStatus(Message, frozen=True, kw_only=True):
 class Words(Message, frozen=True, kw_only=True):
     """`words`: what the driver said to the people at the robot, or they to the driver; `aloud` is
     to be spoken. Nobody records it.
+
+    `receipts`: the robot takes `confirm_words` for these words, and passes it on as `receipt`.
     """
 
     stamp: Stamp
@@ -468,6 +484,23 @@ class Words(Message, frozen=True, kw_only=True):
     text: Annotated[str, Meta(min_length=1, max_length=500)]
     language: Annotated[str, Meta(max_length=16)] = ""
     aloud: bool = False
+    receipts: bool = False
+
+
+class Receipt(Message, frozen=True, kw_only=True):
+    """`receipt`: what became of the driver's words at the robot, for the driver: `action_id` is
+    that of the `say`.
+
+    `shown`: they were visible on a display of the robot. `spoken`: they were read aloud to the end.
+    `not_spoken`: they were shown, were to be read aloud, and that was not possible. What one
+    display has spoken, another cannot take back. Nobody records it. A `say` that is sent again
+    under its id is answered with the newest receipt as well.
+    """
+
+    stamp: Stamp
+    action_id: Id
+    session: Id
+    state: WordsState
 
 
 class Pointer(Message, frozen=True, kw_only=True):
@@ -698,6 +731,15 @@ class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
     aloud: bool = True
 
 
+class ConfirmWords(Action, frozen=True, kw_only=True, tag_field="type", tag="confirm_words"):
+    """A display of the robot says what became of the driver's words `target`, the id of their
+    `say`; only from role `screen`, and only for words with `receipts`. See `receipt`.
+    """
+
+    target: Id
+    state: WordsState
+
+
 class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
     """What the driver wants to be heard and seen by at the robot, whenever that changes; `ringing`
     false hangs up.
@@ -716,9 +758,23 @@ class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
 class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answer_call"):
     """Somebody at the robot's screen lets the visitor through, or does not; only from role
     `screen`.
+
+    `knock` is the id of a knock that is answered instead of a call. Accepting it also lets through
+    what the visitor sends in this session; who is declined knocks no more in it, and a call that
+    goes on goes on.
     """
 
     accept: bool
+    knock: Id | None = None
+
+
+class Knock(Action, frozen=True, kw_only=True, tag_field="type", tag="knock"):
+    """Ring at the robot, so that somebody there comes to its screen; how far that is, `knock` of
+    `state` says.
+
+    At most every 10 s (`too_soon`), while somebody may hear it (`nobody_there`), and not after
+    somebody has declined in this session (`declined`).
+    """
 
 
 class ResendStates(Action, frozen=True, kw_only=True, tag_field="type", tag="resend_states"):
@@ -742,8 +798,10 @@ AnyAction = (
     | Photo
     | Relocalize
     | Say
+    | ConfirmWords
     | Call
     | AnswerCall
+    | Knock
     | ResendStates
 )
 

@@ -159,9 +159,10 @@ next velocity that passes all points drives on. What was sent during the gap is 
   (`unsupported`), and, from a driver, as a velocity is (points 2 and 3). `cancel` is never
   `not_allowed`.
 - Without a lease (else `role`, `observer`): `photo`, `relocalize`, `cancel` and `resend_states` for
-  roles `staff`, `owner` and `server`; `dock` and `tilt` for `server`; `clear_estop` as above; `say`
-  and `answer_call` for `screen`. `resend_states`, `clear_estop` and `answer_call` are never the
-  driver's. On a data channel the role is that of the offer, and its peer tells the driver.
+  roles `staff`, `owner` and `server`; `dock` and `tilt` for `server`; `clear_estop` as above;
+  `say`, `confirm_words` and `answer_call` for `screen`. `resend_states`, `clear_estop`,
+  `confirm_words` and `answer_call` are never the driver's. On a data channel the role is that of
+  the offer, and its peer tells the driver.
 - What moves the robot begins, and is at its end, when the robot was measured to stand. A velocity
   other than zero cancels it, and so do a stop, a lost base, a contact unless it docks, the end of
   the lease, and 2 s after the driver's last heartbeat; the last two not what `server` ordered.
@@ -250,9 +251,9 @@ server that cannot tell |
 | `screen` | server | for the robot's own display alone |
 
 Besides, the server passes on `state`, `pose`, `path`, `scan`, `event`, `action`, `heartbeat`,
-`words`, `pointer` and binary `picture` frames of the robot, and takes `command/velocity`,
-`command/heartbeat`, `command/action`, `command/picture` and `command/point`. What a program says of
-role, session, epoch or peer in them is replaced.
+`words`, `receipt`, `pointer` and binary `picture` frames of the robot, and takes
+`command/velocity`, `command/heartbeat`, `command/action`, `command/picture` and `command/point`.
+What a program says of role, session, epoch or peer in them is replaced.
 
 **Driving.** Send `session/take`; on `session/granted` send all of these until `session/ended`:
 

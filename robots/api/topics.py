@@ -74,6 +74,15 @@ TABLE: tuple[Topic, ...] = (
         "what visitor and people at the robot write to each other",
     ),
     Topic(
+        "receipt",
+        "from_robot",
+        m.Receipt,
+        1,
+        False,
+        KIB,
+        "what became of the driver's words at the robot, for the driver",
+    ),
+    Topic(
         "pointer",
         "from_robot",
         m.Pointer,

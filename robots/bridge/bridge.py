@@ -55,6 +55,7 @@ LISTENED = (
     "event",
     "action",
     "words",
+    "receipt",
     "pointer",
     "heartbeat",
     "picture",

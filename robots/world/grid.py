@@ -2,11 +2,16 @@
 
 An image value v means the occupancy (255 - v) / 255, or v / 255 when the file says `negate`: above
 `occupied_thresh` a cell is occupied, below `free_thresh` free, between them unknown
-(wiki.ros.org/map_server, trinary mode).
+(wiki.ros.org/map_server, mode `trinary`).
+
+In the mode `scale` the values between the thresholds are how likely a cell is occupied. Neither is
+certain, so for driving they are unknown, too. In the mode `raw` a value from 0 to 100 is itself the
+occupancy in percent, and everything above is unknown. In a PNG, what is not opaque is unknown
+(nav2_map_server, map_io.cpp). A map is turned into the first form when it is read.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,6 +26,8 @@ from robots.api.geometry import MapTransform, Pose2D
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 MAXIMUM_SIDE = 8192
 HEADER_BYTES = 4096
+MODES = ("trinary", "scale", "raw")
+WITH_ALPHA = ("rgba", "rgba64be", "ya8", "ya16be", "pal8")  # FFmpeg's names of what a PNG can have
 PNG = b"\x89PNG\r\n\x1a\n"
 _BETWEEN = rb"(?:\s|#[^\n]*\n)+"
 _PGM = re.compile(rb"P[25]" + _BETWEEN + rb"(\d{1,9})" + _BETWEEN + rb"(\d{1,9})\s")
@@ -79,15 +86,34 @@ def load_grid(path: Path) -> OccupancyGrid:
 
 
 def _grid(content: dict[str, Any], path: Path) -> OccupancyGrid:
-    image = read_grey(path.parent / str(content["image"]))
+    mode = str(content.get("mode", "trinary"))
+    if mode not in MODES:
+        message = f"mode {mode!r} is none of {', '.join(MODES)}"
+        raise ValueError(message)
+    file = path.parent / str(content["image"])
+    if file.is_absolute() and not file.exists():  # map_saver writes where the image once was
+        file = path.parent / file.name
+    image, opaque = _decoded(str(file), str(file))
     x, y, theta = (float(value) for value in content["origin"])
-    return OccupancyGrid(
+    grid = OccupancyGrid(
         image=image,
         transform=MapTransform(float(content["resolution"]), Pose2D(x, y, theta), image.shape[0]),
-        negate=bool(content.get("negate", 0)),
+        negate=bool(content.get("negate", 0)) and mode != "raw",
         occupied_thresh=float(content.get("occupied_thresh", 0.65)),
         free_thresh=float(content.get("free_thresh", 0.196)),
     )
+    if mode == "raw":
+        percent = np.round(255.0 * (1.0 - np.minimum(image, 100) / 100.0)).astype(np.uint8)
+        opaque = (image <= 100) & (opaque if opaque is not None else True)
+        grid = replace(grid, image=percent)
+    return grid if opaque is None else _with_unknown(grid, ~opaque)
+
+
+def _with_unknown(grid: OccupancyGrid, unknown: npt.NDArray[np.bool_]) -> OccupancyGrid:
+    """Return a map on which these cells are halfway between free and occupied."""
+    between = (grid.occupied_thresh + grid.free_thresh) / 2.0
+    value = round(255.0 * (between if grid.negate else 1.0 - between))
+    return replace(grid, image=np.where(unknown, np.uint8(value), grid.image))
 
 
 def read_grey(path: Path) -> npt.NDArray[np.uint8]:
@@ -105,6 +131,13 @@ def decode_grey(source: str | BinaryIO, name: str) -> npt.NDArray[np.uint8]:
     Raises:
         MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
     """
+    return _decoded(source, name)[0]
+
+
+def _decoded(
+    source: str | BinaryIO, name: str
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_] | None]:
+    """Return the grey values (h, w), and which of them are opaque, None when all are."""
     try:
         # opening it would already unpack a picture of any size
         _check_size(*_told_size(_beginning(source), name), name)
@@ -113,7 +146,10 @@ def decode_grey(source: str | BinaryIO, name: str) -> npt.NDArray[np.uint8]:
     except (OSError, av.FFmpegError, StopIteration, IndexError) as error:
         raise MapError(f"{name}: cannot be read as an image ({error})") from error
     _check_size(frame.width, frame.height, name)
-    return np.ascontiguousarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
+    grey = np.ascontiguousarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
+    if frame.format.name not in WITH_ALPHA:
+        return grey, None
+    return grey, frame.to_ndarray(format="rgba")[..., 3] == 255
 
 
 def _beginning(source: str | BinaryIO) -> bytes:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from robots.api.floorplan import ChargingDock, FloorPlan
+from robots.api.floorplan import ChargingDock, Door, FloorPlan, Passage
 from robots.api.geometry import Pose2D
 from robots.world.grid import OccupancyGrid
 from robots.world.render_plan import RESOLUTION, rasterise
@@ -42,7 +42,7 @@ def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
     """
     if not grid.free().any():
         return ("the map has no free cell: check `negate`",)
-    drawn = _drawn(plan)
+    drawn = drawn_plan(plan)
     found = tuple(_disagreements(plan, grid, drawn))
     if found:
         return found
@@ -87,6 +87,15 @@ class Floor:
         return (float(found.max()) if found.size else 0.0), set(
             np.unique(self.region[rows, columns]).tolist()
         ) - {0}
+
+    def is_reached(self, x: float, y: float) -> bool:
+        """Tell whether a robot can stand at a point, and get there from most of the floor."""
+        return self.largest in self.about(x, y, self.grid.transform.resolution)[1] - {0}
+
+    def is_open(self, opening: Door | Passage) -> bool:
+        """Tell whether a robot fits through an opening."""
+        x, y = (opening.start[0] + opening.end[0]) / 2.0, (opening.start[1] + opening.end[1]) / 2.0
+        return self.about(x, y, WALL_TOLERANCE)[0] >= HALF_WIDTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +212,7 @@ def _cells(
     return np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
 
 
-def _drawn(plan: FloorPlan) -> OccupancyGrid:
+def drawn_plan(plan: FloorPlan) -> OccupancyGrid:
     """Return the plan as a map, coarser than usual where it is very large."""
     corners = np.vstack([np.array(room.polygon) for room in plan.rooms])
     width, height = (corners.max(axis=0) - corners.min(axis=0)).tolist()
@@ -216,8 +225,7 @@ def _unreachable(plan: FloorPlan, floor: Floor, where: str) -> Iterator[str]:
         yield f"there is not enough room for a robot anywhere {where}"
         return
     for opening in plan.openings:
-        x, y = (opening.start[0] + opening.end[0]) / 2.0, (opening.start[1] + opening.end[1]) / 2.0
-        if floor.about(x, y, WALL_TOLERANCE)[0] < HALF_WIDTH:
+        if not floor.is_open(opening):
             yield f"{opening.name!r} is blocked or too narrow for a robot {where}"
     for dock in plan.docks:
         yield from _bad_dock(dock, floor, where, main)

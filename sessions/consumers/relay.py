@@ -79,11 +79,11 @@ def relayed(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
 
 
 def for_driver(inbound: ReceivedMessage) -> Outgoing | None:
-    """Return what a robot says to whoever drives it alone: words, and where somebody at its display
-    points; None for all the rest.
+    """Return what a robot says to whoever drives it alone: words and what became of them, and where
+    somebody at its display points; None for all the rest.
     """
     match inbound:
-        case ReceivedMessage(suffix="words", frame=str() as frame):
+        case ReceivedMessage(suffix="words" | "receipt", frame=str() as frame):
             return Outgoing(frame)
         case ReceivedMessage(message=Pointer(by="screen"), frame=str() as frame):
             return Outgoing(frame, droppable=True)

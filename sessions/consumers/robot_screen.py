@@ -57,7 +57,7 @@ class ScreenConsumer(DirectConsumer):
         self._register(robot)
 
     def _register(self, robot: Robot) -> None:
-        self.title = robot.title or robot.name
+        self.title, self.titles = robot.title or robot.name, robot.titles
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
         self.authorization = ScreenAuthorization(
@@ -181,6 +181,7 @@ class ScreenConsumer(DirectConsumer):
             self.study = (lease.session, await database_sync_to_async(_is_study)(lease.session))
         shown = protocol.Screen(
             title=self.title,
+            titles=self.titles,
             session=lease.session if lease else None,
             visitor=lease.who if lease else None,
             study=lease is not None and self.study[1],

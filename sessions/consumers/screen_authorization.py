@@ -1,8 +1,9 @@
 """Who may say what from a robot's own display: the rules of that page's connection, without a
 socket, a broker or a database.
 
-A screen shows the visitor, answers a call, writes to the visitor, points at what the visitor
-shares, and stops the robot. It never drives, and says all of it as the screen.
+A screen shows the visitor, answers a call, writes to the visitor and says that it has shown what
+the visitor writes, points at what the visitor shares, and stops the robot. It never drives, and
+says all of it as the screen.
 """
 
 from typing import Any
@@ -14,6 +15,7 @@ from robots.api.messages import (
     Bye,
     Candidate,
     ClearEStop,
+    ConfirmWords,
     EStop,
     IceServer,
     Lease,
@@ -42,7 +44,7 @@ class ScreenAuthorization(Authorization):
         match message:
             case Stop() | EStop():
                 return Halt(self._as_screen(message))
-            case Say() | AnswerCall() | ClearEStop():
+            case Say() | AnswerCall() | ConfirmWords() | ClearEStop():
                 return Publish(suffix, self._as_screen(message))
             case PointCommand():
                 stamped = msgspec.structs.replace(

@@ -256,8 +256,26 @@ def fix_terms(session: str, now: datetime.datetime) -> None:
     if row.terms or row.first_motion_at is not None:
         return
     fixed = terms.of_granted(row, now)
+    changes: dict[str, Any] = {}
     if fixed != FREE:
-        Session.objects.filter(pk=session).update(terms=terms.stored(fixed))
+        changes["terms"] = terms.stored(fixed)
+    if fixed.assist is None and not fixed.study and _drives_for_the_first_time(row):
+        changes["assist"] = Robot.Assist.SLOW
+    if changes:
+        Session.objects.filter(pk=session).update(**changes)
+
+
+def _drives_for_the_first_time(row: Session) -> bool:
+    """Tell whether a visitor who has chosen no assistance yet has never moved a robot, and would
+    get none from this one, which could assist.
+    """
+    robot = row.robot
+    return (
+        not row.assist
+        and robot.assist == Robot.Assist.OFF
+        and "assist" in (robot.factsheet or {}).get("capabilities", ())
+        and not Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False).exists()
+    )
 
 
 def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> TakeGranted:

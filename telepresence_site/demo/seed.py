@@ -19,12 +19,14 @@ ROBOTS = (
         "giraff",
         "Giraff",
         "A slender robot with a tilting head, at home in rooms and corridors.",
+        "Un robot esbelto de cabeza inclinable, que se mueve bien por habitaciones y pasillos.",
         Robot.Access.OPEN,
     ),
     (
         "rhodon",
         "Rhodon",
         "A sturdy PatrolBot with an arm, for drivers who know the way.",
+        "Un PatrolBot robusto con un brazo, para quien ya sabe conducir.",
         Robot.Access.OPEN,
     ),
 )
@@ -36,12 +38,13 @@ def seed(mqtt_url: str) -> str:
     password = kept_secret(settings.VAR_DIR / "secrets" / "demo_researcher", 9)
     _visitor()
     owner = _researcher(password)
-    for name, title, description, access in ROBOTS:
+    for name, title, description, spanish, access in ROBOTS:
         robot, _ = Robot.objects.get_or_create(
             name=name,
             defaults={
                 "title": title,
                 "description": description,
+                "translations": {"es": {"description": spanish}},
                 "access": access,
                 "owner": owner,
                 "floor_plan": plan,

@@ -30,6 +30,7 @@ def prepare(count: int, mqtt_url: str) -> list[str]:
     for name in names:
         fields = {
             "title": "Practice",
+            "translations": {"es": {"title": "Práctica"}},
             "practice": True,
             "enabled": True,
             "access": Robot.Access.OPEN,

@@ -32,6 +32,7 @@ class ListeningMedia:
         )
         self.connected, self.screens, self.passing, self.network = 0, 0, [], None
         self.camera_status, self.errors = None, ()
+        self.audible, self.rings = False, 0
 
     def start(self):
         pass
@@ -47,6 +48,9 @@ class ListeningMedia:
 
     def let_through(self, **what):
         self.passing.append(what)
+
+    def ring(self):
+        self.rings += 1
 
     def impair(self, lab):
         self.network = None if lab is None else m.LabReport(lab=lab)

@@ -250,7 +250,7 @@ class FakeRobotPage:
         with translation.override(language):
             return render_to_string(
                 "sessions/drive.html",
-                {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config},
+                {"robot": SimpleNamespace(name=ROBOT, shown_title="Giraff"), "config": config},
             )
 
     def _plan_json(self) -> bytes:

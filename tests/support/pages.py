@@ -39,7 +39,7 @@ def decode(frame):
     kind = protocol.TO_PAGE.get(suffix)
     if kind is not None:
         return suffix, msgspec.json.decode(payload, type=kind)
-    assert suffix in {*topics.TO_PAGE, "words", "pointer"}, suffix
+    assert suffix in {*topics.TO_PAGE, "words", "receipt", "pointer"}, suffix
     return suffix, codec.decode(suffix, payload, "from_robot")
 
 

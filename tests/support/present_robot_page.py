@@ -5,7 +5,6 @@ loudspeaker and display can be measured.
 import json
 import secrets
 import time
-from types import SimpleNamespace
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -16,6 +15,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from robots.agent.control.calls import CallControl
+from robots.agent.control.receipts import Receipts
 from robots.agent.control.remote_pointer import Pointing
 from robots.agent.media import MediaSide
 from robots.agent.robot_interface import FROM_PAGE
@@ -37,6 +37,8 @@ class PresentRobotPage(FakeRobotPage):
     `asked` holds permitted actions.
 
     `pointed` holds the dots that it has passed on, each with the way it came.
+
+    `loses_words`: what the visitor writes is lost on its way to the robot.
 
     `from_page`: the robot has no camera and no microphone, and its screen's page gives them.
     """
@@ -64,9 +66,10 @@ class PresentRobotPage(FakeRobotPage):
             reply=self._reply,
             outputs=(self.speaker, self.display),
         )
-        self.pointing = Pointing()
+        self.pointing, self.receipts = Pointing(), Receipts()
         self.pointed: list[tuple[str, m.Pointer]] = []
         self.tilt = 0.0
+        self.loses_words = False
         self.asked: list[Any] = []
         self.is_study = False
         # pages by language: there are a hundred requests a page
@@ -87,11 +90,11 @@ class PresentRobotPage(FakeRobotPage):
         return self._rendered[language]
 
     def screen_html(self, language: str = "en") -> str:
-        config = {"robot": ROBOT, "socket": SCREEN, "key": "/key", "csrf": "x"}
+        config = {"robot": ROBOT, "title": "Giraff", "socket": SCREEN, "key": "/key", "csrf": "x"}
         with translation.override(language):
             return render_to_string(
                 "sessions/screen.html",
-                {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config},
+                {"title": "Giraff", "config": config},
             )
 
     def _http(self, connection: ServerConnection, request: Request) -> Response | None:
@@ -180,12 +183,31 @@ class PresentRobotPage(FakeRobotPage):
         now, unix = time.monotonic(), time.time()
         if isinstance(message, m.PointCommand):
             self._point(message, sender, peer, now)
+        elif self.loses_words and isinstance(message, m.Say):
+            return
         elif isinstance(message, m.EStop):
             self.kernel.estop(message, sender, now=now, unix=unix)
             self._say("state", self._state())
-        elif isinstance(message, m.Call | m.AnswerCall | m.Say | m.Tilt | m.ClearEStop | m.Photo):
+        elif isinstance(
+            message,
+            m.Call
+            | m.AnswerCall
+            | m.Knock
+            | m.Say
+            | m.ConfirmWords
+            | m.Tilt
+            | m.ClearEStop
+            | m.Photo,
+        ):
             reason = self.kernel.permit(message, sender, now=now, unix=unix)
-            if reason is None:
+            if reason is None and isinstance(message, m.Knock):
+                lease = self.kernel.leases.live(now)
+                reason = self.calls.knock(message.action_id, lease, now, audible=self.media.audible)
+                if reason is None:
+                    self.media.ring()
+            if reason is None and self._is_known(message):
+                self._tell_receipt(message.action_id)  # as Actions.take of the agent
+            elif reason is None:
                 self.asked.append(message)
                 self._obey(message, now)
             if not isinstance(message, m.Photo):
@@ -221,11 +243,28 @@ class PresentRobotPage(FakeRobotPage):
         ):
             page.say("pointer", pointer)
 
+    def _is_known(self, message: Any) -> bool:
+        return isinstance(message, m.Say) and any(
+            one.action_id == message.action_id for one in self.asked
+        )
+
+    def _tell_receipt(self, action_id: str) -> None:
+        lease, found = self._lease, self.receipts.of(action_id)
+        page = self._pages.get(lease.peer) if lease else None
+        if page is not None and found is not None:
+            session, state = found
+            page.say(
+                "receipt",
+                m.Receipt(stamp=time.time(), action_id=action_id, session=session, state=state),
+            )
+
     def _obey(self, message: Any, now: float) -> None:
         lease = self.kernel.leases.live(now)
         match message:
             case m.Call() if lease:
                 self.calls.ask(message, lease, now)
+            case m.AnswerCall() if message.knock is not None:
+                self.calls.answer_knock(message.knock, accept=message.accept, lease=lease, now=now)
             case m.AnswerCall():
                 self.calls.answer(accept=message.accept, lease=lease, now=now)
             case m.Tilt():
@@ -243,8 +282,14 @@ class PresentRobotPage(FakeRobotPage):
                     text=message.text,
                     language=message.language,
                     aloud=message.aloud and not here,
+                    receipts=not here,
                 )
+                if not here:
+                    self.receipts.said(message.action_id, lease.session)
                 self._tell("words", words)
+            case m.ConfirmWords() if lease:
+                if self.receipts.confirm(message.target, message.state, lease.session)[1]:
+                    self._tell_receipt(message.target)
         self._say("state", self._state())
 
     def _state(self) -> m.State:
@@ -261,6 +306,8 @@ class PresentRobotPage(FakeRobotPage):
             state,
             call=self.calls.state(lease, now),
             screens=self.media.screens,
+            knockable=self.calls.knockable(lease, audible=self.media.audible),
+            knock=self.calls.knocking(lease, now),
             tilt=self.tilt,
             safety=safety,
         )

@@ -30,7 +30,14 @@ def short_study(*, minutes: float = 5.0) -> StudyDefinition:
     ]
     conditions = [one for one in written["conditions"] if one["key"] == "giraff_open"]
     return msgspec.convert(
-        {**written, "slug": "short", "steps": steps, "conditions": conditions, "courses": [course]},
+        {
+            **written,
+            "slug": "short",
+            "steps": steps,
+            "conditions": conditions,
+            "courses": [course],
+            "analyses": [],  # they compare conditions
+        },
         StudyDefinition,
     )
 

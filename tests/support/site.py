@@ -64,11 +64,15 @@ def free_port() -> int:
     raise AssertionError("there is always another")
 
 
-def wait_for(condition: Callable[[], T], within: float, what: str) -> T:
-    """Return the first truthy value of `condition()`, or fail saying what never came."""
+def wait_for(
+    condition: Callable[[], T], within: float, what: str, state: Callable[[], object] = str
+) -> T:
+    """Return the first truthy value of `condition()`, or fail saying what never came, and how
+    things are by then.
+    """
     deadline = time.monotonic() + patient(within)
     while not (value := condition()):
-        assert time.monotonic() < deadline, f"{what} did not come within {within} s"
+        assert time.monotonic() < deadline, f"{what} did not come within {within} s {state()}"
         time.sleep(0.05)
     return value
 

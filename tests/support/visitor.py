@@ -94,7 +94,8 @@ class Visitor:
         wait_for(
             lambda: self.frames() > 3,
             within,
-            f"a picture (phase {self.page_data('phase')}, link {self.page_data('link')})",
+            "a picture",
+            lambda: {name: self.page_data(name) for name in ("phase", "link")},
         )
 
     def hold(self, key: str, reached: Callable[[], Any], within: float, what: str) -> None:

@@ -38,7 +38,7 @@ STATES = (
     Column("received", "s", "time at which the server had it, by the server's clock"),
     Column("clock_offset", "s", "robot's clock minus the server's, as estimated then"),
     Column("boot", "", "run of the robot's agent: 0 for the session's first"),
-    Column("seq", "", "number of the state within the run"),
+    Column("seq", "", "number of the state within the run, from the session's first"),
     Column("x", "m", "position on the map"),
     Column("y", "m", "position on the map"),
     Column("theta", "rad", "heading on the map, counter-clockwise from x"),

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.figures.drawing import FAINT, INK, SCALE, WIDTH, Drawing, house_style
-from experiments.analysis.statistics.descriptive import shares
+from experiments.analysis.statistics.descriptive import ROUNDED, shares
 from experiments.analysis.tables.paper_tables import (
     behind,
     label_of,
@@ -69,7 +69,7 @@ def figure_8a(dataset: Dataset) -> Drawing:
         "figure-8a",
         title,
         figure,
-        Table("figure-8a", title, head, rows, (note(dataset, responses),)),
+        Table("figure-8a", title, head, rows, (note(dataset, responses), ROUNDED)),
         found,
     )
 
@@ -113,7 +113,7 @@ def figure_8b(dataset: Dataset) -> Drawing:
         "figure-8b",
         title,
         figure,
-        Table("figure-8b", title, head, tuple(rows), (note(dataset, responses),)),
+        Table("figure-8b", title, head, tuple(rows), (note(dataset, responses), ROUNDED)),
         found,
     )
 
@@ -194,7 +194,7 @@ def _beside(axes: Axes, text: str, where: tuple[float, float], side: int) -> Non
 
 
 def _balance(line: Line) -> tuple[float, ...] | None:
-    """Non-positive and positive as printed, which sum to 100."""
+    """Non-positive and positive answers, in percent."""
     total = line.summary.answers
     above = round((line.summary.positive or 0.0) * total / 100.0)
     return shares((total - above, above))

@@ -10,8 +10,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
-from experiments.analysis.statistics.descriptive import holm
-from experiments.analysis.tables.effects import compared, difference, head_of
+from experiments.analysis.statistics.conditions import compare
+from experiments.analysis.tables.comparisons import READ_AS, compared, corrected_for, head_of
+from experiments.analysis.tables.effects import family
 from experiments.analysis.tables.paper_tables import behind, label_of, lines_of
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.table import Table
@@ -23,25 +24,30 @@ def compare_answers(dataset: Dataset) -> Table:
     counted = {key: lines_of(dataset, key) for key in keys}
     keys = [key for key in keys if counted[key][1]]
     lines = counted[keys[0]][0] if keys else []
-    paired = dataset.study.allocation.design == "within"
+    is_paired = dataset.study.allocation.design == "within"
     groups = [
         [(scores(counted[key][1], line.statements), behind(line, counted[key][1])) for key in keys]
         for line in lines
     ]
-    tests = [difference([values for values, _ids in row], paired=paired) for row in groups]
-    corrected = holm([test.p for test in tests])
+    tests = [
+        compare(
+            {key: values for key, (values, _) in zip(keys, row, strict=True)}, is_paired=is_paired
+        )
+        for row in groups
+    ]
+    corrected, members = corrected_for(tests, groups)
     rows = tuple(
-        compared(label_of(line), row, test, p)
+        compared(label_of(line), row, test, p, is_ordinal=True)
         for line, row, test, p in zip(lines, groups, tests, corrected, strict=True)
     )
     below = (
         RULES[dataset.study.analysis.counts],
-        (
-            "A participant's score is the mean of their answers. p (Holm): corrected for the number"
-            " of rows."
-        ),
+        "A participant's score is the mean of their answers. IQR: third less first quartile.",
+        f"{family(members)} A topic of one statement is the same test as the statement.",
+        *READ_AS,
     )
-    return Table("answers", "Final questionnaire by condition.", ("", *head_of(keys)), rows, below)
+    head = ("", *head_of(keys, is_ordinal=True))
+    return Table("answers", "Final questionnaire by condition.", head, rows, below)
 
 
 def scores(responses: Sequence[ResponseRecord], statements: Sequence[str]) -> Mapping[str, float]:

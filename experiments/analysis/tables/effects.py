@@ -13,20 +13,21 @@ from itertools import pairwise
 import numpy as np
 
 from experiments.analysis.dataset.columns import WAYS
-from experiments.analysis.dataset.records import COMPLETED, Dataset, Floats
+from experiments.analysis.dataset.records import COMPLETED, Dataset
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.statistics.descriptive import (
-    Test,
-    between,
-    correlation,
-    holm,
-    several_between,
-    several_within,
-    spread,
-    wilson,
-    within,
+from experiments.analysis.statistics.comparisons import correlation, holm
+from experiments.analysis.statistics.conditions import compare
+from experiments.analysis.statistics.descriptive import spread, wilson
+from experiments.analysis.tables.comparisons import (
+    READ_AS,
+    TESTED,
+    Group,
+    compared,
+    corrected_for,
+    head_of,
+    tested,
 )
-from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
+from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 
 OUTCOMES = (
     "total_time",
@@ -60,57 +61,29 @@ def compare_conditions(
     ids = {
         key: [one.session.id for one in measured if one.session.condition == key] for key in keys
     }
-    paired = dataset.study.allocation.design == "within"
-    groups = {
-        name: [(_by_participant(measured, name, key), ids[key]) for key in keys] for name in names
-    }
-    tests = [difference([values for values, _ids in groups[name]], paired=paired) for name in names]
-    corrected = holm([test.p for test in tests])
-    rows = tuple(
-        compared(name, groups[name], test, p)
-        for name, test, p in zip(names, tests, corrected, strict=True)
+    is_paired = dataset.study.allocation.design == "within"
+    rows = [
+        [(values_by_participant(measured, name, key), ids[key]) for key in keys] for name in names
+    ]
+    tests = [
+        compare(
+            {key: values for key, (values, _) in zip(keys, row, strict=True)}, is_paired=is_paired
+        )
+        for row in rows
+    ]
+    corrected, members = corrected_for(tests, rows)
+    cells = tuple(
+        compared(name, row, test, p)
+        for name, row, test, p in zip(names, rows, tests, corrected, strict=True)
     )
-    below = (
-        (
-            "A participant's sessions under a condition are averaged first. p (Holm): corrected for"
-            " the number of metrics."
-        ),
-    )
-    return Table("conditions", "Metrics by condition.", ("Metric", *head_of(keys)), rows, below)
+    below = ("A participant's sessions under a condition are averaged first.", family(members))
+    head = ("Metric", *head_of(keys))
+    return Table("conditions", "Metrics by condition.", head, cells, (*below, *READ_AS))
 
 
-def head_of(keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the head of `compared`, without its first word."""
-    return (
-        *(part for key in keys for part in (f"{key}: n", f"{key}: mean", f"{key}: SD")),
-        "Test",
-        "Statistic",
-        "p",
-        "p (Holm)",
-        "Effect",
-    )
-
-
-def compared(
-    label: str,
-    groups: Sequence[tuple[Mapping[str, float], Sequence[str]]],
-    test: Test,
-    corrected: float,
-) -> tuple[TableCell, ...]:
-    """Return a row: what was compared, each group (a value a participant, and the sessions behind
-    them), and the test.
-    """
-    cells: list[TableCell] = []
-    for values, ids in groups:
-        about = spread(list(values.values()))
-        cells += [count(about.n, ids), number(about.mean, 3, ids), number(about.sd, 3)]
-    numbers = (
-        number(test.statistic, 2),
-        probability(test.p),
-        probability(corrected),
-        number(test.effect, 2),
-    )
-    return words(label), *cells, words(test.name), *numbers
+def family(members: int) -> str:
+    """Return the sentence on what the p values of a table are corrected for."""
+    return f"p (Holm): corrected for the {amount(members, 'different test')} of this table."
 
 
 def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
@@ -120,29 +93,15 @@ def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
     )
 
 
-def _by_participant(
+def values_by_participant(
     measured: Sequence[Measured], name: str, condition: str | None = None
 ) -> dict[str, float]:
-    """The mean of a metric over a participant's sessions."""
+    """Return the mean of a metric over each participant's sessions, of all or of one condition."""
     found: dict[str, list[float]] = {}
     for one in measured:
         if condition in {None, one.session.condition} and math.isfinite(one.values[name]):
             found.setdefault(one.session.participant, []).append(one.values[name])
     return {who: math.fsum(values) / len(values) for who, values in found.items()}
-
-
-def difference(groups: Sequence[Mapping[str, float]], *, paired: bool) -> Test:
-    """Return the test of a difference between conditions, each with a value a participant."""
-    if len(groups) < 2:
-        return Test("–", sum(len(group) for group in groups), math.nan, math.nan, math.nan)
-    if paired:
-        shared = sorted(set.intersection(*(set(group) for group in groups)))
-        table = np.array(
-            [[group[who] for group in groups] for who in shared], dtype=np.float64
-        ).reshape(len(shared), len(groups))
-        return within(table[:, 0], table[:, 1]) if len(groups) == 2 else several_within(table)
-    arrays: list[Floats] = [np.array(list(group.values()), dtype=np.float64) for group in groups]
-    return between(arrays[0], arrays[1]) if len(arrays) == 2 else several_between(arrays)
 
 
 def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Table:
@@ -196,33 +155,33 @@ def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Tab
 def against_network(measured: Sequence[Measured], names: Sequence[str] = OUTCOMES) -> Table:
     """Return the rank correlation of driving with the network, a participant one point."""
     pairs = [(cause, name) for cause in CAUSES for name in names]
-    tests = []
+    tests, members = [], []
     for cause, name in pairs:
-        first, second = _by_participant(measured, cause), _by_participant(measured, name)
+        first, second = (
+            values_by_participant(measured, cause),
+            values_by_participant(measured, name),
+        )
         shared = sorted(set(first) & set(second))
-        tests.append(
-            correlation(
-                np.array([first[who] for who in shared]), np.array([second[who] for who in shared])
-            )
-        )
-    corrected = holm([test.p for test in tests])
-    rows = tuple(
-        (
-            words(cause),
-            words(name),
-            count(test.n),
-            number(test.effect, 2),
-            probability(test.p),
-            probability(p),
-        )
-        for (cause, name), test, p in zip(pairs, tests, corrected, strict=True)
+        x, y = ([one[who] for who in shared] for one in (first, second))
+        tests.append(correlation(np.array(x), np.array(y)))
+        members.append((tuple(x), tuple(y)))
+    corrected = holm([test.p for test in tests], members)
+    kept = [place for place, head in enumerate(TESTED) if not head.startswith("Difference")]
+    rows = []
+    for (cause, name), test, p in zip(pairs, tests, corrected, strict=True):
+        cells = tested(test, p)
+        rows.append((words(cause), words(name), *(cells[place] for place in kept)))
+    different = len({one for one, test in zip(members, tests, strict=True) if test.is_known})
+    below = (
+        "Spearman's rank correlation over participants, whose sessions are averaged first.",
+        family(different),
+        READ_AS[0],
     )
-    below = ("Spearman's rank correlation over participants, whose sessions are averaged first.",)
     return Table(
         "network-effects",
         "Driving against the network.",
-        ("Of the network", "Of the driving", "n", "ρ", "p", "p (Holm)"),
-        rows,
+        ("Of the network", "Of the driving", *(TESTED[place] for place in kept)),
+        tuple(rows),
         below,
     )
 
@@ -289,23 +248,6 @@ def learning(measured: Sequence[Measured]) -> Table:
     later = [one for one in measured if one.session.number > MOST_SESSIONS]
     if later:
         rows.append(_class_row("session", f"≥ {MOST_SESSIONS + 1}", later))
-    tests = [_first_to_second(measured, name) for name in LEARNT]
-    blank = (
-        words("first to second"),
-        words("difference"),
-        count(max((test.n for test in tests), default=0)),
-        words(""),
-        words(""),
-    )
-    rows.append((*blank, *(number(test.difference, 3) for test in tests)))
-    rows.append(
-        (
-            words(""),
-            words("p (Holm)"),
-            *(words("") for _ in range(3)),
-            *(probability(p) for p in holm([test.p for test in tests])),
-        )
-    )
     head = (
         "",
         "",
@@ -314,26 +256,39 @@ def learning(measured: Sequence[Measured]) -> Table:
         "% completed",
         *(f"{name}, median" for name in LEARNT),
     )
+    return Table("learning", "Metrics by session number.", head, tuple(rows))
+
+
+def learnt(measured: Sequence[Measured]) -> Table:
+    """Return the test of each metric in the second against the first sessions of the same
+    participants.
+    """
+    rows = [[_in_session(measured, name, number_) for number_ in (2, 1)] for name in LEARNT]
+    tests = [
+        compare({"second": second[0], "first": first[0]}, is_paired=True) for second, first in rows
+    ]
+    corrected, members = corrected_for(tests, rows)
+    cells = tuple(
+        compared(name, row, test, p)
+        for name, row, test, p in zip(LEARNT, rows, tests, corrected, strict=True)
+    )
     below = (
-        (
-            "The difference is that of the same participants' second and first sessions, mean;"
-            " negative: less in the second. Paired t test."
-        ),
+        "Participants who came back. Difference: second less first session.",
+        family(members),
+        *READ_AS,
     )
-    return Table("learning", "Metrics by session number.", head, tuple(rows), below)
+    return Table(
+        "learning-tests",
+        "Second against first session.",
+        ("Metric", *head_of(("second", "first"))),
+        cells,
+        below,
+    )
 
 
-def _first_to_second(measured: Sequence[Measured], name: str) -> Test:
-    first, second = (
-        {one.session.participant: one.values[name] for one in measured if one.session.number == n}
-        for n in (1, 2)
-    )
-    shared = sorted(
-        who
-        for who in set(first) & set(second)
-        if math.isfinite(first[who]) and math.isfinite(second[who])
-    )
-    return within(
-        np.array([second[who] for who in shared], dtype=np.float64),
-        np.array([first[who] for who in shared], dtype=np.float64),
-    )
+def _in_session(measured: Sequence[Measured], name: str, number_: int) -> Group:
+    own = [
+        one for one in measured if one.session.number == number_ and math.isfinite(one.values[name])
+    ]
+    values = {one.session.participant: one.values[name] for one in own}
+    return values, [one.session.id for one in own]

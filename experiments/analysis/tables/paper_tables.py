@@ -1,10 +1,11 @@
 """Tables 1, 3, 4 and 5 of the paper (Melendez-Fernandez et al., 2017), from a dataset."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
-from experiments.analysis.statistics.descriptive import shares
+from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
 from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 from sessions.devices import OTHER
@@ -154,12 +155,17 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     lines, responses = lines_of(dataset, condition)
     scale = scale_of(dataset)
     head = ("", *(f"% {signed(value)}" for value in scale), "n", "Mean", "SD", "CI95", "CI99")
+    head = (*head, "Median", "IQR")
     rows = tuple(_summary_row(line, responses, scale) for line in lines)
-    pooled = "Percentages of all answers; mean, SD and CI of the respondents' means."
+    pooled = (
+        "Percentages of all answers; mean, SD, CI, median and IQR (third less first quartile) of"
+        " the respondents' means."
+    )
     below = (
         note(dataset, responses),
         INTERVALS[dataset.study.analysis.interval],
         pooled,
+        ROUNDED,
         *_not_applicable(lines, responses),
     )
     suffix = f"-{condition}" if condition else ""
@@ -187,10 +193,17 @@ def scale_of(dataset: Dataset) -> tuple[int, ...]:
 
 def behind(line: Line, responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
     """Return the sessions whose answers a row of Table 5 is made of."""
+    return behind_statements(line.statements, responses)
+
+
+def behind_statements(
+    statements: Sequence[str], responses: Sequence[ResponseRecord]
+) -> tuple[str, ...]:
+    """Return the sessions in which one of some statements was answered."""
     return tuple(
         one.session
         for one in responses
-        if one.session and any(one.values.get(key) is not None for key in line.statements)
+        if one.session and any(one.values.get(key) is not None for key in statements)
     )
 
 
@@ -217,13 +230,25 @@ def _summary_row(
         number(part, 1, said(line, responses, (value,)))
         for part, value in zip(parts, scale, strict=True)
     ]
-    numbers = (found.mean, found.sd, found.ci95, found.ci99)
+    ranked = spread(respondent_scores(responses, line.statements))
+    numbers = (found.mean, found.sd, found.ci95, found.ci99, ranked.median, ranked.iqr)
     return (
         words(label_of(line)),
         *cells,
         count(found.respondents, about),
         *(number(value, 2, about) for value in numbers),
     )
+
+
+def respondent_scores(
+    responses: Sequence[ResponseRecord], statements: Sequence[str]
+) -> list[float]:
+    """Return the score of each response: the mean of its answers to some statements."""
+    given = (
+        [value for key in statements if (value := one.values.get(key)) is not None]
+        for one in responses
+    )
+    return [math.fsum(values) / len(values) for values in given if values]
 
 
 def signed(value: float) -> str:

@@ -11,7 +11,7 @@ from experiments.analysis.dataset.records import (
     ParticipantRecord,
     ResponseRecord,
 )
-from experiments.analysis.statistics.descriptive import shares, spread
+from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
 from experiments.analysis.tables.response_selection import counted, note
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 from surveys.answers import Missing
@@ -73,7 +73,7 @@ def participants_table(dataset: Dataset) -> Table:
         if question.labelled_values and not question.item.takes_several:
             rows += _question_rows(dataset, question, responses)
     below = f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}."
-    return Table("participants", "Participants.", ("", "", "n", "%"), tuple(rows), (below,))
+    return Table("participants", "Participants.", ("", "", "n", "%"), tuple(rows), (below, ROUNDED))
 
 
 def _age_rows(dataset: Dataset, people: Sequence[ParticipantRecord]) -> Iterator[Row]:

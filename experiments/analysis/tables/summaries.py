@@ -13,7 +13,10 @@ from experiments.analysis.tables.reliability import QualityVerdict
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 
 OF_SEGMENTS = ("seconds", "path", "efficiency", "stops", "near_seconds", "collisions")
-SPREAD = ("n", "Mean", "SD", "p5", "Median", "p95")
+SPREAD = ("n", "Mean", "SD", "p5", "Median", "p95", "IQR")
+OF_SESSIONS = (
+    "n: sessions, of which a participant may have several. IQR: third less first quartile."
+)
 
 
 def metrics_table(measured: Sequence[Measured]) -> Table:
@@ -24,6 +27,7 @@ def metrics_table(measured: Sequence[Measured]) -> Table:
     )
     below = (
         f"{_amounts(measured)}; definitions of version {VERSION}.",
+        OF_SESSIONS,
         *_about_paths(measured),
     )
     return Table("metrics", "Session metrics.", ("Metric", "Unit", *SPREAD), rows, below)
@@ -63,7 +67,8 @@ def _spread_row(
     ids = [session for session, _ in known]
     about = spread([value for _, value in known])
     cells = (
-        number(value, 3, ids) for value in (about.mean, about.sd, about.p5, about.median, about.p95)
+        number(value, 3, ids)
+        for value in (about.mean, about.sd, about.p5, about.median, about.p95, about.iqr)
     )
     return *before, words(column.name), words(column.unit), count(about.n, ids), *cells
 
@@ -156,6 +161,7 @@ def segment_spreads(measured: Sequence[Measured], names: Sequence[str] = OF_SEGM
         "Metrics by segment.",
         ("Robot", "Segment", "Metric", "Unit", *SPREAD),
         tuple(rows),
+        (OF_SESSIONS,),
     )
 
 

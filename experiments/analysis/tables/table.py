@@ -34,6 +34,7 @@ _LATEX = str.maketrans(
         "χ": r"$\chi$",
         "η": r"$\eta$",
         "ρ": r"$\rho$",
+        "ε": r"$\epsilon$",
         "|": r"\textbar{}",
         "\n": " ",
         "\r": " ",

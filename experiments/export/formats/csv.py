@@ -3,6 +3,7 @@ CSV, and as JSON what is no table.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from experiments.analysis.dataset.files import numbers, table, tables
@@ -32,15 +33,15 @@ class CsvFormat(ExportFormat):
     def of_study(self) -> Iterator[File]:
         """Yield everything but states and network samples."""
         one = self.source
-        events = events_of(one.drives, one.names, one.choice)
+        events = events_of(one.drives, one.release)
         yield from encoded(tables(one.dataset, events, one.more))
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
         """Yield states and network samples."""
-        dataset, names = self.source.dataset, self.source.names
+        dataset = self.source.dataset
         yield from encoded(numbers("states", session.id, dataset.states(session.id)))
         yield from encoded(numbers("network", session.id, dataset.network(session.id)))
-        events = events_of([drive], names, ANALYSED)
+        events = events_of([drive], replace(self.source.release, choice=ANALYSED))
         self._metrics.append(metric_row(dataset, session, events))
 
     def at_last(self) -> Iterator[File]:

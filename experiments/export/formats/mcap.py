@@ -88,8 +88,8 @@ class McapFormat(ExportFormat):
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
         """Yield the recording of a session; only an identified one says when it was."""
         one = self.source
-        begin = granted(drive) if one.choice.identified else 0.0
-        events = events_of([drive], one.names, one.choice)
+        begin = granted(drive) if one.release.choice.identified else 0.0
+        events = events_of([drive], one.release)
         yield (
             f"mcap/session-{session.id}.mcap",
             [recording(one.dataset, session, events, begin=begin)],

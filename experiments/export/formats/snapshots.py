@@ -2,13 +2,17 @@
 
 from collections.abc import Iterator
 
+import structlog
 from django.utils.translation import gettext_lazy as _
 
 from experiments.analysis.dataset.records import SessionRecord
 from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, File
+from experiments.export.jpeg import JpegError, without_metadata
 from experiments.models import Drive
 from sessions.models import Snapshot
+
+log = structlog.stdlib.get_logger(__name__)
 
 
 class SnapshotsFormat(ExportFormat):
@@ -31,4 +35,19 @@ class SnapshotsFormat(ExportFormat):
             .values_list("jpeg", flat=True)
         )
         for number, jpeg in enumerate(shots.iterator(chunk_size=1), start=1):
-            yield f"snapshots/session-{session.id}-{number}.jpg", [bytes(jpeg)]
+            name = f"session-{session.id}-{number}"
+            photo = self._photo(bytes(jpeg), name)
+            if photo is not None:
+                yield f"snapshots/{name}.jpg", [photo]
+
+    def _photo(self, jpeg: bytes, name: str) -> bytes | None:
+        """As it was stored where everything is; else the picture alone. One that cannot be taken
+        apart does not leave.
+        """
+        if self.source.release.choice.identified:
+            return jpeg
+        try:
+            return without_metadata(jpeg, name)
+        except JpegError as error:
+            log.warning("photo_not_exported", photo=name, reason=str(error))
+            return None

@@ -12,7 +12,8 @@ import msgspec
 import structlog
 
 from robots.agent.control.calls import CallControl
-from robots.agent.control.publisher import Publisher
+from robots.agent.control.publisher import Media, Publisher
+from robots.agent.control.receipts import Receipts
 from robots.agent.control.reports import Reports
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.media.photos import develop
@@ -29,10 +30,13 @@ from robots.api.messages import (
     Call,
     Cancel,
     ClearEStop,
+    ConfirmWords,
     Dock,
     EStop,
+    Knock,
     Mode,
     Photo,
+    Receipt,
     ResendStates,
     Say,
     Stop,
@@ -96,6 +100,7 @@ class Actions:
         turn_wheels: lets the kernel's decision reach the base at once.
         spawn: runs a coroutine beside the loop.
         calls: who is let through to the people at the robot.
+        media: whether a knock would be heard, and the robot's own bell.
     """
 
     def __init__(
@@ -111,6 +116,7 @@ class Actions:
         spawn: Spawn,
         times: TimeSource,
         calls: CallControl,
+        media: Media,
     ) -> None:
         self._kernel, self._adapter, self._reports, self._out = kernel, adapter, reports, out
         self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = (
@@ -120,8 +126,9 @@ class Actions:
             spawn,
             times,
         )
-        self._calls = calls
+        self._calls, self._media = calls, media
         self._history = ActionHistory()
+        self._receipts = Receipts()
         self._refusals = Cadence(REFUSALS_ANSWERED)
         self._photos = 0
         self._waiting: Action | None = None  # to be begun when the robot stands
@@ -157,6 +164,7 @@ class Actions:
             self._estop(action, sender)
         elif (before := self._history.of(action.action_id)) is not None:
             self._out.send("action", before)
+            self._say_receipt(action.action_id)
         elif reason := self._kernel.permit(
             action, sender, now=self._times.now(), unix=self._times.unix()
         ):
@@ -301,8 +309,12 @@ class Actions:
                 self._resend(action)
             case Say():
                 self._say_words(action)
+            case ConfirmWords():
+                self._confirm_words(action)
             case Call() | AnswerCall():
                 self._call(action)
+            case Knock():
+                self._knock(action)
             case _:
                 self._hand_over(action)
 
@@ -444,18 +456,56 @@ class Actions:
             text=action.text,
             language=action.language,
             aloud=action.aloud and not here,
+            receipts=not here,
         )
+        if not here:
+            self._receipts.said(action.action_id, lease.session)
         self._out.send("words", words)
         self._say(self._status(action, "FINISHED"))
+
+    def _confirm_words(self, action: ConfirmWords) -> None:
+        lease = self._kernel.leases.live(self._times.now())
+        reason, is_news = self._receipts.confirm(
+            action.target, action.state, lease.session if lease else None
+        )
+        if is_news:
+            self._say_receipt(action.target)
+        self._say(self._status(action, "FAILED" if reason else "FINISHED", reason))
+
+    def _say_receipt(self, action_id: str) -> None:
+        """Tell the driver what became of their words, if anything is known of them."""
+        found = self._receipts.of(action_id)
+        if found is not None:
+            session, state = found
+            self._out.send(
+                "receipt",
+                Receipt(
+                    stamp=self._times.unix(), action_id=action_id, session=session, state=state
+                ),
+            )
 
     def _call(self, action: Call | AnswerCall) -> None:
         now = self._times.now()
         lease = self._kernel.leases.live(now)
         reason = None
-        if isinstance(action, AnswerCall):
+        if isinstance(action, AnswerCall) and action.knock is not None:
+            reason = self._calls.answer_knock(
+                action.knock, accept=action.accept, lease=lease, now=now
+            )
+        elif isinstance(action, AnswerCall):
             reason = self._calls.answer(accept=action.accept, lease=lease, now=now)
         elif lease is not None:
             self._calls.ask(action, lease, now)
+        self._reports.hurry()
+        self._say(self._status(action, "FAILED" if reason else "FINISHED", reason or ""))
+
+    def _knock(self, action: Knock) -> None:
+        now = self._times.now()
+        reason = self._calls.knock(
+            action.action_id, self._kernel.leases.live(now), now, audible=self._media.audible
+        )
+        if reason is None:
+            self._media.ring()
         self._reports.hurry()
         self._say(self._status(action, "FAILED" if reason else "FINISHED", reason or ""))
 

@@ -109,6 +109,10 @@ class CommandDispatcher:
             parts.times,
             screens=lambda: parts.media.screens,
             call=lambda: self._calls.state(self._driver(), self._times.now()),
+            knock=lambda: (
+                self._calls.knockable(self._driver(), audible=parts.media.audible),
+                self._calls.knocking(self._driver(), self._times.now()),
+            ),
             networks=self._networks_told,
             devices=lambda: (parts.media.camera_status, (*parts.media.errors, *self._shortage)),
         )
@@ -123,6 +127,7 @@ class CommandDispatcher:
             spawn=spawn,
             times=parts.times,
             calls=self._calls,
+            media=parts.media,
         )
         self._heartbeat_due = Cadence(HEARTBEAT_PERIOD)
         self._disk_due = Cadence(DISK_PERIOD)

@@ -77,6 +77,15 @@ class Media(Protocol):
         """How many of the robot's own displays are connected."""
 
     @property
+    def audible(self) -> bool:
+        """Whether somebody at the robot may hear a knock: a display is connected, or the robot has
+        a loudspeaker.
+        """
+
+    def ring(self) -> None:
+        """Ring with the robot's own loudspeaker, if no display is connected that does."""
+
+    @property
     def camera_status(self) -> CameraStatus | None:
         """How the camera is while it is wanted and gives no video."""
 

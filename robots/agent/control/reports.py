@@ -23,6 +23,7 @@ from robots.api.messages import (
     CallState,
     CameraStatus,
     Event,
+    KnockState,
     LabReport,
     Lease,
     Message,
@@ -64,6 +65,7 @@ class Reports:
         times: the clocks.
         screens: how many of the robot's own displays are connected.
         call: how the driver's call stands.
+        knock: whether the driver may knock, and how their knock stands.
         networks: what is put on the driver's network, for commands and for the picture.
         devices: how the camera is when it gives no video, and why devices do not work.
     """
@@ -78,6 +80,7 @@ class Reports:
         *,
         screens: Callable[[], int] = int,
         call: Callable[[], CallState | None] = lambda: None,
+        knock: Callable[[], tuple[bool, KnockState | None]] = lambda: (False, None),
         networks: Callable[[], tuple[LabReport | None, LabReport | None]] = lambda: (None, None),
         devices: Callable[[], tuple[CameraStatus | None, tuple[str, ...]]] = lambda: (None, ()),
     ) -> None:
@@ -89,6 +92,7 @@ class Reports:
             times,
         )
         self._screens, self._call, self._networks = screens, call, networks
+        self._knock = knock
         self._devices = devices
         self.reading = UNKNOWN
         self._dock = DockState()
@@ -246,6 +250,7 @@ class Reports:
 
     def _build(self, now: float, lease: Lease | None) -> State:
         reading, kernel = self.reading, self._kernel
+        knockable, knock = self._knock()
         control_network, video_network = self._networks()
         camera_status, device_errors = self._devices()
         return State(
@@ -275,6 +280,8 @@ class Reports:
             assist_point=reading.assist_point,
             call=self._call(),
             screens=self._screens(),
+            knockable=knockable,
+            knock=knock,
             control_network=control_network,
             video_network=video_network,
             camera_status=camera_status,

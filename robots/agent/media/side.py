@@ -214,6 +214,18 @@ class MediaSide:
         return self._pages.screens
 
     @property
+    def audible(self) -> bool:
+        """Return whether a knock may be heard at the robot: a display is connected, or it has a
+        loudspeaker of its own.
+        """
+        return self.screens > 0 or (self._outputs is not None and self._outputs.has_speaker)
+
+    def ring(self) -> None:
+        """Ring with the robot's own loudspeaker; where a display is connected, that does it."""
+        if self._outputs is not None and self.screens == 0:
+            self._outputs.ring()
+
+    @property
     def visitor_counts(self) -> dict[str, int]:
         """Return what came of the visitor's media: sounds and pictures let through, and what was
         not, by reason.

@@ -14,6 +14,7 @@ from robots.api.messages import (
     Cancel,
     Capability,
     ClearEStop,
+    ConfirmWords,
     Dock,
     Follow,
     Goto,
@@ -41,9 +42,15 @@ WITHOUT_LEASE: dict[type[Action], frozenset[str]] = {
     ResendStates: STAFF,
     ClearEStop: frozenset({"staff", "owner", "screen"}),
     Say: frozenset({"screen"}),
+    ConfirmWords: frozenset({"screen"}),
     AnswerCall: frozenset({"screen"}),
 }
-NEVER_THE_DRIVER: tuple[type[Action], ...] = (ResendStates, ClearEStop, AnswerCall)
+NEVER_THE_DRIVER: tuple[type[Action], ...] = (
+    ResendStates,
+    ClearEStop,
+    AnswerCall,
+    ConfirmWords,
+)
 MOTION: tuple[type[Action], ...] = (Goto, Follow, Dock, Undock)
 MOVING: tuple[type[Action], ...] = (*MOTION, Tilt)
 # What a lease that limits actions never keeps a driver from, beside stop and e-stop.
@@ -57,6 +64,7 @@ NEEDS: dict[type[Action], Capability] = {
     Photo: "photo",
     Relocalize: "relocalize",
     Say: "say",
+    ConfirmWords: "say",
     Call: "call",
     AnswerCall: "call",
 }

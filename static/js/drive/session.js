@@ -28,6 +28,8 @@ const newSlice = () => ({
   factsheet: /** @type {any} */ (null),
   /** when this page began to drive, and the robot's odometer then; null before */
   began: /** @type {{at: number, distance: number} | null} */ (null),
+  /** what was driven in the visit that is over, null without one: waiting/souvenir.js */
+  trip: /** @type {import("../waiting/souvenir.js").Trip | null} */ (null),
   /** the operator's last sentence */
   notice: "",
   /** whether the visitor is being asked if they mean to leave */
@@ -83,20 +85,22 @@ const setUp = (page) => {
 };
 
 /** The lease comes and goes. @param {import("./registry.js").Page} page */
-const newControl = ({ store, element, keys, emit }) => {
+const newControl = (page) => {
+  const { store, element, keys, emit } = page;
   let driven = ""; // the session that this tab drives
   const control = {
     sessionBefore: "", // that it was in when it was loaded
     /** @param {any} lease null when it is over */
     take: (lease) => {
       if (!lease) {
-        store.update({ began: null });
+        store.update({ began: null, trip: tripOf(store.get(), driven, page.map.trail.pieces) });
         emit("released");
         return;
       }
       emit("granted", lease);
       if (lease.session !== driven) {
         driven = lease.session;
+        store.update({ trip: null });
         emit("began", lease.session === control.sessionBefore);
       }
       if (!keys.taken) {
@@ -105,6 +109,23 @@ const newControl = ({ store, element, keys, emit }) => {
     },
   };
   return control;
+};
+
+/**
+ * What was driven by now. A visit that lost its connection on the way goes on.
+ * @param {import("./features.js").State} state @param {string} session @param {[number, number][][]} trail
+ */
+const tripOf = ({ began, robot, trip }, session, trail) => {
+  if (!began || !robot) {
+    return trip;
+  }
+  const { metres, minutes } = trip ?? { metres: 0, minutes: 0 };
+  return {
+    session,
+    metres: metres + Math.max(0, robot.distance - began.distance),
+    minutes: minutes + (unixNow() - began.at) / 60,
+    trail: trail.map((piece) => [...piece]),
+  };
 };
 
 /** @param {import("./registry.js").Page} page @param {ReturnType<typeof newControl>} control */

@@ -8,6 +8,7 @@ import { isOffered } from "../autonomy/offer.js";
 import { unixNow } from "../lib/clock.js";
 import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
+import { mayAsk } from "../study/restrictions.js";
 import { callOf, newOwn } from "./call.js";
 import { CallMedia } from "./call_media.js";
 import { createCallView } from "./call_view.js";
@@ -43,18 +44,24 @@ const setUp = (page) => {
       },
       () => store.update({ said: { word: "kept.failed", at: unixNow() }, now: unixNow() }),
     );
+  const knock = newKnock(page);
   const messages = createMessages(page);
   const head = createHead(page);
   const callView = createCallView(page, media);
-  setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
+  setUpButtons(page, { ...media.clicks, ...messages.clicks, "presence-photo": takePhoto, "presence-knock": knock.knock, "kept-close": () => photo?.close(), "presence-volumes": () => toggleVolumes(page, messages) });
   page.keys.closes(element("volumes"), messages.closePanel, () => messages.show(""));
   const renders = [callView.render, messages.render, head.render];
 
   return {
     api: { media },
     handlers: {
-      action: (/** @type {any} */ message) => photo?.heard(message),
+      action: (/** @type {any} */ message) => {
+        photo?.heard(message);
+        knock.answered(message);
+        messages.answered(message);
+      },
       words: messages.received,
+      receipt: messages.confirmed,
       pointer: (/** @type {any} */ message) => media.preview?.pointed(message),
     },
     keys: { talk: media.talkKey, ...head.keys },
@@ -64,6 +71,8 @@ const setUp = (page) => {
         media.poll(now);
         head.poll(now);
         photo?.poll(now);
+        messages.poll(now);
+        knock.poll(now);
       },
     },
     render: (/** @type {import("../drive/features.js").State} */ { visit, own, panel, keptPhoto }) => {
@@ -77,9 +86,27 @@ const setUp = (page) => {
       element("presence").hidden = roleOf(visit) !== "driver" || !(state.playing || state.writing || state.panel === "volumes");
       // In a study its photos belong to the task.
       element("presence-photo").hidden = !isOffered(state, "photo") || Boolean(state.study) || !state.playing;
+      // What is shared lies beside the bar; on a phone there is no room for one more button.
+      element("presence-knock").hidden = roleOf(visit) !== "driver" || !state.robot?.knockable || state.own.shares || !mayAsk(state, "knock");
       renders.forEach((render) => render(state));
       photo?.render(state);
     },
+  };
+};
+
+/** @param {import("../drive/registry.js").Page} page */
+const newKnock = (page) => {
+  const fetchKnock = lazy(async () => (await import("./knock.js")).createKnock(page));
+  /** @type {ReturnType<typeof import("./knock.js").createKnock> | null} fetched with the first knock */
+  let fetched = null;
+  return {
+    knock: () =>
+      fetchKnock((it) => {
+        fetched = it;
+        it.knock();
+      }),
+    answered: (/** @type {any} */ message) => fetched?.answered(message),
+    poll: (/** @type {number} */ now) => fetched?.poll(now),
   };
 };
 

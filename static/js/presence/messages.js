@@ -1,19 +1,29 @@
-/** Messages to the people there and from them: the panel that lists them, and its field. */
+/** Messages to the people there and from them: the panel that lists them, and its field. The list itself is conversation.js, fetched when it is needed. */
 
 import { isOffered } from "../autonomy/offer.js";
 import { ask } from "../autonomy/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { backToDriving, setPressed, write } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
-import { lineOf } from "./message_line.js";
-
-const MOST_LINES = 50;
+import { lazy } from "../lib/lazy.js";
 
 /** @param {import("../drive/registry.js").Page} page */
 export const createMessages = (page) => {
-  const { store, words, element, keys } = page;
-  const list = element("talk-list");
+  const { store, element, keys } = page;
   let session = "";
+  const fetchConversation = lazy(async () => new (await import("./conversation.js")).Conversation(page));
+  /** @typedef {import("./conversation.js").Conversation} Conversation */
+  /** @type {Conversation | null} */
+  let conversation = null;
+  /** @type {((it: Conversation) => void)[]} what it is to hear, in order; kept while it cannot be fetched */
+  const waiting = [];
+  const tell = (/** @type {((it: Conversation) => void)[]} */ ...what) => {
+    waiting.push(...what);
+    fetchConversation((it) => {
+      conversation = it;
+      waiting.splice(0).forEach((one) => one(it));
+    });
+  };
 
   /** Open a panel, at once: the visitor's next key goes to what they have opened. @param {"" | "talk" | "volumes"} panel @param {boolean} [writing] */
   const show = (panel, writing = false) => {
@@ -25,11 +35,18 @@ export const createMessages = (page) => {
     backToDriving(element);
   };
   keys.closes(element("talk"), closePanel, () => show("talk"));
-  setUpForm(page, () => show("talk")); // what was said, and what is answered, stays in sight
+  const onSent = (/** @type {import("../autonomy/robot_action.js").RobotAction | null} */ action) => {
+    if (action) {
+      tell((it) => it.sent(action));
+    }
+    show("talk"); // what was said, and what is answered, stays in sight
+  };
+  setUpForm(page, onSent);
 
   const toggleWriting = () => {
     const { writing } = store.get();
     show(writing ? "" : "talk", !writing);
+    tell(); // there before the connection can be lost
     if (writing) {
       backToDriving(element);
     } else {
@@ -41,25 +58,15 @@ export const createMessages = (page) => {
     show,
     closePanel,
     clicks: { "presence-talk": toggleWriting },
-    /** @param {{by: string, who: string, text: string}} message */
-    received: ({ by, who, text }) => {
-      const mine = by === "driver";
-      list.append(lineOf({ who: mine ? words.say("presence.you") : who || words.say("presence.they"), text, own: mine }));
-      while (list.children.length > MOST_LINES) {
-        list.firstElementChild?.remove();
-      }
-      const { panel, unread } = store.get();
-      // What somebody says there is worth seeing at once; the keys go on driving, or stay with the menu that has them.
-      const next = mine ? panel : panel || "talk";
-      store.update({ panel: next, unread: next === "talk" ? 0 : unread + (mine ? 0 : 1) });
-      store.flush(); // what is hidden cannot be scrolled
-      list.scrollTop = list.scrollHeight;
-    },
+    received: (/** @type {any} */ message) => tell((it) => it.received(message)),
+    answered: (/** @type {any} */ status) => conversation?.answered(status),
+    confirmed: (/** @type {any} */ receipt) => conversation?.confirmed(receipt),
+    poll: (/** @type {number} */ now) => (waiting.length ? tell() : conversation?.poll(now)),
     /** @param {import("../drive/features.js").State} state */
     render: (state) => {
       if (state.visit.session && state.visit.session !== session) {
         session = state.visit.session;
-        list.replaceChildren();
+        conversation?.clear();
       }
       const offered = isOffered(state, "say");
       if (!offered && state.panel === "talk") {
@@ -84,18 +91,19 @@ const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
   write(element("unread"), String(unread));
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {() => void} onSent */
+/** @param {import("../drive/registry.js").Page} page @param {(action: import("../autonomy/robot_action.js").RobotAction | null) => void} onSent */
 const setUpForm = ({ element, driving }, onSent) => {
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
   element("talk-form").addEventListener("submit", (event) => {
     event.preventDefault();
     const field = input("talk-field");
     const text = field.value.trim().slice(0, 500);
-    if (text) {
-      driving.sendAction(ask({ type: "say", text, aloud: input("talk-aloud").checked, language: document.documentElement.lang }, freshId("say-"), unixNow()));
+    const action = text ? ask({ type: "say", text, aloud: input("talk-aloud").checked, language: document.documentElement.lang }, freshId("say-"), unixNow()) : null;
+    if (action) {
+      driving.sendAction(action);
       field.value = "";
     }
-    onSent();
+    onSent(action);
     backToDriving(element);
   });
 };

@@ -153,6 +153,8 @@ const TO_PAGE = {
         }),
       ),
       screens: optional(count, 0),
+      knockable: optional(flag, false),
+      knock: absent(object({ actionId: id, status: oneOf("ringing", "answered", "declined", "unanswered") })),
       cameraStatus: absent(object({ status: oneOf("starting", "failed"), reason: optional(reason, "") })),
     }),
   ],
@@ -167,8 +169,10 @@ const TO_PAGE = {
       text: text(500),
       language: optional(text(16), ""),
       aloud: optional(flag, false),
+      receipts: optional(flag, false),
     }),
   ],
+  receipt: [KIB, object({ stamp, actionId: id, session: id, state: oneOf("shown", "spoken", "not_spoken") })],
   pointer: [KIB, object({ stamp, by: oneOf("driver", "screen"), at: absent(tuple(share, share)) })],
   pose: [KIB, object({ stamp, pose, velocity, tilt: absent(radians), assistWhy: optional(name, ""), assistPoint: absent(point) })],
   scan: [
@@ -272,7 +276,7 @@ const TO_PAGE = {
   room: [KIB, object({ driver: absent(name), driving: optional(flag, false), observers: optional(count, 0), waiting: optional(count, 0) })],
   screen: [
     16 * KIB,
-    object({ title: name, session: absent(id), visitor: absent(name), study: optional(flag, false), iceServers }),
+    object({ title: name, titles: optional(dictionary(name, 50), {}), session: absent(id), visitor: absent(name), study: optional(flag, false), iceServers }),
   ],
   robot: [2 * KIB, object({ online: flag, reason: optional(reason, "") })],
   "session/operator_message": [2 * KIB, object({ session: id, text: reason })],

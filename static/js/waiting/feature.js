@@ -59,6 +59,7 @@ const setUp = (page) => {
     actions: {
       tell_me: () => lazyPanels((panels) => void panels.tell_me()),
       copy_link: () => lazyPanels((panels) => void panels.copy_link()),
+      souvenir: () => lazyPanels((panels) => void panels.souvenir()),
       go_slow: () => lazyPanels((panels) => panels.go_slow()),
       practise: () => lazyPanels((panels) => panels.practise()),
     },

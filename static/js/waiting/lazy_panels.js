@@ -8,9 +8,11 @@ import { copy } from "../lib/clipboard.js";
 import { appOf, browserFor } from "../pages/check/in_app.js";
 import { askPermission, call, permission, prepare } from "./notification.js";
 import { createPractice } from "./practice.js";
+import { saveSouvenir } from "./souvenir.js";
 
 /** @param {import("../drive/registry.js").Page} page */
-export const createLazyPanels = ({ store, config, words, element, connection: { report }, begin }) => {
+export const createLazyPanels = (page) => {
+  const { store, config, words, element, connection: { report }, begin } = page;
   const { visit } = store.get();
   const practice = createPractice({ store, address: config.practice, element, words, report });
   return {
@@ -33,6 +35,12 @@ export const createLazyPanels = ({ store, config, words, element, connection: { 
       store.update({ betterBrowser: browserFor(navigator.userAgent), visit: { ...visit, phase: "closed", reason } });
     },
     copy_link: async () => store.update({ copied: await copy(location.href) }),
+    souvenir: async () => {
+      const { trip } = store.get();
+      if (trip) {
+        await saveSouvenir(page, trip);
+      }
+    },
     /** Go on with pictures through the server. */
     go_slow: () => {
       store.update({ visit });

@@ -75,7 +75,8 @@ def publish(site: Site, condition: str, *, short: bool) -> str:
         }
     slug = f"{condition.replace('_', '-')}{'-short' if short else ''}"
     conditions = [one for one in study["conditions"] if one["key"] == condition]
-    document = json.dumps(study | {"slug": slug, "conditions": conditions, "courses": [course]})
+    changes = {"slug": slug, "conditions": conditions, "courses": [course], "analyses": []}
+    document = json.dumps(study | changes)
     site.django(
         "from django.utils import timezone; from experiments import publishing; from experiments.definition import problems;"
         f"row = publishing.store(problems.parse({document!r}.encode()), timezone.now());"

@@ -6,6 +6,7 @@ import math
 import re
 
 import pytest
+from PIL import Image, ImageColor
 from playwright.sync_api import expect
 
 from tests.support.patience import PRESSED
@@ -13,6 +14,9 @@ from tests.support.site import wait_for
 
 pytestmark = pytest.mark.browser
 DOOR_Y = 2.075  # the laboratory's door, as the office's plan has it
+TRAIL_COLOUR = (
+    "getComputedStyle(document.getElementById('map')).getPropertyValue('--map-trail').trim()"
+)
 CENTROID = """() => {
   const canvas = document.getElementById('map');
   const colour = getComputedStyle(canvas).getPropertyValue('--map-robot');
@@ -45,6 +49,18 @@ def marker_on_the_map(visitor) -> tuple[float, float, float]:
     x = float(seen["viewX"]) + (seen["x"] - seen["width"] / 2) / scale
     y = float(seen["viewY"]) - (seen["y"] - seen["height"] / 2) / scale
     return x, y, float(seen["markerStamp"])
+
+
+def keeps_a_picture_of_the_drive(page) -> None:
+    """Its map shows the path that was driven, in the colour that paths have on the page's map."""
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Keep a picture of your drive").click()
+    assert download.value.suggested_filename == "giraff.png"
+    with Image.open(download.value.path()) as picture:
+        assert picture.width == 1200
+        assert picture.height > 900
+        trail = ImageColor.getrgb(page.evaluate(TRAIL_COLOUR))
+        assert sum(pixel == trail for pixel in picture.convert("RGB").getdata()) > 100
 
 
 def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(
@@ -85,6 +101,8 @@ def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(
         10,
         "the outcome",
     )
+    for _ in range(2):  # it can be had again
+        keeps_a_picture_of_the_drive(page)
     session = site.sessions()[0][0]
     states = wait_for(
         lambda: (found := site.states(session)) and len(found) > 20 and found, 10, "the record"

@@ -1,6 +1,7 @@
 """Robots, credentials and floor plans in the administration."""
 
 import datetime
+import json
 import re
 import tomllib
 from html import unescape
@@ -151,6 +152,29 @@ def test_a_new_robot_needs_a_proper_name(client, researcher):
         assert "errorlist" in client.post(ADD, form | {"name": bad}).content.decode()
     assert client.post(ADD, form | {"name": "giraff-2"}).status_code == 302
     assert Robot.objects.get().name == "giraff-2"
+
+
+def test_a_robots_other_languages_are_written_and_emptied_on_its_page(client, researcher):
+    form = {
+        "name": "giraff-2",
+        "title": "X",
+        "access": "open",
+        "assist": "off",
+        "charge_limit": "0.2",
+        "calls": "accept",
+        "permits-TOTAL_FORMS": 0,
+        "permits-INITIAL_FORMS": 0,
+    }
+    wrong = client.post(ADD, form | {"translations": '{"es": "Jirafa"}'})
+    assert "Enter translations like this" in wrong.content.decode()
+    spanish = {"es": {"title": "Jirafa"}}
+    assert client.post(ADD, form | {"translations": json.dumps(spanish)}).status_code == 302
+    robot = Robot.objects.get()
+    assert robot.translations == spanish
+    address = f"{LIST}{robot.pk}/change/"
+    assert client.post(address, form | {"translations": ""}).status_code == 302
+    robot.refresh_from_db()
+    assert robot.translations == {}
 
 
 def test_credentials_are_asked_for_made_and_shown_once(client, researcher, giraff):

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -47,8 +48,10 @@ def test_a_robot_is_told_the_map_in_a_message_that_it_can_read():
     assert message.map_id == "office"
     assert message.origin == (plan.origin_x, plan.origin_y, plan.origin_theta)
     assert hashlib.sha256(base64.b64decode(message.image)).hexdigest() == message.sha256
-    assert floorplan.decode(json.dumps(message.plan)) == floorplan.decode(
-        (OFFICE / "plan.json").read_bytes()
+    # The titles' translations are for pages: agents of earlier versions refuse unknown fields.
+    whole = floorplan.decode((OFFICE / "plan.json").read_bytes())
+    assert floorplan.decode(json.dumps(message.plan)) == msgspec.structs.replace(
+        whole, translations={}
     )
 
 

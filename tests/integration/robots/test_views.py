@@ -147,6 +147,23 @@ def test_a_page_gets_the_map_and_its_picture(client, visitor, office):
     assert "private" in picture["Cache-Control"]
 
 
+def test_a_page_gets_the_titles_of_places_in_its_own_language(client, visitor, office):
+    found = {
+        language: client.get("/floorplans/office.json", headers={"accept-language": language})
+        for language in ("en", "es")
+    }
+    titles = {
+        language: [place["title"] for place in answer.json()["plan"]["places"]]
+        for language, answer in found.items()
+    }
+    assert titles["en"][:2] == ["Laboratory", "Living room"]
+    assert titles["es"][:2] == ["Laboratorio", "Sala de estar"]
+    assert found["es"].json()["title"] == "Oficina"
+    assert "translations" not in found["es"].json()["plan"]
+    assert found["en"]["ETag"] != found["es"]["ETag"]
+    assert "Accept-Language" in found["es"]["Vary"]
+
+
 @pytest.mark.parametrize("address", ["/floorplans/office.json", "/floorplans/office.png"])
 def test_what_the_browser_has_is_not_sent_again(client, visitor, office, address):
     first = client.get(address)

@@ -174,7 +174,12 @@ async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key)
         bridge.say("giraff", "words", said)
         assert await display.expect("words") == said
         assert await page.expect("words") == said
-        await watching.settle(bridge)
+        receipt = m.Receipt(stamp=1.0, action_id="a1", session=granted.session, state="shown")
+        bridge.say("giraff", "receipt", receipt)
+        assert await page.expect("receipt") == receipt
+        for one in (display, watching):
+            await one.settle(bridge)
+            assert one.told("receipt") == [], "it is for the driver alone"
         assert watching.told("words") == []
 
 

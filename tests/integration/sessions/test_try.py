@@ -13,7 +13,7 @@ from robots.access import may_drive, may_observe
 from robots.models import Robot
 from sessions.leases import terms
 from sessions.leases.trial_terms import TURN_SECONDS
-from sessions.models import Session
+from sessions.models import Session, StateChunk
 from telepresence_site.practice import robots
 
 pytestmark = pytest.mark.django_db
@@ -62,6 +62,29 @@ def test_it_leads_to_a_robot_as_soon_as_one_is_ready(client, tries, practice):
     plan = client.get(page.context["config"]["floorplan"])
     assert plan.status_code == 200
     assert client.get(plan.json()["image"]).status_code == 200
+
+
+def test_nobody_is_led_to_a_robot_that_is_about_to_be_started_anew(client, tries, practice):
+    is_there(practice)
+    Robot.objects.filter(pk=practice.pk).update(boot="first")
+    now = timezone.now()
+    before = Session.objects.create(
+        robot=practice, visitor=tries, state="ended", queued_at=now, granted_at=now, ended_at=now
+    )
+    StateChunk.objects.create(
+        session=before,
+        boot="first",
+        first_seq=0,
+        last_seq=0,
+        count=1,
+        first_stamp=0.0,
+        last_stamp=0.0,
+        received_at=0.0,
+        states=[],
+    )
+    assert client.get(reverse("practice")).json() == {"url": None}
+    Robot.objects.filter(pk=practice.pk).update(boot="second")
+    assert client.get(reverse("practice")).json()["url"] is not None
 
 
 def test_asking_for_a_robot_has_one_started(client, tries):

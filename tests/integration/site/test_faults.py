@@ -35,6 +35,8 @@ def site(tmp_path_factory):
 async def driving(site, name="anna"):
     """A client that drives, and leaves at the end."""
     cookie = await asyncio.to_thread(site.sign_in, name)
+    # what the test before this one did to a server may just have cost the robot its connection
+    await asyncio.to_thread(wait_for, lambda: site.robot_is_online("giraff"), 30, "the robot")
     async with DocumentClient(site.url, cookie) as client:
         await client.turns(patient(30))
         yield client

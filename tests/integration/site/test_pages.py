@@ -126,6 +126,20 @@ def test_the_landing_page_shows_each_robot_with_its_state_and_one_button(client,
     assert "Last seen 2" in cards["attic"].text
 
 
+def test_the_landing_page_calls_and_describes_robots_in_its_own_language(client, robots):
+    giraff = robots["giraff"]
+    giraff.description = "A slender robot."
+    giraff.translations = {"es": {"title": "Jirafa", "description": "Un robot esbelto."}}
+    giraff.save()
+    for language, said in (
+        ("en", ("Giraff", "A slender robot.")),
+        ("es", ("Jirafa", "Un robot esbelto.")),
+    ):
+        page = read(client.get(reverse("home"), headers={"accept-language": language}))
+        card = next(e for e in page.all("article") if e.attributes["data-robot"] == "giraff")
+        assert all(words in card.text for words in said), card.text
+
+
 @pytest.mark.parametrize("state", ["connecting", "driving", "reconnecting"])
 def test_a_robot_is_in_use_from_taking_it_to_leaving_it(client, robots, state):
     session = visit(robots["giraff"], "driver", state)

@@ -13,7 +13,7 @@ import {
 import { KeyDispatcher } from "../../../static/js/input/key_dispatcher.js";
 import { PushToTalk } from "../../../static/js/presence/push_to_talk.js";
 import { Tilting } from "../../../static/js/presence/tilt.js";
-import { sceneFor } from "../../../static/js/pages/screen/scene.js";
+import { sceneFor, titleOf } from "../../../static/js/pages/screen/scene.js";
 import { createVoice } from "../../../static/js/pages/screen/speech.js";
 
 const own = (changes = {}) => ({ ...newOwn(), ...changes });
@@ -279,6 +279,15 @@ describe("the robot's own display", () => {
   const calling = (call, more = {}) =>
     told({ state: { safety: { estop: false }, call: { ...accepted, ...call } }, ...more });
   const scene = (from, now = 100) => sceneFor(from, now).scene;
+
+  test("calls the robot what it is called in the display's language", () => {
+    const screen = { title: "Giraff", titles: { es: "Jirafa" }, session: null, visitor: null };
+    assert.deepEqual(
+      ["en", "es", "es-MX", "ES"].map((language) => titleOf({ ...screen, study: false }, language)),
+      ["Giraff", "Jirafa", "Jirafa", "Jirafa"],
+    );
+    assert.equal(titleOf(null, "es"), "");
+  });
 
   test("says what it lacks, and who is there", () => {
     assert.equal(scene(told({ keyed: false })), "no_key");

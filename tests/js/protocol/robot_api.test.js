@@ -15,6 +15,7 @@ const TOPICS = [
   "event",
   "action",
   "words",
+  "receipt",
   "pointer",
   "heartbeat",
   "media",

@@ -147,6 +147,17 @@ describe("cards", () => {
     assert.deepEqual([card.word, card.main.action], ["ended.guest", "sign_up"]);
   });
 
+  test("who has driven may keep a picture of it, and nobody else is offered one", () => {
+    const ended = (reason, changes) => cardFor(state({ phase: "ended", reason }, changes)).extra?.action;
+    const trip = { session: "s", metres: 4, minutes: 1, trail: [] };
+    assert.equal(ended("left", { trip }), "souvenir");
+    assert.equal(ended("left", { trip: null }), undefined);
+    assert.equal(ended("left", { trip: { ...trip, metres: 0.1 } }), undefined);
+    assert.equal(ended("moved", { trip }), undefined);
+    assert.equal(ended("left", { trip, practising: true }), undefined);
+    assert.equal(ended("left", { trip, study: { kind: "task", stops: [] } }), undefined);
+  });
+
   test("an unknown outcome of a newer server still ends in a card with a way home", () => {
     const card = cardFor(state({ phase: "ended", reason: "abducted" }));
     assert.deepEqual([card.word, card.main.action], ["ended.completed", "home"]);

@@ -4,7 +4,7 @@ from typing import get_args
 
 import msgspec
 
-from experiments.definition import schema
+from experiments.definition import analyses, design, schema
 from experiments.definition.cues import CueKey
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
@@ -16,7 +16,12 @@ EXPLAINED = set(
 )
 PARTS = [
     part
-    for module in (schema, *(sys.modules[kind.__module__] for kind in KINDS.values()))
+    for module in (
+        schema,
+        analyses,
+        design,
+        *(sys.modules[kind.__module__] for kind in KINDS.values()),
+    )
     for part in vars(module).values()
     if isinstance(part, type)
     and issubclass(part, DocumentPart)

@@ -9,11 +9,12 @@ tried again while something comes for it, after a pause that grows.
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import av
 import numpy as np
+import numpy.typing as npt
 import structlog
 
 from robots.agent.media.rtp import AUDIO_RATE
@@ -25,6 +26,9 @@ DEPTH = 25  # sounds and pictures that wait: half a second of sound
 IDLE = 2.0  # s without anything after which loudspeaker and display rest
 CLOSE_TIMEOUT = 3.0  # s
 FIRST_RETRY, LAST_RETRY = 0.5, 5.0  # s
+NOTES = (659.25, 523.25)  # Hz
+NOTE_SECONDS = (0.45, 1.0)
+CHIME_LEVEL = 0.25  # of full scale
 STEADY = 1.0  # s after which a device that was opened works: some say only later that they cannot
 FAILURES = (AdapterError, av.FFmpegError, OSError, ValueError)
 
@@ -72,6 +76,16 @@ class OutputFeed:
         if self._speaker is not None:
             self._put(("audio", opus))
 
+    @property
+    def has_speaker(self) -> bool:
+        """Tell whether there is a loudspeaker."""
+        return self._speaker is not None
+
+    def ring(self) -> None:
+        """Play the chime of somebody who knocks; dropped while others are speaking."""
+        if self._speaker is not None:
+            self._put(("ring", b""))
+
     def see(self, vp8: bytes, *, key: bool) -> bool:
         """Show a VP8 picture; False when it cannot be shown and the next one must
         be a key frame.
@@ -102,15 +116,21 @@ class OutputFeed:
                 self._rest()
                 return
             kind, data = what
-            if kind not in self._players:
-                self._players[kind] = self._player(kind)
-            self._players[kind].play(data)
+            if kind == "ring":
+                self._player_of("audio").give([_audio_frame(chime())])
+            else:
+                self._player_of(kind).play(data)
 
     def _rest(self) -> None:
         for player in self._players.values():
             player.rest()
 
-    def _player(self, kind: str) -> "_Player":
+    def _player_of(self, kind: str) -> "_Player":
+        if kind not in self._players:
+            self._players[kind] = self._new_player(kind)
+        return self._players[kind]
+
+    def _new_player(self, kind: str) -> "_Player":
         if kind == "audio":
             assert self._speaker is not None
             return _Player("libopus", self._speaker, self._play)
@@ -148,6 +168,9 @@ class _Player:
         except FAILURES as error:
             log.warning("visitor_output_undecodable", codec=self._decoder.name, reason=str(error))
             return
+        self.give(frames)
+
+    def give(self, frames: Iterable[Any]) -> None:
         if time.monotonic() < self._retry_at:
             return
         try:
@@ -198,6 +221,28 @@ def _decoder(codec: str) -> Any:
     if codec == "libopus":
         decoder.sample_rate, decoder.layout = AUDIO_RATE, "mono"
     return decoder
+
+
+def chime() -> npt.NDArray[np.int16]:
+    """Return the sound of a knock, (n,) of 16 bit at 48 kHz: two notes, E5 and C5, which fade away;
+    that of the robot's screen (static/js/pages/screen/chime.js) is the same.
+    """
+    length = int(sum(NOTE_SECONDS) * AUDIO_RATE)
+    samples = np.zeros(length)
+    start = 0
+    for hertz, seconds in zip(NOTES, NOTE_SECONDS, strict=True):
+        time_s = np.arange(length - start) / AUDIO_RATE
+        tone = np.sin(2 * np.pi * hertz * time_s) + 0.3 * np.sin(4 * np.pi * hertz * time_s)
+        # 5 ms to rise, so that it does not click
+        samples[start:] += tone * np.exp(-5.0 * time_s) * np.minimum(1.0, time_s / 0.005)
+        start += int(seconds * AUDIO_RATE)
+    return (np.clip(samples * CHIME_LEVEL, -1.0, 1.0) * 32767).astype(np.int16)
+
+
+def _audio_frame(samples: npt.NDArray[np.int16]) -> av.AudioFrame:
+    frame = av.AudioFrame.from_ndarray(samples[np.newaxis, :], format="s16", layout="mono")
+    frame.sample_rate = AUDIO_RATE
+    return frame
 
 
 def _mono(frame: av.AudioFrame) -> Any:

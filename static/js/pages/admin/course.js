@@ -3,9 +3,9 @@
  * what is written into them moves on the map. What makes a new checkpoint or zone is the form's own button, told where.
  */
 
-import { isShortcut } from "../../input/key_dispatcher.js";
-import { formatPoints, parsePoints, rounded, stepOf, withMoved, without, withPoint } from "./course_points.js";
+import { formatPoints, parsePoints, rounded, withMoved, without, withPoint } from "./course_points.js";
 import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_ground.js";
+import { GRIP, movable, pointAt } from "./map_handles.js";
 
 /** @typedef {[number, number]} Point */
 /**
@@ -16,7 +16,6 @@ import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_g
  */
 
 const PAUSE = 500; // ms without a change before the server is asked
-const GRIP = 22; // CSS px: half of what a finger hits
 const TOOL = "course-tool";
 
 const page = /** @type {HTMLElement | null} */ (document.getElementById("course"));
@@ -185,50 +184,13 @@ class CourseMap {
 
   /** @param {Handle} handle */
   #attached({ id, item }) {
-    const group = element("g", { class: "course__handle", tabindex: 0, role: "button" });
     const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
-    group.addEventListener("pointerdown", (event) => this.#drag(event, group, now));
-    group.addEventListener("keydown", (event) => {
-      const step = stepOf(event.key, event.shiftKey);
-      if (!mayChange() || isShortcut(event) || (!step && event.key !== "Delete")) {
-        return;
-      }
-      event.preventDefault();
-      const handle = now();
-      if (step) {
-        handle.move([handle.at[0] + step[0], handle.at[1] + step[1]]);
-      } else {
-        handle.remove?.();
-      }
-    });
-    group.addEventListener("focus", () => mark(item ?? ""));
-    return group;
-  }
-
-  /** @param {PointerEvent} event @param {SVGElement} group @param {() => Handle} now */
-  #drag(event, group, now) {
-    if (event.button !== 0 || !mayChange()) {
-      return;
-    }
-    event.preventDefault();
-    group.focus();
-    group.setPointerCapture(event.pointerId);
-    const grip = this.#worldAt(event);
-    const from = now().at;
-    const follow = (/** @type {PointerEvent} */ moved) => {
-      const to = this.#worldAt(moved);
-      now().move([from[0] + to[0] - grip[0], from[1] + to[1] - grip[1]]);
-    };
-    group.addEventListener("pointermove", follow);
-    for (const end of ["pointerup", "pointercancel"]) {
-      group.addEventListener(end, () => group.removeEventListener("pointermove", follow), { once: true });
-    }
+    return movable({ now, mayChange, worldAt: (event) => this.#worldAt(event), onFocus: () => mark(item ?? "") });
   }
 
   /** @param {MouseEvent} event @returns {Point} m */
   #worldAt(event) {
-    const point = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.svg.getScreenCTM().inverse());
-    return [point.x / UNIT, -point.y / UNIT];
+    return pointAt(this.svg, event);
   }
 
   get #tool() {

@@ -60,8 +60,8 @@ const station = (dock, robot) => {
   return sign;
 };
 
-/** @param {any} site robots.views.plan_content @returns {SVGElement} */
-const picture = ({ origin: [x, y, theta], resolution, width, height, image }) => {
+/** @param {any} site robots.floorplans.plan_content @returns {SVGElement} */
+export const picture = ({ origin: [x, y, theta], resolution, width, height, image }) => {
   const [left, bottom] = toUnits([x, y]);
   const turn = `translate(${left} ${bottom}) rotate(${(-theta * 180) / Math.PI}) translate(0 ${-height * resolution * UNIT})`;
   return element("image", { href: image, width: width * resolution * UNIT, height: height * resolution * UNIT, transform: turn });

@@ -14,8 +14,10 @@ import { RemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
 import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
 import { MediaSender } from "./media_sender.js";
+import { createChime } from "./chime.js";
 import { exchangeKey } from "./key.js";
-import { sceneFor } from "./scene.js";
+import { Receipts, newFate, whenSeen } from "./receipts.js";
+import { sceneFor, titleOf } from "./scene.js";
 import { createVoice } from "./speech.js";
 
 const TICK = 0.1; // s
@@ -33,6 +35,8 @@ const audio = /** @type {HTMLAudioElement} */ (element("audio"));
 const volume = /** @type {HTMLInputElement} */ (element("volume"));
 const field = /** @type {HTMLInputElement} */ (element("field"));
 const voice = createVoice();
+const chime = createChime();
+const receipts = new Receipts((fields, id) => act("confirm_words", fields, id));
 
 /** @type {import("./scene.js").Told} */
 const told = { keyed: /** @type {any} */ (null), screen: null, state: null, heardAt: 0, online: true, stop: null };
@@ -47,6 +51,7 @@ const pointers = new RemotePointers({
   },
 });
 let announced = "";
+let knock = "";
 let beatAt = 0;
 let beats = 0;
 let attempt = 0;
@@ -123,6 +128,7 @@ const HANDLERS = {
     if (message.session !== told.screen?.session) {
       element("messages").replaceChildren();
       voice.hush();
+      receipts.forget();
     }
     told.screen = message;
     if (first) {
@@ -143,15 +149,24 @@ const HANDLERS = {
       show();
     }
   },
+  action: (message) => receipts.answered(message),
   words: (message) => {
+    const known = receipts.known.get(message.actionId);
+    if (known) {
+      receipts.say(message.actionId, known, unixNow()); // the robot has begun anew, and asks with the same words
+      return;
+    }
     const list = element("messages");
-    list.append(lineOf({ who: message.by === "screen" ? words.say("you") : message.who || words.say("somebody"), text: message.text, own: message.by === "screen" }));
+    const line = lineOf({ who: message.by === "screen" ? words.say("you") : message.who || words.say("somebody"), text: message.text, own: message.by === "screen" });
+    list.append(line);
     while (list.children.length > MOST_LINES) {
       list.firstElementChild?.remove();
     }
     list.scrollTop = list.scrollHeight;
+    const fate = newFate((state) => message.receipts && receipts.say(message.actionId, state, unixNow()));
+    whenSeen(line, fate.seen);
     if (message.aloud) {
-      voice.speak(message.text, message.language || document.documentElement.lang, loudness());
+      voice.speak(message.text, message.language || document.documentElement.lang, loudness(), fate.spoken);
     }
   },
   pointer: (message) => pointers.told(message),
@@ -211,6 +226,8 @@ element("stop").addEventListener("click", (event) => {
 });
 element("accept").addEventListener("click", () => act("answer_call", { accept: true }));
 element("decline").addEventListener("click", () => act("answer_call", { accept: false }));
+element("knock-accept").addEventListener("click", () => act("answer_call", { accept: true, knock }));
+element("knock-decline").addEventListener("click", () => act("answer_call", { accept: false, knock }));
 element("hang-up").addEventListener("click", () => act("answer_call", { accept: false }));
 element("release").addEventListener("click", () => act("clear_estop"));
 element("hear").addEventListener("click", () => void hear());
@@ -230,12 +247,13 @@ document.addEventListener("pointerdown", () => void hear(), { once: true });
 // --- what they see ---------------------------------------------------------------------------------------------------
 
 const show = () => {
-  const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, stopped } = sceneFor(told, unixNow());
+  const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, knock: rings, stopped } = sceneFor(told, unixNow());
   const shownName = name || words.say("somebody");
+  const robot = titleOf(told.screen, document.documentElement.lang) || config.title;
   const face = element("face");
   face.dataset.scene = scene;
   face.toggleAttribute("data-live", link.live);
-  write(element("title"), words.say(`${scene}.title`, { name: shownName }));
+  write(element("title"), words.say(`${scene}.title`, { name: shownName, robot }));
   write(element("text"), words.say(`${scene}.text`, { name: shownName }));
   write(element("initial"), ["visiting", "speaking", "ringing"].includes(scene) ? Array.from(shownName)[0].toUpperCase() : "");
   element("answers").hidden = scene !== "ringing";
@@ -261,6 +279,21 @@ const show = () => {
   write(element("stopped"), stopped && words.say(`stopped.${stopped}`));
   element("release").hidden = stopped !== "ours";
   announce(scene, shownName);
+  showKnock(rings, shownName);
+};
+
+/** A knock is seen as long as it rings, and heard once. @param {string} rings its id @param {string} name */
+const showKnock = (rings, name) => {
+  element("knock").hidden = rings === "";
+  write(element("knock-text"), rings && words.say("knock", { name }));
+  if (rings && rings !== knock) {
+    void chime.ring(loudness()).then((sounds) => {
+      if (!sounds && loudness() > 0) {
+        element("hear").hidden = false;
+      }
+    });
+  }
+  knock = rings || knock;
 };
 
 /** Somebody who stands with their back to the robot hears that it rings. @param {string} scene @param {string} name */
@@ -276,6 +309,7 @@ const tick = () => {
   const now = unixNow();
   link.watch(now);
   repeatStop();
+  receipts.tick(now);
   if (now - beatAt > BEAT) {
     beatAt = now;
     link.send(encodePacket("command/heartbeat", { n: (beats += 1), stamp: now }));

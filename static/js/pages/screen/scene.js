@@ -10,7 +10,7 @@ const UNCONFIRMED = 2;
 /**
  * @typedef {object} Told
  * @property {boolean} keyed whether the server let this display in; null while unknown
- * @property {{title: string, session: string | null, visitor: string | null, study: boolean} | null} screen
+ * @property {{title: string, titles?: Record<string, string>, session: string | null, visitor: string | null, study: boolean} | null} screen
  * @property {any} state the robot's last one
  * @property {number} heardAt when it came, Unix seconds
  * @property {boolean} online what the server says of the robot
@@ -20,7 +20,7 @@ const UNCONFIRMED = 2;
 /**
  * @param {Told} told @param {number} now
  * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
- *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
+ *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, knock: string, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
  */
 export const sceneFor = (told, now) => {
   const { screen, state } = told;
@@ -39,8 +39,16 @@ export const sceneFor = (told, now) => {
     canPoint: scene === "seen" && shares,
     canWrite: visited,
     canHangUp: visited && through && (call.audio || call.video),
+    knock: visited && scene !== "offline" && state?.knock?.status === "ringing" ? state.knock.actionId : "",
     stopped: stoppedBy(told, now),
   };
+};
+
+/** What the robot is called in the page's language, nothing before the server has said it. @param {Told["screen"]} screen @param {string} language a BCP 47 tag */
+export const titleOf = (screen, language) => {
+  const { title = "", titles = {} } = screen ?? {};
+  const wanted = language.toLowerCase();
+  return titles[wanted] ?? titles[wanted.split("-")[0]] ?? title;
 };
 
 /** @param {Told} told @param {any} call @param {number} now */

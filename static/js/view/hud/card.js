@@ -25,6 +25,8 @@ const AGAIN = { action: "drive", word: "do.again" };
 const BACK = { action: "back", word: "do.back" };
 const TAKE_OVER = { action: "take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
+const SOUVENIR = { action: "souvenir", word: "do.souvenir" };
+const SHORTEST_TRIP = 0.5; // m that are worth a picture
 const SIGN_IN = { action: "sign_in", word: "do.sign_in" };
 
 /** The ends that have words of their own, and what a visitor may do then. */
@@ -81,7 +83,11 @@ const CARDS = {
   watching: (state) => link(state),
   elsewhere: () => ({ word: "elsewhere", main: TAKE_OVER, other: HOME }),
   refused: ({ visit }) => ({ word: `refused.${visit.reason}`, main: visit.reason === "offline" || visit.reason === "observers_full" ? BACK : HOME }),
-  ended: ({ visit, finding, guest }) => ({ ...ended(visit.reason, guest), detail: BROKEN.has(visit.reason) ? finding : null }),
+  ended: ({ visit, finding, guest, trip, practising }) => ({
+    ...ended(visit.reason, guest),
+    detail: BROKEN.has(visit.reason) ? finding : null,
+    extra: trip && trip.metres > SHORTEST_TRIP && !practising && visit.reason !== "moved" ? SOUVENIR : undefined,
+  }),
 };
 
 /** What one may do while one waits. @param {Pick<import("../../drive/features.js").State, "practice" | "notifiable">} state @returns {Partial<Card>} */

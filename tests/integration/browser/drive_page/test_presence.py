@@ -159,8 +159,8 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
 
     # Words, which never drive; afterwards the keys do.
     await screen.evaluate(
-        "() => { globalThis.spoken = []; speechSynthesis.speak = (one) => spoken.push([one.text,"
-        " one.lang]); }"
+        "() => { globalThis.spoken = []; speechSynthesis.speak = (one) => {"
+        " spoken.push([one.text, one.lang]); one.onstart(); globalThis.done = one.onend; }; }"
     )
     before = len(site.applied)
     await page.click("#presence-talk")
@@ -171,6 +171,11 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.press("#talk-field", "Enter")
     await screen.wait_for_selector("#messages >> text=was hello wasd")
     assert await screen.evaluate("spoken") == [["was hello wasd", "en"]]
+    own = page.locator("#talk-list .line--own")
+    await own.locator("text=Shown on the robot's screen").wait_for()
+    await screen.evaluate("done()")
+    await own.locator("text=Read aloud there").wait_for()
+    assert await own.count() == 1, "the robot's own words about it are no second line"
     await hold(page, "w", lambda: any(command.linear > 0 for _, command in site.applied[before:]))
     await page.keyboard.up("w")
     await screen.click("text=One moment, please")
@@ -199,6 +204,95 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.wait_for_selector("text=They'd rather not talk now. You can keep driving.")
     assert await page.evaluate("() => document.querySelector('#self').srcObject") is None
     await screen.wait_for_selector("#face[data-scene=visiting]")
+    assert complaints == []
+
+
+async def write(page: Page, text: str, *, aloud: bool = False):
+    """Write to the people there, and return the line that says what becomes of it."""
+    if not await page.is_visible("#talk-writing"):
+        await page.click("#presence-talk")
+    await page.set_checked("#talk-aloud", aloud)
+    await page.fill("#talk-field", text)
+    await page.press("#talk-field", "Enter")
+    return page.locator("#talk-list .line--own", has_text=text)
+
+
+async def test_a_message_says_honestly_how_far_it_has_come(browser, site) -> None:
+    complaints: list[str] = []
+    page = await drives(browser, site, complaints)
+
+    # No screen: the robot has it, and nobody reads it.
+    unseen = await write(page, "Is anybody there?")
+    await unseen.locator("text=Sent, but the robot's screen is off.").wait_for()
+
+    # The connection is away: nothing is claimed, and the next press sends it, once.
+    site.loses_words = True
+    lost = await write(page, "Hello again")
+    await lost.locator("text=Not sent").wait_for()
+    screen = await opened(browser, site.screen_url, complaints)
+    await screen.wait_for_selector("#face[data-scene=visiting][data-live]")
+    site.loses_words = False
+    await kept(page, "message-not-sent")
+    await lost.locator("text=Send again").click()
+    await lost.locator("text=Shown on the robot's screen").wait_for()
+    assert await screen.locator("#messages .line").all_text_contents() == ["Ana Hello again"]
+
+    # The screen has no voice, or is silent.
+    await screen.evaluate("() => { document.querySelector('#volume').value = '0'; }")
+    silent = await write(page, "Read this, please", aloud=True)
+    await silent.locator("text=Shown there, but not read aloud").wait_for()
+    results = await Axe().run(page)
+    assert results.violations_count == 0, results.generate_report()
+    await kept(page, "message-states")
+    assert complaints == []
+
+
+KNOCKS = """() => {
+  globalThis.notes = [];
+  const start = OscillatorNode.prototype.start;
+  OscillatorNode.prototype.start = function (...when) {
+    notes.push(this.frequency.value);
+    return start.apply(this, when);
+  };
+}"""
+
+
+async def test_a_knock_rings_at_the_screen_until_somebody_answers(browser, site) -> None:
+    complaints: list[str] = []
+    page = await drives(browser, site, complaints)
+
+    # No screen: the robot's own loudspeaker.
+    await page.click("#presence-knock")
+    await until(lambda: site.speaker.played > 60_000)
+    await page.wait_for_selector("text=You knocked. Waiting for someone to answer.")
+    await page.click("#presence-knock")
+    await page.wait_for_selector("text=You just knocked. Wait a moment.")
+
+    # A screen rings, is seen, and answers.
+    site.calls.knock_pause = 0.0
+    screen = await opened(browser, site.screen_url, complaints)
+    await screen.wait_for_selector("#face[data-scene=visiting][data-live]")
+    await screen.click("#title")  # a browser that nobody has touched keeps silent
+    await screen.evaluate(KNOCKS)
+    await page.click("#presence-knock")
+    await screen.wait_for_selector("#knock-text >> text=Ana is knocking")
+    notes = await evaluated(screen, "() => notes", lambda found: len(found) == 4)
+    assert notes == pytest.approx([659.25, 1318.5, 523.25, 1046.5])
+    results = await Axe().run(screen)
+    assert results.violations_count == 0, results.generate_report()
+    await kept(screen, "screen-knock")
+    await screen.click("#knock-accept")
+    await screen.wait_for_selector("#knock", state="hidden")
+    await page.wait_for_selector("text=Someone answered your knock.")
+    assert await screen.evaluate("notes.length") == 4, "it rings once"
+
+    # Not now: it stays quiet, and so does the button.
+    await page.click("#presence-knock")
+    await screen.wait_for_selector("#knock:not([hidden])")
+    await screen.click("#knock-decline")
+    await page.wait_for_selector("text=They'd rather not talk now. You can keep driving.")
+    await page.wait_for_selector("#presence-knock", state="hidden")
+    await kept(page, "knock-declined")
     assert complaints == []
 
 

@@ -16,7 +16,7 @@ from tests.support.study_pages import form_of
 from tests.support.study_site import cabin_with_giraff
 
 pytestmark = pytest.mark.django_db
-SECTIONS = ("about", "steps", "conditions", "courses", "rules")
+SECTIONS = ("about", "steps", "factors", "conditions", "courses", "analyses", "rules")
 
 
 @pytest.fixture
@@ -87,6 +87,49 @@ def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(cli
     )
 
 
+def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(client, study):
+    add = {"do": "add:", "sha256": study.sha256}
+    answer = client.post(section(study, "factors"), add)
+    assert answer.headers["Location"] == section(study, "factors", 0)
+    names = {"key": "doors", "title__en": "Doors"}
+    for n, level in enumerate(("open", "closed")):
+        names |= {f"levels__{n}__key": level, f"levels__{n}__title__en": level.title()}
+    send(client, section(study, "factors", 0), **names)
+    (factor,) = stored().factors
+    assert (factor.key, [level.key for level in factor.levels]) == ("doors", ["open", "closed"])
+    assert publishing.problems_of(Study.objects.get())[:2] == [
+        "Condition all_open: choose its level of the factor doors.",
+        "Condition shut: choose its level of the factor doors.",
+    ]
+    for n, level in enumerate(("open", "closed")):
+        page = section(study, "conditions", n)
+        assert send(client, page, levels__doors=level).status_code == 302
+    assert [one.levels for one in stored().conditions] == [{"doors": "open"}, {"doors": "closed"}]
+    assert publishing.problems_of(Study.objects.get()) == []
+    send(client, section(study, "factors", 0), "add:levels")
+    assert len(stored().factors[0].levels) == 3
+    listed = read(client.get(section(study, "factors"))).text
+    assert "between participants" in listed
+
+
+def test_an_analysis_is_declared_without_json(client, study):
+    client.post(section(study, "analyses"), {"do": "add:", "sha256": study.sha256})
+    page = section(study, "analyses", 0)
+    send(client, page, key="doors", title__en="Doors", measures="task_time, experience.q1")
+    send(client, page, "add:contrasts")
+    sides = {"contrasts__0__first": ["shut"], "contrasts__0__second": ["all_open"]}
+    send(client, page, contrasts__0__title__en="Shut", test="ranks", **sides)
+    (analysis,) = stored().analyses
+    assert (analysis.key, analysis.test) == ("doors", "ranks")
+    assert analysis.measures == ("task_time", "experience.q1")
+    assert (analysis.contrasts[0].first, analysis.contrasts[0].second) == (("shut",), ("all_open",))
+    assert publishing.problems_of(Study.objects.get()) == []
+    send(client, page, measures="task_tim")
+    assert publishing.problems_of(Study.objects.get()) == [
+        "Analysis doors: there is no metric task_tim."
+    ]
+
+
 @pytest.mark.parametrize("slug", ["exploration", "assistance"])
 def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     row = publishing.store(shipped()[slug], NOW)
@@ -94,7 +137,7 @@ def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     addresses = [section(row, "about"), section(row, "rules")]
     addresses += [
         section(row, name, n)
-        for name in ("steps", "conditions", "courses")
+        for name in ("steps", "conditions", "courses", "analyses")
         for n in range(len(getattr(definition, name)))
     ]
     for address in addresses:
@@ -354,6 +397,11 @@ def test_nobody_else_may_ask_for_a_check(client, study):
         ("study.courses[0].checkpoints[1].title has no text in es.", BuilderPlace("courses", 0)),
         ("experience.title has no text in es.", BuilderPlace("steps", 1)),
         ("shut.title has no text in es.", BuilderPlace("conditions", 1)),
+        ("doors.title has no text in es.", BuilderPlace("factors", 0)),
+        ("closed.title has no text in es.", BuilderPlace("factors", 0)),
+        ("Factor doors: it needs at least 2 levels.", BuilderPlace("factors", 0)),
+        ("No condition has doors closed; each cell", BuilderPlace("conditions")),
+        ("The assignment must be within participants, because", BuilderPlace("rules")),
         ("Step task: there is no page to read; add at least one.", BuilderPlace("steps", 0)),
         ("Condition shut: there is no site cabin.", BuilderPlace("conditions", 1)),
         (
@@ -372,7 +420,9 @@ def test_nobody_else_may_ask_for_a_check(client, study):
     ],
 )
 def test_each_problem_leads_to_the_page_where_it_is_mended(problem, place):
-    assert place_of(problem, small_study()) == place
+    levels = [{"key": key, "title": {"en": key}} for key in ("ajar", "closed")]
+    study = small_study(factors=[{"key": "doors", "title": {"en": "Doors"}, "levels": levels}])
+    assert place_of(problem, study) == place
 
 
 def test_every_page_of_the_small_study_is_reached_from_the_others(client, study):

@@ -222,12 +222,12 @@ def test_the_home_page_shows_what_is_published_and_open_to_all_and_when_closed_s
 
 def test_a_study_is_full_when_every_cell_has_its_quota():
     study = p.published(p.of("exploration", allocation={"design": "between", "quota": 1}))
-    assert not progress.is_full(study, "open")
+    assert not progress.is_full(study, "open", p.later(0))
     for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
         p.assign(p.comer(study, person(f"p{n}")), condition)
-    assert progress.is_full(study, "open")
-    assert not progress.is_full(study, "invitation")
-    assert not progress.is_full(study, "open", Kind.PILOT)
+    assert progress.is_full(study, "open", p.later(0))
+    assert not progress.is_full(study, "invitation", p.later(0))
+    assert not progress.is_full(study, "open", p.later(0), Kind.PILOT)
 
 
 def test_before_the_assignment_all_conditions_that_are_open_to_somebody_are_possible(study):

@@ -246,6 +246,39 @@ def test_a_free_level_of_assistance_keeps_the_other_terms(provider, giraff, ana)
     )
 
 
+class TestFirstDrive:
+    """Visitors who have never driven begin with a robot that stops at obstacles."""
+
+    @pytest.fixture
+    def giraff(self, giraff):
+        giraff.factsheet = {"capabilities": ["assist"]}
+        giraff.save()
+        return giraff
+
+    def test_a_visitor_who_has_never_driven_is_helped_until_they_choose(self, giraff, ana):
+        taken = take(giraff, ana)
+        assert taken.lease.assist == "slow"
+        queries.choose_assist(giraff, ana, taken.session, "off", peer="peer-1", now=after(1))
+        assert take(giraff, ana).lease.assist == "off"
+
+    def test_a_visitor_who_has_driven_before_has_the_robots_own_level(self, giraff, ana):
+        Session.objects.create(
+            robot=giraff, visitor=ana, state="completed", queued_at=NOW, first_motion_at=NOW
+        )
+        assert take(giraff, ana).lease.assist is None
+
+    def test_a_robot_that_cannot_or_that_assists_anyway_is_told_nothing(self, giraff, ana, ben):
+        Robot.objects.update(assist="steer")
+        assert take(giraff, ana).lease.assist is None
+        Robot.objects.update(assist="off", factsheet={"capabilities": []})
+        Session.objects.all().delete()
+        assert take(Robot.objects.get(), ben).lease.assist is None
+
+    def test_a_study_decides_for_its_participants(self, provider, giraff, ana):
+        provider.terms = terms.Terms(study={"condition": "A"})
+        assert take(giraff, ana).lease.assist is None
+
+
 @pytest.mark.parametrize(
     ("fixed", "outcome"), [(STUDY, "cancelled"), (terms.Terms(label="Practice"), "completed")]
 )

@@ -227,3 +227,26 @@ def test_an_optional_part_that_is_off_lacks_nothing():
     course = {"robot": "giraff", "site": "office", "checkpoints": []}
     assert errors(Course, course) == {}
     assert list(errors(Course, {**course, "photo": {}})) == ["photo.checkpoint", "photo.mirror"]
+
+
+def test_a_condition_chooses_its_level_of_each_factor():
+    document = msgspec.to_builtins(shipped()["assistance"].conditions[0])
+    offered = {"levels.delay": ("none", "long"), "levels.help": ("alone", "assisted")}
+    form = PartForm(Condition, document, languages=BOTH, offered=offered)
+    assert choices(form, "levels.delay") == ["", "none", "long"]
+    told = read(Condition, sent(form, levels__delay="long", levels__help="alone"))
+    assert told["levels"] == {"delay": "long", "help": "alone"}
+    assert errors(Condition, told) == {}
+    again = PartForm(Condition, told, languages=BOTH, offered=offered)
+    assert again["levels.delay"].value() == "long"
+    assert read(Condition, sent(again, levels__delay=""))["levels"] == {"help": "alone"}
+
+
+def test_a_level_whose_factor_is_gone_is_shown_until_somebody_empties_it():
+    document = {
+        **msgspec.to_builtins(shipped()["assistance"].conditions[0]),
+        "levels": {"old": "a"},
+    }
+    form = PartForm(Condition, document, languages=BOTH)
+    assert choices(form, "levels.old") == ["", "a"]
+    assert read(Condition, sent(form, levels__old=""))["levels"] == {}

@@ -197,13 +197,20 @@ def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(
     assert any(said in problem for problem in found), found
 
 
-def test_five_conditions_are_too_many_for_one_participant():
-    conditions = [{**STUDY["conditions"][0], "key": f"c{n}"} for n in range(5)]
+@pytest.mark.parametrize(("order", "most"), [("all", 4), ("balanced", 9), ("fixed", 9)])
+def test_one_condition_more_than_can_be_ordered_is_too_many_for_one_participant(order, most):
+    conditions = [{**STUDY["conditions"][0], "key": f"c{n}"} for n in range(most + 1)]
     steps = [{**STUDY["steps"][0], "repeat": True}, STUDY["steps"][1]]
     found = list(
-        problems(small_study(conditions=conditions, steps=steps, allocation={"design": "within"}))
+        problems(
+            small_study(
+                conditions=conditions,
+                steps=steps,
+                allocation={"design": "within", "order": order},
+            )
+        )
     )
-    assert found == ["5 conditions for each participant; at most 4 can be ordered."]
+    assert found == [f"{most + 1} conditions for each participant; at most {most} can be ordered."]
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,46 @@ def test_what_somebody_at_the_screen_writes_is_shown_and_never_spoken(rig):
     assert (words.by, words.who, words.aloud) == ("screen", "Giraff", False)
 
 
+def receipts(rig):
+    return [(one.action_id, one.session, one.state) for one in rig.link.all("receipt")]
+
+
+def test_the_driver_is_told_what_a_display_has_shown_and_read_aloud(rig):
+    rig.act(m.Say(**asked(1), text="Hello"), way="datachannel")
+    assert outcome(rig, 1) == ("FINISHED", "")
+    assert rig.link.all("words")[-1].receipts is True
+    assert receipts(rig) == [], "sent is not shown"
+    rig.act(m.ConfirmWords(**at_screen(2), target="a1", state="shown"))
+    rig.act(m.ConfirmWords(**at_screen(3), target="a1", state="shown"))
+    rig.act(m.ConfirmWords(**at_screen(4), target="a1", state="spoken"))
+    assert outcome(rig, 4) == ("FINISHED", "")
+    assert receipts(rig) == [("a1", "s1", "shown"), ("a1", "s1", "spoken")]
+
+
+def test_words_that_are_sent_again_are_said_once_and_bring_the_newest_receipt(rig):
+    rig.act(m.Say(**asked(1), text="Hello"), way="datachannel")
+    assert outcome(rig, 1) == ("FINISHED", "")
+    rig.act(m.ConfirmWords(**at_screen(2), target="a1", state="shown"))
+    assert outcome(rig, 2) == ("FINISHED", "")
+    rig.act(m.Say(**asked(1), text="Hello"), way="datachannel")
+    rig.wait(lambda: len(receipts(rig)) == 2)
+    assert receipts(rig) == [("a1", "s1", "shown")] * 2
+    assert len(rig.link.all("words")) == 1
+
+
+def test_the_driver_confirms_nothing_and_words_of_the_other_side_need_no_receipt(rig):
+    rig.act(m.Say(**asked(1), text="Hello"), way="datachannel")
+    assert outcome(rig, 1) == ("FINISHED", "")
+    rig.act(m.ConfirmWords(**asked(2), target="a1", state="shown"), way="datachannel")
+    assert outcome(rig, 2) == ("FAILED", "role")
+    rig.act(m.Say(**at_screen(3), text="Come in"))
+    assert outcome(rig, 3) == ("FINISHED", "")
+    assert rig.link.all("words")[-1].receipts is False
+    rig.act(m.ConfirmWords(**at_screen(4), target="a3", state="shown"))
+    assert outcome(rig, 4) == ("FAILED", "unknown_words")
+    assert receipts(rig) == []
+
+
 @pytest.mark.parametrize("kind", [m.Say, m.Call])
 @pytest.mark.parametrize(
     ("way", "role"), [("datachannel", "driver"), ("datachannel", "screen"), ("mqtt", "observer")]
@@ -87,6 +127,38 @@ def test_somebody_at_the_screen_lets_a_visitor_through_and_hangs_up(rig):
     assert rig.media.passing[-1]["video"] is True
     rig.act(m.AnswerCall(**at_screen(4), accept=False))
     rig.wait(lambda: rig.media.passing[-1] == {"audio": False, "video": False, "volume": 1.0})
+
+
+def knock(rig):
+    return rig.link.all("state")[-1].knock
+
+
+def test_a_knock_rings_once_and_its_driver_reads_in_the_state_that_somebody_answers(rig):
+    rig.act(m.Knock(**asked(1)), way="datachannel")
+    assert outcome(rig, 1) == ("FAILED", "nobody_there")
+    assert rig.link.all("state")[-1].knockable is False
+    rig.media.audible = True
+    rig.wait(lambda: rig.link.all("state")[-1].knockable)
+    for number in (2, 2, 3):  # asked for twice under one id, and once more
+        rig.act(m.Knock(**asked(number)), way="datachannel")
+    assert outcome(rig, 3) == ("FAILED", "too_soon")
+    assert rig.media.rings == 1
+    rig.wait(lambda: knock(rig) == m.KnockState(action_id="a2", status="ringing"))
+    rig.act(m.AnswerCall(**at_screen(4), accept=True, knock="a2"))
+    rig.wait(lambda: knock(rig) == m.KnockState(action_id="a2", status="answered"))
+    assert rig.media.passing == [], "nothing is sent that the visitor did not ask for"
+    rig.link.say("lease", None)
+    rig.wait(lambda: knock(rig) is None)
+
+
+@pytest.mark.parametrize(
+    ("way", "role"), [("datachannel", "driver"), ("mqtt", "observer"), ("mqtt", "screen")]
+)
+def test_nobody_but_the_driver_knocks(rig, way, role):
+    rig.media.audible = True
+    rig.act(m.Knock(**asked(1, role=role)), way=way, peer="somebody")
+    assert outcome(rig, 1) == ("FAILED", "observer")
+    assert rig.media.rings == 0
 
 
 def test_the_end_of_a_visit_ends_what_is_let_through(rig):

@@ -172,3 +172,44 @@ def test_a_concave_floor_holds_its_arms_and_not_the_notch() -> None:
     corner = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
     assert floorplan.contains(corner, 0.5, 1.5)
     assert not floorplan.contains(corner, 1.5, 1.5)
+
+
+# --- titles in other languages --------------------------------------------------------------------
+
+
+SPANISH = {"Hut": "Cabaña", "West": "Oeste", "Door": "Puerta"}
+
+
+def spoken() -> dict[str, Any]:
+    return {**hut(), "translations": {"es": SPANISH}}
+
+
+@pytest.mark.parametrize("language", ["es", "es-mx", "ES"])
+def test_titles_are_in_the_language_that_is_asked_for_and_the_others_stay_as_they_are(language):
+    plan = floorplan.in_language(spoken(), language)
+    assert plan["title"] == "Cabaña"
+    assert [room["title"] for room in plan["rooms"]] == ["Oeste", "East"]
+    assert plan["doors"][0]["title"] == "Puerta"
+    assert [room["name"] for room in plan["rooms"]] == ["west", "east"]
+    assert "translations" not in plan
+
+
+@pytest.mark.parametrize("language", ["en", "fr", ""])
+def test_without_a_translation_a_plan_is_what_it_was(language):
+    assert floorplan.in_language(spoken(), language) == hut()
+    assert floorplan.in_language(hut(), language) == hut()
+    assert floorplan.in_language({}, language) == {}
+
+
+def test_a_translation_of_nothing_is_named():
+    plan = {**hut(), "translations": {"es": {"Wset": "Oeste"}}}
+    with pytest.raises(FloorPlanError) as caught:
+        floorplan.decode(json.dumps(plan))
+    assert caught.value.problems == ("the translation to 'es' of 'Wset' is that of no title",)
+
+
+def test_a_plan_with_translations_is_still_a_key_of_caches():
+    one, other = (floorplan.decode(json.dumps(spoken())) for _ in range(2))
+    assert {one: "found"}[other] == "found"
+    assert one != floorplan.decode(json.dumps(hut()))
+    assert floorplan.decode(floorplan.encode(one)) == one

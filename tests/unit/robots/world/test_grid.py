@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from robots.world.grid import PNG, MapError, decode_grey, encode_png, load_grid, read_grey
 
@@ -138,3 +139,41 @@ def test_a_file_of_brackets_is_an_error_like_any_other(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text("[" * 60_000)
     with pytest.raises(MapError):
         load_grid(tmp_path / "map.yaml")
+
+
+def test_an_image_that_was_moved_with_its_file_is_found_beside_it(tmp_path: Path) -> None:
+    grid = load_grid(write(tmp_path, IMAGE, image="/home/somebody/catkin_ws/maps/map.png"))
+    assert np.array_equal(grid.image, IMAGE)
+
+
+def test_in_the_mode_raw_a_value_is_a_percentage_and_more_than_a_hundred_is_unknown(
+    tmp_path: Path,
+) -> None:
+    picture = np.array([[0, 100, 101], [66, 10, 255]], dtype=np.uint8)
+    grid = load_grid(write(tmp_path, picture, mode="raw", negate="1"))
+    assert grid.occupied().tolist() == [[False, True, False], [True, False, False]]
+    assert grid.free().tolist() == [[True, False, False], [False, True, False]]
+
+
+def test_in_the_mode_scale_what_is_between_the_thresholds_is_unknown(tmp_path: Path) -> None:
+    picture = np.array([[254, 128, 0]], dtype=np.uint8)
+    grid = load_grid(write(tmp_path, picture, mode="scale"))
+    assert grid.free().tolist() == [[True, False, False]]
+    assert grid.occupied().tolist() == [[False, False, True]]
+
+
+def test_another_mode_is_refused_by_its_name(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match="mode 'ternary' is none of trinary, scale, raw"):
+        load_grid(write(tmp_path, IMAGE, mode="ternary"))
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+@pytest.mark.parametrize("negate", ["0", "1"])
+def test_what_is_transparent_is_unknown(tmp_path: Path, mode: str, negate: str) -> None:
+    grey = np.array([[0, 254, 0, 254]], dtype=np.uint8)
+    alpha = np.array([[255, 255, 0, 127]], dtype=np.uint8)
+    Image.fromarray(np.dstack([grey, grey, grey, alpha])).save(tmp_path / "map.png")
+    grid = load_grid(write(tmp_path, None, mode=mode, negate=negate))
+    known = (grid.free() | grid.occupied())[0].tolist()
+    assert known[:2] == [True, mode != "raw"]  # 254 percent is unknown
+    assert known[2:] == [False, False]

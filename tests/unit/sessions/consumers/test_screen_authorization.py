@@ -30,7 +30,12 @@ def asked(kind, **fields):
 
 @pytest.mark.parametrize(
     "message",
-    [asked(m.Say, text="hello"), asked(m.AnswerCall, accept=True), asked(m.ClearEStop)],
+    [
+        asked(m.Say, text="hello"),
+        asked(m.AnswerCall, accept=True),
+        asked(m.ConfirmWords, target="a0", state="shown"),
+        asked(m.ClearEStop),
+    ],
     ids=lambda m: type(m).__name__,
 )
 def test_what_a_screen_says_is_said_as_the_screen(authorization, message):

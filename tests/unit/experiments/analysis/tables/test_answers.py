@@ -183,3 +183,25 @@ def test_without_answers_or_with_one_condition_alone_there_is_nothing_to_test():
     )
     assert said(table, "Q1", f"{BETWEEN.conditions[0].key}: mean") == 2.0
     assert math.isnan(said(table, "Q1") or math.nan)
+
+
+def test_a_topic_of_one_statement_is_no_second_member_of_the_family():
+    rng = np.random.default_rng(44)
+    table = compare_answers(study_of(WITHIN, anybody(WITHIN, rng)))
+    same = [row for row in table.rows if row[table.head.index("n tested")].value]
+    assert len(same) > 1
+    assert len({row[table.head.index("p")].value for row in same}) == 1
+    assert [row[table.head.index("p (Holm)")].value for row in same] == [
+        row[table.head.index("p")].value for row in same
+    ]
+
+
+def test_medians_and_quartiles_stand_beside_the_means_of_ordinal_answers():
+    rng = np.random.default_rng(45)
+    key = WITHIN.conditions[0].key
+    opinion = anybody(WITHIN, rng)
+    table = compare_answers(study_of(WITHIN, opinion))
+    given = [opinion(number, key) for number in range(PARTICIPANTS)]
+    low, middle, high = np.percentile(given, (25, 50, 75))
+    assert said(table, "Q2", f"{key}: median") == middle
+    assert said(table, "Q2", f"{key}: IQR") == high - low

@@ -19,6 +19,7 @@ from experiments.analysis.tables.effects import (
     by_network,
     compare_conditions,
     learning,
+    learnt,
     outcomes_by_condition,
 )
 from experiments.definition.shipped import shipped
@@ -112,7 +113,12 @@ def test_delay_that_makes_tasks_longer_is_found_among_relations_that_are_none():
     ]
     table = against_network(own)
     assert cell(table, row(table, "round_trip", "task_time"), "p (Holm)") < 0.001
-    assert cell(table, row(table, "round_trip", "task_time"), "ρ") > 0.8
+    line = row(table, "round_trip", "task_time")
+    assert cell(table, line, "Size") > 0.8
+    assert (
+        cell(table, line, "Size: from") < cell(table, line, "Size") < cell(table, line, "Size: to")
+    )
+    assert (cell(table, line, "n tested"), cell(table, line, "df")) == (40, 38)
     assert cell(table, row(table, "loss", "stops"), "p (Holm)") > 0.05
 
 
@@ -135,12 +141,63 @@ def test_what_visitors_learn_is_the_difference_of_the_same_visitors():
     own = [measured(f"P{n}", number=1, total_time=first[n]) for n in range(15)] + [
         measured(f"P{n}", number=2, total_time=second[n]) for n in range(12)
     ]
-    table = learning(own)
-    assert cell(table, row(table, "first to second"), "total_time, median") == pytest.approx(
-        (second - first)[:12].mean()
+    table = learnt(own)
+    line = row(table, "total_time")
+    assert cell(table, line, "Difference") == pytest.approx((second - first)[:12].mean())
+    assert cell(table, line, "p (Holm)") < 0.001
+    assert (cell(table, line, "n tested"), cell(table, line, "second: n")) == (12, 12)
+    sessions = learning(own)
+    assert cell(sessions, row(sessions, "session", "2"), "Sessions") == 12
+
+
+def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():
+    rng = np.random.default_rng(39)
+    keys = [one.key for one in WITHIN.conditions][:2]
+    own = [
+        measured(f"P{n}", key, 1 + k, speed=rng.normal(0.5 * k, 1.0))
+        for n in range(14)
+        for k, key in enumerate(keys)
+        if (n, k) not in {(0, 1), (1, 0)}
+    ]
+    table = compare_conditions(Dataset(WITHIN), own, ("speed",))
+    (line,) = table.rows
+    texts = {head: one.text for head, one in zip(table.head, line, strict=True)}
+    assert (texts["Test"], texts["n tested"], texts["df"]) == ("paired t", "12", "11")
+    assert texts["Effect"] == "d_z"
+    for what in ("Difference", "Size"):
+        bounds = [cell(table, line, f"{what}{end}") for end in (": from", "", ": to")]
+        assert bounds == sorted(bounds)
+
+
+def test_a_condition_of_one_participant_does_not_take_the_others_tests_away():
+    rng = np.random.default_rng(40)
+    keys = [one.key for one in STUDY.conditions][:3]
+    own = [measured(f"P{n}", keys[n % 2], speed=rng.normal()) for n in range(16)]
+    own.append(measured("P16", keys[2], speed=1.0))
+    table = compare_conditions(Dataset(STUDY), own, ("speed",))
+    (line,) = table.rows
+    assert cell(table, line, "n tested") == 16
+    assert math.isfinite(cell(table, line, "p"))
+    assert line[table.head.index("Remark")].text == f"{keys[2]}: left out, n = 1"
+
+
+def test_metrics_with_the_same_values_are_one_member_of_the_family():
+    rng = np.random.default_rng(41)
+    keys = [one.key for one in PAIR.conditions]
+    own = []
+    for n in range(20):
+        time = rng.normal(100.0 + 9.0 * (n % 2), 10.0)
+        own.append(
+            measured(f"P{n}", keys[n % 2], total_time=time, task_time=time, speed=rng.normal())
+        )
+    table = compare_conditions(Dataset(PAIR), own, ("total_time", "task_time", "speed"))
+    first, second, third = table.rows
+    assert cell(table, first, "p (Holm)") == cell(table, second, "p (Holm)")
+    smaller = min(cell(table, first, "p"), cell(table, third, "p"))
+    assert min(cell(table, one, "p (Holm)") for one in table.rows) == pytest.approx(
+        min(1.0, 2.0 * smaller)
     )
-    assert cell(table, row(table, "", "p (Holm)"), "total_time, median") < 0.001
-    assert cell(table, row(table, "session", "2"), "Sessions") == 12
+    assert any("2 different tests" in note for note in table.notes)
 
 
 @pytest.mark.parametrize("size", [0, 1, 2])
@@ -153,6 +210,7 @@ def test_studies_of_hardly_anybody_break_nothing(size):
         against_network(found),
         by_network(found),
         learning(found),
+        learnt(found),
     ):
         assert all(len(one) == len(table.head) for one in table.rows)
 

@@ -1,6 +1,14 @@
 """Who is let through to the people at the robot."""
 
-from robots.agent.control.calls import NOTHING, RINGS, CallControl, Passing
+from robots.agent.control.calls import (
+    KNOCK_PAUSE,
+    KNOCK_RINGS,
+    KNOCK_TOLD,
+    NOTHING,
+    RINGS,
+    CallControl,
+    Passing,
+)
 from robots.api.messages import Call, Lease
 
 
@@ -95,3 +103,80 @@ def test_nobody_passes_when_the_lease_is_gone():
     calls = CallControl()
     calls.ask(call(), lease(), 0.0)
     assert calls.passing(None, 0.0) == NOTHING
+
+
+# --- knocks ---------------------------------------------------------------------------------------
+
+
+def knock(calls, name="k1", now=0.0, of=None, *, audible=True):
+    return calls.knock(name, of or lease(), now, audible=audible)
+
+
+def knocking(calls, now=0.0, of=None):
+    state = calls.knocking(of or lease(), now)
+    return state and (state.action_id, state.status)
+
+
+def test_a_knock_rings_until_somebody_answers_or_nobody_does():
+    calls = CallControl()
+    assert knocking(calls) is None
+    assert knock(calls) is None
+    assert knocking(calls, KNOCK_RINGS) == ("k1", "ringing")
+    assert knocking(calls, KNOCK_RINGS + 1) == ("k1", "unanswered")
+    assert calls.answer_knock("k1", accept=True, lease=lease(), now=KNOCK_RINGS + 2) is None
+    assert knocking(calls, KNOCK_RINGS + 3) == ("k1", "answered")
+    assert knocking(calls, KNOCK_TOLD + 1) is None
+
+
+def test_a_knock_sends_nothing_but_whoever_answers_it_lets_the_visitor_through():
+    calls = CallControl()
+    calls.rule = "ask"
+    knock(calls)
+    assert (status(calls), calls.passing(lease(), 0.0)) == (None, NOTHING)
+    calls.answer_knock("k1", accept=True, lease=lease(), now=1.0)
+    assert calls.passing(lease(), 1.0) == NOTHING
+    calls.ask(call(), lease(), 2.0)
+    assert status(calls, now=2.0) == "accepted"
+    assert calls.passing(lease(), 2.0) == Passing(audio=True, video=True)
+
+
+def test_not_now_keeps_the_robot_quiet_for_the_rest_of_the_session_and_ends_no_call():
+    calls = CallControl()
+    calls.ask(call(), lease(), 0.0)
+    knock(calls)
+    assert calls.knockable(lease(), audible=True)
+    calls.answer_knock("k1", accept=False, lease=lease(), now=1.0)
+    assert knocking(calls, 1.0) == ("k1", "declined")
+    assert knock(calls, "k2", 1000.0) == "declined"
+    assert not calls.knockable(lease(epoch=2), audible=True)
+    assert status(calls, now=1.0) == "accepted"
+    assert calls.knockable(lease("s2"), audible=True)
+    assert knock(calls, "k3", 1000.0, lease("s2")) is None
+
+
+def test_knocks_of_all_drivers_together_have_a_pause_between_them():
+    calls = CallControl()
+    knock(calls)
+    assert knock(calls, "k2", KNOCK_PAUSE - 0.1) == "too_soon"
+    assert knock(calls, "k3", KNOCK_PAUSE - 0.1, lease("s2")) == "too_soon"
+    assert knock(calls, "k4", KNOCK_PAUSE, lease("s2")) is None
+    assert knocking(calls, KNOCK_PAUSE) is None, "that of the session before is nobody's"
+    assert knocking(calls, KNOCK_PAUSE, lease("s2")) == ("k4", "ringing")
+
+
+def test_where_nobody_can_hear_it_nobody_knocks():
+    calls = CallControl()
+    assert knock(calls, audible=False) == "nobody_there"
+    assert calls.knock("k1", None, 0.0, audible=True) == "nobody_there"
+    assert not calls.knockable(lease(), audible=False)
+    assert not calls.knockable(None, audible=True)
+
+
+def test_only_the_knock_that_rings_is_answered():
+    calls = CallControl()
+    knock(calls)
+    answers = [("k2", lease(), 1.0), ("k1", lease("s2"), 1.0), ("k1", None, 1.0)]
+    answers.append(("k1", lease(), KNOCK_TOLD + 1))
+    for name, of, now in answers:
+        assert calls.answer_knock(name, accept=True, lease=of, now=now) == "nobody_knocks"
+    assert knocking(calls, 1.0) == ("k1", "ringing")

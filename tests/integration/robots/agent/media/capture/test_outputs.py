@@ -10,6 +10,7 @@ from robots.agent.media.capture import outputs
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.sound import BLOCK, SoundEncoder
 from robots.agent.robot_interface import AdapterError
+from robots.agent.simulator.outputs import MeasuringSpeaker
 from tests.support.simulators import eventually
 from tests.support.sound_server import sine
 
@@ -84,3 +85,20 @@ def test_a_loudspeaker_that_cannot_even_be_let_go_of_plays_again(quick):
         assert eventually(lambda round_=round_: speaker.stops == round_), "it rests after a while"
         speaker.played = 0
     feed.close()
+
+
+def test_a_knock_is_heard_from_the_robots_own_loudspeaker_as_two_notes(quick):
+    speaker = MeasuringSpeaker()
+    feed = OutputFeed(speaker, None)
+    feed.start()
+    try:
+        feed.ring()
+        assert eventually(lambda: speaker.played == outputs.chime().size)
+        assert speaker.tone == pytest.approx(outputs.NOTES[1], abs=5.0)
+        assert 0.0 < speaker.level < 0.2
+        feed.ring()
+        assert eventually(lambda: speaker.played == 2 * outputs.chime().size)
+    finally:
+        feed.close()
+    assert feed.has_speaker
+    assert not OutputFeed(None, None).has_speaker

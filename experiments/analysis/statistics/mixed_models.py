@@ -1,0 +1,266 @@
+"""Linear mixed models with an intercept for each participant, fitted by REML.
+
+With one variance between participants, the restricted likelihood depends on one number alone: the
+ratio λ of that variance to the residual one. Everything else follows from it by generalized least
+squares (Laird and Ware, 1982), so the fit is a search along a line, and a ratio of 0 (participants
+who do not differ) is tried like any other. tests/unit/experiments/analysis/statistics/ compares the
+fits with those of lme4.
+
+A term is a factor or an interaction, whose levels are coded by treatment (the first level is the
+reference) or as sums (effects around the grand mean; the last level is minus the sum of the
+others). Terms are tested together by Wald's F, coefficients by t.
+
+The denominator has the degrees of freedom of the between-within method (Pinheiro and Bates,
+Mixed-Effects Models in S and S-PLUS, 2000, section 2.4.2). For a term that changes within
+participants they are the observations less participants less the coefficients of such terms; for
+the others, the participants less the coefficients of those and the intercept. In a balanced study
+these are the degrees of freedom of the analysis of variance.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import fdtrc, stdtr, stdtrit
+
+from experiments.analysis.dataset.records import Floats
+from experiments.analysis.statistics.comparisons import UPPER, Estimate
+
+Coding = Literal["treatment", "sum"]
+INTERCEPT = "(intercept)"
+GRID = np.arange(-14.0, 15.0)  # logarithms of ratios
+TIGHT = 1e-9  # of the logarithm of the ratio
+ROUNDING = 1e-14
+
+
+class CannotFitError(ValueError):
+    """The model has no answer for these data; says why."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """The columns of a model: (n, k), what each is called, and to which term it belongs (0 is the
+    intercept).
+    """
+
+    columns: Floats
+    names: tuple[str, ...]
+    terms: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A coefficient of the model: its estimate with interval, standard error, t, df and p."""
+
+    name: str
+    estimate: Estimate
+    error: float
+    t: float
+    df: float
+    p: float
+
+
+@dataclass(frozen=True)
+class TermTest:
+    """Wald's F test that all coefficients of a term are 0."""
+
+    name: str
+    f: float
+    df: tuple[float, float]
+    p: float
+
+
+@dataclass(frozen=True)
+class MixedModel:
+    """A fitted model; standard deviations between participants and of the residuals."""
+
+    participants: int
+    observations: int
+    coefficients: tuple[Coefficient, ...]
+    terms: tuple[TermTest, ...]
+    sd_participants: float
+    sd_residual: float
+
+    @property
+    def is_singular(self) -> bool:
+        """Tell whether participants were found not to differ at all."""
+        return self.sd_participants == 0.0
+
+
+def design_of(
+    levels: Mapping[str, Sequence[str]],
+    terms: Sequence[str],
+    rows: Sequence[Mapping[str, str]],
+    coding: Coding,
+) -> Design:
+    """Return the columns of a model.
+
+    Args:
+        levels: the levels of each factor, in order.
+        terms: factors, or several with colons between.
+        rows: the level of each factor, an observation each.
+        coding: of the levels.
+    """
+    columns, names, places = [np.ones(len(rows))], [INTERCEPT], [0]
+    for number, term in enumerate(terms, start=1):
+        parts = [_coded(factor, levels[factor], rows, coding) for factor in term.split(":")]
+        for combination in product(*parts):
+            columns.append(np.prod([column for _, column in combination], axis=0))
+            names.append(":".join(name for name, _ in combination))
+            places.append(number)
+    return Design(np.column_stack(columns), tuple(names), tuple(places))
+
+
+def _coded(
+    factor: str, levels: Sequence[str], rows: Sequence[Mapping[str, str]], coding: Coding
+) -> list[tuple[str, Floats]]:
+    given = [row[factor] for row in rows]
+    own = levels[1:] if coding == "treatment" else levels[:-1]
+    found = []
+    for level in own:
+        column = np.array([float(one == level) for one in given])
+        if coding == "sum":
+            column -= np.array([float(one == levels[-1]) for one in given])
+        found.append((f"{factor} {level}", column))
+    return found
+
+
+def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str]) -> MixedModel:
+    """Fit a model to observations of participants.
+
+    Raises:
+        CannotFitError: there are too few data, no repetition, no variance, or columns that depend
+            on each other.
+    """
+    _, groups = np.unique(np.asarray(who), return_inverse=True)
+    people = int(groups.max(initial=-1)) + 1
+    _check(outcome, design.columns, people)
+    blocks = [(design.columns[groups == one], outcome[groups == one]) for one in range(people)]
+    ratio = _best_ratio(blocks)
+    found = _profile(blocks, ratio)
+    estimates = found.estimates
+    covariance = np.asarray(np.linalg.inv(found.information), dtype=np.float64) * found.residual
+    df = _freedom(design, groups, people)
+    return MixedModel(
+        people,
+        len(outcome),
+        tuple(
+            _coefficient(name, float(value), math.sqrt(variance), freedom)
+            for name, value, variance, freedom in zip(
+                design.names, estimates, np.diag(covariance), df, strict=True
+            )
+        ),
+        tuple(
+            _term_test(name, number, design, estimates, covariance, df)
+            for number, name in enumerate(terms, start=1)
+        ),
+        math.sqrt(ratio * found.residual),
+        math.sqrt(found.residual),
+    )
+
+
+def _check(outcome: Floats, columns: Floats, people: int) -> None:
+    n, k = columns.shape
+    if people < 3:
+        raise CannotFitError("fewer than three participants")
+    if n <= people:
+        raise CannotFitError("no participant was measured twice")
+    if np.ptp(outcome) <= 1e-9 * np.abs(outcome).max():
+        raise CannotFitError("no variance: all values are equal")
+    if np.linalg.matrix_rank(columns) < k:
+        raise CannotFitError("some effects cannot be told apart with these data")
+    if n - people - k < 1:
+        raise CannotFitError("too few observations for so many effects")
+
+
+@dataclass(frozen=True)
+class _Profile:
+    """What follows from a ratio: -2 log restricted likelihood (but for a constant), coefficients,
+    XᵀV⁻¹X in units of the residual variance, and that variance.
+    """
+
+    deviance: float
+    estimates: Floats
+    information: Floats
+    residual: float
+
+
+def _profile(blocks: Sequence[tuple[Floats, Floats]], ratio: float) -> _Profile:
+    """Fit by generalized least squares with V = σ²(I + λJ) for each participant, whose inverse is
+    (I - λ / (1 + nλ) J) / σ² and whose determinant is (1 + nλ) σ²ⁿ.
+    """
+    size = blocks[0][0].shape[1]
+    xx, xy, yy, spread, n = np.zeros((size, size)), np.zeros(size), 0.0, 0.0, 0
+    for columns, outcome in blocks:
+        weight = ratio / (1.0 + len(outcome) * ratio)
+        sums, total = columns.sum(axis=0), float(outcome.sum())
+        xx += columns.T @ columns - weight * np.outer(sums, sums)
+        xy += columns.T @ outcome - weight * sums * total
+        yy += float(outcome @ outcome) - weight * total * total
+        spread += math.log1p(len(outcome) * ratio)
+        n += len(outcome)
+    estimates = np.asarray(np.linalg.solve(xx, xy), dtype=np.float64)
+    residual = max(yy - float(estimates @ xy), 0.0) / (n - size)
+    if residual <= ROUNDING * yy / n:
+        raise CannotFitError("no variance: the effects explain everything")
+    deviance = spread + float(np.linalg.slogdet(xx)[1]) + (n - size) * math.log(residual)
+    return _Profile(deviance, estimates, xx, residual)
+
+
+def _best_ratio(blocks: Sequence[tuple[Floats, Floats]]) -> float:
+    """Return the ratio of the least deviance: the best of a grid, refined between its neighbours; 0
+    where none is better than that.
+    """
+    grid = [_profile(blocks, math.exp(power)).deviance for power in GRID]
+    place = int(np.argmin(grid))
+    found = minimize_scalar(
+        lambda power: _profile(blocks, math.exp(power)).deviance,
+        bounds=(GRID[max(place - 1, 0)], GRID[min(place + 1, len(GRID) - 1)]),
+        method="bounded",
+        options={"xatol": TIGHT},
+    )
+    ratio = math.exp(float(found.x))
+    return ratio if _profile(blocks, ratio).deviance < _profile(blocks, 0.0).deviance else 0.0
+
+
+def _freedom(design: Design, groups: Any, people: int) -> list[float]:
+    """Return the denominator's degrees of freedom of each coefficient."""
+    changes = [
+        any(np.ptp(column[groups == group]) > 0.0 for group in range(people))
+        for column in design.columns.T
+    ]
+    n = len(design.columns)
+    inner = float(n - people - sum(changes))
+    outer = float(people - sum(not one for one in changes))  # the intercept among them
+    # nlme gives the intercept those of the observations
+    return [
+        inner if place == 0 or one else outer
+        for one, place in zip(changes, design.terms, strict=True)
+    ]
+
+
+def _coefficient(name: str, value: float, error: float, df: float) -> Coefficient:
+    t = value / error
+    slack = float(stdtrit(df, UPPER)) * error
+    p = float(2.0 * stdtr(df, -abs(t)))
+    return Coefficient(name, Estimate(value, value - slack, value + slack), error, t, df, p)
+
+
+def _term_test(
+    name: str,
+    number: int,
+    design: Design,
+    estimates: Floats,
+    covariance: Floats,
+    df: Sequence[float],
+) -> TermTest:
+    own = [place for place, term in enumerate(design.terms) if term == number]
+    values = estimates[own]
+    wald = float(values @ np.linalg.solve(covariance[np.ix_(own, own)], values))
+    freedom = (float(len(own)), min(df[place] for place in own))
+    f = wald / len(own)
+    return TermTest(name, f, freedom, float(fdtrc(*freedom, f)))

@@ -1,0 +1,103 @@
+"""A row of a comparison: what was compared, each condition in numbers, and the test with everything
+that a reader needs to check it.
+"""
+
+from collections.abc import Hashable, Mapping, Sequence
+
+from experiments.analysis.statistics.comparisons import Estimate, Test, holm
+from experiments.analysis.statistics.descriptive import spread
+from experiments.analysis.tables.table import TableCell, count, number, probability, words
+
+REMARK = "Remark"
+TESTED = (
+    "Test",
+    "n tested",
+    "Statistic",
+    "df",
+    "df 2",
+    "p",
+    "p (Holm)",
+    "Difference",
+    "Difference: from",
+    "Difference: to",
+    "Effect",
+    "Size",
+    "Size: from",
+    "Size: to",
+    REMARK,
+)
+READ_AS = (
+    "n tested: participants, or pairs for a paired test; from, to: 95 % confidence interval.",
+    (
+        "Difference: of means, first less second. Effect: d, Cohen's with the pooled SD; d_z, mean"
+        " over SD of the differences; η²p, partial eta squared; W (Kendall), its interval by"
+        " resampling participants."
+    ),
+)
+Group = tuple[Mapping[str, float], Sequence[str]]  # a value a participant, the sessions behind them
+
+
+def head_of(keys: Sequence[str], *, is_ordinal: bool = False) -> tuple[str, ...]:
+    """Return the head of `compared`, without its first word."""
+    parts = ("n", "mean", "SD", "median", "IQR") if is_ordinal else ("n", "mean", "SD")
+    return (*(f"{key}: {part}" for key in keys for part in parts), *TESTED)
+
+
+def compared(
+    label: str, groups: Sequence[Group], test: Test, corrected: float, *, is_ordinal: bool = False
+) -> tuple[TableCell, ...]:
+    """Return a row: what was compared, each group, and the test with its corrected p value."""
+    cells: list[TableCell] = []
+    for values, ids in groups:
+        about = spread(list(values.values()))
+        cells += [count(about.n, ids), number(about.mean, 3, ids), number(about.sd, 3)]
+        if is_ordinal:
+            cells += [number(about.median, 2, ids), number(about.iqr, 2)]
+    return words(label), *cells, *tested(test, corrected)
+
+
+def tested(test: Test, corrected: float) -> tuple[TableCell, ...]:
+    """Return the cells of TESTED."""
+    first, second = (*test.df, None, None)[:2]
+    return (
+        words(test.name),
+        count(test.n),
+        number(test.statistic, 2),
+        _freedom(first),
+        _freedom(second),
+        probability(test.p),
+        probability(corrected),
+        *estimated(test.difference, 3),
+        words(test.effect_name),
+        *estimated(test.effect, 2),
+        words(test.remark),
+    )
+
+
+def estimated(estimate: Estimate, decimals: int) -> tuple[TableCell, TableCell, TableCell]:
+    """Return a number and the bounds of its interval."""
+    return (
+        number(estimate.value, decimals),
+        number(estimate.low, decimals),
+        number(estimate.high, decimals),
+    )
+
+
+def _freedom(value: float | None) -> TableCell:
+    return number(value, 0 if value is not None and value.is_integer() else 1)
+
+
+def corrected_for(
+    tests: Sequence[Test], rows: Sequence[Sequence[Group]]
+) -> tuple[tuple[float, ...], int]:
+    """Return the p values of a table, corrected by Holm's method, and how many tests the family
+    has: rows of the same data are one of them.
+    """
+    members = [_data(groups) for groups in rows]
+    values = [test.p for test in tests]
+    known = {one for one, test in zip(members, tests, strict=True) if test.is_known}
+    return holm(values, members), len(known)
+
+
+def _data(groups: Sequence[Group]) -> Hashable:
+    return tuple(tuple(sorted(values.items())) for values, _ids in groups)

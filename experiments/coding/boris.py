@@ -1,0 +1,159 @@
+"""Codings as BORIS projects (.boris): JSON as BORIS 7 to 9 writes it.
+
+Read in BORIS's source (boris/config.py: EMPTY_PROJECT, behavioursFields, PJ_EVENTS_FIELDS;
+boris/project_functions.py: open_project_json) and its test projects (tests/files/*.boris). A code
+is a behavior of the ethogram, a point a "Point event", an interval a "State event", which BORIS
+stores as two rows, its start and its stop. A session and coder is an observation of the type LIVE:
+there is no video of it.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import msgspec
+from django.utils.translation import gettext as _
+
+from experiments.coding.scheme import BadCodingError, Code, CodedEvent
+
+FORMAT = "7.0"
+KINDS = {"point": "Point event", "interval": "State event"}
+
+
+def to_boris(
+    codes: Sequence[Code],
+    observations: Mapping[str, Sequence[CodedEvent]],
+    name: str,
+    date: str,
+) -> bytes:
+    """Return codings as a project.
+
+    Args:
+        codes: those of the scheme.
+        observations: the events of each coding, by the observation's name.
+        name: of the project.
+        date: YYYY-MM-DDTHH:MM:SS.
+    """
+    project = {
+        "time_format": "hh:mm:ss",
+        "project_date": date,
+        "project_name": name,
+        "project_description": "",
+        "project_format_version": FORMAT,
+        "subjects_conf": {},
+        "behaviors_conf": {str(n): _behavior(code) for n, code in enumerate(codes)},
+        "observations": {key: _observation(events, date) for key, events in observations.items()},
+        "behavioral_categories": [],
+        "behavioral_categories_config": {},
+        "independent_variables": {},
+        "coding_map": {},
+        "behaviors_coding_map": [],
+        "converters": {},
+    }
+    return msgspec.json.format(msgspec.json.encode(project), indent=1)
+
+
+def _behavior(code: Code) -> dict[str, str]:
+    return {
+        "type": KINDS[code.kind],
+        "key": code.key,
+        "code": code.code,
+        "description": code.name,
+        "color": "",
+        "category": "",
+        "modifiers": "",
+        "excluded": "",
+        "coding map": "",
+    }
+
+
+def _observation(events: Sequence[CodedEvent], date: str) -> dict[str, Any]:
+    # A stop comes before a start at the same moment, so that the rows of a code alternate.
+    starts = [(event.begin, 1, event.code, event.comment) for event in events]
+    stops = [(event.end, 0, event.code, "") for event in events if event.end is not None]
+    rows = sorted([*starts, *stops], key=lambda row: row[:2])
+    return {
+        "file": {},
+        "type": "LIVE",
+        "date": date,
+        "description": "",
+        "time offset": 0.0,
+        "events": [[at, "", code, "", comment] for at, _order, code, comment in rows],
+        "observation time interval": [0, 0],
+        "independent_variables": {},
+        "visualize_spectrogram": False,
+        "visualize_waveform": False,
+        "close_behaviors_between_videos": False,
+        "scan_sampling_time": 0,
+        "start_from_current_time": False,
+        "start_from_current_epoch_time": False,
+    }
+
+
+def from_boris(
+    document: bytes, codes: Sequence[Code], wanted: str = ""
+) -> tuple[list[CodedEvent], list[str]]:
+    """Return the events of an observation, and a sentence for what is not imported.
+
+    Args:
+        document: the project.
+        codes: those of the scheme.
+        wanted: the observation's name; not needed when there is one alone.
+
+    Raises:
+        BadCodingError: the project cannot be read, or has no such observation.
+    """
+    try:
+        project = msgspec.json.decode(document.removeprefix(b"\xef\xbb\xbf"))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise BadCodingError(
+            [_("This is not valid JSON: %(problem)s.") % {"problem": error}]
+        ) from error
+    observations = project.get("observations") if isinstance(project, dict) else None
+    if not isinstance(observations, dict) or not observations:
+        raise BadCodingError([_("This is not a BORIS project with observations.")])
+    if wanted not in observations and (wanted or len(observations) > 1):
+        raise BadCodingError(
+            [
+                _("Name one of the project's observations: %(names)s.")
+                % {"names": ", ".join(observations)[:1000]}
+            ]
+        )
+    observation = observations[wanted or next(iter(observations))]
+    rows = observation.get("events") if isinstance(observation, dict) else None
+    known = {name: code for code in codes for name in (code.name, code.code)}
+    problems: list[str] = []
+    events = list(_events_of(rows if isinstance(rows, list) else [], known, problems))
+    return events, list(dict.fromkeys(problems))
+
+
+def _events_of(
+    rows: list[Any], known: Mapping[str, Code], problems: list[str]
+) -> Iterator[CodedEvent]:
+    """Yield the events of rows (time, subject, code, modifier, comment); an interval is two rows of
+    one subject and code.
+    """
+    begun: dict[tuple[str, str, str], tuple[float, str]] = {}
+    for row in rows:
+        if not isinstance(row, list) or len(row) < 3 or not isinstance(row[0], int | float):
+            problems.append(_("A row that is no event was left out."))
+            continue
+        time, subject, name = float(row[0]), str(row[1]), str(row[2])
+        modifier = str(row[3]) if len(row) > 3 and row[3] else ""
+        comment = str(row[4]) if len(row) > 4 and row[4] else ""
+        code = known.get(name)
+        if code is None:
+            problems.append(_("Behavior “%(name)s” is no code of the scheme.") % {"name": name})
+            continue
+        if subject or modifier:
+            problems.append(_("Subjects and modifiers are not imported."))
+        if code.kind == "point":
+            yield CodedEvent(code.code, time, None, comment)
+            continue
+        key = (subject, name, modifier)
+        if key not in begun:
+            begun[key] = (time, comment)
+            continue
+        start, first = begun.pop(key)
+        yield CodedEvent(code.code, start, time, first or comment)
+    for _subject, name, _modifier in begun:
+        problems.append(_("Behavior “%(name)s” starts and does not stop.") % {"name": name})

@@ -1,0 +1,91 @@
+"""A JPEG without what cameras and programs write beside the picture: times, places, serial numbers,
+previews (ITU-T T.81, annex B).
+
+Only segments without which no picture can be decoded stay. A comment names the photo, so that its
+bytes, and so its checksum, are not those that the robot and the database know it by.
+"""
+
+from collections.abc import Iterator
+
+START, END = 0xD8, 0xD9
+SCAN = 0xDA
+COMMENT = 0xFE
+JFIF, ADOBE = 0xE0, 0xEE
+JFIF_BYTES = 18
+# Frames (SOFn), Huffman and arithmetic tables, scans, quantization, lines, restarts. Of the
+# application segments only those stay that say how to read the colours.
+_KEPT = frozenset({*range(0xC0, 0xD0), *range(0xDA, 0xDE)})
+
+
+class JpegError(ValueError):
+    """These bytes are no JPEG."""
+
+
+def without_metadata(jpeg: bytes, name: str) -> bytes:
+    """Return the picture alone, with `name` as its comment.
+
+    Raises:
+        JpegError: it cannot be taken apart.
+    """
+    comment = name.encode()
+    parts = [bytes((0xFF, START)), _segment(COMMENT, comment)]
+    parts += [part for marker, part in _parts(jpeg) if _is_kept(marker, part)]
+    return b"".join((*parts, bytes((0xFF, END))))
+
+
+def _segment(marker: int, content: bytes) -> bytes:
+    return bytes((0xFF, marker)) + (len(content) + 2).to_bytes(2) + content
+
+
+def _is_kept(marker: int, part: bytes) -> bool:
+    if marker == JFIF:  # a longer one has a preview behind it
+        return part[4:].startswith(b"JFIF\0") and len(part) == JFIF_BYTES
+    if marker == ADOBE:
+        return part[4:].startswith(b"Adobe")
+    return marker in _KEPT
+
+
+def _parts(jpeg: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield the marker of each segment between start and end, and the segment; that of a scan with
+    the coded picture behind it.
+    """
+    if jpeg[:2] != bytes((0xFF, START)):
+        raise JpegError("no start of a picture")
+    at = 2
+    while True:
+        at = _past_fill(jpeg, at)
+        marker = jpeg[at + 1]
+        if marker == END:
+            return
+        length = int.from_bytes(jpeg[at + 2 : at + 4])
+        end = at + 2 + length
+        if length < 2 or end > len(jpeg):
+            raise JpegError("a segment is cut off")
+        if marker == SCAN:
+            end = _end_of_scan(jpeg, end)
+        yield marker, jpeg[at:end]
+        at = end
+
+
+def _past_fill(jpeg: bytes, at: int) -> int:
+    """Return where the next marker is; any number of 0xFF may stand before it."""
+    if jpeg[at : at + 1] != b"\xff":
+        raise JpegError("no marker where one is due")
+    while jpeg[at + 1 : at + 2] == b"\xff":
+        at += 1
+    if at + 2 > len(jpeg):
+        raise JpegError("it has no end")
+    return at
+
+
+def _end_of_scan(jpeg: bytes, at: int) -> int:
+    """Return where the coded picture ends: at a marker that is neither a stuffed 0xFF nor a
+    restart.
+    """
+    while True:
+        at = jpeg.find(b"\xff", at)
+        if at < 0 or at + 1 >= len(jpeg):
+            raise JpegError("it has no end")
+        if jpeg[at + 1] not in {0x00, *range(0xD0, 0xD8), 0xFF}:
+            return at
+        at += 1

@@ -1,0 +1,117 @@
+"""`manage.py compare_codings SCHEME FILE FILE …`: how well coders of one session agree."""
+
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from django.core.management.base import BaseCommand, CommandError
+
+from experiments.coding.agreement import CodeAgreement, agreement
+from experiments.coding.boris import from_boris
+from experiments.coding.eaf import from_eaf
+from experiments.coding.scheme import BadCodingError, Code, CodedEvent, codes_from, events_from
+
+MAX_FILE = 20 * 1024 * 1024
+
+
+class Command(BaseCommand):
+    """Read a coding of each coder from ELAN or BORIS, and print kappa and alpha of each code."""
+
+    help = (
+        "Compare codings of one session, a file for each coder (ELAN .eaf or BORIS .boris): "
+        "Cohen's kappa of each pair and Krippendorff's alpha of all, for each code."
+    )
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("scheme", type=Path, help="the codes as JSON")
+        parser.add_argument("files", type=Path, nargs="+", help="a file for each coder")
+        parser.add_argument("--bin", type=float, default=1.0, help="width of a bin, s")
+        parser.add_argument(
+            "--tolerance", type=float, default=0.5, help="between beginnings of events, s"
+        )
+        parser.add_argument(
+            "--duration", type=float, help="length of the session, s; default: the last event"
+        )
+        parser.add_argument(
+            "--observation", default="", help="its name in BORIS projects that have several"
+        )
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        files: list[Path] = options["files"]
+        if len(files) < 2:
+            raise CommandError("Give a file for each of at least two coders.")
+        try:
+            codes = codes_from(msgspec.json.decode(_bytes(options["scheme"])))
+        except msgspec.DecodeError as error:
+            raise CommandError(f"{options['scheme']} is not valid JSON: {error}.") from error
+        except BadCodingError as error:
+            raise CommandError(f"{options['scheme']}: {error}") from error
+        read = [self._read(path, codes, options["observation"]) for path in files]
+        last = max((event.end or event.begin for coding in read for event in coding), default=0.0)
+        duration = last if options["duration"] is None else options["duration"]
+        codings = [
+            _checked(path, one, codes, duration) for path, one in zip(files, read, strict=True)
+        ]
+        try:
+            found = agreement(
+                [(duration, codings)],
+                [code.code for code in codes],
+                width=options["bin"],
+                tolerance=options["tolerance"],
+            )
+        except ValueError as error:
+            raise CommandError(f"--bin: {error}.") from error
+        self.stdout.write(
+            f"{duration:g} s in bins of {options['bin']:g} s; "
+            f"events match within {options['tolerance']:g} s"
+        )
+        for one in found:
+            self._tell(one, files)
+
+    def _read(self, path: Path, codes: tuple[Code, ...], observation: str) -> list[CodedEvent]:
+        document = _bytes(path)
+        try:
+            if document.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
+                events, problems = from_eaf(document, codes)
+            else:
+                events, problems = from_boris(document, codes, observation)
+        except BadCodingError as error:
+            raise CommandError(f"{path}: {error}") from error
+        for problem in problems:
+            self.stdout.write(f"{path.name}: {problem}")
+        return events
+
+    def _tell(self, one: CodeAgreement, files: list[Path]) -> None:
+        self.stdout.write(f"{one.code}: alpha {_number(one.alpha)}")
+        for pair in one.pairs:
+            a, b = (files[place].name for place in pair.coders)
+            both, first, second = pair.matches.both, pair.matches.first, pair.matches.second
+            self.stdout.write(
+                f"    {a} and {b}: kappa {_number(pair.kappa)}; "
+                f"events in both: {both}, only in {a}: {first}, only in {b}: {second}"
+            )
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            document = file.read(MAX_FILE + 1)
+    except OSError as error:
+        raise CommandError(f"{error.filename}: {error.strerror}.") from error
+    if len(document) > MAX_FILE:
+        raise CommandError(f"{path} is larger than {MAX_FILE // 1024**2} MB.")
+    return document
+
+
+def _checked(
+    path: Path, events: list[CodedEvent], codes: tuple[Code, ...], duration: float
+) -> list[CodedEvent]:
+    try:
+        return events_from(msgspec.to_builtins(events), codes, duration)
+    except BadCodingError as error:
+        raise CommandError(f"{path}: {error}") from error
+
+
+def _number(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.3f}"

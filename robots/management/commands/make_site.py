@@ -1,0 +1,75 @@
+"""`manage.py make_site MAP.yaml --name ID`: a site from a robot's map, to be finished on a page of
+the administration.
+"""
+
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+from django.urls import reverse
+
+from robots.api import floorplan
+from robots.floorplans import FloorPlanRefusedError
+from robots.models import FloorPlan
+from robots.site_drafts import propose, read_map, store_site
+
+
+class Command(BaseCommand):
+    """Trace walls, propose rooms, openings, obstacles and charging stations, and store them as a
+    floor plan.
+    """
+
+    help = (
+        "Make a site from a ROS map: trace its walls and propose rooms, openings and charging"
+        " stations. A page of the administration completes it."
+    )
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("map", type=Path, help="the YAML file of the map")
+        parser.add_argument(
+            "--name", required=True, help="map id: small letters, digits, hyphens, underscores"
+        )
+        parser.add_argument("--title", default="", help="title; without it, the map id")
+        parser.add_argument(
+            "--occupied-thresh",
+            type=float,
+            help="occupancy from 0 to 1 from which a cell is a wall, instead of that of the file;"
+            " 0.35 for maps with grey walls",
+        )
+        parser.add_argument(
+            "--free-thresh",
+            type=float,
+            help="occupancy from 0 to 1 below which a cell is free, instead of that of the file",
+        )
+        parser.add_argument(
+            "--replace", action="store_true", help="replace the plan that has this map id"
+        )
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        name, path = options["name"], options["map"]
+        if FloorPlan.objects.filter(name=name).exists() and not options["replace"]:
+            raise CommandError(
+                f"There is a floor plan {name} already. Choose another name, or add --replace to"
+                " replace it and everything that was finished by hand."
+            )
+        try:
+            grid = read_map(path, occupied=options["occupied_thresh"], free=options["free_thresh"])
+            plan = propose(grid, name, options["title"] or name)
+            row, kept = store_site(plan, grid)
+        except FloorPlanRefusedError as error:
+            lines = (f"No site can be made of {path}:", *(f"  {p}" for p in error.problems))
+            raise CommandError("\n".join(lines)) from error
+        except OSError as error:
+            raise CommandError(f"{error.filename}: {error.strerror}.") from error
+        self._report(plan, row, kept)
+
+    def _report(self, plan: floorplan.FloorPlan, row: FloorPlan, kept: Path) -> None:
+        self.stdout.write(
+            f"Made the site {row.name}: {len(plan.rooms)} rooms, {len(plan.walls)} walls,"
+            f" {len(plan.passages)} openings, {len(plan.furniture)} obstacles,"
+            f" {len(plan.docks)} charging stations."
+        )
+        page = reverse("admin:robots_floorplan_finish", args=[row.pk])
+        self.stdout.write(f"Finish it in the administration: {page}")
+        self.stdout.write(f"To simulate a robot in it: `run_robot NAME --option plan={kept}`.")

@@ -1,0 +1,354 @@
+"""A plan changed by the fields of the page that finishes it. Knows no Django.
+
+A field is named for its part: `rooms.0.title`, `docks.1.heading`. What a person does not see on the
+page (walls, furniture, what a room's floor looks like) stays as it is. The result is a document
+that may still be wrong: `robots.api.floorplan` and the inspection of the site say how.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from robots.api.floorplan import contains
+from robots.world.robot_models import MODELS
+from robots.world.tracing.docks import station_of
+from robots.world.tracing.joining import joined
+
+Document = dict[str, Any]
+IsFree = Callable[[float, float], bool]
+
+BESIDE = (0.3, 0.6, 0.15)  # metres to both sides of an opening at which its rooms are looked up
+NOWHERE = "nowhere"
+NEW_OPENING = 0.9  # metres wide, before its ends are moved
+RADIUS = 0.6  # metres about a checkpoint
+LONGEST_TITLE = 80
+
+
+class EditError(ValueError):
+    """A field that cannot be read: `field` is its name, `text` what it holds."""
+
+    def __init__(self, field: str, text: str) -> None:
+        super().__init__(f"{field}: {text!r}")
+        self.field, self.text = field, text
+
+
+def openings_of(plan: Document) -> list[Document]:
+    """Return the openings of a plan, doors first, each with its `kind`."""
+    doors = [{**door, "kind": "door"} for door in plan.get("doors", ())]
+    return doors + [{**passage, "kind": "opening"} for passage in plan.get("passages", ())]
+
+
+def checkpoints_of(plan: Document) -> list[Document]:
+    """Return the checkpoints of all routes but the docks that they begin at, each with its
+    robot's `type`.
+    """
+    return [
+        {**checkpoint, "type": route["type"]}
+        for route in plan.get("routes", ())
+        for checkpoint in route["checkpoints"]
+        if checkpoint["number"] > 0
+    ]
+
+
+def edited(plan: Document, fields: Mapping[str, str], is_free: IsFree) -> Document:
+    """Return the plan as the fields have it; `is_free` tells where doors can swing to.
+
+    Raises:
+        EditError: a field is no number, or two rooms to be joined do not touch.
+    """
+    rooms, names = _rooms(plan, fields)
+    openings = _openings(plan, fields, (rooms, names), is_free)
+    docks = _docks(plan, fields)
+    result = {
+        **plan,
+        "rooms": rooms,
+        "doors": [_without(o, "kind") for o in openings if o["kind"] == "door"],
+        "passages": [
+            _without(o, "kind", "swing", "leaf", "state", "colour")
+            for o in openings
+            if o["kind"] == "opening"
+        ],
+        "docks": docks,
+        "places": _places(plan, fields),
+        "routes": _routes(plan, fields, docks),
+    }
+    return {key: value for key, value in result.items() if value != []}
+
+
+def with_new(plan: Document, kind: str, x: float, y: float, words: Mapping[str, str]) -> Document:
+    """Return a plan with one more `opening`, `dock`, `place` or `checkpoint` at a point; `words`
+    are their titles.
+
+    Raises:
+        EditError: there is no such kind.
+    """
+    x, y = round(x, 3), round(y, 3)
+    if kind == "place":
+        found = plan.get("places", [])
+        number = len(found) + 1
+        new = {"name": _key("place", found), "title": f"{words[kind]} {number}", "x": x, "y": y}
+        return {**plan, "places": [*found, new]}
+    if kind == "opening":
+        found = plan.get("passages", [])
+        taken = [*found, *plan.get("doors", ())]
+        new = {
+            "name": _key("opening", taken),
+            "title": f"{words[kind]} {len(taken) + 1}",
+            "start": [x - NEW_OPENING / 2.0, y],
+            "end": [x + NEW_OPENING / 2.0, y],
+            "connects": _beside(plan.get("rooms", []), (x - 0.45, y), (x + 0.45, y)),
+        }
+        return {**plan, "passages": [*found, new]}
+    series = _wanted_series(plan)
+    if kind == "dock":
+        new = {
+            "name": _key(f"{series}-dock", plan.get("docks", [])),
+            "title": f"{words[kind]} ({MODELS[series].title})",
+            "type": series,
+            "x": x,
+            "y": y,
+            "theta": 0.0,
+            "station": _station(series),
+        }
+        return {**plan, "docks": [*plan.get("docks", []), new]}
+    if kind == "checkpoint":
+        return _with_checkpoint(plan, x, y)
+    raise EditError("kind", kind)
+
+
+# --- the parts ------------------------------------------------------------------------------------
+
+
+def _rooms(plan: Document, fields: Mapping[str, str]) -> tuple[list[Document], dict[str, str]]:
+    """Return the rooms with their new titles, some of them joined, and under which name each is
+    found now.
+    """
+    kept: dict[str, Document] = {}
+    names: dict[str, str] = {}
+    for number, room in enumerate(plan.get("rooms", ())):
+        prefix = f"rooms.{number}"
+        if not fields.get(f"{prefix}.remove"):
+            kept[room["name"]] = {**room, "title": _title(fields, prefix, room["title"])}
+            names[room["name"]] = room["name"]
+    for number, room in enumerate(plan.get("rooms", ())):
+        into = names.get(fields.get(f"rooms.{number}.join", ""))
+        mine = names.get(room["name"])
+        if into is None or mine is None or into == mine:
+            continue
+        target, other = kept[into], kept.pop(mine)
+        corners = [tuple(map(tuple, part["polygon"])) for part in (target, other)]
+        try:
+            kept[into] = {**target, "polygon": [list(p) for p in joined(corners[0], corners[1])]}
+        except ValueError as error:
+            raise EditError(f"rooms.{number}.join", target["title"]) from error
+        names = {old: into if new == mine else new for old, new in names.items()}
+    return list(kept.values()), names
+
+
+def _openings(
+    plan: Document,
+    fields: Mapping[str, str],
+    rooms: tuple[list[Document], dict[str, str]],
+    is_free: IsFree,
+) -> list[Document]:
+    found = []
+    for number, opening in enumerate(openings_of(plan)):
+        prefix = f"openings.{number}"
+        was = [rooms[1].get(name, name) for name in opening["connects"]]
+        were_joined = was[0] == was[1] and opening["connects"][0] != opening["connects"][1]
+        if fields.get(f"{prefix}.remove") or were_joined:
+            continue
+        start = _point(fields, prefix, ("x", "y"), opening["start"])
+        end = _point(fields, prefix, ("x2", "y2"), opening["end"])
+        kind = fields.get(f"{prefix}.kind", opening["kind"])
+        beside = _beside(rooms[0], start, end)
+        moved = {
+            **opening,
+            "kind": "door" if kind == "door" else "opening",
+            "title": _title(fields, prefix, opening["title"]),
+            "start": start,
+            "end": end,
+            "connects": was if set(was) == set(beside) else beside,
+        }
+        if moved["kind"] == "door" and (
+            "swing" not in opening or start != opening["start"] or end != opening["end"]
+        ):
+            moved["swing"] = _swing(start, end, is_free)
+        found.append(moved)
+    return found
+
+
+def _beside(rooms: list[Document], start: Any, end: Any) -> list[str]:
+    """Return the names of the rooms to both sides of an opening; `NOWHERE` where there is none."""
+    x, y = (start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0
+    length = math.dist(start, end) or 1.0
+    across = (-(end[1] - start[1]) / length, (end[0] - start[0]) / length)
+    names = []
+    for side in (1.0, -1.0):
+        spots = [(x + side * far * across[0], y + side * far * across[1]) for far in BESIDE]
+        found = (r["name"] for spot in spots for r in rooms if contains(_corners(r), *spot))
+        names.append(next(found, NOWHERE))
+    return names
+
+
+def _corners(room: Document) -> tuple[tuple[float, float], ...]:
+    return tuple((corner[0], corner[1]) for corner in room["polygon"])
+
+
+def _swing(start: list[float], end: list[float], is_free: IsFree) -> float:
+    """Return to which side a door opens about its hinge, a quarter turn: where more is free."""
+    width = math.dist(start, end)
+    closed = math.atan2(end[1] - start[1], end[0] - start[0])
+
+    def room(swing: float) -> int:
+        steps = [width * n / 10.0 for n in range(2, 11)]
+        turn = closed + swing
+        at = [(start[0] + s * math.cos(turn), start[1] + s * math.sin(turn)) for s in steps]
+        return sum(is_free(x, y) for x, y in at)
+
+    quarter = round(math.pi / 2.0, 6)
+    return max((quarter, -quarter), key=room)
+
+
+def _docks(plan: Document, fields: Mapping[str, str]) -> list[Document]:
+    found = []
+    for number, dock in enumerate(plan.get("docks", ())):
+        prefix = f"docks.{number}"
+        if fields.get(f"{prefix}.remove"):
+            continue
+        series = fields.get(f"{prefix}.type", dock["type"])
+        degrees = _number(fields, f"{prefix}.heading", math.degrees(dock["theta"]))
+        x, y = _point(fields, prefix, ("x", "y"), [dock["x"], dock["y"]])
+        # a heading that nobody changed keeps its digits
+        same = abs(degrees - round(math.degrees(dock["theta"]), 1)) < 0.05
+        moved = {
+            **dock,
+            "title": _title(fields, prefix, dock["title"]),
+            "x": x,
+            "y": y,
+            "theta": dock["theta"] if same else round(math.radians(degrees), 4),
+        }
+        if series != dock["type"] and series in MODELS:
+            moved |= {"type": series, "station": _station(series)}
+        found.append(moved)
+    return found
+
+
+def _places(plan: Document, fields: Mapping[str, str]) -> list[Document]:
+    found = []
+    for number, place in enumerate(plan.get("places", ())):
+        prefix = f"places.{number}"
+        if not fields.get(f"{prefix}.remove"):
+            x, y = _point(fields, prefix, ("x", "y"), [place["x"], place["y"]])
+            title = _title(fields, prefix, place["title"])
+            found.append({**place, "title": title, "x": x, "y": y})
+    return found
+
+
+def _routes(plan: Document, fields: Mapping[str, str], docks: list[Document]) -> list[Document]:
+    """Return a route for each robot that has checkpoints and a dock, numbered anew, the dock
+    first.
+    """
+    moved: dict[str, list[Document]] = {}
+    for number, checkpoint in enumerate(checkpoints_of(plan)):
+        prefix = f"checkpoints.{number}"
+        if fields.get(f"{prefix}.remove"):
+            continue
+        x, y = _point(fields, prefix, ("x", "y"), [checkpoint["x"], checkpoint["y"]])
+        title = _title(fields, prefix, checkpoint.get("title", ""))
+        series = fields.get(f"{prefix}.type", checkpoint["type"])
+        kept = {**_without(checkpoint, "type"), "x": x, "y": y}
+        kept |= {"title": title} if title else {}
+        moved.setdefault(series, []).append(kept)
+    routes = {route["type"]: route for route in plan.get("routes", ())}
+    return [
+        _route(routes.get(series, {"type": series, "checkpoints": []}), checkpoints, docks)
+        for series, checkpoints in moved.items()
+    ]
+
+
+def _route(old: Document, checkpoints: list[Document], docks: list[Document]) -> Document:
+    """Return a route through checkpoints from the robot's dock; a path that was drawn for others is
+    left out.
+    """
+    dock = next((dock for dock in docks if dock["type"] == old["type"]), None)
+    whole = checkpoints
+    if dock is not None:
+        first = next(iter(old["checkpoints"]), {"title": dock["title"]})
+        whole = [{**first, "x": dock["x"], "y": dock["y"]}, *checkpoints]
+    numbered = [{**part, "number": number} for number, part in enumerate(whole)]
+    kept = old if numbered == old["checkpoints"] else _without(old, "path")
+    return {**kept, "checkpoints": numbered}
+
+
+def _with_checkpoint(plan: Document, x: float, y: float) -> Document:
+    """Add to the last route, or begin one for the first dock."""
+    routes = list(plan.get("routes", ()))
+    new = {"x": x, "y": y, "radius": RADIUS}
+    if routes:
+        last = routes[-1]
+        numbered = {**new, "number": len(last["checkpoints"])}
+        routes[-1] = {**last, "checkpoints": [*last["checkpoints"], numbered]}
+        return {**plan, "routes": routes}
+    docks = plan.get("docks") or [{"type": next(iter(MODELS)), "x": x, "y": y, "title": ""}]
+    first = {"number": 0, "x": docks[0]["x"], "y": docks[0]["y"], "title": docks[0]["title"]}
+    return {
+        **plan,
+        "routes": [{"type": docks[0]["type"], "checkpoints": [first, {**new, "number": 1}]}],
+    }
+
+
+# --- fields ---------------------------------------------------------------------------------------
+
+
+def _title(fields: Mapping[str, str], prefix: str, old: str) -> str:
+    return fields.get(f"{prefix}.title", old).strip()[:LONGEST_TITLE] or old
+
+
+def _number(fields: Mapping[str, str], name: str, old: float) -> float:
+    text = fields.get(name)
+    if text is None:
+        return old
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError as error:
+        raise EditError(name, text) from error
+    if not math.isfinite(value) or abs(value) > 1e5:
+        raise EditError(name, text)
+    return value
+
+
+def _point(
+    fields: Mapping[str, str], prefix: str, keys: tuple[str, str], old: list[float]
+) -> list[float]:
+    """Return a point; one that nobody moved keeps its digits, though the page shows fewer."""
+    new = [_number(fields, f"{prefix}.{key}", was) for key, was in zip(keys, old, strict=True)]
+    moved = any(abs(a - b) > 0.006 for a, b in zip(new, old, strict=True))
+    return [round(value, 3) for value in new] if moved else list(old)
+
+
+def _wanted_series(plan: Document) -> str:
+    """Return the series of robots that has no dock yet, or the first."""
+    taken = {dock["type"] for dock in plan.get("docks", ())}
+    return next((series for series in MODELS if series not in taken), next(iter(MODELS)))
+
+
+def _station(series: str) -> Document:
+    station = station_of(MODELS[series])
+    return {
+        "distance": station.distance,
+        "width": station.width,
+        "depth": station.depth,
+        "height": station.height,
+    }
+
+
+def _key(beginning: str, taken: list[Document]) -> str:
+    names, number = {part["name"] for part in taken}, len(taken) + 1
+    while f"{beginning}-{number}" in names:
+        number += 1
+    return f"{beginning}-{number}"
+
+
+def _without(part: Document, *keys: str) -> Document:
+    return {key: value for key, value in part.items() if key not in keys}

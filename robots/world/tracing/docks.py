@@ -1,0 +1,125 @@
+"""Charging stations proposed on a map: at a straight wall with the most room to back out."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.api.floorplan import ChargingDock, Station
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.robot_models import MODELS, RobotModel
+from robots.world.solids import Floats
+from robots.world.tracing.structure import Structure
+from robots.world.tracing.walls import Segment
+
+
+@dataclass(frozen=True)
+class DockParams:
+    """What a station is like, and how much room it needs; metres."""
+
+    ahead: float = 0.06  # of the docked robot's front
+    width: float = 0.56
+    depth: float = 0.12
+    height: float = 0.5
+    off_wall: float = 0.03  # between the station's back and the wall's face
+    way_out: float = 1.4  # straight back from the docked pose that must be free
+    clearance: float = 0.42  # on this way, to both sides
+    plenty: float = 1.0  # from which more clearance is of no use
+    beside: float = 0.15  # along the wall beyond each side of the station
+    apart: float = 1.8  # between two stations
+    step: float = 0.25  # between places that are tried
+
+
+DOCK = DockParams()
+
+
+def propose_docks(
+    structure: Structure, walls: list[Segment], title: str
+) -> tuple[ChargingDock, ...]:
+    """Return a station for each series of robots that one fits for, in the world's frame."""
+    layers = structure.layers
+    clearance = layers.clearance(structure.floor)
+    docks: list[ChargingDock] = []
+    taken: list[Pose2D] = []
+    for model in MODELS.values():
+        best, most = None, 0.0
+        for pose in _candidates(walls, model):
+            if any(pose.distance(other) < DOCK.apart for other in taken):
+                continue
+            room = _room(structure, clearance, pose, model)
+            if room > most + 1e-9:
+                best, most = pose, room
+        if best is not None:
+            taken.append(best)
+            docks.append(_dock(structure, best, model, f"{title} ({model.title})"))
+    return tuple(docks)
+
+
+def station_of(model: RobotModel) -> Station:
+    """Return a usual station for a series of robots."""
+    return Station(
+        distance=round(max(x for x, _ in model.footprint) + DOCK.ahead, 3),
+        width=DOCK.width,
+        depth=DOCK.depth,
+        height=DOCK.height,
+    )
+
+
+def _dock(structure: Structure, pose: Pose2D, model: RobotModel, title: str) -> ChargingDock:
+    layers = structure.layers
+    x, y = layers.to_world((pose.x, pose.y))
+    return ChargingDock(
+        name=f"{model.series}-dock",
+        title=title,
+        type=model.series,
+        x=x,
+        y=y,
+        theta=round(wrap_angle(pose.theta + layers.world_from_map.theta), 4),
+        station=station_of(model),
+    )
+
+
+def _candidates(walls: list[Segment], model: RobotModel) -> Iterator[Pose2D]:
+    """Yield docked poses along both sides of the walls, nose to the wall, in the map's frame."""
+    ahead = station_of(model).distance + DOCK.depth + DOCK.off_wall
+    for wall in walls:
+        reach = wall.length / 2.0 - DOCK.width / 2.0 - DOCK.beside
+        if reach < 0.0:
+            continue
+        off = ahead + wall.thickness / 2.0
+        for side in (1.0, -1.0):
+            normal = wall.direction + side * math.pi / 2.0
+            for along in np.linspace(-reach, reach, 1 + int(2.0 * reach / DOCK.step)).tolist():
+                yield Pose2D(
+                    wall.middle[0] + along * math.cos(wall.direction) + off * math.cos(normal),
+                    wall.middle[1] + along * math.sin(wall.direction) + off * math.sin(normal),
+                    wrap_angle(normal + math.pi),
+                )
+
+
+def _room(structure: Structure, clearance: Floats, pose: Pose2D, model: RobotModel) -> float:
+    """Return the clearance in metres on the way out of a dock, 0 when there is too little."""
+    layers = structure.layers
+    back = np.arange(0.0, DOCK.way_out + DOCK.step, layers.resolution)
+    points = np.array([pose.apply(-distance, 0.0) for distance in back.tolist()])
+    if not layers.at(structure.floor, points).all():
+        return 0.0
+    columns = np.floor(points[:, 0] / layers.resolution).astype(np.intp)
+    rows = layers.free.shape[0] - 1 - np.floor(points[:, 1] / layers.resolution).astype(np.intp)
+    least = float(clearance[rows, columns].min())
+    return (
+        min(least, DOCK.plenty)
+        if least >= DOCK.clearance and _stands_free(structure, pose, model)
+        else 0.0
+    )
+
+
+def _stands_free(structure: Structure, pose: Pose2D, model: RobotModel) -> bool:
+    """Tell whether nothing is where the station would be, up to two cells before the wall."""
+    layers = structure.layers
+    front = station_of(model).distance
+    deep = np.arange(0.0, front + DOCK.depth - layers.resolution, layers.resolution)
+    wide = np.linspace(-DOCK.width / 2.0, DOCK.width / 2.0, 9)
+    points = [pose.apply(x, y) for x in deep.tolist() for y in wide.tolist()]
+    return bool(layers.at(layers.free, np.array(points)).all())

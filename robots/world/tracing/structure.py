@@ -1,0 +1,100 @@
+"""What of a map is floor, building and furniture.
+
+A laser looks through windows and beside people, so free cells that no robot fits into are not floor
+(the fans outside of a building). What is not floor and is surrounded by it stands free: when it is
+small it is furniture, when it is large (a block of rooms that nobody entered, a stair case) it is a
+part of the building.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers
+
+
+@dataclass(frozen=True)
+class StructureParams:
+    """How floor and furniture are told from the rest."""
+
+    narrowest: float = 0.28  # metres from the middle of a robot to its side, at least
+    speck: float = 0.12  # metres: the longer side of what is no larger than the leg of a chair
+    largest_furniture: float = 3.0  # metres: the longer side of what stands free and is no building
+
+
+STRUCTURE = StructureParams()
+
+
+class TracingError(ValueError):
+    """A map of which no plan can be drawn, in one sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Masks (h, w): `floor` where a robot can be or reach, `standing` furniture that stands free,
+    its inside included, and `building`, the occupied cells that are left.
+    """
+
+    layers: Layers
+    floor: Bools
+    standing: Bools
+    building: Bools
+
+    @property
+    def ground(self) -> Bools:
+        """The floor as it would be without the furniture that stands free."""
+        return self.floor | self.standing
+
+
+def structure_of(layers: Layers) -> Structure:
+    """Tell floor, furniture and building apart.
+
+    Raises:
+        TracingError: there is no floor for a robot.
+    """
+    specks = _specks(layers)
+    around = _floor(layers, layers.free | specks)
+    islands, _ = ndimage.label(~around, EVERYWHERE)
+    standing = np.isin(islands, _small_islands(layers, islands)) | (specks & around)
+    return Structure(layers, around & layers.free, standing, layers.occupied & ~standing)
+
+
+def _specks(layers: Layers) -> Bools:
+    """Return what is no larger than the leg of a chair and stands free: it divides no room."""
+    groups, _ = ndimage.label(~layers.free, EVERYWHERE)
+    longest = max(2, layers.cells_in(STRUCTURE.speck))
+    small = [
+        label
+        for label, (rows, columns) in enumerate(ndimage.find_objects(groups), start=1)
+        if max(rows.stop - rows.start, columns.stop - columns.start) <= longest
+    ]
+    specks: Bools = np.isin(groups, small)
+    return specks
+
+
+def _floor(layers: Layers, free: Bools) -> Bools:
+    """Return the free cells within a robot's half width of where its middle can be, of the largest
+    connected part (a reconstruction after an opening with a disc).
+    """
+    regions, count = ndimage.label(layers.clearance(free) >= STRUCTURE.narrowest)
+    if not count:
+        message = "no free floor on the map is wide enough for a robot: check its thresholds"
+        raise TracingError(message)
+    largest = int(np.argmax(np.bincount(regions.ravel())[1:])) + 1
+    away = ndimage.distance_transform_edt(regions != largest) * layers.resolution
+    floor: Bools = free & (away <= STRUCTURE.narrowest + 0.75 * layers.resolution)
+    return floor
+
+
+def _small_islands(layers: Layers, islands: Labels) -> list[int]:
+    """Return the labels of islands that are small and do not touch the edge of the map."""
+    high, wide = islands.shape
+    longest = STRUCTURE.largest_furniture / layers.resolution
+    small = []
+    for label, found in enumerate(ndimage.find_objects(islands), start=1):
+        rows, columns = found
+        at_edge = rows.start == 0 or columns.start == 0 or rows.stop == high or columns.stop == wide
+        if not at_edge and max(rows.stop - rows.start, columns.stop - columns.start) <= longest:
+            small.append(label)
+    return small

@@ -1,0 +1,170 @@
+/**
+ * The map of the page that finishes a plan. The fields are the state: what is dragged or moved by keys writes into them, and what is
+ * written into them moves on the map. New things are made by the form's own buttons, told where.
+ */
+
+import { element, ground, picture, toUnits, viewBoxOf } from "./course_ground.js";
+import { rounded } from "./course_points.js";
+import { GRIP, movable, pointAt } from "./map_handles.js";
+import { handlesOf } from "./plan_handles.js";
+
+/** @typedef {import("./plan_handles.js").Handle} Handle */
+/** @typedef {import("./plan_handles.js").Part} Part */
+
+const TOOL = "plan-tool";
+const SIZES = /** @type {Record<string, number>} */ ({ opening: 7, dock: 12, heading: 6, place: 8, checkpoint: 12 }); // CSS px
+const LOOKS = /** @type {Record<string, string>} */ ({ opening: "course__point", dock: "plan__dock", heading: "course__point", place: "plan__place", checkpoint: "course__spot" });
+
+const form = /** @type {HTMLFormElement | null} */ (document.getElementById("plan"));
+
+/** @param {HTMLFormElement} form @returns {import("./plan_handles.js").Fields} */
+const fieldsOf = (form) => {
+  const field = (/** @type {string} */ name) => /** @type {HTMLInputElement | null} */ (form.elements.namedItem(name));
+  return {
+    read: (name) => {
+      const input = field(name);
+      return input && (input.type !== "checkbox" || input.checked) ? input.value : null;
+    },
+    write: (name, value) => {
+      const input = field(name);
+      if (input) {
+        input.type === "checkbox" ? (input.checked = Boolean(value)) : (input.value = value);
+        input.dispatchEvent(new Event("input", { bubbles: true }));
+      }
+    },
+  };
+};
+
+/** @param {Handle} handle @param {number} pixel units @returns {SVGElement} */
+const drawn = ({ kind, number }, pixel) => {
+  const size = SIZES[kind];
+  const parts = [element("circle", { class: LOOKS[kind], r: size * pixel, "stroke-width": 2 * pixel })];
+  if (number) {
+    const text = element("text", { class: "course__number", "font-size": 14 * pixel });
+    text.textContent = number;
+    parts.push(text);
+  }
+  parts.push(element("circle", { class: "course__ring", r: (size + 4) * pixel, "stroke-width": 3 * pixel }));
+  parts.push(element("circle", { class: "course__grip", r: (kind === "dock" || kind === "checkpoint" ? GRIP : GRIP * 0.6) * pixel }));
+  return element("g", {}, parts);
+};
+
+/** Openings between their ends, and docks to where they look. @param {Handle[]} handles @param {number} pixel @returns {SVGElement[]} */
+const lines = (handles, pixel) => handles.flatMap((handle, n) => {
+  const next = handles[n + 1];
+  if (next?.part !== handle.part) {
+    return [];
+  }
+  const [[x1, y1], [x2, y2]] = [toUnits(handle.at), toUnits(next.at)];
+  const kind = handle.kind === "dock" ? "plan__heading" : "plan__opening";
+  return [element("line", { class: kind, x1, y1, x2, y2, "stroke-width": 4 * pixel })];
+});
+
+class PlanMap {
+  /** @param {HTMLFormElement} form */
+  constructor(form) {
+    this.form = form;
+    this.fields = fieldsOf(form);
+    this.svg = /** @type {any} */ (document.getElementById("plan-map"));
+    this.site = JSON.parse(/** @type {HTMLElement} */ (document.getElementById("plan-site")).textContent ?? "");
+    this.viewBox = viewBoxOf(this.site);
+    this.svg.setAttribute("viewBox", this.viewBox.join(" "));
+    this.layers = { ground: element("g"), picture: element("g", { class: "plan__picture" }, [picture(this.site)]), lines: element("g"), handles: element("g") };
+    this.svg.append(...Object.values(this.layers));
+    /** @type {Map<string, {group: SVGElement, handle: Handle}>} */
+    this.shown = new Map();
+    this.svg.addEventListener("click", (/** @type {MouseEvent} */ event) => this.#add(event));
+    form.addEventListener("input", (event) => this.#changed(event));
+    form.addEventListener("focusin", (event) => this.#mark(/** @type {Element} */ (event.target).closest("[data-part]")));
+    new ResizeObserver(() => this.draw()).observe(this.svg);
+    this.#showTool();
+    this.#drawGround();
+    this.draw();
+  }
+
+  /** @returns {Part[]} */
+  #parts() {
+    return [.../** @type {NodeListOf<HTMLElement>} */ (this.form.querySelectorAll("[data-part]"))].map(({ dataset }) => ({
+      part: dataset.part ?? "", kind: dataset.kind ?? "", label: this.fields.read(`${dataset.part}.title`) || `${dataset.kind} ${dataset.number ?? ""}`, number: dataset.number,
+    }));
+  }
+
+  /** What nothing on this page moves, under the names that the rooms have now. */
+  #drawGround() {
+    const rooms = this.site.plan.rooms.map((/** @type {any} */ room, /** @type {number} */ n) => ({ ...room, title: this.fields.read(`rooms.${n}.title`) ?? room.title }));
+    this.layers.ground.replaceChildren(ground({ ...this.site, plan: { ...this.site.plan, rooms, doors: [], passages: [], docks: [] } }, ""));
+  }
+
+  draw() {
+    const pixel = this.viewBox[2] / Math.max(this.svg.clientWidth, 1);
+    const words = { end: this.form.dataset.wordsEnd ?? "", heading: this.form.dataset.wordsHeading ?? "" };
+    const handles = this.#parts().flatMap((part) => handlesOf(part, this.fields, words));
+    this.layers.lines.replaceChildren(...lines(handles, pixel));
+    const ids = new Set(handles.map((handle) => handle.id));
+    for (const [id, { group }] of this.shown) {
+      if (!ids.has(id)) {
+        group.remove();
+        this.shown.delete(id);
+      }
+    }
+    for (const handle of handles) {
+      const group = this.shown.get(handle.id)?.group ?? this.#attached(handle);
+      this.shown.set(handle.id, { group, handle });
+      const [x, y] = toUnits(handle.at);
+      group.setAttribute("transform", `translate(${x} ${y})`);
+      group.setAttribute("aria-label", `${handle.label}: ${rounded(handle.at[0])} ${rounded(handle.at[1])}`);
+      group.replaceChildren(drawn(handle, pixel));
+      if (!group.isConnected) {
+        this.layers.handles.append(group);
+      }
+    }
+  }
+
+  /** @param {Handle} handle */
+  #attached({ id, part }) {
+    const now = () => /** @type {{handle: Handle}} */ (this.shown.get(id)).handle;
+    const onFocus = () => this.#mark(this.form.querySelector(`[data-part="${part}"]`));
+    return movable({ now, mayChange: () => true, worldAt: (event) => pointAt(this.svg, event), onFocus });
+  }
+
+  /** @param {Element | null} chosen */
+  #mark(chosen) {
+    for (const part of this.form.querySelectorAll("[data-part]")) {
+      part.classList.toggle("is-chosen", part === chosen);
+    }
+  }
+
+  get #tool() {
+    return /** @type {HTMLInputElement | null} */ (this.form.querySelector(`[name="${TOOL}"]:checked`))?.value ?? "";
+  }
+
+  #showTool() {
+    this.svg.classList.toggle("is-adding", this.#tool !== "");
+  }
+
+  /** @param {MouseEvent} event */
+  #add(event) {
+    if (!this.#tool || /** @type {Element} */ (event.target).closest(".course__handle")) {
+      return;
+    }
+    const [x, y] = pointAt(this.svg, event);
+    this.fields.write("at_x", String(rounded(x)));
+    this.fields.write("at_y", String(rounded(y)));
+    this.form.requestSubmit(/** @type {HTMLElement} */ (this.form.querySelector(`[data-add="${this.#tool}"]`)));
+  }
+
+  /** @param {Event} event */
+  #changed({ target }) {
+    const { name } = /** @type {HTMLInputElement} */ (target);
+    if (name === TOOL) {
+      this.#showTool();
+    } else if (/^rooms\.\d+\.title$/.test(name)) {
+      this.#drawGround();
+    }
+    this.draw();
+  }
+}
+
+if (form) {
+  new PlanMap(form);
+}

@@ -1,0 +1,104 @@
+/**
+ * A picture to keep of a visit that is over: the map with the path that was driven, how far and how long, and the visitor's own photos.
+ * Drawn in the browser, for nobody else.
+ */
+
+import { RobotMap } from "../view/map/robot_map.js";
+
+const WIDTH = 1200; // pixels of the picture
+const MARGIN = 40;
+const HEAD = 130;
+const MAP_HEIGHT = 760;
+const PHOTO_WIDTH = (WIDTH - 4 * MARGIN) / 3;
+const PHOTO_HEIGHT = (PHOTO_WIDTH * 3) / 4;
+const MOST_PHOTOS = 9;
+
+/** @typedef {{session: string, metres: number, minutes: number, trail: [number, number][][]}} Trip */
+
+/**
+ * Draw the picture and have the browser save it.
+ * @param {Pick<import("../drive/registry.js").Page, "config" | "words" | "map">} page @param {Trip} trip
+ */
+export const saveSouvenir = async ({ config, words, map }, trip) => {
+  const photos = await ownPhotos(config.snapshots, trip.session);
+  const ground = map.site ? MAP_HEIGHT : 0;
+  const rows = Math.ceil(photos.length / 3);
+  const canvas = document.createElement("canvas");
+  canvas.width = WIDTH;
+  canvas.height = HEAD + (ground && ground + MARGIN) + rows * (PHOTO_HEIGHT + MARGIN);
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  const style = getComputedStyle(document.body);
+  context.fillStyle = style.backgroundColor;
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.fillStyle = style.color;
+  context.textBaseline = "top";
+  context.font = `600 44px ${style.fontFamily}`;
+  context.fillText(config.title, MARGIN, 28, WIDTH - 2 * MARGIN);
+  context.font = `26px ${style.fontFamily}`;
+  const day = new Date().toLocaleDateString(document.documentElement.lang, { dateStyle: "long" });
+  context.fillText(`${day} · ${words.say("souvenir.facts", factsOf(trip))}`, MARGIN, 84, WIDTH - 2 * MARGIN);
+  if (ground) {
+    drawGround(context, map, trip.trail);
+  }
+  photos.forEach((photo, index) => {
+    const x = MARGIN + (index % 3) * (PHOTO_WIDTH + MARGIN);
+    const y = HEAD + (ground && ground + MARGIN) + Math.floor(index / 3) * (PHOTO_HEIGHT + MARGIN);
+    drawPhoto(context, photo, x, y);
+  });
+  save(canvas, `${config.robot}.png`);
+};
+
+/** What the sentence of a trip is filled with. @param {Trip} trip */
+export const factsOf = ({ metres, minutes }) => ({ metres: metres < 10 ? metres.toFixed(1) : metres.toFixed(0), minutes: Math.max(1, Math.round(minutes)) });
+
+/** @param {CanvasRenderingContext2D} context @param {RobotMap} map @param {Trip["trail"]} trail */
+const drawGround = (context, map, trail) => {
+  const canvas = document.createElement("canvas");
+  // It is laid out, out of sight, for a map takes its size and its colours from the page.
+  canvas.style.cssText = `position: fixed; left: -${2 * WIDTH}px; width: ${WIDTH - 2 * MARGIN}px; height: ${MAP_HEIGHT}px`;
+  map.canvas.parentElement?.append(canvas);
+  const ground = new RobotMap({ canvas, frame: (draw) => draw() });
+  ground.trail.pieces = trail;
+  ground.show(/** @type {import("../view/map/floor_plan.js").FloorPlan} */ (map.site), map.image);
+  context.drawImage(canvas, MARGIN, HEAD, WIDTH - 2 * MARGIN, MAP_HEIGHT);
+  canvas.remove();
+};
+
+/** As large as its place, cut at the edges. @param {CanvasRenderingContext2D} context @param {HTMLImageElement} photo @param {number} x @param {number} y */
+const drawPhoto = (context, photo, x, y) => {
+  const scale = Math.max(PHOTO_WIDTH / photo.naturalWidth, PHOTO_HEIGHT / photo.naturalHeight);
+  const [width, height] = [PHOTO_WIDTH / scale, PHOTO_HEIGHT / scale];
+  context.drawImage(photo, (photo.naturalWidth - width) / 2, (photo.naturalHeight - height) / 2, width, height, x, y, PHOTO_WIDTH, PHOTO_HEIGHT);
+};
+
+/** The photos of a visit, the first one first; none where the server cannot be asked. @param {string} list @param {string} session @returns {Promise<HTMLImageElement[]>} */
+const ownPhotos = async (list, session) => {
+  try {
+    const answer = await fetch(list, { credentials: "same-origin" });
+    const { snapshots } = answer.ok ? await answer.json() : { snapshots: [] };
+    const own = snapshots.filter((/** @type {any} */ one) => one.session === session).reverse();
+    return await Promise.all(own.slice(0, MOST_PHOTOS).map((/** @type {any} */ one) => picture(one.url)));
+  } catch {
+    return []; // a map without photos is better than none
+  }
+};
+
+/** @param {string} url @returns {Promise<HTMLImageElement>} */
+const picture = async (url) => {
+  const image = new Image();
+  image.src = url;
+  await image.decode();
+  return image;
+};
+
+/** @param {HTMLCanvasElement} canvas @param {string} name */
+const save = (canvas, name) =>
+  canvas.toBlob((blob) => {
+    if (blob) {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(blob);
+      link.download = name;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // a browser may ask where to put it
+    }
+  });

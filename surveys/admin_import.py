@@ -1,0 +1,154 @@
+"""The administration's pages that import a questionnaire from another system: a file, the report of
+what became of it, and only then the questionnaire.
+
+Between the two pages the questionnaire travels in the form, signed, so that the server keeps
+nothing that nobody saves.
+"""
+
+from typing import Any
+
+import msgspec
+from django import forms
+from django.contrib import admin, messages
+from django.core import signing
+from django.core.exceptions import PermissionDenied
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy as _lazy
+from django.views.decorators.http import require_http_methods, require_POST
+
+from accounts import audit
+from surveys.definition import Definition, from_stored
+from surveys.documents import BadDefinitionError
+from surveys.forms import format_reference
+from surveys.importing import report as reports
+from surveys.importing.reading import MAX_FILE, MAX_SLUG, read, slug_for
+from surveys.importing.report import Report
+from surveys.importing.survey_format import Wishes
+from surveys.models import Questionnaire
+from surveys.questionnaires import store_next
+
+ADD = "surveys.add_questionnaire"
+SALT = "surveys.admin_import"
+PARCEL_SECONDS = 24 * 3600
+
+
+class FileForm(forms.Form):
+    """Which file, and what it does not say itself."""
+
+    file = forms.FileField(label=_lazy("File"), help_text=format_reference("questionnaires"))
+    language = forms.RegexField(
+        r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$",
+        label=_lazy("Language"),
+        initial="en",
+        max_length=16,
+        help_text=_lazy("Only for REDCap, whose files do not name the language of their texts."),
+    )
+    form = forms.CharField(
+        label=_lazy("Form"),
+        required=False,
+        max_length=100,
+        help_text=_lazy("Only for REDCap: the form to import. Leave blank to import all."),
+    )
+
+
+class SaveForm(forms.Form):
+    """The name of the questionnaire, and what is to be stored under it."""
+
+    name = forms.RegexField(
+        r"^[a-z][a-z0-9-]*$",
+        label=_lazy("Name"),
+        max_length=MAX_SLUG,
+        help_text=_lazy(
+            "Lower-case letters, digits and “-”. If the name exists, this becomes its next version."
+        ),
+    )
+    parcel = forms.CharField(widget=forms.HiddenInput)
+
+
+@require_http_methods(["GET", "HEAD", "POST"])
+def choose(request: HttpRequest) -> HttpResponse:
+    """Take a file and show what became of it; nothing is stored."""
+    _check(request)
+    form = FileForm(request.POST, request.FILES) if request.method == "POST" else FileForm()
+    if not form.is_valid():
+        return _page(request, {"form": form})
+    wishes = Wishes(form.cleaned_data["language"], form.cleaned_data["form"].strip())
+    try:
+        draft = read(form.cleaned_data["file"].read(MAX_FILE + 1), wishes)
+        slug = slug_for(next(iter(draft.title.values()), ""))
+        definition = draft.definition(slug, 1)
+    except BadDefinitionError as error:
+        for problem in error.problems:
+            form.add_error("file", problem)
+        return _page(request, {"form": form})
+    parcel = signing.dumps(
+        [msgspec.to_builtins(definition), reports.stored(draft.report)], salt=SALT, compress=True
+    )
+    save_form = SaveForm(initial={"name": slug, "parcel": parcel})
+    return _page(request, _shown(save_form, definition, draft.report))
+
+
+@require_POST
+def save(request: HttpRequest) -> HttpResponse:
+    """Store what the report showed, as a new version of its name."""
+    _check(request)
+    form = SaveForm(request.POST)
+    try:
+        document, report_document = signing.loads(
+            request.POST.get("parcel", ""), salt=SALT, max_age=PARCEL_SECONDS
+        )
+    except signing.BadSignature:
+        messages.error(request, _("The import has expired. Choose the file again."))
+        return redirect("admin:surveys_questionnaire_import")
+    definition, report = from_stored(document), reports.from_stored(report_document)
+    if not form.is_valid():
+        return _page(request, _shown(form, definition, report))
+    named = msgspec.structs.replace(definition, slug=form.cleaned_data["name"])
+    try:
+        row, is_new = store_next(named, report, timezone.now())
+    except BadDefinitionError as error:
+        for problem in error.problems:
+            form.add_error(None, problem)
+        return _page(request, _shown(form, definition, report))
+    _tell(request, row, is_new=is_new)
+    return redirect("admin:surveys_questionnaire_change", row.pk)
+
+
+def _tell(request: HttpRequest, row: Questionnaire, *, is_new: bool) -> None:
+    words = {"version": row.version, "name": row.slug}
+    if is_new:
+        audit.note("questionnaire_imported", actor=request.user, thing=row, detail=row.slug)
+        text = _("Imported as version %(version)d of “%(name)s”. Preview it before you use it.")
+        messages.success(request, text % words)
+        return
+    text = _("Version %(version)d of “%(name)s” is the same already. A second copy was not stored.")
+    messages.info(request, text % words)
+
+
+def _shown(form: SaveForm, definition: Definition, report: Report) -> dict[str, Any]:
+    return {
+        "save_form": form,
+        "report": report,
+        "pages": len(definition.pages),
+        "questions": len(definition.questions()),
+        "languages": ", ".join(definition.languages),
+    }
+
+
+def _check(request: HttpRequest) -> None:
+    user: Any = request.user
+    if not user.has_perm(ADD):
+        raise PermissionDenied
+
+
+def _page(request: HttpRequest, context: dict[str, Any]) -> HttpResponse:
+    about = {
+        **admin.site.each_context(request),
+        "title": _("Import a questionnaire"),
+        "opts": Questionnaire._meta,
+        "limit": MAX_FILE // 1024**2,
+    }
+    return render(request, "admin/surveys/questionnaire/import.html", {**about, **context})

@@ -1,0 +1,216 @@
+"""LimeSurvey survey structures (.lss): XML with the rows of LimeSurvey's tables.
+
+Read against LimeSurvey's own source (application/helpers/export_helper.php) and its test surveys
+(tests/data/surveys/, database versions 264 to 359), the demonstration survey of amaltawfik/lssdoc
+(version 700, 27 types of questions in four languages) and the surveys of
+TonisOrmisson/limesurvey-structure-imex (version 630).
+"""
+
+import re
+from typing import Any, ClassVar
+
+from django.utils.translation import gettext as _
+
+from surveys.documents import BadDefinitionError
+from surveys.importing import safe_xml
+from surveys.importing.draft import Draft, language_of
+from surveys.importing.limesurvey.question import Asked
+from surveys.importing.limesurvey.tables import Group, Question, Survey, has_scores, survey_of
+from surveys.importing.limesurvey.types import items_of
+from surveys.importing.parts import note_reversal
+from surveys.importing.report import Note, NotImportedError
+from surveys.importing.survey_format import SurveyFormat, Wishes
+
+# One comparison of an expression: Q1.NAOK == "A1", Q2_SQ001 == 'Y', that.Q1 == 5.
+_COMPARED = re.compile(
+    r"""^\(*\s*(?:that\.)?(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\.(?:NAOK|value|code|valueNAOK))?
+    \s*(?:==|\beq\b)\s*(?:"(?P<one>[^"]*)"|'(?P<two>[^']*)'|(?P<three>-?\d+))\s*\)*$""",
+    re.VERBOSE,
+)
+# Attributes that change what is asked and have no counterpart, with what is said of them.
+_UNSUPPORTED = {
+    "array_filter": "array filter",
+    "array_filter_exclude": "array filter",
+    "em_validation_q": "validation",
+    "em_validation_sq": "validation",
+    "time_limit": "time limit",
+    "random_group": "random group",
+    "other_comment_mandatory": "mandatory comment",
+    "max_subquestions": "",
+}
+# Tables of the file that have no counterpart, with their names for people.
+_TABLES = {
+    "quota": "quotas",
+    "assessments": "assessments",
+    "survey_url_parameters": "URL parameters",
+    "plugin_settings": "plugin settings",
+}
+_TEXTS = ("surveyls_endtext", "surveyls_policy_notice")
+
+
+class Lss(SurveyFormat):
+    """A survey structure exported from LimeSurvey."""
+
+    label: ClassVar[str] = "LimeSurvey (.lss)"
+
+    @classmethod
+    def is_in(cls, document: bytes) -> bool:
+        """Tell by the mark of XML."""
+        return document.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<")
+
+    @classmethod
+    def read(cls, document: bytes, _wishes: Wishes) -> Draft:
+        """Return what a file asks.
+
+        Raises:
+            BadDefinitionError: it is no such file.
+        """
+        root = safe_xml.read(document)
+        kind = root.findtext("LimeSurveyDocType") or ""
+        if root.tag != "document" or kind != "Survey":
+            raise BadDefinitionError(
+                [
+                    _("This is not a LimeSurvey survey structure (its type is “%(kind)s”).")
+                    % {"kind": kind[:40] or root.tag[:40]}
+                ]
+            )
+        return _Reading(survey_of(root)).draft()
+
+
+class _Reading:
+    """One file, group by group."""
+
+    def __init__(self, survey: Survey) -> None:
+        self.survey = survey
+        names = {code: language_of(code) for code in survey.languages}
+        languages = list(dict.fromkeys(name for name in names.values() if name)) or ["en"]
+        for texts in _all_texts(survey):
+            for code in list(texts):
+                if code in names and names[code] not in {"", code}:
+                    texts[names[code]] = texts.pop(code)
+        self.into = Draft("limesurvey", Lss.label, languages)
+
+    def draft(self) -> Draft:
+        """Return what it asks."""
+        about = Note("")
+        into = self.into
+        into.title = into.text(self._survey_text("surveyls_title"), about, limit=200)
+        heading = self.into.note(_("Welcome text"), "")
+        into.intro = into.joined(
+            into.text(self._survey_text("surveyls_description"), heading),
+            into.text(self._survey_text("surveyls_welcometext"), heading),
+            by="\n\n",
+        )
+        if not into.intro:
+            into.report.notes.remove(heading)
+        into.source = f"LimeSurvey, {self.survey.settings.get('sid', '')}".rstrip(", ")
+        for group in self.survey.groups:
+            self._take_group(group)
+        self._rest()
+        into.finish()
+        return into
+
+    def _survey_text(self, field: str) -> dict[str, str]:
+        return {lang: row.get(field, "") for lang, row in self.survey.texts.items()}
+
+    def _take_group(self, group: Group) -> None:
+        name = next((row.get("group_name", "") for row in group.texts.values()), "")
+        note = Note(_("Group: %(name)s") % {"name": name})
+        title = self.into.text(
+            {lang: row.get("group_name", "") for lang, row in group.texts.items()}, note, limit=200
+        )
+        intro = self.into.text(
+            {lang: row.get("description", "") for lang, row in group.texts.items()}, note
+        )
+        condition = self._condition(note, group.row.get("grelevance", ""))
+        if group.row.get("randomization_group"):
+            note.changed(_("The order of groups is not random: all are asked as written."))
+        if note.remarks:
+            self.into.report.notes.append(note)
+        self.into.page(title, intro, condition)
+        for question in group.questions:
+            if self.survey.settings.get("format") == "S":
+                self.into.page(title, None, condition)
+            self._ask(question)
+
+    def _ask(self, question: Question) -> None:
+        shown = question.texts.get(self.into.languages[0]) or next(
+            iter(question.texts.values()), {}
+        )
+        note = self.into.note(question.title, shown.get("question", ""))
+        with self.into.trying(note):
+            if question.attribute("hidden") == "1":
+                raise NotImportedError(_("It is hidden from respondents."))
+            if question.type == "X":
+                asked = Asked(self.into, note, question)
+                self.into.say(note, asked.texts_of(question))
+                if self._condition(note, question.row.get("relevance", "")):
+                    note.changed(_("Its condition is not imported: it is shown to everybody."))
+            else:
+                self._take_question(note, question)
+
+    def _take_question(self, note: Note, question: Question) -> None:
+        condition = self._condition(note, question.row.get("relevance", ""))
+        items = items_of(Asked(self.into, note, question))
+        if condition is not None:
+            items = [{"show_if": condition} | item for item in items]
+        self.into.ask(note, items)
+        for attribute, words in _UNSUPPORTED.items():
+            if words and question.attribute(attribute) not in {"", "0", "N"}:
+                note.changed(_("Not imported: %(what)s.") % {"what": words})
+        if question.row.get("preg"):
+            note.changed(_("Not imported: %(what)s.") % {"what": "validation"})
+        if any(part.row.get("relevance", "") not in {"", "1"} for part in question.parts):
+            note.changed(_("Conditions of single options are not imported: all are shown."))
+        if self.survey.settings.get("assessments") == "Y" and has_scores(question.answers):
+            note.changed(_("Its scores are not imported."))
+        for row in question.texts.values():
+            note_reversal(note, row.get("help", "")[:200])
+
+    def _condition(self, note: Note, expression: str) -> dict[str, Any] | None:
+        """Return `show_if` for comparisons of one question with answers, joined by "or"; anything
+        else is noted.
+        """
+        if expression.strip() in {"", "1"}:
+            return None
+        found = [
+            _COMPARED.match(part.strip())
+            for part in re.split(r"\|\||\bor\b", expression.strip("() "))
+        ]
+        condition = None
+        if all(found):
+            condition = self.into.condition(
+                (one["name"], one["one"] or one["two"] or one["three"] or "")
+                for one in found
+                if one is not None
+            )
+        if condition is None:
+            note.changed(
+                _("Its condition is not imported: it is shown to everybody (%(condition)s).")
+                % {"condition": expression[:100]}
+            )
+        return condition
+
+    def _rest(self) -> None:
+        for table, words in _TABLES.items():
+            if self.survey.others.get(table):
+                self.into.leave_out(words, _("It has no counterpart here."))
+        if self.survey.others.get("defaultvalues"):
+            self.into.leave_out("default values", _("No answer is chosen beforehand here."))
+        for field in _TEXTS:
+            for text in self._survey_text(field).values():
+                if text.strip():
+                    self.into.leave_out(field, _("It has no counterpart here."), text)
+                    break
+
+
+def _all_texts(survey: Survey) -> list[dict[str, Any]]:
+    """Return every object of the survey that has a language for its key."""
+    questions = [question for group in survey.groups for question in group.questions]
+    every = [one for question in questions for one in (question, *question.parts)]
+    return [
+        survey.texts,
+        *(group.texts for group in survey.groups),
+        *(one.texts for one in every),
+        *(answer.texts for one in every for answer in one.answers),
+    ]

@@ -1,0 +1,101 @@
+"""Texts of other survey systems, which are HTML, as the plain text that questionnaires here hold.
+
+Paragraphs, list entries and table rows become lines. What cannot be shown as text, such as a
+picture, is counted, so that the report can say that it is gone.
+"""
+
+import re
+from dataclasses import dataclass
+from html.parser import HTMLParser
+
+_LINES = {
+    *("address", "article", "aside", "blockquote", "br", "center", "dd", "div", "dl", "dt"),
+    *("fieldset", "figure", "footer", "form", "h1", "h2", "h3", "h4", "h5", "h6", "header", "hr"),
+    *("li", "main", "ol", "p", "pre", "section", "table", "tr", "ul"),
+}
+_UNSEEN = frozenset({"script", "style", "template", "title", "head", "noscript"})
+_MEDIA = {
+    *("audio", "canvas", "embed", "iframe", "img", "input", "object", "select", "svg"),
+    *("textarea", "video"),
+}
+# What the three systems replace with an earlier answer or another value: ${q://QID1/…} and
+# ${e://Field/…} of Qualtrics, {code.shown} and {TOKEN:FIRSTNAME} of LimeSurvey, [field] of REDCap.
+PIPED = {
+    "qualtrics": re.compile(r"\$\{[a-z]+://[^}]*\}"),
+    "limesurvey": re.compile(r"\{[A-Za-z][^{}\s][^{}]*\}"),
+    "redcap": re.compile(r"\[[a-z][a-z0-9_:-]*\](?:\[[a-z0-9_:-]+\])*"),
+}
+
+
+@dataclass(frozen=True)
+class PlainText:
+    """A text without markup. `lost` names the tags of what it showed beside text, sorted."""
+
+    text: str
+    lost: tuple[str, ...] = ()
+
+
+class _Reader(HTMLParser):
+    def __init__(self, *, keeps_lines: bool) -> None:
+        super().__init__(convert_charrefs=True)
+        self.parts: list[str] = []
+        self.lost: set[str] = set()
+        self._keeps_lines = keeps_lines
+        self._unseen = 0
+        self._address = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in _UNSEEN:
+            self._unseen += 1
+        if tag == "script":
+            self.lost.add(tag)
+        if tag in _MEDIA:
+            self.lost.add(tag)
+            self.parts.append(dict(attrs).get("alt") or "")
+        if tag in _LINES:
+            self.parts.append("\n")
+        if tag in {"td", "th"}:
+            self.parts.append(" ")
+        if tag == "li":
+            self.parts.append("- ")
+        if tag == "a":
+            self._address = dict(attrs).get("href") or ""
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in _UNSEEN:
+            self._unseen = max(self._unseen - 1, 0)
+        if tag in _LINES:
+            self.parts.append("\n")
+        if tag == "a" and self._address.startswith(("http://", "https://", "mailto:")):
+            if self._address not in "".join(self.parts[-1:]):
+                self.parts.append(f" ({self._address})")
+            self._address = ""
+
+    def handle_data(self, data: str) -> None:
+        if not self._unseen:
+            self.parts.append(data if self._keeps_lines else re.sub(r"\s+", " ", data))
+
+
+def plain(html: str, *, keeps_lines: bool = False) -> PlainText:
+    """Return a text without its markup; a line break of the source is a space unless the system
+    shows it as one (`keeps_lines`).
+    """
+    if "<" not in html and "&" not in html:
+        text = html if keeps_lines else re.sub(r"\s+", " ", html)
+        return PlainText(_tidy(text))
+    reader = _Reader(keeps_lines=keeps_lines)
+    try:
+        reader.feed(html)
+        reader.close()
+    except AssertionError:
+        # html.parser raises it for marked sections that it does not know, "<![x[".
+        return PlainText(_tidy(re.sub(r"<[^>]*>", " ", html)))
+    return PlainText(_tidy("".join(reader.parts)), tuple(sorted(reader.lost)))
+
+
+def _tidy(text: str) -> str:
+    """Return a text without empty lines, blanks at the ends of lines, and control characters that
+    a database refuses.
+    """
+    lines = (re.sub(r"[\s\x00-\x1f\u00a0]+", " ", line).strip() for line in text.splitlines())
+    return "\n".join(line for line in lines if line not in {"", "-"})

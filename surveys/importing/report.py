@@ -1,0 +1,96 @@
+"""What became of each part of a file that was imported: nothing is left out without a line here."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Any
+
+import msgspec
+from django.utils.translation import gettext_lazy as _lazy
+
+EXCERPT = 120
+
+
+class Outcome(StrEnum):
+    """What became of it."""
+
+    IMPORTED = "imported"
+    CHANGED = "changed"
+    LEFT_OUT = "left_out"
+
+
+LABELS = {
+    Outcome.IMPORTED: _lazy("imported"),
+    Outcome.CHANGED: _lazy("changed"),
+    Outcome.LEFT_OUT: _lazy("not imported"),
+}
+
+
+class NotImportedError(Exception):
+    """A part of a file that has no counterpart here; the text says why."""
+
+
+class Note(msgspec.Struct):
+    """A line of the report. `name` is what the file calls it, `text` its first words, `keys` are
+    the questions that it became, `remarks` say what is different, or why it was not imported.
+    """
+
+    name: str
+    text: str = ""
+    keys: list[str] = []
+    remarks: list[str] = []
+    outcome: Outcome = Outcome.IMPORTED
+
+    def changed(self, remark: str) -> None:
+        """Say what is different from the file."""
+        remark = clean(remark)
+        if remark not in self.remarks:
+            self.remarks.append(remark)
+        if self.outcome is Outcome.IMPORTED:
+            self.outcome = Outcome.CHANGED
+
+    def left_out(self, reason: str) -> None:
+        """Say why it was not imported."""
+        self.keys = []
+        self.remarks = [clean(reason)]
+        self.outcome = Outcome.LEFT_OUT
+
+    @property
+    def label(self) -> str:
+        """The outcome in words."""
+        return str(LABELS[self.outcome])
+
+
+class Report(msgspec.Struct):
+    """All of them, in the order of the file. `system` is where the file comes from."""
+
+    system: str
+    notes: list[Note] = []
+
+    def count(self, outcome: Outcome) -> int:
+        """Return how many lines have an outcome."""
+        return sum(1 for note in self.notes if note.outcome is outcome)
+
+    def counts(self) -> Sequence[tuple[Outcome, str, int]]:
+        """Return each outcome with its name and number."""
+        return [(outcome, str(label), self.count(outcome)) for outcome, label in LABELS.items()]
+
+
+def clean(text: str) -> str:
+    """Return a text without what PostgreSQL refuses in JSON."""
+    return text.replace("\x00", " ")
+
+
+def excerpt(text: str) -> str:
+    """Return the first words of a text on one line."""
+    line = " ".join(text.split())
+    return line if len(line) <= EXCERPT else line[: EXCERPT - 1].rstrip() + "…"
+
+
+def stored(report: Report) -> Any:
+    """Return a report as it is stored."""
+    return msgspec.to_builtins(report)
+
+
+def from_stored(document: Any) -> Report:
+    """Return a stored report."""
+    return msgspec.convert(document, Report)

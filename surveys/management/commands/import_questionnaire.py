@@ -1,0 +1,71 @@
+"""`manage.py import_questionnaire FILE`: a survey of another system as a questionnaire."""
+
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+from django.utils import timezone
+
+from surveys.documents import BadDefinitionError
+from surveys.importing.draft import Draft
+from surveys.importing.reading import MAX_FILE, read, slug_for
+from surveys.importing.report import Report
+from surveys.importing.survey_format import Wishes
+from surveys.questionnaires import store_next
+
+
+class Command(BaseCommand):
+    """Report what a file holds, and store it only when asked to."""
+
+    help = (
+        "Read a survey exported from Qualtrics (.qsf), LimeSurvey (.lss) or REDCap (data "
+        "dictionary, .csv), and report what is imported, changed and not imported."
+    )
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("file", type=Path, help="the exported file")
+        parser.add_argument(
+            "--save", action="store_true", help="store the questionnaire after the report"
+        )
+        parser.add_argument("--name", default="", help="its name; default: made of its title")
+        parser.add_argument(
+            "--language", default="en", help="language of the texts of a REDCap file"
+        )
+        parser.add_argument("--form", default="", help="import only this form of a REDCap file")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        path: Path = options["file"]
+        try:
+            with path.open("rb") as file:
+                document = file.read(MAX_FILE + 1)
+            draft = read(document, Wishes(options["language"], options["form"]))
+            self._tell(draft.report)
+            self._finish(draft, options)
+        except BadDefinitionError as error:
+            told = "\n".join(f"  {problem}" for problem in error.problems)
+            raise CommandError(f"{path} cannot be imported:\n{told}") from error
+        except OSError as error:
+            raise CommandError(f"{error.filename}: {error.strerror}.") from error
+
+    def _tell(self, report: Report) -> None:
+        for note in report.notes:
+            keys = f" → {', '.join(note.keys)}" if note.keys else ""
+            self.stdout.write(f"{note.label}: {note.name}{keys}")
+            if note.text:
+                self.stdout.write(f"    “{note.text}”")
+            for remark in note.remarks:
+                self.stdout.write(f"    {remark}")
+        self.stdout.write(
+            " · ".join(f"{label}: {count}" for _outcome, label, count in report.counts())
+        )
+
+    def _finish(self, draft: Draft, options: dict[str, Any]) -> None:
+        slug = options["name"] or slug_for(next(iter(draft.title.values()), ""))
+        definition = draft.definition(slug, 1)
+        if not options["save"]:
+            self.stdout.write(f"Not stored. Add --save to store it as {slug}.")
+            return
+        row, is_new = store_next(definition, draft.report, timezone.now())
+        name = f"version {row.version} of {row.slug}"
+        self.stdout.write(f"Stored as {name}." if is_new else f"Already stored as {name}.")

@@ -1,0 +1,223 @@
+"""Codings as files of ELAN and BORIS: round trips, other programs' readers, hostile files."""
+
+import json
+import warnings
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pympi.Elan import Eaf
+
+from experiments.coding.boris import from_boris, to_boris
+from experiments.coding.eaf import from_eaf, to_eaf
+from experiments.coding.scheme import (
+    BadCodingError,
+    Code,
+    CodedEvent,
+    codes_from,
+    events_from,
+)
+
+CODES = (
+    Code("help", "Asks for help", "point", "h"),
+    Code("lost", "Seems lost", "interval", "l"),
+    Code("talk", "Talks", "interval"),
+)
+EVENTS = [
+    CodedEvent("lost", 0.0, 4.25, "at the door <1> & 2"),
+    CodedEvent("help", 2.5),
+    CodedEvent("talk", 3.0, 6.001),
+    CodedEvent("lost", 4.25, 9.0, "again"),
+    CodedEvent("help", 9.5, None, "calls"),
+]
+DATE = "2026-03-04T12:00:00+00:00"
+
+
+@pytest.fixture
+def eaf(tmp_path):
+    path = tmp_path / "coding.eaf"
+    path.write_bytes(to_eaf(CODES, EVENTS, "C2345", DATE))
+    return path
+
+
+def test_another_program_reads_the_tiers_and_annotations(eaf):
+    # pympi is a reader and writer of ELAN files that others maintain; it warns of FORMAT 3.0.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        read = Eaf(str(eaf), suppress_version_warning=True)
+    assert sorted(read.get_tier_names()) == ["help", "lost", "talk"]
+    assert sorted(read.get_annotation_data_for_tier("lost")) == [
+        (0, 4250, "at the door <1> & 2"),
+        (4250, 9000, "again"),
+    ]
+    assert min(read.get_annotation_data_for_tier("help"))[:2] == (2500, 2501)
+    assert read.adocument["FORMAT"] == "3.0"
+
+
+def test_what_another_program_writes_is_read(tmp_path):
+    other = Eaf()
+    other.add_tier("lost")
+    other.add_annotation("lost", 1000, 2500, "here")
+    other.add_tier("Asks for help")
+    other.add_annotation("Asks for help", 3000, 3001)
+    other.add_tier("gaze")
+    other.add_annotation("gaze", 0, 10)
+    path = tmp_path / "other.eaf"
+    other.to_file(str(path))
+    events, problems = from_eaf(path.read_bytes(), CODES)
+    assert sorted(events, key=lambda event: event.begin) == [
+        CodedEvent("lost", 1.0, 2.5, "here"),
+        CodedEvent("help", 3.0),
+    ]
+    assert any("gaze" in problem for problem in problems)
+
+
+seconds = st.integers(0, 3_600_000).map(lambda ms: ms / 1000)
+comments = st.text(st.characters(categories=("L", "N", "P", "S")), max_size=20)
+
+
+@st.composite
+def codings(draw) -> list[CodedEvent]:
+    points = [
+        CodedEvent("help", at, None, draw(comments)) for at in draw(st.lists(seconds, max_size=5))
+    ]
+    times = sorted(draw(st.lists(seconds, max_size=8, unique=True)))
+    pairs = zip(times[::2], times[1::2], strict=False)
+    intervals = [CodedEvent("lost", begin, end, draw(comments)) for begin, end in pairs]
+    document = [
+        {"code": one.code, "begin": one.begin, "end": one.end, "comment": one.comment.strip()}
+        for one in (*points, *intervals)
+    ]
+    return events_from(document, CODES, 3600.0)
+
+
+def in_order(events: list[CodedEvent]) -> list:
+    return sorted((one.code, one.begin, one.end or 0.0, one.comment) for one in events)
+
+
+@settings(max_examples=30)
+@given(codings())
+def test_a_coding_comes_back_from_an_elan_file_as_it_was(events):
+    read, problems = from_eaf(to_eaf(CODES, events, "C2345", DATE), CODES)
+    assert in_order(read) == in_order(events)
+    assert problems == []
+
+
+@settings(max_examples=30)
+@given(codings())
+def test_a_coding_comes_back_from_a_boris_project_as_it_was(events):
+    document = to_boris(CODES, {"S1": events, "S2": []}, "study", "2026-03-04T12:00:00")
+    read, problems = from_boris(document, CODES, "S1")
+    assert in_order(read) == in_order(events)
+    assert problems == []
+
+
+def test_a_boris_project_has_the_parts_that_boris_opens():
+    project = json.loads(to_boris(CODES, {"S1": EVENTS}, "study", "2026-03-04T12:00:00"))
+    # boris/config.py, EMPTY_PROJECT
+    assert project.keys() >= {
+        *("time_format", "project_date", "project_name", "project_description"),
+        *("project_format_version", "subjects_conf", "behaviors_conf", "observations"),
+        *("behavioral_categories", "behavioral_categories_config", "independent_variables"),
+        *("coding_map", "behaviors_coding_map", "converters"),
+    }
+    # boris/config.py, behavioursFields
+    assert project["behaviors_conf"]["1"].keys() == {
+        *("type", "key", "code", "description", "color", "category", "modifiers", "excluded"),
+        "coding map",
+    }
+    assert project["behaviors_conf"]["1"]["type"] == "State event"
+    lost = [row[0] for row in project["observations"]["S1"]["events"] if row[2] == "lost"]
+    assert lost == [0.0, 4.25, 4.25, 9.0]
+
+
+def test_an_observation_is_named_where_there_are_several():
+    document = to_boris(CODES, {"S1": [], "S2": []}, "study", "2026-03-04T12:00:00")
+    with pytest.raises(BadCodingError, match="S1, S2"):
+        from_boris(document, CODES)
+    with pytest.raises(BadCodingError, match="S1, S2"):
+        from_boris(document, CODES, "S3")
+
+
+def test_what_a_boris_project_has_and_a_scheme_has_not_is_said():
+    rows = [[1, "ann", "help", "", ""], [2, "", "gaze", "", ""], [3, "", "lost", "", ""], ["x"]]
+    project = {"observations": {"one": {"type": "MEDIA", "events": rows}}}
+    events, problems = from_boris(json.dumps(project).encode(), CODES)
+    assert events == [CodedEvent("help", 1.0)]
+    said = " ".join(problems)
+    assert all(part in said for part in ("Subjects", "gaze", "does not stop", "no event"))
+
+
+@pytest.mark.parametrize(
+    ("document", "told"),
+    [
+        (b'<!DOCTYPE a [<!ENTITY b "c">]><ANNOTATION_DOCUMENT/>', "document type"),
+        (b"<a>", "not valid XML"),
+        (b"<a/>", "not an ELAN"),
+    ],
+)
+def test_a_file_that_is_no_elan_file_is_refused(document, told):
+    with pytest.raises(BadCodingError, match=told):
+        from_eaf(document, CODES)
+
+
+@pytest.mark.parametrize(
+    ("document", "told"),
+    [(b"[", "not valid JSON"), (b"[]", "not a BORIS"), (b'{"observations": {}}', "not a BORIS")],
+)
+def test_a_file_that_is_no_boris_project_is_refused(document, told):
+    with pytest.raises(BadCodingError, match=told):
+        from_boris(document, CODES)
+
+
+# --- schemes and codings --------------------------------------------------------------------------
+
+
+def code(**more) -> dict:
+    return {"code": "a", "name": "A", "kind": "point", "key": "a"} | more
+
+
+@pytest.mark.parametrize(
+    ("codes", "told"),
+    [
+        ([code(), code(key="b")], "code “a” is used 2 times"),
+        ([code(), code(code="b", key="A")], "key “a” is used 2 times"),
+        ([code(key="k")], "a key is one character"),
+        ([code(key="ab")], "a key is one character"),
+        ([code(name=" ")], "enter a name"),
+        ([code(code="A b")], "regex"),
+        ([code(kind="x")], "enum|Invalid"),
+        ([code(code=f"c{n}", key="") for n in range(41)], "at most 40"),
+    ],
+)
+def test_a_scheme_that_cannot_be_used_is_refused(codes, told):
+    with pytest.raises(BadCodingError, match=told):
+        codes_from(codes)
+
+
+@pytest.mark.parametrize(
+    ("event", "told"),
+    [
+        ({"code": "x", "begin": 1}, "no code"),
+        ({"code": "help", "begin": 1, "end": 2}, "has no end"),
+        ({"code": "lost", "begin": 1}, "needs an end"),
+        ({"code": "lost", "begin": 2, "end": 2}, "needs an end"),
+        ({"code": "help", "begin": -1}, "outside"),
+        ({"code": "help", "begin": 61}, "outside"),
+        ({"code": "help", "begin": 1, "comment": "x" * 501}, "too long"),
+        ({"code": "help"}, "begin"),
+    ],
+)
+def test_an_event_that_does_not_fit_is_refused(event, told):
+    with pytest.raises(BadCodingError, match=told):
+        events_from([event], CODES, 60.0)
+
+
+def test_intervals_of_one_code_do_not_overlap():
+    events = [
+        {"code": "lost", "begin": 1, "end": 4},
+        {"code": "talk", "begin": 2, "end": 3},
+        {"code": "lost", "begin": 3, "end": 5},
+    ]
+    with pytest.raises(BadCodingError, match=r"lost at 3\.000 s begins before"):
+        events_from(events, CODES, 60.0)

@@ -1,0 +1,269 @@
+"""Of every kind of message and event somebody has decided what may leave, field by field."""
+
+import ast
+import inspect
+import json
+import re
+from pathlib import Path
+from typing import get_args
+
+import msgspec
+import pytest
+
+from experiments.dataset import allow_list, states
+from experiments.dataset.allow_list import EVENTS, KEPT_BACK, MESSAGES, released
+from experiments.dataset.forms import Origin, Release, in_columns
+from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.dataset.selection import Selection
+from experiments.tasks.progress import EventType, ProgressEvent
+from robots.api import messages
+from sessions import protocol
+from sessions.leases import transitions
+from tests.support.filled import Filler, as_stored, kinds
+from tests.support.paths import ROOT
+from tests.support.traces import Known, traces
+
+DECIDE = (
+    "decide in experiments/dataset/allow_list.py what of it may leave in a pseudonymous dataset: "
+    "`withheld` (or KEPT_BACK for a whole kind) keeps it back"
+)
+GRANTED = 1_777_885_200.25
+RELEASE = Release(Pseudonyms("5e" * 32), Selection(), frozenset({"hall"}))
+PHOTO = "0b6c1a52-52f0-4d5c-9f3e-1f0f9d0c7a11"
+
+
+def names(kind: type) -> set[str]:
+    return {field.encode_name for field in msgspec.structs.fields(kind)}
+
+
+def leaves(source: str, kind: str, data: dict, *, offset: float = 0.0, **choice) -> dict | None:
+    release = Release(RELEASE.names, Selection(**choice), RELEASE.doors)
+    return released(source, kind, data, release, Origin(GRANTED, offset))
+
+
+def read_of(kind: type) -> set[str]:
+    return {name for name, form in MESSAGES[kind].items() if form is in_columns}
+
+
+# --- nothing is undecided -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.__qualname__)
+def test_of_every_kind_of_message_it_is_decided_what_may_leave(kind):
+    assert (kind in MESSAGES) != (kind in KEPT_BACK), f"{kind.__qualname__}: {DECIDE}"
+    undecided = names(kind) - set(MESSAGES.get(kind, names(kind)))
+    assert not undecided, f"{kind.__qualname__}.{sorted(undecided)}: {DECIDE}"
+
+
+def test_nothing_is_listed_that_is_not_there():
+    for kind, listed in MESSAGES.items():
+        assert set(listed) == names(kind), kind
+    assert set(kinds()) >= KEPT_BACK
+
+
+def test_every_type_of_a_robots_event_is_listed():
+    told = {*get_args(messages.Event.__annotations__["type"]), "action"}
+    missing, gone = told - set(EVENTS["robot"]), set(EVENTS["robot"]) - told
+    assert not missing, f"event {sorted(missing)} of robots: {DECIDE}"
+    assert not gone
+    for kind in told - {"action"}:
+        undecided = names(messages.Event) - set(EVENTS["robot"][kind])
+        assert not undecided, f"{kind}.{sorted(undecided)}: {DECIDE}"
+
+
+def test_every_event_of_a_task_is_listed_with_every_field():
+    told = set(get_args(EventType))
+    assert told == set(EVENTS["task"]), f"{sorted(told ^ set(EVENTS['task']))}: {DECIDE}"
+    whole = set(inspect.signature(ProgressEvent).parameters) - {"at", "type"}
+    stored = {"sight": "facing"}  # as ProgressEvent.data() calls it
+    listed = {name for fields in EVENTS["task"].values() for name in fields}
+    assert listed == {stored.get(name, name) for name in whole}, DECIDE
+
+
+def written_by(*folders: str) -> set[str]:
+    """Return the types of events that the server's code writes down with a word in place."""
+    found = set()
+    for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            name = getattr(getattr(node, "func", None), "attr", getattr(node, "func", None))
+            called = getattr(name, "id", name)
+            at = {"_note": 1, "_session_event": 2}.get(called) if called else None
+            if at is not None and len(node.args) > at:
+                words = (one for one in ast.walk(node.args[at]) if isinstance(one, ast.Constant))
+                found |= {one.value for one in words if isinstance(one.value, str)}
+    return found
+
+
+def test_every_event_that_the_server_writes_down_is_listed():
+    written = written_by("sessions", "experiments")
+    assert {"first_motion", "staff_called", "states_missing", "operator_end"} <= written
+    moved = {"connecting", "reconnecting", "driving"}
+    assert moved <= set(get_args(transitions.State))
+    recorded = {protocol.NOTICE_NAMES[kind] for kind in MESSAGES if kind in protocol.NOTICE_NAMES}
+    undecided = (written - {"action"} | moved | recorded) - set(EVENTS["server"])
+    assert not undecided, f"event {sorted(undecided)} of the server: {DECIDE}"
+
+
+REPORTED = re.compile(
+    r'(?:report|new Shown|new Changes)\(\s*(?:kind === "audio" \? "(\w+)" : )?"(\w+)"'
+)
+
+
+def reported() -> set[str]:
+    """Return the types of events that the drive page reports."""
+    paths = Path(ROOT / "static" / "js").rglob("*.js")
+    found = [pair for path in paths for pair in REPORTED.findall(path.read_text())]
+    return {word for pair in found for word in pair if word}
+
+
+def test_every_event_that_the_page_reports_is_listed():
+    told = reported()
+    assert {"cue_shown", "layout", "microphone", "camera", "check", "practice_ended"} <= told
+    lost = set(
+        re.findall(r'letGo\("(\w+)"\)', (ROOT / "static/js/input/focus_loss.js").read_text())
+    )
+    assert lost == {"blur", "pagehide", "hidden"}
+    undecided = (told | lost) - set(EVENTS["page"])
+    assert not undecided, f"event {sorted(undecided)} of pages: {DECIDE}"
+
+
+@pytest.mark.parametrize(
+    ("kind", "reader"),
+    [
+        (messages.State, states.StoredState),
+        (messages.Pose, states.StoredPose),
+        (messages.Velocity, states.StoredVelocity),
+        (messages.Battery, states.StoredBattery),
+        (messages.AppliedCommand, states.Command),
+        (protocol.PageNetwork, states.Sample),
+    ],
+)
+def test_what_is_read_into_columns_is_what_is_listed(kind, reader):
+    assert names(reader) <= read_of(kind), DECIDE
+    assert read_of(kind) - names(reader) <= {"stamp"}  # which has a column of its own in the rows
+
+
+# --- what leaves ----------------------------------------------------------------------------------
+
+
+def test_an_action_keeps_how_it_went_and_its_ids_hashes_and_times_do_not_leave():
+    data = {
+        "actionId": PHOTO,
+        "status": "FINISHED",
+        "type": "photo",
+        "result": {"sha256": "ab" * 32, "bytes": 9.5, "stamp": GRANTED + 14.5, "by": "zoe"},
+    }
+    assert leaves("robot", "action", data, offset=2.0) == {
+        "actionId": RELEASE.names.thing(PHOTO),
+        "status": "FINISHED",
+        "type": "photo",
+        "result": {"bytes": 9.5, "stamp": 12.5},
+    }
+
+
+def test_a_photo_has_one_pseudonym_wherever_it_is_named():
+    answered = leaves("page", "photo_answer", {"choice": "keep", "photo": PHOTO})
+    kept = leaves("task", "photo_kept", {"name": PHOTO, "number": 2})
+    assert answered == {"choice": "keep", "photo": RELEASE.names.thing(PHOTO)}
+    assert kept == {"name": RELEASE.names.thing(PHOTO), "number": 2}
+
+
+def test_the_name_of_the_visitor_in_a_robots_event_does_not_leave():
+    for kind in ("lease_taken", "estop", "estop_cleared"):
+        assert leaves("robot", kind, {"detail": "Zoe", "boot": "b1"}, free_text=True) == {
+            "boot": RELEASE.names.thing("b1")
+        }
+
+
+@pytest.mark.parametrize(
+    ("source", "kind", "data"),
+    [
+        ("robot", "door_changed", {"detail": "hall open"}),
+        ("robot", "collision", {"detail": "ahead left"}),
+        ("robot", "action", {"reason": "no_picture", "status": "FAILED"}),
+        ("server", "ended", {"outcome": "timed_out", "reason": "turn_over"}),
+        ("server", "robot_not_ready", {"reason": "charge"}),
+        ("page", "link_lost", {"why": "bye_replaced"}),
+        ("page", "cue_shown", {"word": "cue.go_to_checkpoint", "number": 2, "seconds": 4.25}),
+        ("page", "card_shown", {"word": "lobby", "number": None, "seconds": 1.5}),
+        ("page", "layout", {"interface": "novice", "width": 390.0, "density": 2.5}),
+        ("task", "checkpoint", {"number": 1, "pose": {"x": 1.5, "y": 2.0, "theta": -0.5}}),
+        ("task", "cue", {"name": "dock_now", "number": 0}),
+        ("task", "door_passed", {"name": "hall"}),
+        ("task", "task_ended", {"name": "completed"}),
+    ],
+)
+def test_what_researchers_need_leaves_as_it_is(source, kind, data):
+    assert leaves(source, kind, data) == data
+
+
+@pytest.mark.parametrize(
+    ("source", "kind", "data"),
+    [
+        ("robot", "door_changed", {"detail": "zoe open"}),
+        ("robot", "collision", {"detail": "ahead zoe"}),
+        ("robot", "action", {"reason": "198.51.100.7", "status": "zoe", "type": "zoe"}),
+        ("robot", "action", {"result": {"zoe": 1.0, "x": "zoe", "stamp": 12.0}}),
+        ("server", "ended", {"outcome": "zoe", "reason": "Zoe felt ill"}),
+        ("server", "operator_message", {"text": "Hello Zoe", "user": PHOTO}),
+        ("page", "link_lost", {"why": "zoe", "more": "zoe"}),
+        ("page", "cue_shown", {"word": "zoe", "number": GRANTED, "seconds": GRANTED * 1e3}),
+        ("page", "tab", {"hidden": "zoe"}),
+        ("page", "permission", {"name": "zoe", "state": 7}),
+        ("task", "checkpoint", {"pose": "zoe", "number": GRANTED * 1e9}),
+        ("task", "door_passed", {"name": "zoe"}),
+    ],
+)
+def test_what_is_not_what_the_form_expects_does_not_leave(source, kind, data):
+    found = leaves(source, kind, data)
+    assert found in ({}, {"result": {}}), found
+
+
+@pytest.mark.parametrize("source", ["robot", "server", "page", "task", "nobody"])
+def test_an_event_of_a_kind_that_is_not_listed_does_not_leave(source):
+    assert leaves(source, "zoe", {"number": 1}) is None
+
+
+@pytest.mark.parametrize("source", sorted(EVENTS))
+def test_nothing_recognisable_leaves_by_any_event_whatever_message_it_holds(source):
+    fill, known = Filler(GRANTED + 12.5), Known(times=[GRANTED])
+    held = [as_stored(fill.message(kind)) for kind in kinds()] + [fill.anything()]
+    left = {}
+    for kind, listed in EVENTS[source].items():
+        deep = {name: fill.anything() for name in listed}
+        flat = [{name: value() for name in listed} for value in (fill.word, fill.time, fill.hash)]
+        left[kind] = json.dumps(
+            [leaves(source, kind, data) for data in (*held, deep, *flat)]
+        ).encode()
+        known.take("data", [*held, deep, *flat])
+    assert traces(left, known) == []
+    kept = json.dumps([leaves(source, kind, one, identified=True) for one in held]).encode()
+    assert traces({"identified": kept}, known), "the search finds what is there"
+
+
+def test_every_field_of_every_message_is_filled():
+    fill = Filler(GRANTED)
+    for kind in kinds():
+        filled = fill.message(kind)
+        empty = {
+            field.name
+            for field in msgspec.structs.fields(kind)
+            if getattr(filled, field.name) in (None, "", (), {}, False)
+        }
+        assert not empty, kind
+
+
+def test_what_people_wrote_leaves_where_free_text_is_asked_for_and_ids_in_it_do_not():
+    data = {"text": f"Mind the cat {PHOTO}", "user": PHOTO}
+    found = leaves("server", "operator_message", data, free_text=True)
+    assert found == {"text": f"Mind the cat {RELEASE.names.thing(PHOTO)}"}
+
+
+def test_an_identified_dataset_has_everything():
+    data = {"detail": "Zoe", "anything": {"sha256": "ab" * 32}}
+    assert leaves("page", "anything", data, identified=True) == data
+
+
+def test_why_a_session_ended_leaves_when_it_is_a_known_word():
+    assert allow_list.end_reason("visitor_silent", RELEASE) == "visitor_silent"
+    assert allow_list.end_reason("zoe", RELEASE) == ""

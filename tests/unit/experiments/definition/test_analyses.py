@@ -1,0 +1,36 @@
+"""What is wrong with the analyses that a study declares is told before anybody takes part."""
+
+import pytest
+
+from experiments.definition.problems import problems
+from tests.support.studies import small_study
+
+GOOD = {"key": "doors", "title": {"en": "Doors"}, "measures": ["task_time", "experience.q1"]}
+SIDES = {"title": {"en": "Shut"}, "first": ["shut"], "second": ["all_open"]}
+
+
+def test_an_analysis_that_makes_sense_is_accepted():
+    assert list(problems(small_study(analyses=[{**GOOD, "contrasts": [SIDES]}]))) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"measures": []}, "it measures nothing; add at least one measure."),
+        ({"measures": ["sus.score"]}, "the study does not ask the questionnaire sus."),
+        ({"conditions": ["ajar"]}, "there is no condition ajar."),
+        (
+            {"contrasts": [{**SIDES, "first": ["all_open"]}]},
+            "a contrast compares two different sides of at least one condition each.",
+        ),
+        ({"effects": ["condition"]}, "only a mixed model has effects."),
+        (
+            {"test": "mixed", "effects": ["condition"]},
+            "a mixed model needs participants who do several conditions.",
+        ),
+        ({"test": "mixed", "effects": ["delay:help"]}, "there is no factor delay."),
+    ],
+)
+def test_what_makes_no_sense_is_told_with_the_analysis(changes, told):
+    found = list(problems(small_study(analyses=[{**GOOD, **changes}])))
+    assert f"Analysis doors: {told}" in found

@@ -1,0 +1,40 @@
+"""What is known of the driver's words at the robot's displays."""
+
+import pytest
+
+from robots.agent.control.receipts import KEPT, Receipts
+
+
+@pytest.fixture
+def receipts():
+    made = Receipts()
+    made.said("a1", "s1")
+    return made
+
+
+def test_nothing_is_known_of_words_before_a_display_says_so(receipts):
+    assert receipts.of("a1") is None
+    assert receipts.of("never said") is None
+
+
+def test_what_is_known_only_grows(receipts):
+    said = [
+        receipts.confirm("a1", state, "s1")
+        for state in ("shown", "shown", "not_spoken", "spoken", "not_spoken", "shown")
+    ]
+    news = [is_news for reason, is_news in said if reason == ""]
+    assert news == [True, False, True, True, False, False]
+    assert receipts.of("a1") == ("s1", "spoken")
+
+
+@pytest.mark.parametrize(("target", "session"), [("a2", "s1"), ("a1", "s2"), ("a1", None)])
+def test_words_that_nobody_said_or_of_another_session_are_not_confirmed(receipts, target, session):
+    assert receipts.confirm(target, "shown", session) == ("unknown_words", False)
+    assert receipts.of("a1") is None
+
+
+def test_only_the_newest_words_are_remembered(receipts):
+    for number in range(KEPT):
+        receipts.said(f"b{number}", "s1")
+    assert receipts.confirm("a1", "shown", "s1") == ("unknown_words", False)
+    assert receipts.confirm("b0", "shown", "s1") == ("", True)

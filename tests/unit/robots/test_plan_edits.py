@@ -1,0 +1,179 @@
+"""Fields of the page that finishes a plan, and the plan that comes of them."""
+
+import json
+import math
+
+import pytest
+
+from robots.api import floorplan
+from robots.plan_edits import EditError, checkpoints_of, edited, openings_of, with_new
+from robots.world.sites import SHIPPED
+from robots.world.tracing.joining import joined
+from tests.support.mapped_building import building
+
+WORDS = {"place": "Place", "dock": "Station", "checkpoint": "Checkpoint", "opening": "Opening"}
+
+
+def document() -> dict:
+    return json.loads(floorplan.encode(building()))
+
+
+def anywhere(_x: float, _y: float) -> bool:
+    return True
+
+
+def problems(plan: dict) -> tuple[str, ...]:
+    try:
+        floorplan.decode(json.dumps(plan))
+    except floorplan.FloorPlanError as error:
+        return error.problems
+    return ()
+
+
+def test_without_fields_a_plan_stays_as_it_is():
+    plan = document()
+    assert edited(plan, {}, anywhere) == plan
+    for kind, at in (("dock", (1.0, 1.0)), ("place", (2.0, 4.0)), ("checkpoint", (3.0, 1.0))):
+        plan = with_new(plan, kind, *at, words=WORDS)
+    assert edited(plan, {}, anywhere) == plan
+    assert problems(plan) == ()
+
+
+@pytest.mark.parametrize("site", ["office", "clinic"])
+def test_a_shipped_plan_stays_as_it_is(site):
+    plan = json.loads((SHIPPED / site / "plan.json").read_text())
+    again = floorplan.decode(json.dumps(edited(plan, {}, anywhere)))
+    assert again == floorplan.decode(json.dumps(plan))
+
+
+def test_a_path_that_was_drawn_for_other_checkpoints_is_left_out():
+    plan = json.loads((SHIPPED / "office" / "plan.json").read_text())
+    assert plan["routes"][0]["path"]
+    moved = edited(plan, {"checkpoints.0.x": "3.0"}, anywhere)
+    assert "path" not in moved["routes"][0]
+    assert moved["routes"][1] == plan["routes"][1]
+
+
+def test_what_the_page_shows_rounded_keeps_its_digits_when_nobody_moves_it():
+    plan = document() | {"places": [{"name": "a", "title": "A", "x": 1.2345, "y": 4.5678}]}
+    fields = {"places.0.x": "1.23", "places.0.y": "4.57", "places.0.title": "A"}
+    assert edited(plan, fields, anywhere)["places"] == plan["places"]
+
+
+def test_rooms_get_names_and_an_empty_name_changes_nothing():
+    plan = edited(document(), {"rooms.0.title": " Hall ", "rooms.1.title": " "}, anywhere)
+    assert [room["title"] for room in plan["rooms"]] == ["Hall", "west", "east"]
+
+
+def test_two_rooms_become_one_and_the_opening_between_them_goes():
+    plan = edited(document(), {"rooms.1.join": "hall", "rooms.0.title": "Both"}, anywhere)
+    assert [room["title"] for room in plan["rooms"]] == ["Both", "east"]
+    polygon = tuple((x, y) for x, y in plan["rooms"][0]["polygon"])
+    for inside in ((2.0, 4.0), (8.0, 1.0), (0.3, 2.0)):
+        assert floorplan.contains(polygon, *inside)
+    assert not floorplan.contains(polygon, 7.0, 4.0)
+    assert [o["name"] for o in openings_of(plan)] == ["east"]
+    assert set(plan["passages"][0]["connects"]) == {"hall", "east"}
+    assert problems(plan) == ()
+
+
+def test_rooms_that_do_not_touch_are_not_joined():
+    plan = document()
+    plan["rooms"].append(
+        {"name": "far", "title": "Far", "polygon": [[20, 0], [24, 0], [24, 4], [20, 4]]}
+    )
+    with pytest.raises(EditError):
+        edited(plan, {"rooms.3.join": "hall"}, anywhere)
+    with pytest.raises(ValueError, match="do not touch"):
+        joined(((0, 0), (2, 0), (2, 2)), ((9, 9), (11, 9), (11, 11)))
+
+
+def test_an_opening_that_is_moved_connects_the_rooms_beside_it():
+    fields = {
+        "openings.0.x": "4.5",
+        "openings.0.y": "3.0",
+        "openings.0.x2": "4.5",
+        "openings.0.y2": "4,1",
+    }
+    plan = edited(document(), fields, anywhere)
+    assert plan["passages"][0]["start"] == [4.5, 3.0]
+    assert plan["passages"][0]["end"] == [4.5, 4.1]
+    assert set(plan["passages"][0]["connects"]) == {"west", "east"}
+    assert problems(plan) == ()
+
+
+def test_an_opening_that_leads_nowhere_is_a_problem_and_is_not_lost():
+    fields = {f"openings.0.{key}": "50" for key in ("x", "y", "x2")} | {"openings.0.y2": "51"}
+    plan = edited(document(), fields, anywhere)
+    assert len(plan["passages"]) == 2
+    assert any("nowhere" in problem for problem in problems(plan))
+    plan = with_new(document(), "opening", 2.0, 4.0, WORDS)
+    again = edited(plan, {}, anywhere)
+    assert len(again["passages"]) == 3
+    assert any("connects a room with itself" in problem for problem in problems(again))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_door_opens_to_the_side_that_is_free(side):
+    def is_free(_x: float, y: float) -> bool:
+        return (y - 2.0) * side > 0.0
+
+    plan = edited(document(), {"openings.0.kind": "door"}, is_free)
+    door = floorplan.decode(json.dumps(plan)).doors[0]
+    assert door.swing == pytest.approx(side * math.pi / 2.0, abs=1e-5)
+    assert len(plan["passages"]) == 1
+    kept = edited(plan, {}, lambda *_at: True)
+    assert kept["doors"] == plan["doors"]
+    back = edited(plan, {"openings.0.kind": "opening"}, is_free)
+    assert "doors" not in back
+    assert len(back["passages"]) == 2
+    assert problems(back) == ()
+
+
+def test_docks_are_for_different_robots_and_a_robot_is_changed_with_its_station():
+    plan = with_new(document(), "dock", 1.0, 4.0, WORDS)
+    plan = with_new(plan, "dock", 3.0, 4.0, WORDS)
+    assert [dock["type"] for dock in plan["docks"]] == ["giraff", "rhodon"]
+    fields = {"docks.0.type": "rhodon", "docks.0.heading": "90", "docks.0.x": "1.5"}
+    dock = edited(plan, fields, anywhere)["docks"][0]
+    assert dock["station"] == plan["docks"][1]["station"]
+    assert dock["theta"] == pytest.approx(math.pi / 2.0, abs=1e-4)
+    assert dock["x"] == 1.5
+
+
+def test_checkpoints_begin_at_the_dock_and_are_numbered_anew():
+    plan = with_new(document(), "dock", 1.0, 4.0, WORDS)
+    for x in (2.0, 3.0, 4.0):
+        plan = with_new(plan, "checkpoint", x, 1.0, WORDS)
+    assert [c["number"] for c in checkpoints_of(plan)] == [1, 2, 3]
+    plan = edited(plan, {"checkpoints.1.remove": "on", "docks.0.y": "4.5"}, anywhere)
+    route = plan["routes"][0]["checkpoints"]
+    assert [(c["number"], c["x"], c["y"]) for c in route] == [
+        (0, 1.0, 4.5),
+        (1, 2.0, 1.0),
+        (2, 4.0, 1.0),
+    ]
+    assert problems(plan) == ()
+    plan = edited(plan, {f"checkpoints.{n}.remove": "on" for n in range(2)}, anywhere)
+    assert "routes" not in plan
+
+
+def test_parts_that_are_removed_are_gone_and_names_are_not_given_twice():
+    plan = document()
+    for _ in range(3):
+        plan = with_new(plan, "place", 2.0, 4.0, WORDS)
+    plan = edited(plan, {"places.0.remove": "on"}, anywhere)
+    plan = with_new(plan, "place", 2.0, 4.0, WORDS)
+    assert len({place["name"] for place in plan["places"]}) == 3
+
+
+@pytest.mark.parametrize("text", ["", "east", "nan", "1e9"])
+def test_a_field_that_is_no_number_is_named(text):
+    with pytest.raises(EditError) as refused:
+        edited(document(), {"openings.0.x": text}, anywhere)
+    assert refused.value.field == "openings.0.x"
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(EditError):
+        with_new(document(), "window", 0.0, 0.0, WORDS)

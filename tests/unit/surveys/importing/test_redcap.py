@@ -1,0 +1,247 @@
+"""REDCap data dictionaries as questionnaires: field types, matrices, branching, annotations."""
+
+import json
+
+import pytest
+
+from surveys.definition import to_json
+from surveys.documents import BadDefinitionError
+from surveys.importing.reading import read
+from surveys.importing.report import Outcome
+from surveys.importing.survey_format import Wishes
+from tests.support.survey_files import field, redcap
+
+YES_NO_MAYBE = "1, Yes | 2, No | 3, Perhaps, or not"
+
+
+def items(document: bytes, wishes: Wishes | None = None) -> list[dict]:
+    pages = json.loads(to_json(read(document, wishes).definition("test", 1)))["pages"]
+    return [item for page in pages for item in page["items"]]
+
+
+def remarks(document: bytes, name: str) -> str:
+    draft = read(document)
+    (note,) = [one for one in draft.report.notes if one.name == name]
+    return " ".join(note.remarks)
+
+
+def outcomes(document: bytes) -> dict[str, Outcome]:
+    return {note.name: note.outcome for note in read(document).report.notes}
+
+
+def test_every_field_type_that_has_a_counterpart():
+    document = redcap(
+        field("a", "text"),
+        field("b", "notes"),
+        field("c", "radio", choices=YES_NO_MAYBE),
+        field("d", "dropdown", choices=YES_NO_MAYBE),
+        field("e", "checkbox", choices=YES_NO_MAYBE),
+        field("f", "yesno"),
+        field("g", "truefalse"),
+        field("h", "slider", choices="low | middle | high", most="50"),
+        field("i", "text", rule="integer", least="18", most="99"),
+        field("j", "text", rule="number_2dp"),
+        field("k", "text", rule="date_dmy", least="2020-01-31", most="today"),
+    )
+    found = {item["key"]: item for item in items(document)}
+    assert {key: item["kind"] for key, item in found.items()} == {
+        "a": "text",
+        "b": "text",
+        "c": "single",
+        "d": "single",
+        "e": "multiple",
+        "f": "single",
+        "g": "single",
+        "h": "slider",
+        "i": "number",
+        "j": "number",
+        "k": "date",
+    }
+    assert found["c"]["options"][2] == {"value": "3", "label": {"en": "Perhaps, or not"}}
+    assert [one["value"] for one in found["f"]["options"]] == ["1", "0"]
+    assert (found["h"]["low"]["en"], found["h"]["high"]["en"], found["h"]["maximum"]) == (
+        *("low", "high", 50),
+    )
+    assert (found["i"]["minimum"], found["i"]["maximum"], found["i"]["whole"]) == (18, 99, True)
+    assert (found["k"]["earliest"], found["k"]["latest"]) == ("2020-01-31", "today")
+
+
+def test_the_field_that_names_the_record_is_listed_and_not_asked():
+    document = redcap(field("a", "text"))
+    assert outcomes(document)["record_id"] is Outcome.LEFT_OUT
+
+
+@pytest.mark.parametrize(
+    ("row", "told"),
+    [
+        (field("a", "calc", choices="[x] + 1"), "Calculated"),
+        (field("a", "file"), "Files"),
+        (field("a", "sql", choices="select 1"), "database"),
+        (field("a", "text", annotation="@HIDDEN"), "hidden"),
+        (field("a", "text", annotation="@CALCTEXT([x])"), "Calculated"),
+        (field("a", "descriptive", label=""), "no text"),
+        (field("a", "other"), "type other"),
+    ],
+)
+def test_what_has_no_counterpart_is_listed_with_a_reason(row, told):
+    document = redcap(row, field("b", "text"))
+    assert outcomes(document)["a"] is Outcome.LEFT_OUT
+    assert told in remarks(document, "a")
+
+
+def test_required_notes_and_order():
+    (item,) = items(
+        redcap(
+            field(
+                *("a", "checkbox"),
+                choices="1, One | 2, Two | 99, None of these",
+                required="y",
+                note="Choose up to two",
+                annotation="@NONEOFTHEABOVE='99' @MAXCHECKED=2 @RANDOMORDER",
+            )
+        )
+    )
+    assert (item["required"], item["hint"]["en"], item["at_most"], item["order"]) == (
+        *(True, "Choose up to two", 2, "shuffled"),
+    )
+    assert item["options"][2]["alone"] is True
+
+
+def test_tags_words_and_marks_that_are_not_imported_are_reported():
+    document = redcap(
+        field(
+            *("a", "text"),
+            rule="email",
+            identifier="y",
+            annotation="@READONLY @DEFAULT='x' item is reverse scored",
+        )
+    )
+    told = remarks(document, "a")
+    assert all(
+        words in told
+        for words in ("email", "@DEFAULT, @READONLY", "scored in reverse", "identifying")
+    )
+
+
+def test_fields_of_a_matrix_are_a_grid_under_the_heading_of_the_first():
+    answers = "0, Never | 1, Sometimes | 2, Often | 999, Decline to answer"
+    common = {"choices": answers, "matrix": "mood", "required": "y"}
+    document = redcap(
+        field("sad", "radio", header="How often did you feel", **common),
+        field("glad", "radio", **common),
+        field("after", "text"),
+    )
+    definition = read(document).definition("test", 1)
+    grid, after = definition.pages[0].items
+    assert (grid.kind, grid.key, grid.text["en"]) == ("grid", "mood", "How often did you feel")
+    assert [row.key for row in grid.rows] == ["sad", "glad"]
+    assert [point.value for point in definition.scales[grid.scale]] == [0, 1, 2]
+    assert grid.prefer_not
+    assert grid.required
+    assert after.key == "after"
+    notes = {note.name: note.keys for note in read(document).report.notes}
+    assert (notes["sad"], notes["glad"]) == (["sad"], ["glad"])
+
+
+def test_a_matrix_with_checkboxes_is_asked_field_by_field():
+    document = redcap(
+        field("a", "checkbox", choices=YES_NO_MAYBE, matrix="m"),
+        field("b", "checkbox", choices=YES_NO_MAYBE, matrix="m"),
+    )
+    assert [item["kind"] for item in items(document)] == ["multiple", "multiple"]
+
+
+def test_a_matrix_that_is_refused_is_listed_field_by_field():
+    unlabelled = "1, | 2, "
+    document = redcap(
+        field("a", "radio", choices=unlabelled, matrix="x" * 3, label="A" * 10),
+        field("b", "text"),
+    )
+    assert {note.name for note in read(document).report.notes} == {"record_id", "a", "b"}
+
+
+@pytest.mark.parametrize(
+    ("logic", "condition"),
+    [
+        ("[a] = '1'", {"item": "a", "is": ["1"]}),
+        ('[a] = "1" or [a] = "3"', {"item": "a", "is": ["1", "3"]}),
+        ("[b(2)] = '1'", {"item": "b", "is": ["2"]}),
+    ],
+)
+def test_branching_on_a_choice_is_a_condition(logic, condition):
+    document = redcap(
+        field("a", "radio", choices=YES_NO_MAYBE),
+        field("b", "checkbox", choices=YES_NO_MAYBE),
+        field("c", "text", branching=logic),
+    )
+    assert items(document)[-1]["show_if"] == condition
+
+
+@pytest.mark.parametrize(
+    "logic",
+    ["[a] = '1' and [a] = '2'", "[a] > 1", "[event-name] = 'x'", "[b(2)] = '0'", "[z] = '1'"],
+)
+def test_other_branching_is_reported_as_written(logic):
+    document = redcap(
+        field("a", "radio", choices=YES_NO_MAYBE),
+        field("b", "checkbox", choices=YES_NO_MAYBE),
+        field("c", "text", branching=logic),
+    )
+    assert "show_if" not in items(document)[-1]
+    assert logic in remarks(document, "c")
+
+
+def test_sections_begin_pages_and_forms_have_titles():
+    document = redcap(
+        field("a", "text"),
+        field("b", "text", header="About you"),
+        field("c", "text", form="second_form"),
+    )
+    pages = read(document).definition("test", 1).pages
+    assert [(page.title.get("en", ""), page.items[0].key) for page in pages] == [
+        *(("Form one", "a"), ("About you", "b"), ("Second form", "c")),
+    ]
+
+
+def test_one_form_of_several_can_be_chosen_and_the_others_are_listed():
+    document = redcap(field("a", "text"), field("b", "text", form="second_form"))
+    wishes = Wishes(form="second_form", language="es")
+    draft = read(document, wishes)
+    definition = draft.definition("test", 1)
+    assert [question.key for question in definition.questions()] == ["b"]
+    assert definition.title == {"es": "Second form"}
+    assert [note.name for note in draft.report.notes] == ["b", "form_one"]
+    with pytest.raises(BadDefinitionError, match="form_one, second_form"):
+        read(document, Wishes(form="third"))
+
+
+def test_descriptive_text_keeps_its_lines():
+    document = redcap(field("a", "descriptive", label="One\nTwo"), field("b", "text"))
+    assert read(document).definition("test", 1).pages[0].intro == {"en": "One\nTwo"}
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_files_with_other_delimiters_a_byte_order_mark_or_old_letters_are_read(delimiter):
+    document = redcap(field("a", "text", label="Größe, in cm"), delimiter=delimiter)
+    for one in (document, b"\xef\xbb\xbf" + document, document.decode().encode("cp1252")):
+        assert items(one)[0]["text"]["en"] == "Größe, in cm"
+
+
+def test_the_columns_of_an_export_over_the_api_are_understood():
+    document = (
+        b"field_name,form_name,section_header,field_type,field_label,select_choices_or_calculations\n"
+        b"record_id,f,,text,Record,\n"
+        b'a,f,,radio,How?,"1, Well | 2, Badly"\n'
+    )
+    assert items(document)[0]["options"][1]["label"] == {"en": "Badly"}
+
+
+def test_a_file_without_a_needed_column_is_refused():
+    with pytest.raises(BadDefinitionError, match="field type"):
+        read(b"Variable / Field Name,Form Name,Field Label\na,b,c\n")
+
+
+def test_a_cell_without_an_end_is_refused():
+    document = redcap(field("a", "text")) + b'"' + b"x" * 200_000
+    with pytest.raises(BadDefinitionError, match="not a valid CSV"):
+        read(document)
