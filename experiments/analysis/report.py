@@ -37,6 +37,7 @@ from experiments.analysis.tables.flow import fault_sides, flow, funnel
 from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.reliability import QualityVerdict, judge
+from experiments.analysis.tables.safety_limits import safety_limits
 from experiments.analysis.tables.summaries import (
     metrics_table,
     segment_spreads,
@@ -112,6 +113,7 @@ def report(
             against_network(measured),
             by_network(measured),
             ages(dataset, measured),
+            safety_limits(dataset, measured),
             learning(measured),
             learnt(measured),
             *declared(dataset, measured),

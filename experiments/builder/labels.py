@@ -143,8 +143,8 @@ HINTS: dict[str, Words] = {
     "angular": _("Leave blank to use the robot's limit; cannot exceed it."),
     "statements": _("The tables show this questionnaire's percentages."),
     "control": _(
-        "Affects the driver's commands; stopping is never delayed. At most 0.2 s "
-        "including jitter: the robot rejects older commands."
+        "Affects the driver's commands; stopping is never delayed. Above about 0.1 s including "
+        "jitter, the robot slows down, and the study cannot be published: delay the video instead."
     ),
     "video": _("Affects video and sound to the driver only."),
     "jitter": _("Maximum deviation from the delay, up or down."),

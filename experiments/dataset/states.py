@@ -5,7 +5,7 @@ Times are seconds since the grant, to the microsecond. What of a message is read
 experiments/dataset/allow_list.py, too.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -29,6 +29,7 @@ SUMMED = (
     *(f"by_{name}" for name in METHODS),
     *(f"on_{name}" for name in WAYS),
 )
+TOO_OLD = ("stale", "frame_stale")  # reasons of robots/agent/safety/freshness.py
 LATE = tuple(column.name for column in STATES if column.late)
 # their places in SUMMED
 _COUNTED = {name: index for index, name in enumerate((*METHODS, *WAYS), start=3)}
@@ -68,7 +69,12 @@ class Command(StoredPart):
     method: str
     way: str
     age: float
+    linear: float = 0.0
+    angular: float = 0.0
     frame_age: float | None = None
+    asked: StoredVelocity | None = None
+    allowed: StoredVelocity | None = None
+    share: float | None = None
 
 
 class StoredState(StoredPart):
@@ -185,7 +191,33 @@ def _row(state: StoredState, begin: float, first_seq: int) -> tuple[float | None
 
 
 def _late(state: StoredState) -> tuple[float | None, ...]:
-    return (state.distance_by_position,)
+    """Return the values of the LATE columns; of the series, means over the commands."""
+    refused = sum(state.refused.get(reason, 0) for reason in TOO_OLD) if state.refused else 0
+    applied = state.applied
+    if not applied:
+        return (state.distance_by_position, refused, 0, *(None,) * 6)
+    if any(one.asked is None or one.allowed is None or one.share is None for one in applied):
+        slowed, before = None, (None,) * 4
+    else:
+        slowed = sum(_is_slowed(one) for one in applied)
+        before = (
+            *_mean(one.asked for one in applied if one.asked is not None),
+            *_mean(one.allowed for one in applied if one.allowed is not None),
+        )
+    return (state.distance_by_position, refused, slowed, *before, *_mean(applied))
+
+
+def _is_slowed(command: Command) -> bool:
+    """Tell whether a command asked for more than its age left of it."""
+    return command.share is not None and command.share < 1.0 and command.allowed != command.asked
+
+
+def _mean(found: Iterable[StoredVelocity | Command]) -> tuple[float, float]:
+    values = [(one.linear, one.angular) for one in found]
+    return (
+        sum(linear for linear, _ in values) / len(values),
+        sum(angular for _, angular in values) / len(values),
+    )
 
 
 def _commands(states: Sequence[StoredState]) -> Floats:

@@ -10,10 +10,16 @@ from experiments.definition.problems import length_of
 from experiments.definition.schema import (
     Condition,
     Course,
-    Impairment,
     Network,
     OwnAction,
     StudyDefinition,
+)
+from experiments.definition.slowing import (
+    REAL_COMMANDS,
+    REAL_PICTURES,
+    latest,
+    longest_video_delay,
+    predicted,
 )
 from robots.api.floorplan import ChargingDock, FloorPlan
 from robots.api.geometry import Pose2D
@@ -196,12 +202,13 @@ def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -
 
 
 def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[str]:
-    """Yield why nobody could drive this robot over such a network; its own limits on age hold in
-    every condition.
+    """Yield why nobody could drive this robot over such a network, or why it would measure the
+    robot's limits on age, which hold in every condition.
     """
     if condition.network != Network() and NETWORK_LAB not in robot.capabilities:
         yield f"{condition.robot} cannot impair its network: remove the delay, loss or limit."
-    there, back = _latest(condition.network.control), _latest(condition.network.video)
+    there, back = latest(condition.network.control), latest(condition.network.video)
+    too_late = False
     if there > robot.command_age - ROOM_FOR_COMMANDS + ROUNDING:
         yield (
             f"commands would be delayed by up to {1000.0 * there:g} ms; "
@@ -210,6 +217,7 @@ def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[str]:
             f"{1000.0 * ROOM_FOR_COMMANDS:g} ms of that are reserved for the real "
             "network."
         )
+        too_late = True
     if there + back > robot.frame_age - ROOM_FOR_PICTURES + ROUNDING:
         yield (
             "video and the commands that answer it would be delayed by up to "
@@ -218,13 +226,44 @@ def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[str]:
             f"and {1000.0 * ROOM_FOR_PICTURES:g} ms of that are reserved for the "
             "camera and the page."
         )
+        too_late = True
+    if not too_late:
+        yield from _of_slowing(condition, robot)
 
 
-def _latest(impairment: Impairment | None) -> float:
-    """Return for how long a packet is held at most by what is put on a network, but for its bit
-    rate.
+def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[str]:
+    """Yield that the robot's safety kernel would slow the drive down, with the speed that is left
+    and what can be done.
     """
-    return 0.0 if impairment is None else impairment.delay + impairment.jitter
+    found = predicted(condition.network, robot.command_age, robot.frame_age)
+    if not condition.controllers or not found.is_slowed:
+        return
+    speed = min(robot.linear, condition.speed.linear or math.inf)
+    refused = f", and refuse {found.refused:.0%} of the commands" if found.refused >= 0.005 else ""
+    there, back = latest(condition.network.control), latest(condition.network.video)
+    if there + REAL_COMMANDS > robot.command_age / 2.0:
+        least = longest_video_delay(Network(), robot.frame_age)
+        cause = (
+            f"commands would arrive up to {1000.0 * (there + REAL_COMMANDS):.0f} ms late, and"
+            f" {condition.robot} slows down when they are older than"
+            f" {500.0 * robot.command_age:g} ms"
+        )
+        remedy = (
+            f"Delay the video instead (up to {1000.0 * least:.0f} ms), which delays what the driver"
+            " sees and does, and no command"
+        )
+    else:
+        cause = (
+            f"video and the commands that answer it would be up to"
+            f" {1000.0 * (there + back + REAL_PICTURES):.0f} ms late, and {condition.robot} slows"
+            f" down when they are older than {500.0 * robot.frame_age:g} ms"
+        )
+        remedy = "Delay the video less"
+    yield (
+        f"{cause}: it would drive at about {found.share * speed:.2f} m/s instead of"
+        f" {speed:.2f} m/s{refused}. The condition would measure the safety limits as well as"
+        f" delay. {remedy}."
+    )
 
 
 def _of_way(

@@ -64,7 +64,7 @@ TOPICS = (
         _("Trajectories"),
         ("figure-7", "figure-6-", "segment-metrics", "segments"),
     ),
-    Topic("network", _("Network"), ("ages", "network-effects", "network-classes")),
+    Topic("network", _("Network"), ("ages", "safety-limits", "network-effects", "network-classes")),
     Topic("data-quality", _("Data quality"), ("quality", "sessions")),
 )
 

@@ -142,6 +142,10 @@ class AppliedCommand(Message, frozen=True, kw_only=True):
     `frame_age` is how old the picture that the visitor saw was by then, in seconds by the robot's
     own clock: the whole way round, from the camera over the visitor's eyes and hand to the wheels.
     Absent when the command named no picture.
+
+    `asked` is what the driver asked for, `allowed` what the limits and the age left of it: `share`
+    of the largest speeds, 1 for a command and picture that are young enough. `linear` and `angular`
+    are what was applied then, after collision monitor and ramp. Agents may leave out all three.
     """
 
     seq: Count
@@ -159,6 +163,9 @@ class AppliedCommand(Message, frozen=True, kw_only=True):
     linear: LinearSpeed
     angular: AngularSpeed
     frame_age: Annotated[float, Meta(ge=-10.0, le=10.0)] | None = None
+    asked: Velocity | None = None
+    allowed: Velocity | None = None
+    share: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
 
 
 class Limits(Message, frozen=True, kw_only=True):

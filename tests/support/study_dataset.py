@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 import surveys
-from experiments.analysis.dataset.columns import NETWORK, STATES
+from experiments.analysis.dataset.columns import NETWORK, SERIES, STATES
 from experiments.analysis.dataset.records import (
     Columns,
     Dataset,
@@ -153,6 +153,13 @@ def drive(
         by_script=0,
         on_datachannel=commands,
         on_mqtt=0,
+        too_old=0,
+        slowed=0,
+        **{
+            f"{name}_{part}": np.where(commands > 0, speed if part == "linear" else 0.0, np.nan)
+            for name in SERIES
+            for part in ("linear", "angular")
+        },
     )
     passed: dict[int, float] = {}
     for stop in stops[1:]:

@@ -232,6 +232,9 @@ def _state(states: Columns, index: int, granted: float) -> dict:
             "linear": row["linear"],
             "angular": 0.0,
             "frameAge": None if np.isnan(row["answer_age"]) else row["answer_age"],
+            "asked": {"linear": row["asked_linear"], "angular": row["asked_angular"]},
+            "allowed": {"linear": row["allowed_linear"], "angular": row["allowed_angular"]},
+            "share": 1.0,
         }
         for n, (method, way, age) in enumerate(zip(methods, ways, ages, strict=True))
     ]

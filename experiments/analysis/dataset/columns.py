@@ -10,6 +10,12 @@ from dataclasses import dataclass
 MODES = ("manual", "assisted", "goto", "docking", "stopped")
 METHODS = ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
 WAYS = ("datachannel", "mqtt")
+# The three series of a command, and what their columns say.
+SERIES = {
+    "asked": "since the state before, as the driver asked for",
+    "allowed": "since then, as limits and age allowed",
+    "applied": "since then, as the wheels were told",
+}
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,25 @@ STATES = (
         "",
         "1 when the odometer only adds up positions, as the robot has no odometry",
         late=True,
+    ),
+    Column(
+        "too_old",
+        "",
+        "commands refused since the state before because they, or the pictures that they answered,"
+        " were too old",
+        late=True,
+    ),
+    Column(
+        "slowed",
+        "",
+        "commands applied since the state before that the robot slowed down because of such an age;"
+        " empty when the robot does not say",
+        late=True,
+    ),
+    *(
+        Column(f"{name}_{part}", unit, f"mean {what} of the commands applied {words}", late=True)
+        for name, words in SERIES.items()
+        for part, unit, what in (("linear", "m/s", "speed"), ("angular", "rad/s", "turn rate"))
     ),
 )
 

@@ -62,6 +62,26 @@ DRIVING = (
 COMMANDS = (
     Column("commands", "", "velocity commands that were applied"),
     Column("refused", "", "velocity commands that were refused"),
+    Column("share_refused", "", "share of all velocity commands that were refused"),
+    Column(
+        "share_too_old",
+        "",
+        "share of all velocity commands that were refused because they, or their pictures, were too"
+        " old",
+    ),
+    Column(
+        "share_slowed",
+        "",
+        "share of the commands that were applied that the robot slowed down because of such an age",
+    ),
+    *(
+        Column(f"{name}_speed", "m/s", f"mean speed, either way, that {words}")
+        for name, words in (
+            ("asked", "the driver asked for"),
+            ("allowed", "limits and age left of it"),
+            ("applied", "the wheels were told for it"),
+        )
+    ),
     *(Column(f"share_{method}", "", f"share of the commands from: {method}") for method in METHODS),
     *(Column(f"share_{way}", "", f"share of the commands on: {way}") for way in WAYS),
     Column("command_age", "s", "mean age of a command when it was applied"),

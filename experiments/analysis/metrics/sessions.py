@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.analysis.dataset.columns import METHODS, WAYS
+from experiments.analysis.dataset.columns import METHODS, SERIES, WAYS
 from experiments.analysis.dataset.records import (
     COMPLETED,
     Columns,
@@ -130,7 +130,11 @@ def _commands(track: Trajectory) -> Values:
         return {}
     states = track.states
     count = float(np.nansum(states["commands"]))
-    found = {"commands": count, "refused": float(np.nansum(states["refused"]))}
+    refused = float(np.nansum(states["refused"]))
+    found = {"commands": count, "refused": refused}
+    if count + refused:
+        found["share_refused"] = refused / (count + refused)
+        found["share_too_old"] = _known_sum(states["too_old"]) / (count + refused)
     if not count:
         return found
     ages = states["age_max"][states["commands"] > 0]
@@ -141,7 +145,24 @@ def _commands(track: Trajectory) -> Values:
     found |= {f"share_{way}": float(np.nansum(states[f"on_{way}"])) / count for way in WAYS}
     found["command_age"] = float(np.nansum(states["age_sum"])) / count
     found["command_age_p95"] = float(np.percentile(ages, 95)) if ages.size else math.nan
-    return found | _answered(states)
+    return found | _answered(states) | _asked_and_allowed(states)
+
+
+def _asked_and_allowed(states: Columns) -> Values:
+    """Means over the commands; of a session whose robot did not say it, unknown."""
+    some = states["commands"] > 0
+    counts = states["commands"][some]
+    return {"share_slowed": float((states["slowed"][some]).sum() / counts.sum())} | {
+        f"{name}_speed": float(
+            (np.abs(states[f"{name}_linear"][some]) * counts).sum() / counts.sum()
+        )
+        for name in SERIES
+    }
+
+
+def _known_sum(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.sum()) if known.size else math.nan
 
 
 def _answered(states: Columns) -> Values:

@@ -54,6 +54,7 @@ from robots.api.messages import (
     SdpOffer,
     Signal,
     Stay,
+    Velocity,
     VelocityCommand,
 )
 
@@ -362,6 +363,9 @@ class CommandDispatcher:
                 linear=told.linear,
                 angular=told.angular,
                 frame_age=frame_age(command, self._times.unix()),
+                asked=Velocity(linear=command.linear, angular=command.angular),
+                allowed=verdict.allowed,
+                share=verdict.share,
             )
         )
 

@@ -5,6 +5,7 @@ remote driving dangerous.
 from dataclasses import dataclass
 
 from robots.agent.safety.clock_sync import PeerClock
+from robots.api.age_limits import COMMAND_AGE_BOUND, FRAME_AGE_BOUND, fading
 from robots.api.messages import Lease, Limits, VelocityCommand
 
 # What the estimate of a clock may be wrong by, besides half the round trip, before a stamp counts
@@ -49,7 +50,11 @@ def judge(
     if clock is None:
         return Freshness("clock_unknown")
     age = clock.age(command.stamp, now)
-    limit = min(lease.limits.command_age or limits.command_age, limits.command_age_ceiling)
+    limit = min(
+        lease.limits.command_age or limits.command_age,
+        limits.command_age_ceiling,
+        COMMAND_AGE_BOUND,
+    )
     if age < -min(FUTURE_TOLERANCE + clock.round_trip / 2, FUTURE_TOLERANCE_CEILING):
         return Freshness("future", age)
     if age >= limit:
@@ -69,20 +74,15 @@ def frame_age(command: VelocityCommand, unix: float) -> float | None:
     return age if age is not None and abs(age) <= LONGEST_FRAME_AGE else None
 
 
-def fading(age: float, limit: float) -> float:
-    """Return the share of full speed at an age: 1 up to half the limit, then falling linearly to 0
-    at the limit.
-    """
-    return min(1.0, max(0.0, 2.0 * (1.0 - age / limit)))
-
-
 def _frame(
     command: VelocityCommand, lease: Lease, limits: Limits, unix: float
 ) -> tuple[str | None, float]:
     if command.frame is None:
         return "no_frame", 0.0
     age = unix - command.frame
-    limit = min(lease.limits.frame_age or limits.frame_age, limits.frame_age_ceiling)
+    limit = min(
+        lease.limits.frame_age or limits.frame_age, limits.frame_age_ceiling, FRAME_AGE_BOUND
+    )
     if age < -FRAME_FUTURE_TOLERANCE:
         return "frame_future", 0.0
     if age >= limit:

@@ -105,11 +105,13 @@ class Decision:
 @dataclass(frozen=True)
 class CommandVerdict:
     """What became of a velocity command: refused for a `reason`, or accepted with its age in
-    seconds.
+    seconds, what limits and age leave of it, and the share of the largest speeds that its age left.
     """
 
     reason: str | None
     age: float = 0.0
+    allowed: Velocity = ZERO
+    share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -294,7 +296,7 @@ class Kernel:
         self._cancel_navigation("manual")
         asked = Velocity(linear=command.linear, angular=command.angular)
         self._target, self._accepted_at = self.caps(now).clamp(asked, fresh.scale), now
-        return CommandVerdict(None, fresh.age)
+        return CommandVerdict(None, fresh.age, self._target, fresh.scale)
 
     def tick(self, now: float, wanted: Velocity | None = None) -> Decision:
         """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or

@@ -10,6 +10,7 @@ from robots.agent.safety.clock_sync import SERVER_PEER
 from robots.agent.safety.estop_latch import EStopLatch
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from robots.api.age_limits import COMMAND_AGE_BOUND, FRAME_AGE_BOUND
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
 
@@ -45,6 +46,30 @@ def test_reversing_brakes_first_and_then_accelerates(bench):
     assert -0.05 < bench.speed < 0.0
     bench.run(2.0, every=0.06, linear=-9.0)
     assert bench.speed == pytest.approx(-0.4)
+
+
+def test_the_verdict_says_what_limits_and_age_left_of_what_was_asked_for(bench):
+    young = bench.drive(9.0)
+    assert (young.allowed.linear, young.share) == (LIMITS.linear, 1.0)
+    half = bench.drive(9.0, age=0.75 * LIMITS.command_age)
+    assert half.share == pytest.approx(0.5, abs=0.02)
+    assert half.allowed.linear == pytest.approx(0.5 * LIMITS.linear, abs=0.02)
+    slow = bench.drive(0.1, age=0.75 * LIMITS.command_age)
+    assert slow.allowed.linear == 0.1
+
+
+@pytest.mark.parametrize("asked", [1.2, 30.0, 1e6])
+def test_no_lease_and_no_ceiling_of_a_robot_pass_the_hard_bound_of_ages(asked):
+    bench = Bench(
+        limits=msgspec.structs.replace(LIMITS, command_age_ceiling=asked, frame_age_ceiling=asked)
+    )
+    bench.lease(limits=m.LeaseLimits(command_age=asked, frame_age=asked))
+    bench.know_clock()
+    assert bench.drive(age=COMMAND_AGE_BOUND - 0.05, frame_age=0.5).reason is None
+    assert bench.drive(age=COMMAND_AGE_BOUND + 0.05, frame_age=0.5).reason == "stale"
+    if asked > FRAME_AGE_BOUND:
+        assert bench.drive(frame_age=FRAME_AGE_BOUND - 0.05).reason is None
+        assert bench.drive(frame_age=FRAME_AGE_BOUND + 0.05).reason == "frame_stale"
 
 
 def test_a_command_without_a_lease_is_refused():

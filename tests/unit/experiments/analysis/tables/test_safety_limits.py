@@ -1,0 +1,111 @@
+"""What safety limits made of commands, by condition, in numbers and in words."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from experiments.analysis.dataset.columns import STATES
+from experiments.analysis.dataset.records import Dataset, SessionRecord, columns_of
+from experiments.analysis.metrics.sessions import measure
+from experiments.analysis.tables.safety_limits import safety_limits
+from experiments.definition.schema import Impairment, Network
+from experiments.definition.shipped import shipped
+
+SHIPPED = shipped()["assistance"]
+CLEAN = SHIPPED.conditions[0]
+DELAYED = msgspec.structs.replace(
+    SHIPPED.conditions[1],
+    title={"en": "Delay 0.2 s"},
+    network=Network(control=Impairment(delay=0.2)),
+)
+STUDY = msgspec.structs.replace(SHIPPED, conditions=(CLEAN, DELAYED))
+
+
+def states(*, slowed, too_old, allowed, known=True):
+    """A minute of states with four commands each."""
+    n = 240
+    late = {
+        "slowed": slowed,
+        "asked_linear": -0.4,
+        "allowed_linear": -allowed,
+        "applied_linear": -allowed / 2.0,
+    }
+    given = {
+        "stamp": np.arange(n) / 4.0,
+        "clock_offset": 0.0,
+        "boot": 0.0,
+        "commands": 4.0,
+        "refused": too_old + 0.5,
+        "age_sum": 0.8,
+        "age_max": 0.21,
+        "too_old": too_old,
+        **{name: value if known else np.nan for name, value in late.items()},
+    }
+    return columns_of(STATES, **given)
+
+
+def table(**given):
+    sessions = tuple(
+        SessionRecord(key, key, "giraff", condition=key, first_frame=0.0, ended=59.75)
+        for key in (CLEAN.key, DELAYED.key)
+    )
+    found = {
+        CLEAN.key: states(slowed=0.0, too_old=0.0, allowed=0.4),
+        DELAYED.key: states(**given),
+    }
+    dataset = Dataset(STUDY, sessions=sessions, states=found.__getitem__)
+    return safety_limits(dataset, [measure(dataset, one, ()) for one in sessions])
+
+
+def cells(table, row):
+    return dict(zip(table.head, (cell.value for cell in table.rows[row]), strict=True))
+
+
+def test_refusals_slowing_and_the_three_series_stand_by_condition():
+    found = cells(table(slowed=2.0, too_old=1.5, allowed=0.12), 1)
+    assert found["Commands"] == 960
+    assert found["% refused"] == pytest.approx(100.0 * 2.0 / 6.0)
+    assert found["% too old"] == pytest.approx(100.0 * 1.5 / 6.0)
+    assert found["% slowed"] == pytest.approx(50.0)
+    assert (found["Asked (m/s)"], found["Allowed (m/s)"]) == (
+        pytest.approx(0.4),
+        pytest.approx(0.12),
+    )
+    assert found["Applied (m/s)"] == pytest.approx(0.06)
+    assert found["Command age (s)"] == pytest.approx(0.2)
+
+
+def test_a_condition_that_measured_the_limits_is_named_in_plain_words():
+    notes = table(slowed=2.0, too_old=0.0, allowed=0.12).notes
+    assert notes[1:] == (
+        (
+            "With “Delay 0.2 s”, the robot slowed half (50 %) of the commands: this condition"
+            " measured the safety limits as well as delay."
+        ),
+    )
+    both = table(slowed=4.0, too_old=1.5, allowed=0.12).notes
+    assert (
+        "slowed nearly all (100 %) of the commands and refused a fifth (25 %) of the commands"
+        in both[1]
+    )
+
+
+def test_a_condition_with_young_commands_gets_no_such_sentence():
+    assert len(table(slowed=0.1, too_old=0.1, allowed=0.4).notes) == 1
+
+
+def test_what_a_robot_does_not_say_is_unknown_and_no_error():
+    found = table(slowed=0.0, too_old=0.0, allowed=0.0, known=False)
+    values = cells(found, 1)
+    assert values["% slowed"] is None
+    assert values["Asked (m/s)"] is None
+    assert values["% refused"] == pytest.approx(100.0 * 0.5 / 4.5)
+    assert len(found.notes) == 1
+
+
+def test_a_condition_that_nobody_had_has_no_numbers():
+    (first, _) = safety_limits(Dataset(STUDY), []).rows
+    assert [cell.value for cell in first[1:3]] == [0, 0]
+    assert all(cell.value is None or math.isnan(cell.value) for cell in first[3:])
