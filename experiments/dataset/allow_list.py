@@ -181,7 +181,8 @@ MESSAGES: Mapping[type, Fields] = {
     m.Battery: {"charge": in_columns, "charging": in_columns, "voltage": withheld},
     m.AppliedCommand: {
         **dict.fromkeys(("method", "way", "age", "frameAge"), in_columns),
-        **dict.fromkeys(("seq", "stamp", "linear", "angular"), withheld),
+        **dict.fromkeys(("linear", "angular", "asked", "allowed", "share"), in_columns),
+        **dict.fromkeys(("seq", "stamp"), withheld),
     },
     p.PageNetwork: {
         "stamp": in_columns,
