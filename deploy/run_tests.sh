@@ -97,6 +97,7 @@ case "${1:-test}" in
     soak)
         step "soak: this takes hours, and prints what each part took"
         limit=12h
+        export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
         servers soak
         browsers_and_studies soak
         timing soak
