@@ -105,7 +105,7 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
 
 
 def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
-    visible = robots_visible_to(request.user).values("pk")
+    visible = robots_visible_to(request.user).filter(practice=False).values("pk")
     return (
         Robot.objects.filter(Q(pk__in=visible) | Q(pk=key.robot_id))
         if key is not None

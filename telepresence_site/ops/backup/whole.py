@@ -100,9 +100,10 @@ def _fits(manifest: dict[str, Any]) -> list[str]:
     }
     newer = sorted(set(manifest["migrations"]) - known)
     if newer:
+        count = "one migration" if len(newer) == 1 else f"{len(newer)} migrations"
         raise BackupError(
-            f"The backup is from newer code ({newer[0]} and {len(newer) - 1} more "
-            "migrations are unknown here): update the code first."
+            f"The backup is from newer code ({count} unknown here, first {newer[0]}): update the"
+            " code first."
         )
     words = []
     if known - set(manifest["migrations"]):
