@@ -102,6 +102,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
         f"/admin/experiments/study/{study.pk}/change/": "#content",
         f"/admin/experiments/study/{study.pk}/build/courses/0/": "#course-map .course__handle",
         f"/admin/robots/robot/{robot.pk}/change/": "#robot-overview",
+        f"/admin/robots/floorplan/{robot.floor_plan_id}/finish/": "#plan-map .course__handle",
     }.items():
         page.goto(address)
         page.wait_for_selector(shows, state="attached", timeout=patient(20) * 1000)
@@ -115,6 +116,7 @@ def test_every_script_that_a_page_names_runs_on_it(opened, browser):
         "js/pages/replay/page.js",
         "js/pages/admin/copy.js",
         "js/pages/admin/course.js",
+        "js/pages/admin/plan.js",
         "js/pages/admin/robot.js",
     }
     complaints.check(*own)
