@@ -51,10 +51,18 @@ def read_map(path: Path, *, occupied: float | None, free: float | None) -> Occup
 
 
 def grid_of(row: FloorPlan) -> OccupancyGrid:
-    """Return the map of a stored floor plan."""
+    """Return the map of a stored floor plan.
+
+    Raises:
+        FloorPlanRefusedError: its image cannot be read.
+    """
     origin = Pose2D(row.origin_x, row.origin_y, row.origin_theta)
+    try:
+        image = decode_grey(io.BytesIO(bytes(row.image)), row.name)
+    except MapError as error:
+        raise FloorPlanRefusedError(f"{error}.") from error
     return OccupancyGrid(
-        image=decode_grey(io.BytesIO(bytes(row.image)), row.name),
+        image=image,
         transform=MapTransform(row.resolution, origin, row.height),
         negate=row.negate,
         occupied_thresh=row.occupied_thresh,

@@ -72,8 +72,8 @@ class FinishingPage:
 
     def _saved(self, request: HttpRequest, row: FloorPlan, draft: Document) -> tuple[str, ...]:
         """Store the plan; return what is wrong with it instead, when something is."""
-        grid = grid_of(row)
         try:
+            grid = grid_of(row)
             _row, kept = store_site(checked(draft, grid), grid)
         except FloorPlanRefusedError as error:
             return error.problems
@@ -122,6 +122,8 @@ def _edited(request: HttpRequest, row: FloorPlan) -> tuple[Document, tuple[str, 
     fields = {name: str(value) for name, value in request.POST.items()}
     try:
         return plan_edits.edited(before, fields, free_at(grid_of(row))), ()
+    except FloorPlanRefusedError as error:
+        return before, error.problems
     except EditError as error:
         if error.field.endswith(".join"):
             text = _("These rooms don't touch, so they can't be joined.")

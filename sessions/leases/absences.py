@@ -8,11 +8,15 @@
   ends in the sessions that lived then.
 """
 
+import contextlib
 import datetime
 import uuid
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
+
+import msgspec
 
 from sessions.leases.fault_side import (
     MANAGER,
@@ -117,7 +121,11 @@ def end_of(session: Session) -> datetime.datetime | None:
 def _end(row: Session, noted: list[tuple[str, dict[str, Any]]]) -> SessionEnd:
     begun = row.granted_at or row.queued_at
     ended = row.ended_at or begun
-    codes = [data.get("code") for kind, data in noted if kind == PAGE_CLOSED]
+    codes = [
+        data["code"]
+        for kind, data in noted
+        if kind == PAGE_CLOSED and isinstance(data.get("code"), int)
+    ]
     return SessionEnd(
         outcome=row.outcome,
         reason=row.outcome_reason,
@@ -130,11 +138,15 @@ def _end(row: Session, noted: list[tuple[str, dict[str, Any]]]) -> SessionEnd:
 
 
 def _absences(noted: list[tuple[str, dict[str, Any]]]) -> Iterator[ServerAbsence]:
-    back = [data for kind, data in noted if kind == BACK]
+    """Read what was noted; what is no note of an absence explains nothing."""
+    read: dict[str, list[ServerAbsence]] = {ABSENT: [], BACK: []}
     for kind, data in noted:
-        if kind == ABSENT:
-            ends = (one["until"] for one in back if abs(one["since"] - data["since"]) < 1.0)
-            yield ServerAbsence(data["part"], data["since"], data.get("until") or next(ends, None))
+        if kind in read:
+            with contextlib.suppress(msgspec.ValidationError):
+                read[kind].append(msgspec.convert(data, ServerAbsence))
+    for absence in read[ABSENT]:
+        ends = (one.until for one in read[BACK] if abs(one.since - absence.since) < 1.0)
+        yield replace(absence, until=absence.until or next(ends, None))
 
 
 def _noted(session: str) -> float | None:

@@ -24,6 +24,7 @@ from experiments.analysis.dataset.records import (
 from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.shipped import shipped
 from robots.world.sites import load_plan
+from sessions.leases.fault_side import SessionEnd, fault_of
 from surveys.definition import Definition
 from surveys.problems import parse
 
@@ -273,6 +274,7 @@ def visit(
         assist=condition.assist,
         network=f"n{int(rng.integers(NETWORKS))}",
         operator=outcome == "stopped_by_operator",
+        fault_side=fault_of(SessionEnd(outcome, "", begun_at=0.0, ended_at=60.0)).side,
     )
     if outcome == "connection_refused":
         return session, None, []

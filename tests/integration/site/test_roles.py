@@ -285,6 +285,8 @@ def administration() -> list[tuple]:
         ("admin:app_list", ["surveys"], ADMINISTRATOR, None),
         *((f"admin:robots_robot_{name}", args, who, data) for name, args, who, data in robot),
         ("admin:robots_robot_status", ["robot.pk"], ROBOT_OWNER, None),
+        ("admin:robots_floorplan_finish", ["plan.pk"], ADMINISTRATOR, None),
+        ("admin:robots_floorplan_finish", ["plan.pk"], ADMINISTRATOR, {"action": "check"}),
         ("admin:telepresence_sessions_session_stop", ["session.pk"], ROBOT_OWNER, {}),
         ("admin:telepresence_sessions_session_states", ["session.pk", "csv"], ADMINISTRATOR, None),
         ("admin:telepresence_sessions_snapshot", ["photo.pk"], ADMINISTRATOR, None),
