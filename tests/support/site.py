@@ -336,9 +336,12 @@ class Site:
             return False
 
     def robot_is_online(self, name: str) -> bool:
-        """Whether its agent is there, and reaches the robot itself."""
+        """Whether its agent is there, reaches the robot itself, and was heard of just now: after
+        the session manager was away for long, visitors are refused until then.
+        """
         reached = (
             "connection = 'ONLINE' AND report LIKE '{%' AND report NOT LIKE '%adapter_lost: %'"
+            " AND julianday('now') - julianday(last_seen_at) < 10.0 / 86400.0"
         )
         return bool(self.rows(f"SELECT 1 FROM robots_robot WHERE name = ? AND {reached}", name))
 
