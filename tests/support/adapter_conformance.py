@@ -41,24 +41,26 @@ async def some(states: AsyncIterator[RcaState], count: int) -> list[RcaState]:
 
 async def drive(adapter: Adapter, velocity: Velocity, until, seconds: float = 8.0) -> RcaState:
     """Apply a velocity on every state until a condition on the state holds."""
-    async with asyncio.timeout(patient(seconds)):
-        async for state in adapter.states():
-            adapter.apply(velocity)
-            if until(state):
-                return state
-    raise AssertionError("the states ended")
+    return await _until(adapter, until, seconds, lambda: adapter.apply(velocity))
 
 
 async def wait_for(adapter: Adapter, until, seconds: float = 8.0) -> RcaState:
     """Read states, saying nothing, until a condition holds."""
-    state = None
+    return await _until(adapter, until, seconds, lambda: None)
+
+
+async def _until(adapter: Adapter, until, seconds: float, act) -> RcaState:
+    state, count = None, 0
     try:
         async with asyncio.timeout(patient(seconds)):
             async for state in adapter.states():
+                count += 1
+                act()
                 if until(state):
                     return state
     except TimeoutError:
-        raise AssertionError(f"it never came to that; the last state was {state}") from None
+        told = f"the last of {count} states was {state}"
+        raise AssertionError(f"it never came to that; {told}") from None
     raise AssertionError("the states ended")
 
 
