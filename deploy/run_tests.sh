@@ -1,28 +1,40 @@
 #!/bin/sh
-# What is checked before a change lands: run_tests.sh lint|check|test|soak. BIN names the virtual environment's bin folder.
-#   lint   style, types, and the direction of imports
-#   check  lint and the unit lane, for every change
-#   test   everything that proves function
-#   soak   everything that proves endurance, before a release
+# What is checked before a change lands: run_tests.sh lint|check|integration|test|soak. BIN names the virtual environment's bin folder.
+#   lint          style, types, and the direction of imports
+#   check         lint and the unit lane, for every change
+#   integration   the integration lane and the timing lane: what make test runs after check
+#   test          everything that proves function
+#   soak          everything that proves endurance, before a release
 set -eu
-started=$(date +%s)
-logs=$(mktemp -d)
-# Whoever ends a run wants to know how far it came.
-unshown() { for log in "$logs"/*.running; do [ ! -f "$log" ] || { printf '\n-- %s, not finished\n' "$(basename "$log")"; tail -n 60 "$log"; }; done; }
-trap 'kill $(jobs -p) 2>/dev/null || true; unshown; rm -rf "$logs"' EXIT
+started=${RUN_STARTED:-$(date +%s)}
+logs=${LOGS:-$(mktemp -d)}
+lanes=""
+# A run that is ended early ends its lanes, with the servers and browsers of their tests, and shows how far they had come.
+finish() {
+    trap '' INT TERM
+    for lane in $lanes; do kill -INT "-$lane" 2>/dev/null || true; done
+    wait
+    for log in "$logs"/*.running; do
+        [ ! -f "$log" ] || { printf '\n-- %s, not finished\n' "$(basename "$log")"; tail -n 60 "$log"; }
+    done
+    rm -rf "$logs"
+}
+[ "${1:-}" = lane ] || trap finish EXIT
+trap 'exit 130' INT
 trap 'exit 143' TERM
 step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
 # Tests wait for real servers half of their time: two of these run side by side on each core.
 cores=$(getconf _NPROCESSORS_ONLN)
-# A lane that hangs is interrupted, so that it says what it had found; what the shell starts in the background would ignore that.
-limit=40m
+# A run that hangs is interrupted after so many minutes, so that it says what it had found.
+limit=75
 # 5 says that the arguments chose no test: with -k, or where nothing is marked so.
 pytest() {
-    env --default-signal=INT timeout --foreground --signal INT --kill-after 60 "$limit" \
+    left=$((limit * 60 - $(date +%s) + started))
+    timeout --foreground --signal INT --kill-after 60 "$((left > 60 ? left : 60))" \
         "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-} && return
     code=$?
-    [ "$code" -eq 124 ] && echo "ended: it took longer than $limit"
+    [ "$code" -eq 124 ] && echo "ended: the run has taken longer than $limit minutes"
     [ "$code" -eq 5 ]
 }
 side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
@@ -61,14 +73,17 @@ lint() {
     "$BIN/mypy" --platform win32 --python-version 3.13 robots/api robots/agent
 }
 
-# together NAME FUNCTION ARGUMENT [FUNCTION ARGUMENT …]: run them side by side, then show what each said. Fails when one did.
+# together NAME FUNCTION ARGUMENT [FUNCTION ARGUMENT …]: run them side by side, each in a process group of its own, then show
+# what each said. Fails when one did.
 together() {
     step "$1"
     shift
     waited=""
     while [ $# -gt 0 ]; do
-        "$1" "$2" >"$logs/$1.running" 2>&1 &
+        # What a shell starts in the background ignores an interrupt unless told otherwise.
+        RUN_STARTED=$started LOGS=$logs env --default-signal=INT setsid sh "$0" lane "$1" "$2" >"$logs/$1.running" 2>&1 &
         waited="$waited $1:$!"
+        lanes="$lanes $!"
         shift 2
     done
     failed=""
@@ -78,10 +93,18 @@ together() {
         mv "$logs/${one%%:*}.running" "$logs/shown"
         cat "$logs/shown"
     done
+    lanes=""
     [ -z "$failed" ] || { echo "failed:$failed" >&2; exit 1; }
 }
 
+integration() {
+    together "integration" servers "not soak" browsers_and_studies "not soak"
+    step "timing: beside no other lane"
+    timing "not soak"
+}
+
 case "${1:-test}" in
+    lane) "$2" "$3" ;;
     lint) lint ;;
     check)
         together "style, types and the unit lane" lint quick unit ""
@@ -90,13 +113,12 @@ case "${1:-test}" in
         step "node --test"
         node --test --test-reporter=dot tests/js/
         together "style, types and the unit lane" lint "" unit ""
-        together "integration" servers "not soak" browsers_and_studies "not soak"
-        step "timing: beside no other lane"
-        timing "not soak"
+        integration
         ;;
+    integration) integration ;;
     soak)
         step "soak: this takes hours, and prints what each part took"
-        limit=12h
+        limit=$((36 * 60))
         export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
         servers soak
         browsers_and_studies soak
