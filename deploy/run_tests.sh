@@ -104,7 +104,10 @@ integration() {
 }
 
 case "${1:-test}" in
-    lane) "$2" "$3" ;;
+    lane)
+        "$2" "$3"
+        exit
+        ;;
     lint) lint ;;
     check)
         together "style, types and the unit lane" lint quick unit ""

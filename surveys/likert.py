@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from scipy.special import ndtri, stdtrit
+import scipy
 
 from surveys.definition import Definition
 from surveys.documents import spoken
@@ -112,7 +112,9 @@ def half_width(sd: float | None, n: int, level: float, interval: Interval) -> fl
     if sd is None:
         return None
     tail = 0.5 + level / 2.0
-    quantile = float(ndtri(tail) if interval == "normal" else stdtrit(n - 1, tail))
+    quantile = float(
+        scipy.special.ndtri(tail) if interval == "normal" else scipy.special.stdtrit(n - 1, tail)
+    )
     return quantile * sd / math.sqrt(n)
 
 

@@ -1,0 +1,3 @@
+"""The Django project."""
+
+import robots  # noqa: F401 -- prepares structlog and PyAV, before anything else loads them

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from robots.api.floorplan import ChargingDock, Door, FloorPlan, Passage
 from robots.api.geometry import Pose2D
@@ -64,10 +64,10 @@ class Floor:
     def of(cls, grid: OccupancyGrid) -> "Floor":
         """Return the floor of a map; all doors count as open, because maps leave them out."""
         clearance = (
-            ndimage.distance_transform_edt(np.pad(grid.free(), 1))[1:-1, 1:-1]
+            scipy.ndimage.distance_transform_edt(np.pad(grid.free(), 1))[1:-1, 1:-1]
             * grid.transform.resolution
         )
-        return cls(grid, clearance, ndimage.label(clearance >= HALF_WIDTH)[0])
+        return cls(grid, clearance, scipy.ndimage.label(clearance >= HALF_WIDTH)[0])
 
     @property
     def largest(self) -> int:
@@ -132,7 +132,7 @@ class Landmarks:
 
     def shown(self, grid: OccupancyGrid) -> tuple[float, float]:
         """Return which shares of the walls and of the floor a map shows."""
-        near = ndimage.distance_transform_edt(~grid.occupied()) * grid.transform.resolution
+        near = scipy.ndimage.distance_transform_edt(~grid.occupied()) * grid.transform.resolution
         floor = grid.free()[_cells(grid, self.floor)]
         return float((near[_cells(grid, self.walls)] <= self.near_enough).mean()), (
             float(floor.mean()) if len(floor) else 0.0

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import psutil
 
-from tests.support.site import free_port
+from tests.support.kept_folder import kept_folder
+from tests.support.site import MIGRATIONS, Site, free_port
 
 OWNER = "postgres"
 PROGRAMS = Path("/usr/lib/postgresql")
@@ -58,11 +59,9 @@ class Postgres:
             cwd=self.directory,
         )
 
-    def stop(self) -> None:
-        """End it as a crash does: without asking its clients."""
-        _run(
-            program("pg_ctl"), "-D", self.data, "-m", "immediate", "-w", "stop", cwd=self.directory
-        )
+    def stop(self, mode: str = "immediate") -> None:
+        """End it as a crash does: without asking its clients. `fast` ends it in order."""
+        _run(program("pg_ctl"), "-D", self.data, "-m", mode, "-w", "stop", cwd=self.directory)
 
     def hold(self) -> None:
         """Stop every process of it, which keeps all connections."""
@@ -108,27 +107,43 @@ def _run(*command: str, cwd: Path) -> None:
 
 @contextlib.contextmanager
 def running_postgres() -> Iterator[Postgres]:
-    directory = Path(tempfile.mkdtemp(prefix="telepresence-postgres-"))
-    if os.geteuid() == 0:
-        shutil.chown(directory, OWNER)
-    server = Postgres(directory, free_port())
-    try:
-        _run(
-            program("initdb"),
-            "-D",
-            server.data,
-            "-U",
-            OWNER,
-            "--auth=trust",
-            "-E",
-            "UTF8",
-            "--no-sync",
-            cwd=directory,
-        )
+    """Start a server whose database has all tables and nothing in them."""
+    with _server() as server:
+        subprocess.run(["cp", "-a", _migrated(), server.data], check=True)
         server.start()
         try:
             yield server
         finally:
             server.stop()
+
+
+@contextlib.contextmanager
+def _server() -> Iterator[Postgres]:
+    directory = Path(tempfile.mkdtemp(prefix="telepresence-postgres-"))
+    if os.geteuid() == 0:
+        shutil.chown(directory, OWNER)
+    try:
+        yield Postgres(directory, free_port())
     finally:
         shutil.rmtree(directory, ignore_errors=True)
+
+
+def _migrated() -> Path:
+    """Return the data folder of a server that has ended, made once for the migrations as they
+    are.
+    """
+    programs = [Path(program(name)) for name in ("initdb", "postgres")]
+    return kept_folder("postgres", [*MIGRATIONS, *programs], _migrate) / "data"
+
+
+def _migrate(folder: Path) -> None:
+    with _server() as server:
+        as_utf8 = ("--auth=trust", "-E", "UTF8", "--no-sync")
+        _run(program("initdb"), "-D", server.data, "-U", OWNER, *as_utf8, cwd=server.directory)
+        server.start()
+        try:
+            site = Site(server.directory / "var", settings={"DATABASE_URL": server.url})
+            site.run("manage.py", "migrate", "-v", "0")
+        finally:
+            server.stop("fast")
+        subprocess.run(["cp", "-a", server.data, folder], check=True)

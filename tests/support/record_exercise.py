@@ -48,7 +48,6 @@ def say(**words: object) -> None:
 
 def main() -> None:
     logging.disable(logging.CRITICAL)
-    call_command("migrate", verbosity=0)
     robot, visitors = (
         Robot.objects.create(name="giraff", title="g"),
         [User.objects.create(username=name) for name in ("ana", "ben")],

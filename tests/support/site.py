@@ -2,7 +2,6 @@
 manager, web server, robots.
 """
 
-import atexit
 import contextlib
 import functools
 import itertools
@@ -15,7 +14,6 @@ import socket
 import sqlite3
 import subprocess
 import sys
-import tempfile
 import time
 import urllib.error
 import urllib.request
@@ -27,6 +25,7 @@ from typing import Any, TypeVar
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.collected import collected_files
 from tests.support.django_shell import DjangoShell
+from tests.support.kept_folder import kept_folder
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.truth import Onlooker
@@ -35,6 +34,12 @@ T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
 DEMO_TOKEN = "tests-only"
 DATABASE = "telepresence.sqlite3"
+# What the tables are made from: our migrations, and those of what is installed.
+MIGRATIONS = [
+    *ROOT.glob("*/migrations/*.py"),
+    *ROOT.glob("requirements*.lock"),
+    ROOT / "telepresence_site" / "settings.py",
+]
 # Below those that the system gives to whoever asks for any: one of these would be somebody else's
 # before the program listens that it is for.
 LOWEST_PORT, PORTS, SHARES = 20_000, 12_000, 8
@@ -79,13 +84,14 @@ def wait_for(
 
 @functools.cache
 def empty_database() -> Path:
-    """Return a database with all tables and nothing in them, made once a run: to copy it takes no
-    time.
+    """Return an SQLite database with all tables and nothing in them, made once for the migrations
+    as they are: to copy it takes no time.
     """
-    var = Path(tempfile.mkdtemp(prefix="telepresence-empty-"))
-    atexit.register(shutil.rmtree, var, ignore_errors=True)
-    Site(var).run("manage.py", "migrate", "-v", "0")
-    return var / DATABASE
+    return kept_folder("sqlite", MIGRATIONS, _migrate) / DATABASE
+
+
+def _migrate(folder: Path) -> None:
+    Site(folder).run("manage.py", "migrate", "-v", "0")
 
 
 @dataclass

@@ -11,10 +11,7 @@ from functools import lru_cache
 
 import msgspec
 import numpy as np
-from scipy.ndimage import distance_transform_edt
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import KDTree
+import scipy
 
 from experiments.analysis.dataset.records import Floats
 from robots.api.floorplan import FloorPlan, Wall
@@ -38,7 +35,10 @@ class Ways:
         # The body of a charging station is where the robot docks, not in its way.
         grid = rasterise(msgspec.structs.replace(plan, walls=(*plan.walls, *leaves), docks=()))
         self._resolution = grid.transform.resolution
-        self._free = np.asarray(distance_transform_edt(grid.free())) * self._resolution >= RADIUS
+        self._free = (
+            np.asarray(scipy.ndimage.distance_transform_edt(grid.free())) * self._resolution
+            >= RADIUS
+        )
         self._node = np.full(self._free.shape, -1, dtype=np.intp)
         self._node[self._free] = np.arange(int(self._free.sum()))
         rows, columns = np.nonzero(self._free)
@@ -49,7 +49,7 @@ class Ways:
             ]
         )
         self._places = self._places.reshape(-1, 2)
-        self._tree = KDTree(self._places)
+        self._tree = scipy.spatial.KDTree(self._places)
         self._graph = self._edges()
 
     def to(self, goal: Point) -> Floats:
@@ -59,7 +59,7 @@ class Ways:
         node = self.nearest(goal)
         if node < 0:
             return np.full(len(self._places) + 1, np.nan)
-        found = np.asarray(dijkstra(self._graph, directed=False, indices=node))
+        found = np.asarray(scipy.sparse.csgraph.dijkstra(self._graph, directed=False, indices=node))
         return np.append(np.where(np.isfinite(found), found, np.nan), np.nan)
 
     def nearest(self, point: Point) -> int:
@@ -67,7 +67,7 @@ class Ways:
         away, node = self._tree.query(point, distance_upper_bound=REACH)
         return int(node) if math.isfinite(away) else -1
 
-    def _edges(self) -> csr_matrix:
+    def _edges(self) -> "scipy.sparse.csr_matrix":
         starts, ends, lengths = [], [], []
         for down, right in STEPS:
             here = self._node[: -down or None, max(0, -right) : -right if right > 0 else None]
@@ -77,7 +77,7 @@ class Ways:
             ends.append(there[both])
             lengths.append(np.full(int(both.sum()), math.hypot(down, right) * self._resolution))
         size = len(self._places)
-        return csr_matrix(
+        return scipy.sparse.csr_matrix(
             (np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))),
             shape=(size, size),
         )

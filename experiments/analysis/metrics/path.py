@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solveh_banded
+import scipy
 
 from experiments.analysis.dataset.records import Floats
 
@@ -158,7 +158,7 @@ def smoothed(at: Floats, values: Floats, noise: float, wander: float) -> Floats:
     banded[1, :-2] += weight * first * middle
     banded[1, 1:-1] += weight * middle * last
     banded[2, :-2] += weight * first * last
-    return np.asarray(solveh_banded(banded, values, lower=True))
+    return np.asarray(scipy.linalg.solveh_banded(banded, values, lower=True))
 
 
 def steps_of(values: Floats, band: float) -> Floats:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from robots.api.geometry import Pose2D
 from robots.world.grid import OccupancyGrid
@@ -86,7 +86,7 @@ class Layers:
         """Return (h, w) metres from the centre of each cell to the edge of the nearest cell that is
         not free, the outside of the map included; 0 where not free.
         """
-        distance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
+        distance = scipy.ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
         clearance: Floats = np.maximum(distance - 0.5, 0.0) * self.resolution
         return clearance
 

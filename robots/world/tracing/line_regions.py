@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from robots.world.solids import Floats
 from robots.world.tracing.layers import Bools, Layers
@@ -39,7 +39,7 @@ def directions(mask: Bools, sigma: float) -> tuple[Floats, Floats]:
     y, x = -grid[0, :, :], grid[1, :, :]
 
     def blurred(values: Floats) -> Floats:
-        result: Floats = ndimage.gaussian_filter(values * weight, sigma, truncate=2.5)
+        result: Floats = scipy.ndimage.gaussian_filter(values * weight, sigma, truncate=2.5)
         return result
 
     total: Floats = np.maximum(blurred(weight), 1e-12)

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from robots.world.solids import Floats
 from robots.world.tracing.layers import EVERYWHERE, Bools, Layers, disc
@@ -57,11 +57,11 @@ def find_obstacles(structure: Structure, solid: Bools) -> list[Obstacle]:
     """
     layers = structure.layers
     solid = solid | _filled(structure)
-    groups, _ = ndimage.label(solid, EVERYWHERE)
+    groups, _ = scipy.ndimage.label(solid, EVERYWHERE)
     found: list[Obstacle] = []
     for share in OBSTACLES.free_share:
         found = []
-        for label, place in enumerate(ndimage.find_objects(groups), start=1):
+        for label, place in enumerate(scipy.ndimage.find_objects(groups), start=1):
             rows, columns = np.nonzero(groups[place] == label)
             points = layers.centres(rows + place[0].start, columns + place[1].start)
             found += _boxes(points, structure, share)
@@ -74,8 +74,10 @@ def find_obstacles(structure: Structure, solid: Bools) -> list[Obstacle]:
 def _filled(structure: Structure) -> Bools:
     """Return furniture that stands free, with what it encloses."""
     standing = structure.layers.occupied & structure.standing
-    closed = ndimage.binary_closing(standing, disc(structure.layers.cells_in(OBSTACLES.closing)))
-    filled: Bools = (ndimage.binary_fill_holes(closed) & structure.standing) | standing
+    closed = scipy.ndimage.binary_closing(
+        standing, disc(structure.layers.cells_in(OBSTACLES.closing))
+    )
+    filled: Bools = (scipy.ndimage.binary_fill_holes(closed) & structure.standing) | standing
     return filled
 
 

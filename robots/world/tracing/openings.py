@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from robots.world.solids import Floats
 from robots.world.tracing.layers import EVERYWHERE, Labels
@@ -52,9 +52,9 @@ def find_openings(structure: Structure, labels: Labels, main: float | None) -> l
     found = []
     for pair in _pairs(labels):
         first, second = labels == pair[0], labels == pair[1]
-        border = first & ndimage.binary_dilation(second, EVERYWHERE)
-        border |= second & ndimage.binary_dilation(first, EVERYWHERE)
-        parts, count = ndimage.label(border, EVERYWHERE)
+        border = first & scipy.ndimage.binary_dilation(second, EVERYWHERE)
+        border |= second & scipy.ndimage.binary_dilation(first, EVERYWHERE)
+        parts, count = scipy.ndimage.label(border, EVERYWHERE)
         for part in range(1, count + 1):
             rows, columns = (parts == part).nonzero()
             best = int(np.argmax(clearance[rows, columns]))

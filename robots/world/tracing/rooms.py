@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from robots.world.solids import Floats
 from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers, disc
@@ -66,7 +66,7 @@ def with_things(labels: Labels, solid: Bools, layers: Layers) -> Labels:
     """
     result = labels
     for _ in range(layers.cells_in(ROOMS.deepest)):
-        grown = ndimage.grey_dilation(result, footprint=EVERYWHERE)
+        grown = scipy.ndimage.grey_dilation(result, footprint=EVERYWHERE)
         result = np.where(solid & (result == 0), grown, result)
     return result
 
@@ -84,12 +84,12 @@ def filled(floor: Bools, others: Bools, layers: Layers) -> Bools:
     """Return the floor of a room with its niches, without the floor of `others`."""
     radius = layers.cells_in(ROOMS.closing)
     padded = np.pad(floor, 2 * radius)
-    closed = ndimage.binary_closing(padded, disc(radius))[
+    closed = scipy.ndimage.binary_closing(padded, disc(radius))[
         2 * radius : -2 * radius, 2 * radius : -2 * radius
     ]
     # a little into its neighbours: outlines that are simplified must leave no slit between rooms
-    grown = ndimage.binary_dilation(closed & ~others, EVERYWHERE, iterations=2)
-    parts, count = ndimage.label(grown)
+    grown = scipy.ndimage.binary_dilation(closed & ~others, EVERYWHERE, iterations=2)
+    parts, count = scipy.ndimage.label(grown)
     if count > 1:
         grown = parts == int(np.argmax(np.bincount(parts.ravel())[1:])) + 1
     result: Bools = grown
@@ -170,6 +170,6 @@ def _without_small(labels: Labels, layers: Layers) -> Labels:
         mine = result == label
         if label == 0 or mine.sum() * layers.area >= ROOMS.least_area:
             continue
-        border = ndimage.binary_dilation(mine, EVERYWHERE) & ~mine & (result > 0)
+        border = scipy.ndimage.binary_dilation(mine, EVERYWHERE) & ~mine & (result > 0)
         result[mine] = np.bincount(result[border]).argmax() if border.any() else 0
     return result

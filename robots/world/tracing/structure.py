@@ -9,7 +9,7 @@ part of the building.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers
 
@@ -55,18 +55,18 @@ def structure_of(layers: Layers) -> Structure:
     """
     specks = _specks(layers)
     around = _floor(layers, layers.free | specks)
-    islands, _ = ndimage.label(~around, EVERYWHERE)
+    islands, _ = scipy.ndimage.label(~around, EVERYWHERE)
     standing = np.isin(islands, _small_islands(layers, islands)) | (specks & around)
     return Structure(layers, around & layers.free, standing, layers.occupied & ~standing)
 
 
 def _specks(layers: Layers) -> Bools:
     """Return what is no larger than the leg of a chair and stands free: it divides no room."""
-    groups, _ = ndimage.label(~layers.free, EVERYWHERE)
+    groups, _ = scipy.ndimage.label(~layers.free, EVERYWHERE)
     longest = max(2, layers.cells_in(STRUCTURE.speck))
     small = [
         label
-        for label, (rows, columns) in enumerate(ndimage.find_objects(groups), start=1)
+        for label, (rows, columns) in enumerate(scipy.ndimage.find_objects(groups), start=1)
         if max(rows.stop - rows.start, columns.stop - columns.start) <= longest
     ]
     specks: Bools = np.isin(groups, small)
@@ -77,12 +77,12 @@ def _floor(layers: Layers, free: Bools) -> Bools:
     """Return the free cells within a robot's half width of where its middle can be, of the largest
     connected part (a reconstruction after an opening with a disc).
     """
-    regions, count = ndimage.label(layers.clearance(free) >= STRUCTURE.narrowest)
+    regions, count = scipy.ndimage.label(layers.clearance(free) >= STRUCTURE.narrowest)
     if not count:
         message = "no free floor on the map is wide enough for a robot: check its thresholds"
         raise TracingError(message)
     largest = int(np.argmax(np.bincount(regions.ravel())[1:])) + 1
-    away = ndimage.distance_transform_edt(regions != largest) * layers.resolution
+    away = scipy.ndimage.distance_transform_edt(regions != largest) * layers.resolution
     floor: Bools = free & (away <= STRUCTURE.narrowest + 0.75 * layers.resolution)
     return floor
 
@@ -92,7 +92,7 @@ def _small_islands(layers: Layers, islands: Labels) -> list[int]:
     high, wide = islands.shape
     longest = STRUCTURE.largest_furniture / layers.resolution
     small = []
-    for label, found in enumerate(ndimage.find_objects(islands), start=1):
+    for label, found in enumerate(scipy.ndimage.find_objects(islands), start=1):
         rows, columns = found
         at_edge = rows.start == 0 or columns.start == 0 or rows.stop == high or columns.stop == wide
         if not at_edge and max(rows.stop - rows.start, columns.stop - columns.start) <= longest:

@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from robots.world.solids import Floats
 from robots.world.tracing.layers import Bools, Layers
@@ -97,7 +97,7 @@ class _Piece:
 def trace_walls(building: Bools, layers: Layers) -> list[Segment]:
     """Return the walls among the occupied cells (h, w) of a building, the longest first."""
     cell = layers.resolution
-    depth = ndimage.distance_transform_edt(~layers.free) * cell
+    depth = scipy.ndimage.distance_transform_edt(~layers.free) * cell
     shell = building & (depth <= max(WALLS.visible, 1.5 * cell))
     pieces = [_Piece(fitted(points, cell), points) for points in line_regions(shell, layers)]
     pieces = [piece for piece in pieces if piece.wall.length >= WALLS.shortest_piece]
@@ -166,7 +166,7 @@ def main_direction(walls: Iterable[Segment]) -> float | None:
     quarter = math.pi / 2.0
     for wall in walls:
         weights[int(wall.direction % quarter / quarter * bins) % bins] += wall.length
-    smooth = ndimage.gaussian_filter1d(weights, 3.0, mode="wrap")
+    smooth = scipy.ndimage.gaussian_filter1d(weights, 3.0, mode="wrap")
     peak = (int(np.argmax(smooth)) + 0.5) / bins * quarter
     near = [wall for wall in walls if _turn(wall.direction, peak, quarter) <= WALLS.turned]
     total = sum(wall.length for wall in walls)

@@ -4,6 +4,7 @@ its own.
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -14,15 +15,14 @@ from django.urls import reverse
 from tests.support.collected import collected_files
 from tests.support.paths import ROOT
 from tests.support.people import PASSWORD, person
+from tests.support.site import DATABASE, empty_database
 
 ASK = """
 import json, django
 django.setup()
 from django.conf import settings
-from django.core.management import call_command
 from django.test import Client
 from django.test.utils import setup_test_environment
-call_command("migrate", verbosity=0)
 from accounts.models import User
 User.objects.create_user("ada", password="seven green kettles")
 client = Client(headers={"host": "robots.example"})
@@ -45,8 +45,10 @@ def public_server(tmp_path_factory):
     environment = {
         key: value for key, value in os.environ.items() if key not in {"HTTP_ONLY", "DEBUG"}
     }
+    var = tmp_path_factory.mktemp("public")
+    shutil.copyfile(empty_database(), var / DATABASE)
     environment |= {
-        "VAR_DIR": str(tmp_path_factory.mktemp("public")),
+        "VAR_DIR": str(var),
         "STATIC_ROOT": str(collected_files()),
         "ALLOWED_HOSTS": "robots.example",
         "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",

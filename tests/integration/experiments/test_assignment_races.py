@@ -4,6 +4,7 @@ another by more than one.
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ import pytest
 
 from tests.support.paths import ROOT
 from tests.support.postgres import running_postgres
+from tests.support.site import DATABASE, empty_database
 
 pytestmark = pytest.mark.long
 
@@ -21,8 +23,6 @@ ROUNDS = [10, pytest.param(1000, marks=pytest.mark.soak)]
 PREPARE = """
 import json, django
 django.setup()
-from django.core.management import call_command
-call_command("migrate", verbosity=0)
 from accounts.models import User
 from tests.support import participants as p
 from tests.support.studies import small_study
@@ -52,6 +52,7 @@ def database(request, tmp_path) -> Iterator[dict[str, str]]:
     }
     environment.pop("DATABASE_URL", None)
     if request.param == "sqlite":
+        shutil.copyfile(empty_database(), tmp_path / DATABASE)
         yield environment
         return
     with running_postgres() as server:

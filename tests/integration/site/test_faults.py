@@ -145,8 +145,6 @@ async def test_a_database_that_nobody_can_write_into_is_named_and_the_drive_goes
 
 
 MAKE = """
-from django.core.management import call_command
-call_command("migrate", verbosity=0)
 from robots.models import Robot
 Robot.objects.create(name="giraff", title="Giraff")
 """

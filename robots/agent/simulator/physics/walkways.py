@@ -10,8 +10,7 @@ from collections import OrderedDict
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage, sparse
-from scipy.sparse import csgraph
+import scipy
 
 from robots.api.floorplan import Door, DoorState, FloorPlan
 from robots.world.grid import FREE
@@ -40,7 +39,7 @@ class Footways:
         grid = rasterise(plan, self.cell)
         free = np.flipud(grid.image == FREE)
         self._origin = (grid.transform.origin.x, grid.transform.origin.y)
-        self._clearance = ndimage.distance_transform_edt(free) * self.cell - self.cell / 2.0
+        self._clearance = scipy.ndimage.distance_transform_edt(free) * self.cell - self.cell / 2.0
         self._rows, self._columns = int(free.shape[0]), int(free.shape[1])
         # the doors that were asked about last, and the free cells
         self._asked: tuple[dict[str, DoorState], bytes] | None = None
@@ -102,7 +101,7 @@ class Footways:
         """
         key = (tuple(doors.values()), goal)
         if key not in self._ways:
-            found = csgraph.dijkstra(
+            found = scipy.sparse.csgraph.dijkstra(
                 self._graph(self._mask(doors)),
                 directed=False,
                 indices=goal,
@@ -114,7 +113,7 @@ class Footways:
         self._ways.move_to_end(key)
         return self._ways[key]
 
-    def _graph(self, mask: Mask) -> sparse.csr_array:
+    def _graph(self, mask: Mask) -> "scipy.sparse.csr_array":
         number = np.arange(mask.size).reshape(mask.shape)
         price = 1.0 + DISLIKE * np.clip(
             (COMFORT - self._clearance) / (COMFORT - SHOULDERS), 0.0, 1.0
@@ -131,7 +130,7 @@ class Footways:
             ends.append(number[there][both])
             costs.append(math.hypot(down, right) * (price[here][both] + price[there][both]))
         shape = (mask.size, mask.size)
-        return sparse.csr_array(
+        return scipy.sparse.csr_array(
             (np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))), shape=shape
         )
 
