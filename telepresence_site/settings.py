@@ -194,6 +194,7 @@ IDLE_SECONDS = float(env.text("IDLE_SECONDS", "120"))  # 0: nobody is asked
 # simulated ones for visitors who wait; run_practice runs them
 PRACTICE_ROBOTS = int(env.text("PRACTICE_ROBOTS", "0"))
 PRACTICE_MINUTES = float(env.text("PRACTICE_MINUTES", "3"))
+TRIAL_SECONDS = float(env.text("TRIAL_SECONDS", "60"))
 LEASE_TTL_SECONDS = 10.0
 LEASE_RENEWAL_SECONDS = 2.0
 TRUSTED_PROXIES = env.words("TRUSTED_PROXIES")

@@ -3,12 +3,12 @@
 import datetime
 from typing import Any
 
+from django.conf import settings
+
 from accounts.models import User
 from robots.models import Robot
 from sessions.leases.terms import Terms
 from sessions.models import Session
-
-TURN_SECONDS = 60.0
 
 
 class TrialTerms:
@@ -28,7 +28,7 @@ class TrialTerms:
         """Return them for such a visitor; None for everybody else."""
         if session.visitor.kind != User.Kind.VISITOR:
             return None
-        return Terms(turn_seconds=TURN_SECONDS, turn_always=True)
+        return Terms(turn_seconds=settings.TRIAL_SECONDS, turn_always=True)
 
     def claims(self, user: User, robot: Robot) -> bool:
         """Tell whether it is such a visitor who asks."""
