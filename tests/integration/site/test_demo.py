@@ -14,6 +14,8 @@ from tests.support.patience import patient
 from tests.support.running_demo import demo
 from tests.support.site import LOOPBACK, free_port, wait_for
 
+pytestmark = pytest.mark.long
+
 
 def sessions_of(var: Path) -> list[tuple[str, str]]:
     import sqlite3

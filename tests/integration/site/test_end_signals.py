@@ -14,6 +14,8 @@ import pytest
 from tests.support.patience import patient
 from tests.support.site import LOOPBACK, Site, free_port, wait_for
 
+pytestmark = pytest.mark.long
+
 DRAFT = (
     "from django.utils import timezone; from experiments import publishing; from"
     " experiments.definition.shipped import shipped;publishing.store(shipped()['exploration'],"

@@ -19,6 +19,8 @@ from tests.support.patience import patient
 from tests.support.postgres import running_postgres
 from tests.support.site import DATABASE, Site, running_site, wait_for
 
+pytestmark = pytest.mark.long
+
 KILLED, STOPPED = signal.SIGKILL, signal.SIGSTOP
 WORDS = {"broker": "broker", "session-manager": "session_manager", "giraff": "robot"}
 RECOVERS = 40.0
