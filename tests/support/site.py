@@ -34,6 +34,7 @@ T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
 DEMO_TOKEN = "tests-only"
 DATABASE = "telepresence.sqlite3"
+NO_BROKER = "mqtt://127.0.0.1:1"  # in the credentials that each site begins with
 # What the tables are made from: our migrations, and those of what is installed.
 MIGRATIONS = [
     *ROOT.glob("*/migrations/*.py"),
@@ -94,6 +95,27 @@ def _migrate(folder: Path) -> None:
     Site(folder).run("manage.py", "migrate", "-v", "0")
 
 
+@functools.cache
+def seeded_var() -> Path:
+    """Return what a site of tests begins with: the demo's people, robots, plan and credentials."""
+    folders = ("accounts", "robots", "telepresence_site")
+    sources = [path for name in folders for path in (ROOT / name).rglob("*") if path.is_file()]
+    sources = [path for path in sources if "__pycache__" not in path.parts]
+    return kept_folder("seeded", [*MIGRATIONS, *sources], _seed)
+
+
+def _seed(folder: Path) -> None:
+    shutil.copyfile(empty_database(), folder / DATABASE)
+    # A robot that goes home after every visit is a test of its own; in all others the next
+    # visitor need not wait for it.
+    code = (
+        f"import django; django.setup(); from telepresence_site.demo.seed import seed;"
+        f"seed({NO_BROKER!r}); from robots.models import Robot;"
+        "Robot.objects.update(returns_home=False)"
+    )
+    Site(folder).run("-c", code)
+
+
 @dataclass
 class Site:
     """Everything that `manage.py demo` runs, each part of it in the test's hands."""
@@ -136,15 +158,10 @@ class Site:
     # --- the database, as seen from outside ---
 
     def prepare(self) -> None:
-        self.var.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(empty_database(), self.var / DATABASE)
+        shutil.copytree(seeded_var(), self.var, dirs_exist_ok=True)
+        for path in (self.var / "credentials").iterdir():
+            path.write_text(path.read_text().replace(NO_BROKER, self.mqtt_url))
         (self.var / "static").symlink_to(collected_files())
-        # A robot that goes home after every visit is a test of its own; in all others the next
-        # visitor need not wait for it.
-        self.django(
-            f"from telepresence_site.demo.seed import seed; seed({self.mqtt_url!r});"
-            "from robots.models import Robot; Robot.objects.update(returns_home=False)"
-        )
 
     def run(self, *arguments: str) -> str:
         done = subprocess.run(
