@@ -76,7 +76,7 @@ class Scheduler:
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
         # session: place, whole minutes, why it is not ready
         self._places: dict[str, tuple[int, int, str]] = {}
-        self._warned: set[tuple[str, int]] = set()
+        self._warned: dict[str, int] = {}  # session: when its turn ends, as it was last told
         # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
         self._web_absences = WebAbsences()
@@ -144,7 +144,7 @@ class Scheduler:
                 self._note(session, "turn_limited", now)
             case TurnUnlimited(session):
                 self._note(session, "turn_unlimited", now)
-                self._warned = {pair for pair in self._warned if pair[0] != session}
+                self._warned.pop(session, None)
             case Ended(outcome="robot_fault" | "stopped_by_operator"):
                 system_log.log(
                     "session_broken_off",
@@ -175,9 +175,11 @@ class Scheduler:
         self._send(notice)
 
     def _warn(self, warning: TurnWarning, now: datetime.datetime) -> None:
-        session, ends_at = warning.session, round(now.timestamp() + warning.remaining)
-        if not {(session, ends_at + slack) for slack in (-1, 0, 1)} & self._warned:
-            self._warned.add((session, ends_at))
+        session, at = warning.session, now.timestamp()
+        ends_at = round(at + warning.remaining)
+        if abs(self._warned.get(session, 0) - ends_at) > 1:
+            self._warned = {one: end for one, end in self._warned.items() if end > at}
+            self._warned[session] = ends_at
             rounded = TurnWarning(session=session, remaining=round(warning.remaining, 1))
             self._record(rounded, now)
             self._send(rounded)
