@@ -32,7 +32,7 @@ NEAR, TURNED = 0.3, math.radians(10.0)  # found: that near to the truth
 
 
 @dataclass
-class Drive:
+class LocalizationRun:
     """One robot, driven about, and what it believes."""
 
     simulation: Simulation
@@ -61,14 +61,16 @@ class Drive:
         return estimate.localized and away < NEAR and turned < TURNED
 
 
-def begin(seed: int, sites: dict[str, tuple[Site, Ways]]) -> Drive:
+def begin(seed: int, sites: dict[str, tuple[Site, Ways]]) -> LocalizationRun:
     """Return a robot somewhere in a site; robots and sites take turns."""
     names = sorted(sites)
     site, ways = sites[names[seed // 2 % len(names)]]
     model = MODELS[sorted(MODELS)[seed % 2]]
     simulation = Simulation(model, site.plan, seed=seed, people=PEOPLE, door_changes=DOORS)
     wanderer = standing_somewhere(simulation, ways, np.random.default_rng([seed, 1]))
-    return Drive(simulation, wanderer, Localizer(site.grid, np.random.default_rng([seed, 2])))
+    return LocalizationRun(
+        simulation, wanderer, Localizer(site.grid, np.random.default_rng([seed, 2]))
+    )
 
 
 @dataclass
@@ -83,7 +85,7 @@ class Tracked:
     lost: float
 
 
-def track(drive: Drive, seconds: float) -> Tracked:
+def track(drive: LocalizationRun, seconds: float) -> Tracked:
     """Drive about from a start that the robot was told within a hand and ten degrees."""
     drive.localizer.set_pose(drive.simulation.pose, 0.1, math.radians(10.0))
     result, lost = Tracked([], [], [], 0.0), 0
@@ -100,7 +102,7 @@ def track(drive: Drive, seconds: float) -> Tracked:
     return result
 
 
-def find(drive: Drive, seconds: float = 60.0) -> tuple[float, float, float]:
+def find(drive: LocalizationRun, seconds: float = 60.0) -> tuple[float, float, float]:
     """Return the seconds from knowing nothing to being right, the share of the time that it was
     wrong and sure, and the longest update in ms.
     """
@@ -115,7 +117,7 @@ def find(drive: Drive, seconds: float = 60.0) -> tuple[float, float, float]:
     return found, wrong / updates, longest
 
 
-def carry(drive: Drive, seconds: float = 60.0) -> tuple[float, float]:
+def carry(drive: LocalizationRun, seconds: float = 60.0) -> tuple[float, float]:
     """Return the seconds from being carried away to noticing it, or being right without, and to
     being right again.
     """

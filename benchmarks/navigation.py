@@ -75,14 +75,14 @@ def one_run(world: TrueWorld, seed: int, people: int, tally: Tally) -> None:
     _count(
         world,
         rig,
-        Task(start[:2], goal, doors),
+        NavigationTrial(start[:2], goal, doors),
         tally,
         f"{plan.map_id} {world.model.series} seed {seed}: {done.status} {done.reason}",
     )
 
 
 @dataclass(frozen=True)
-class Task:
+class NavigationTrial:
     """From where to where, and the doors at the start."""
 
     start: tuple[float, float]
@@ -90,7 +90,7 @@ class Task:
     doors: dict[str, DoorState]
 
 
-def _count(world: TrueWorld, rig: Rig, task: Task, tally: Tally, what: str) -> None:
+def _count(world: TrueWorld, rig: Rig, task: NavigationTrial, tally: Tally, what: str) -> None:
     goal = task.goal
     sim = rig.sim
     here = (sim.pose.x, sim.pose.y)
