@@ -18,12 +18,12 @@ from typing import Any
 
 from playwright.async_api import Browser
 
-from benchmarks.media_robots import RobotProcess
+from benchmarks.table import RESULTS
+from benchmarks.video.media_robots import RobotProcess
 from robots.api.messages import Bye
 from tests.support.browser_page import BrowserPage, chromium
 from tests.support.loopback_peer import Exchange, LoopbackPage, until
 
-RESULTS = Path(__file__).parent / "results" / "media.json"
 BLOCKS = 3  # of each kind
 BLOCK = 6.0  # s
 SETTLE = 3.0  # s left out after each connection
@@ -173,8 +173,8 @@ def main() -> int:
     lines = asyncio.run(measure())
     for line in lines:
         print(line)
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "media.json").write_text(
         json.dumps(
             [
                 {"name": line.name, "value": line.value, "unit": line.unit, "target": line.limit}

@@ -1,4 +1,4 @@
-"""The robots that benchmarks/media.py measures, each in a process of its own behind a pipe.
+"""The robots that benchmarks/video/media.py measures, each in a process of its own behind a pipe.
 
 `ours` is the media side with a synthetic camera, `plain` is aiortc as it comes with the same
 camera, and `simulator` the media side with the simulated robot, turning, and its child process.

@@ -31,6 +31,7 @@ from surveys.models import Questionnaire
 from surveys.questionnaires import store_next
 
 ADD = "surveys.add_questionnaire"
+# Forms that were signed under this name stay valid.
 SALT = "surveys.admin_import"
 PARCEL_SECONDS = 24 * 3600
 

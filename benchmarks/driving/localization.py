@@ -1,9 +1,9 @@
 """How well a robot knows where it is: drives among people and moving doors, starts without knowing,
 and being carried away.
 
-`python -m benchmarks.localization --runs N` makes N drives of five minutes, and as many short ones
-for each of the other two questions. Everything is simulated and seeded; judging takes seeds from
-20,000 on, tuning took those below (1,000 to 1,999).
+`python -m benchmarks.driving.localization --runs N` makes N drives of five minutes, and as many
+short ones for each of the other two questions. Everything is simulated and seeded; judging takes
+seeds from 20,000 on, tuning took those below (1,000 to 1,999).
 """
 
 import argparse
