@@ -1,10 +1,12 @@
 """`make bench`: every benchmark, one after the other, each in a process of its own so that none
-warms the next one up.
+warms the next one up. `python -m benchmarks NAME …` runs some, by the names of their files.
 """
 
 import subprocess
 import sys
+from pathlib import Path
 
+FOLDER = Path(__file__).parent
 BENCHMARKS = (
     "media",
     "control",
@@ -31,13 +33,21 @@ BENCHMARKS = (
 )
 
 
+def module_of(name: str) -> str:
+    """Return the module of a benchmark, in whichever folder it is; SystemExit if there is none."""
+    path = next(FOLDER.rglob(f"{name}.py"), None)
+    if path is None:
+        raise SystemExit(f"There is no benchmark {name}.")
+    return ".".join((FOLDER.name, *path.relative_to(FOLDER).with_suffix("").parts))
+
+
 def main() -> int:
     """Run the benchmarks named on the command line, or all of them, and return how many failed."""
-    names = sys.argv[1:] or BENCHMARKS
+    modules = {name: module_of(name) for name in sys.argv[1:] or BENCHMARKS}
     failed = [
         name
-        for name in names
-        if subprocess.run([sys.executable, "-m", f"benchmarks.{name}"], check=False).returncode
+        for name, module in modules.items()
+        if subprocess.run([sys.executable, "-m", module], check=False).returncode
     ]
     if failed:
         print("failed:", ", ".join(failed))

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from benchmarks.traffic import verdicts
 from benchmarks.traffic.bases import Bases
-from benchmarks.traffic.places import Place, running_place
+from benchmarks.traffic.places import RunningSite, running_place
 from benchmarks.traffic.worker import Hands
 from tests.support.host_jitter import watched
 from tests.support.patience import patient
@@ -46,7 +46,7 @@ class Crash:
     seconds: float
 
 
-def populate(place: Place, robots: Hands, visitors: Hands, bases: Bases) -> list[str]:
+def populate(place: RunningSite, robots: Hands, visitors: Hands, bases: Bases) -> list[str]:
     """Let robots and visitors come; return the robots' names when all are driven."""
     names = [
         *(f"agent-{number}" for number in range(AGENTS)),
@@ -76,7 +76,7 @@ def populate(place: Place, robots: Hands, visitors: Hands, bases: Bases) -> list
     return names
 
 
-def recovered(place: Place, names: list[str], since: float) -> None:
+def recovered(place: RunningSite, names: list[str], since: float) -> None:
     """Wait until every robot has taken a command that was given after a moment.
 
     Raises:
@@ -93,7 +93,7 @@ def recovered(place: Place, names: list[str], since: float) -> None:
         time.sleep(0.1)
 
 
-def crash(place: Place, part: str, names: list[str]) -> Crash:
+def crash(place: RunningSite, part: str, names: list[str]) -> Crash:
     """Kill a part, start it again, and wait until everybody drives as before."""
     began, at = time.monotonic(), time.time()
     place.kill(part)
@@ -106,7 +106,7 @@ def crash(place: Place, part: str, names: list[str]) -> Crash:
     return done
 
 
-def everybody_leaves(place: Place, robots: Hands, visitors: Hands) -> None:
+def everybody_leaves(place: RunningSite, robots: Hands, visitors: Hands) -> None:
     """End every visit, and wait for the record."""
     visitors.ask("leave")
     wait_for(
@@ -116,7 +116,7 @@ def everybody_leaves(place: Place, robots: Hands, visitors: Hands) -> None:
     wait_for(lambda: _complete(place, robots), RECOVERY, "a whole record")
 
 
-def _complete(place: Place, robots: Hands) -> bool:
+def _complete(place: RunningSite, robots: Hands) -> bool:
     stored = place.stored()
     return (
         all(
@@ -164,7 +164,7 @@ def main() -> int:
     return report(crashes, drives, len(record.states), wrong)
 
 
-def parts_of(place: Place) -> list[str]:
+def parts_of(place: RunningSite) -> list[str]:
     """Return what is killed: everything of the server, and one agent."""
     return [name for name in place.processes if not name.startswith("agent-")] + (
         ["agent-0"] if AGENTS else []
@@ -172,7 +172,10 @@ def parts_of(place: Place) -> list[str]:
 
 
 def report(
-    crashes: list[Crash], drives: list[verdicts.Drive], states: int, wrong: dict[str, list[str]]
+    crashes: list[Crash],
+    drives: list[verdicts.DrivePeriod],
+    states: int,
+    wrong: dict[str, list[str]],
 ) -> int:
     """Print and keep what was found; return how much was wrong."""
     outcomes = Counter(drive.outcome for drive in drives)

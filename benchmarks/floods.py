@@ -55,7 +55,7 @@ LATEST_SECONDS = 10.0  # a message that takes longer is lost
 
 
 @dataclass
-class Sample:
+class FloodDelays:
     """Seconds that messages took, and that newcomers waited to be let in."""
 
     delays: list[float] = field(default_factory=list)
@@ -89,7 +89,7 @@ class Client:
         self.is_open.clear()
 
 
-class Place:
+class FloodedBroker:
     """A broker with its users, and honest clients at it."""
 
     def __init__(
@@ -112,7 +112,7 @@ class Place:
         await asyncio.wait_for(client.is_open.wait(), LATEST_SECONDS)
         return client
 
-    async def measure(self, seconds: float) -> Sample:
+    async def measure(self, seconds: float) -> FloodDelays:
         """Exchange messages for a time, and let newcomers in."""
         try:
             robot = await self.enter(
@@ -121,8 +121,8 @@ class Place:
             heard = [(f"{topics.ROOT}/+/{suffix}", qos) for suffix, qos in HEARD_BY_SERVER]
             server = await self.enter("the-server", "web", heard)
         except (OSError, TimeoutError):
-            return Sample([LATEST_SECONDS], [LATEST_SECONDS], 1)  # nobody is let in
-        sample = Sample()
+            return FloodDelays([LATEST_SECONDS], [LATEST_SECONDS], 1)  # nobody is let in
+        sample = FloodDelays()
         coming = asyncio.create_task(self._newcomers(sample))
         sent, until = 0, time.perf_counter() + seconds
         rng = random.Random(7)
@@ -144,7 +144,7 @@ class Place:
             client.line.leave()
         return sample
 
-    async def _newcomers(self, sample: Sample) -> None:
+    async def _newcomers(self, sample: FloodDelays) -> None:
         while True:
             began = time.perf_counter()
             try:
@@ -210,7 +210,7 @@ def prepare() -> dict[str, tuple[str, str]]:
 @contextmanager
 def running_broker(
     folder: Path, tokens: dict[str, tuple[str, str]], *, tls: bool
-) -> Iterator[Place]:
+) -> Iterator[FloodedBroker]:
     """Run the embedded broker, as a site does."""
     more, ca = [], ""
     if tls:
@@ -231,7 +231,9 @@ def running_broker(
         assert process.stdout is not None, "a pipe was asked for"
         try:
             said = process.stdout.readline().decode()
-            yield Place(int(said.rpartition(" (")[0].rpartition(":")[2]), process, log, tokens, ca)
+            yield FloodedBroker(
+                int(said.rpartition(" (")[0].rpartition(":")[2]), process, log, tokens, ca
+            )
         finally:
             process.terminate()
             process.wait(30)
@@ -242,7 +244,9 @@ def p99(seconds: list[float]) -> float:
     return float(np.percentile(seconds, 99)) * 1000 if seconds else float("inf")
 
 
-def compare(place: Place, flood: str, connections: int) -> tuple[list[Figure], dict[str, Any]]:
+def compare(
+    place: FloodedBroker, flood: str, connections: int
+) -> tuple[list[Figure], dict[str, Any]]:
     """Measure in peace and under a flood; print both."""
     peace = asyncio.run(place.measure(SECONDS))
     before, logged = shares.megabytes(place.process.pid), place.log.seek(0, os.SEEK_END)

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.traffic import shares
-from benchmarks.traffic.places import Place, running_place
+from benchmarks.traffic.places import RunningSite, running_place
 from benchmarks.traffic.worker import Hands
 from tests.support.site import wait_for
 
@@ -42,7 +42,7 @@ FULL = 0.85  # of a core, that of a process which can use but one
 
 
 @dataclass
-class Step:
+class LoadStep:
     """What was seen with so many sessions. Delays in ms, shares of a core, memory in MB."""
 
     sessions: int
@@ -101,9 +101,9 @@ def quantiles(seconds: list[float]) -> dict[str, float]:
     }
 
 
-def adapter(place: Place, robots: Hands, visitors: Hands) -> list[Step]:
+def adapter(place: RunningSite, robots: Hands, visitors: Hands) -> list[LoadStep]:
     """Add sessions step by step, until a step breaks; return what was seen."""
-    steps: list[Step] = []
+    steps: list[LoadStep] = []
     for sessions in STEPS:
         grow(place, robots, visitors, steps[-1].sessions if steps else 0, sessions)
         steps.append(measure(place, robots, visitors, sessions))
@@ -113,7 +113,7 @@ def adapter(place: Place, robots: Hands, visitors: Hands) -> list[Step]:
     return steps
 
 
-def grow(place: Place, robots: Hands, visitors: Hands, have: int, wanted: int) -> None:
+def grow(place: RunningSite, robots: Hands, visitors: Hands, have: int, wanted: int) -> None:
     """Let robots come, and then their visitors; wait until all drive, or as long
     as patience lasts.
     """
@@ -127,7 +127,7 @@ def grow(place: Place, robots: Hands, visitors: Hands, have: int, wanted: int) -
     time.sleep(SETTLE_SECONDS)
 
 
-def measure(place: Place, robots: Hands, visitors: Hands, sessions: int) -> Step:
+def measure(place: RunningSite, robots: Hands, visitors: Hands, sessions: int) -> LoadStep:
     """Look on for a while."""
     processes = {**place.processes, "robots": robots.pid, "visitors": visitors.pid}
     robots.ask("measured"), visitors.ask("measured")
@@ -139,7 +139,7 @@ def measure(place: Place, robots: Hands, visitors: Hands, sessions: int) -> Step
     missing = of_robots["counts"].get("commands_missing", 0) + of_visitors["counts"].get(
         "states_missing", 0
     )
-    return Step(
+    return LoadStep(
         sessions=sessions,
         driving=visitors.ask("driving"),
         to_robot=quantiles(of_robots["delays"]),
@@ -153,7 +153,7 @@ def measure(place: Place, robots: Hands, visitors: Hands, sessions: int) -> Step
     )
 
 
-def record_behind(place: Place, robots: Hands) -> float:
+def record_behind(place: RunningSite, robots: Hands) -> float:
     """Return the seconds until the record has every state that robots have numbered by now."""
     wanted, began = robots.ask("record")["states"], time.monotonic()
     while time.monotonic() - began < 2 * RECORD_SECONDS:
@@ -164,7 +164,7 @@ def record_behind(place: Place, robots: Hands) -> float:
     return time.monotonic() - began
 
 
-def lost_at_the_end(place: Place, robots: Hands, visitors: Hands) -> tuple[int, int]:
+def lost_at_the_end(place: RunningSite, robots: Hands, visitors: Hands) -> tuple[int, int]:
     """Have everybody leave; return how many states robots numbered in all, and how many of them the
     record does not have.
     """
@@ -192,7 +192,7 @@ HEAD = (
 )
 
 
-def line(step: Step) -> str:
+def line(step: LoadStep) -> str:
     """Return a step as a line of the table."""
     parts = [
         f"{name} {100 * share:.0f}"

@@ -91,7 +91,7 @@ print(json.dumps({"trips": sorted(trips), "turned": turned}))
 
 
 @dataclass(frozen=True)
-class Cell:
+class NetworkPairResult:
     """One visit: times in s and ms; `way` is the visitor's end and the robot's, or the server for
     pictures that come one by one.
     """
@@ -113,7 +113,7 @@ class Cell:
 NOTHING = "nothing"
 
 
-class Robot:
+class NetworkedAgent:
     """The agent of the simulated giraff, on a computer of one of the networks."""
 
     def __init__(self, server: Server, computer: Computer, address: str, folder: Path) -> None:
@@ -159,7 +159,7 @@ class Robot:
 @contextlib.contextmanager
 def robot_in(server: Server, computer: Computer, address: str, folder: Path) -> Iterator[None]:
     """A robot that is online; when the block ends it says goodbye."""
-    robot = Robot(server, computer, address, folder)
+    robot = NetworkedAgent(server, computer, address, folder)
     try:
         wait_for(lambda: connection(server) == "ONLINE", 40, f"the robot in {computer.name}")
         yield
@@ -177,7 +177,7 @@ def connection(server: Server) -> str:
 
 def visit(
     browser: Browser, server: Server, address: str, names: tuple[str, str], *, relay: bool
-) -> Cell:
+) -> NetworkPairResult:
     """Go to the robot as one does, and say what came of it."""
     anna = Visitor(browser, server.site, "anna", url=f"https://{address}", ignore_https_errors=True)
     anna.context.add_init_script(KEEP)
@@ -193,7 +193,9 @@ def visit(
     finally:
         anna.close()
     trips = record(server)["trips"]
-    return Cell(*names, relay, way, first, trips[len(trips) // 2] if trips else float("inf"), drove)
+    return NetworkPairResult(
+        *names, relay, way, first, trips[len(trips) // 2] if trips else float("inf"), drove
+    )
 
 
 def turn(visitor: Visitor, server: Server) -> bool:
@@ -289,7 +291,7 @@ class Matrix:
     ) -> None:
         self._net, self._folder, self._playwright = net, folder, playwright
         self.visitors, self.robots = wanted
-        self.cells: list[Cell] = []
+        self.cells: list[NetworkPairResult] = []
         self._stack = contextlib.ExitStack()
         self._browsers: dict[str, Browser] = {}
         self._computers: dict[str, Computer] = {}
@@ -310,7 +312,7 @@ class Matrix:
                         visit(self._browser(visitor), server, SERVER, (visitor, robot), relay=relay)
                     )
 
-    def add(self, cell: Cell) -> None:
+    def add(self, cell: NetworkPairResult) -> None:
         """Keep a cell, and print it."""
         self.cells.append(cell)
         print(row(cell), flush=True)
@@ -345,7 +347,7 @@ class Matrix:
             self.add(visit(self._browser(LAN), server, LAN_SERVER, (LAN, LAN), relay=False))
 
 
-def row(cell: Cell) -> str:
+def row(cell: NetworkPairResult) -> str:
     """Return a line of the table."""
     relay = "relay" if cell.relay else "no relay"
     verdict = "" if cell.met else "   MISSED"

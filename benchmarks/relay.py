@@ -28,7 +28,7 @@ RESULTS = Path(__file__).parent / "results" / "relay.json"
 LIMIT_MS = 10.0
 
 
-class Echo(RobotDouble):
+class EchoRobot(RobotDouble):
     """A robot that answers every velocity at once with a pose whose stamp is the
     command's number.
     """
@@ -105,7 +105,7 @@ async def measure(site: Rig, cookie: str) -> tuple[Stopwatch, Stopwatch, float]:
         "from robots.enrol.credentials import server_credentials as of; print(*of('web'))"
     ).split()
     direct = aiomqtt.Client("127.0.0.1", site.mqtt_port, username=user, password=password)
-    async with Echo(site) as robot, SocketPage(site, cookie) as page, direct:
+    async with EchoRobot(site) as robot, SocketPage(site, cookie) as page, direct:
         await direct.subscribe(topics.of("giraff", "pose"))
         await page.say("session/take", protocol.Take())
         await page.expect("session/granted")

@@ -25,7 +25,7 @@ from experiments.builder.forms import PublishForm, StudyForm
 from experiments.builder.views import BuilderPages, sections, told
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
-from experiments.models import Kind, Participant, Study, StudyMember
+from experiments.models import Participant, ParticipantKind, Study, StudyMember
 from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, study_for
 from experiments.study_admin import opening_hours
@@ -88,7 +88,9 @@ class StudyAdmin(BuilderPages, PeoplePages, WalkThroughPages, OfStudies):
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Study]":
         """Count participants by kind in the same query."""
-        counts = {kind.value: Count("participants", filter=Q(**{WAY: kind})) for kind in Kind}
+        counts = {
+            kind.value: Count("participants", filter=Q(**{WAY: kind})) for kind in ParticipantKind
+        }
         rows: QuerySet[Study] = super().get_queryset(request)
         return rows.annotate(
             **{f"n_{kind}": count for kind, count in counts.items()},
@@ -103,20 +105,20 @@ class StudyAdmin(BuilderPages, PeoplePages, WalkThroughPages, OfStudies):
     @admin.display(description=_("participants"), ordering="n_participant")
     def people(self, row: Study) -> SafeString:
         """Return how many take or took part, with a link."""
-        return self._counted(row, Kind.PARTICIPANT)
+        return self._counted(row, ParticipantKind.PARTICIPANT)
 
     @admin.display(description=_("pilots"), ordering="n_pilot")
     def pilots(self, row: Study) -> SafeString:
         """Return how many pilots there are."""
-        return self._counted(row, Kind.PILOT)
+        return self._counted(row, ParticipantKind.PILOT)
 
     @admin.display(description=_("bots"), ordering="n_bot")
     def bots(self, row: Study) -> SafeString:
         """Return how many bots there are."""
-        return self._counted(row, Kind.BOT)
+        return self._counted(row, ParticipantKind.BOT)
 
     @staticmethod
-    def _counted(row: Study, kind: Kind) -> SafeString:
+    def _counted(row: Study, kind: ParticipantKind) -> SafeString:
         query = f"?study={row.pk}&kind__exact={kind}"
         return format_html(
             '<a href="{}{}">{}</a>',
@@ -213,7 +215,7 @@ class StudyAdmin(BuilderPages, PeoplePages, WalkThroughPages, OfStudies):
 
     def _overview(self, request: HttpRequest, row: Study) -> dict[str, Any]:
         by_status = dict(
-            Participant.objects.filter(study=row, kind=Kind.PARTICIPANT)
+            Participant.objects.filter(study=row, kind=ParticipantKind.PARTICIPANT)
             .order_by()
             .values_list("status")
             .annotate(n=Count("pk"))

@@ -34,7 +34,7 @@ def new_code() -> str:
     return "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
 
 
-class Kind(models.TextChoices):
+class ParticipantKind(models.TextChoices):
     """Whose data it is: pilots and bots never count."""
 
     PARTICIPANT = "participant", _("participant")
@@ -205,7 +205,11 @@ class Participant(models.Model):
     slot = models.CharField(max_length=80, unique=True, editable=False)
     code = models.CharField(_("code"), max_length=12, unique=True, default=new_code, editable=False)
     kind = models.CharField(
-        _("kind"), max_length=12, choices=Kind, default=Kind.PARTICIPANT, db_index=True
+        _("kind"),
+        max_length=12,
+        choices=ParticipantKind,
+        default=ParticipantKind.PARTICIPANT,
+        db_index=True,
     )
     # open or invitation: experiments.participation.assignment.Access
     access = models.CharField(_("joined via"), max_length=12, default="open")
@@ -297,7 +301,9 @@ class PersonalLink(models.Model):
     access = models.CharField(_("access given"), max_length=12, default="invitation")
     # A bot's link makes whoever redeems it a bot, and what it does never counts; only commands make
     # such links.
-    kind = models.CharField(_("for"), max_length=12, choices=Kind, default=Kind.PARTICIPANT)
+    kind = models.CharField(
+        _("for"), max_length=12, choices=ParticipantKind, default=ParticipantKind.PARTICIPANT
+    )
     created_at = models.DateTimeField(_("created"))
     expires_at = models.DateTimeField(_("expires"), null=True, blank=True)
     revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)

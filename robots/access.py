@@ -11,8 +11,8 @@ from robots.models import Robot, RobotPermit
 Reason = Literal["", "disabled", "not_invited", "not_trained", "not_allowed"]
 # What a robot's access demands: the permit, and the word for somebody who has none.
 _DEMANDS: dict[str, tuple[str, Reason]] = {
-    Robot.Access.INVITATION: (RobotPermit.Kind.INVITED, "not_invited"),
-    Robot.Access.TRAINED: (RobotPermit.Kind.TRAINED, "not_trained"),
+    Robot.Access.INVITATION: (RobotPermit.Privilege.INVITED, "not_invited"),
+    Robot.Access.TRAINED: (RobotPermit.Privilege.TRAINED, "not_trained"),
 }
 
 
@@ -77,7 +77,7 @@ def may_operate(user: Any, robot: Robot) -> Verdict:
     """
     if not _is_known(user) or user.is_guest:
         return _no("not_allowed")
-    if may_manage(user, robot) or _has_permit(user, robot, RobotPermit.Kind.OPERATOR):
+    if may_manage(user, robot) or _has_permit(user, robot, RobotPermit.Privilege.OPERATOR):
         return YES
     return _no("not_allowed")
 
@@ -156,7 +156,7 @@ def robots_visible_to(user: Any) -> "QuerySet[Robot]":
     if oversees(user):
         return Robot.objects.all()
     permits = RobotPermit.objects.filter(user=user)
-    operated = permits.filter(kind=RobotPermit.Kind.OPERATOR).values("robot")
+    operated = permits.filter(kind=RobotPermit.Privilege.OPERATOR).values("robot")
     admitted = Q(access=Robot.Access.OPEN) | Q(pk__in=permits.values("robot"))
     return Robot.objects.filter(
         Q(owner=user)

@@ -6,6 +6,7 @@ only once.
 """
 
 import asyncio
+from collections.abc import Coroutine
 from typing import Any
 
 AGAIN_S = 0.5
@@ -22,6 +23,19 @@ async def cancel(*tasks: "asyncio.Future[Any]") -> None:
         for task in pending:
             task.cancel()
         _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
+
+
+async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
+    """Run things side by side until one of them ends, or raises, which is then raised here; the
+    others are cancelled.
+    """
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        await cancel(*tasks)
 
 
 def _drop(task: "asyncio.Future[Any]") -> None:

@@ -31,7 +31,7 @@ class Traffic:
 
 
 @dataclass(frozen=True)
-class Card:
+class RobotCard:
     """A robot as the list shows it, in the language of the request.
 
     `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
@@ -53,7 +53,9 @@ class Card:
     url: str
 
 
-def card(robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime.datetime) -> Card:
+def card(
+    robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime.datetime
+) -> RobotCard:
     """Return what to show of `robot`.
 
     Args:
@@ -67,7 +69,7 @@ def card(robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime
     away = _instead(robot, state, traffic)
     drives = state in {"available", "busy"} and not barred
     charge, charging = _battery(robot.report) if state != "offline" else (None, False)
-    return Card(
+    return RobotCard(
         name=robot.name,
         title=robot.shown_title,
         description=robot.shown_description,

@@ -122,7 +122,7 @@ class Robot(models.Model):
         INVITATION = "invitation", _("by invitation")
         TRAINED = "trained", _("for trained users")
 
-    class Assist(models.TextChoices):
+    class DriveAssist(models.TextChoices):
         """How much the robot helps whoever drives: robots.api.messages.AssistLevel."""
 
         OFF = "off", _("off")
@@ -229,8 +229,8 @@ class Robot(models.Model):
     assist = models.CharField(
         _("assistance"),
         max_length=5,
-        choices=Assist,
-        default=Assist.OFF,
+        choices=DriveAssist,
+        default=DriveAssist.OFF,
         help_text=_(
             "Used unless the visitor or a study chooses another level. Visitors who have never "
             "driven begin with a robot that stops at obstacles."
@@ -380,7 +380,7 @@ class RobotPermit(models.Model):
     pause and message sessions).
     """
 
-    class Kind(models.TextChoices):
+    class Privilege(models.TextChoices):
         """What the user may do."""
 
         INVITED = "invited", _("invited")
@@ -397,7 +397,7 @@ class RobotPermit(models.Model):
         related_name="robot_permits",
         verbose_name=_("user"),
     )
-    kind = models.CharField(_("kind"), max_length=10, choices=Kind)
+    kind = models.CharField(_("kind"), max_length=10, choices=Privilege)
     granted_at = models.DateTimeField(_("granted"), auto_now_add=True)
 
     class Meta:

@@ -74,7 +74,7 @@ class Session(models.Model):
     device = models.JSONField(_("device"), default=dict, blank=True)
     # What the visitor chose while driving; empty: as the robot has it. What was in force stands in
     # every state.
-    assist = models.CharField(_("assistance"), max_length=5, blank=True, choices=Robot.Assist)
+    assist = models.CharField(_("assistance"), max_length=5, blank=True, choices=Robot.DriveAssist)
     # What an app above this one has fixed for the visit when the robot was first granted
     # (sessions/leases/terms.py); empty: nothing.
     terms = models.JSONField(_("terms"), default=dict, blank=True, editable=False)
@@ -234,7 +234,7 @@ class SystemLog(models.Model):
     sentence.
     """
 
-    class Level(models.TextChoices):
+    class Severity(models.TextChoices):
         """How much it matters."""
 
         INFO = "info", _("info")
@@ -243,7 +243,7 @@ class SystemLog(models.Model):
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     at = models.DateTimeField(_("time"), db_index=True)
-    level = models.CharField(_("level"), max_length=8, choices=Level, default=Level.INFO)
+    level = models.CharField(_("level"), max_length=8, choices=Severity, default=Severity.INFO)
     event = models.CharField(_("event"), max_length=60, db_index=True)
     robot = models.ForeignKey(
         Robot, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("robot")

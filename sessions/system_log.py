@@ -15,15 +15,15 @@ from sessions.models import Session, SystemLog
 
 logger = structlog.stdlib.get_logger("telepresence.system")
 _LEVELS = {
-    SystemLog.Level.INFO: logging.INFO,
-    SystemLog.Level.WARNING: logging.WARNING,
-    SystemLog.Level.ERROR: logging.ERROR,
+    SystemLog.Severity.INFO: logging.INFO,
+    SystemLog.Severity.WARNING: logging.WARNING,
+    SystemLog.Severity.ERROR: logging.ERROR,
 }
 
 
 def log(
     event: str,
-    level: str = SystemLog.Level.INFO,
+    level: str = SystemLog.Severity.INFO,
     *,
     robot: Robot | UUID | str | None = None,
     session: Session | UUID | str | None = None,
@@ -49,7 +49,7 @@ def log(
         for name, value in {"robot": robot_id, "session": session_id, **fields}.items()
         if value is not None
     }
-    logger.log(_LEVELS[SystemLog.Level(level)], event, **named)
+    logger.log(_LEVELS[SystemLog.Severity(level)], event, **named)
     return SystemLog.objects.create(
         at=at or timezone.now(),
         level=level,

@@ -17,7 +17,7 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
 from accounts.admin_filters import ShownFilters
-from surveys import admin_import, admin_pages
+from surveys.admin_pages import importing, questionnaire
 from surveys.definition import to_json
 from surveys.documents import spoken
 from surveys.downloads import as_long_csv
@@ -162,29 +162,29 @@ class QuestionnaireAdmin(ShownFilters):
         """The pages of the model, and its own."""
         guard = self.admin_site.admin_view
         own = [
-            path("import/", guard(admin_import.choose), name="surveys_questionnaire_import"),
+            path("import/", guard(importing.choose), name="surveys_questionnaire_import"),
+            path("import/save/", guard(importing.save), name="surveys_questionnaire_import_save"),
             path(
-                "import/save/", guard(admin_import.save), name="surveys_questionnaire_import_save"
+                "shipped/", guard(questionnaire.take_shipped), name="surveys_questionnaire_shipped"
             ),
-            path("shipped/", guard(admin_pages.take_shipped), name="surveys_questionnaire_shipped"),
             path(
                 "<uuid:pk>/preview/",
-                guard(admin_pages.preview),
+                guard(questionnaire.preview),
                 name="surveys_questionnaire_preview",
             ),
             path(
                 "<uuid:pk>/export.json",
-                guard(admin_pages.export),
+                guard(questionnaire.export),
                 name="surveys_questionnaire_export",
             ),
             path(
                 "<uuid:pk>/answers-<str:shape>.csv",
-                guard(admin_pages.answers),
+                guard(questionnaire.answers),
                 name="surveys_questionnaire_answers",
             ),
             path(
                 "<uuid:pk>/new-version/",
-                guard(admin_pages.new_version),
+                guard(questionnaire.new_version),
                 name="surveys_questionnaire_new_version",
             ),
         ]

@@ -122,7 +122,7 @@ def half_width(sd: float | None, n: int, level: float, interval: Interval) -> fl
 
 
 @dataclass(frozen=True)
-class Line:
+class LikertRow:
     """A row of the table. `key` is empty for the overall row; `statements` are the keys that it
     pools.
     """
@@ -141,7 +141,7 @@ def likert_table(
     language: str,
     interval: Interval,
     overall: str,
-) -> list[Line]:
+) -> list[LikertRow]:
     """Return the rows of the table.
 
     Args:
@@ -172,7 +172,7 @@ def likert_table(
         ),
     ]
     return [
-        Line(
+        LikertRow(
             kind,
             key,
             label,

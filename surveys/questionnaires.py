@@ -11,7 +11,7 @@ from django.db import IntegrityError, transaction
 
 from surveys.definition import Definition, digest, language_for
 from surveys.documents import BadDefinitionError, spoken
-from surveys.importing.report import Report, stored
+from surveys.importing.report import ImportReport, stored
 from surveys.models import Questionnaire
 from surveys.problems import parse, problems
 
@@ -46,7 +46,7 @@ def store(definition: Definition, now: datetime.datetime) -> Questionnaire:
 
 
 def store_next(
-    definition: Definition, report: Report, now: datetime.datetime
+    definition: Definition, report: ImportReport, now: datetime.datetime
 ) -> tuple[Questionnaire, bool]:
     """Put what was imported from another system into the database as the next version of its name,
     with the report. Return the row, and whether it is new: the newest version may be the same.

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.traffic.verdicts import Drive, StoredState
+from benchmarks.traffic.verdicts import DrivePeriod, NumberedState
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.postgres import Postgres, running_postgres
 from tests.support.server import program
@@ -95,12 +95,12 @@ print(json.dumps([
 
 
 @dataclass(frozen=True)
-class Record:
+class StateRecord:
     """All stored states in the order of their stamps, and how many are known to be missing, by
     session.
     """
 
-    states: list[StoredState]
+    states: list[NumberedState]
     missing: dict[str, int]
 
 
@@ -161,7 +161,7 @@ class Database:
 
 
 @dataclass
-class Place:
+class RunningSite:
     """A running site and what can be asked of it. `webs` has the port of each web process,
     `outside` what is not ours.
     """
@@ -212,10 +212,10 @@ class Place:
         found: dict[str, int] = json.loads(self.site.django(STORED))
         return found
 
-    def record(self) -> Record:
+    def record(self) -> StateRecord:
         """Return every state that is stored, and what is known to be missing."""
         found = json.loads(self.site.django(RECORD))
-        return Record([StoredState(*row) for row in found["states"]], dict(found["missing"]))
+        return StateRecord([NumberedState(*row) for row in found["states"]], dict(found["missing"]))
 
     def driven(self, since: float) -> list[str]:
         """Return the robots that took a command after this moment, as the record has it: every part
@@ -234,9 +234,9 @@ class Place:
             == "0"
         )
 
-    def sessions(self) -> list[Drive]:
+    def sessions(self) -> list[DrivePeriod]:
         """Return every session that had its robot, in order of their grants."""
-        return [Drive(*row) for row in json.loads(self.site.django(SESSIONS))]
+        return [DrivePeriod(*row) for row in json.loads(self.site.django(SESSIONS))]
 
     def is_ready(self) -> bool:
         """Tell whether every web process says that broker, database and session
@@ -254,7 +254,7 @@ def _is_ready(port: int) -> bool:
 
 
 @contextlib.contextmanager
-def running_place(kind: str, directory: Path) -> Iterator[Place]:
+def running_place(kind: str, directory: Path) -> Iterator[RunningSite]:
     """Run a place: `demo`, or `server-N` with N web processes; everything is ended afterwards."""
     with contextlib.ExitStack() as stack:
         outside: dict[str, Redis | Database] = {}
@@ -273,7 +273,7 @@ def running_place(kind: str, directory: Path) -> Iterator[Place]:
             if kind == "demo"
             else {f"web-{n}": free_port() for n in range(int(kind.partition("-")[2]))}
         )
-        place = Place(site, webs, outside)
+        place = RunningSite(site, webs, outside)
         if kind == "demo":
             site.prepare()
         else:
@@ -283,7 +283,7 @@ def running_place(kind: str, directory: Path) -> Iterator[Place]:
         yield place
 
 
-def _start(place: Place) -> None:
+def _start(place: RunningSite) -> None:
     site = place.site
     site.start_broker()
     site.start("session-manager", ["manage.py", "run_session_manager"])

@@ -47,7 +47,7 @@ COVARIANCE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.004)
 
 
 @dataclass
-class Told:
+class RobotMeasurements:
     """What the robots of a process have seen: seconds that commands took, and counts."""
 
     delays: array = field(default_factory=lambda: array("d"))
@@ -55,7 +55,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Grant:
+class ObservedLease:
     """A lease as a robot heard of it first, by Unix time."""
 
     robot: str
@@ -70,12 +70,12 @@ class LightRobot:
     """
 
     def __init__(
-        self, name: str, token: str, told: Told, timers: Timers, rng: random.Random
+        self, name: str, token: str, told: RobotMeasurements, timers: Timers, rng: random.Random
     ) -> None:
         self.name, self._token, self._told, self._timers, self._rng = name, token, told, timers, rng
         self.boot = f"{int(time.time() * 1000):012x}-{secrets.token_hex(4)}"
         self.states: Counter[str] = Counter()
-        self.grants: list[Grant] = []
+        self.grants: list[ObservedLease] = []
         self.online = False
         self._leases, self._outbox = LeaseKeeper(), Outbox()
         self._kept: deque[tuple[int, bytes]] = deque(maxlen=STATES_KEPT)
@@ -228,7 +228,7 @@ class LightRobot:
             lease.session,
             lease.epoch,
         ):
-            self.grants.append(Grant(self.name, lease.session, lease.epoch, now))
+            self.grants.append(ObservedLease(self.name, lease.session, lease.epoch, now))
             self._say_event("lease_taken", lease)
 
     def _close(self, lease: m.Lease) -> None:
@@ -334,7 +334,7 @@ class Robots:
     """What the benchmark may ask of this process; see worker.py."""
 
     def __init__(self) -> None:
-        self._told, self._timers, self._rng = Told(), Timers(), random.Random(1)
+        self._told, self._timers, self._rng = RobotMeasurements(), Timers(), random.Random(1)
         self._robots: list[LightRobot] = []
         self._living: set[asyncio.Task[None]] = set()
 

@@ -15,7 +15,7 @@ LEAVE_SECONDS = 1.0
 
 
 @dataclass(frozen=True)
-class Drive:
+class DrivePeriod:
     """A session that had its robot, from when to when; `until` is None while it has it. `outcome`
     is empty until it has ended.
     """
@@ -28,7 +28,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class StoredState:
+class NumberedState:
     """Who numbered a state, and whose it is."""
 
     robot: str
@@ -38,7 +38,7 @@ class StoredState:
     epoch: int
 
 
-def two_at_once(drives: Sequence[Drive]) -> list[str]:
+def two_at_once(drives: Sequence[DrivePeriod]) -> list[str]:
     """Find drives of one robot that overlap."""
     wrong = []
     for robot in {drive.robot for drive in drives}:
@@ -60,7 +60,7 @@ def two_at_once(drives: Sequence[Drive]) -> list[str]:
 
 
 def shared_epochs(
-    states: Sequence[StoredState], grants: Sequence[tuple[str, int, str]]
+    states: Sequence[NumberedState], grants: Sequence[tuple[str, int, str]]
 ) -> list[str]:
     """Find epochs of a robot that two sessions had, in its states or in the leases it heard of,
     given as (robot, epoch, session).
@@ -78,7 +78,7 @@ def shared_epochs(
 
 
 def lost(
-    numbered: Mapping[str, int], states: Sequence[StoredState], missing: Mapping[str, int]
+    numbered: Mapping[str, int], states: Sequence[NumberedState], missing: Mapping[str, int]
 ) -> list[str]:
     """Find states that robots numbered, by session, and the record lacks, or that it has twice, or
     knows to be missing.
@@ -99,7 +99,9 @@ def lost(
 
 
 def moved_alone(
-    moves: Mapping[str, Sequence[tuple[float, float]]], drives: Sequence[Drive], late: float = 0.0
+    moves: Mapping[str, Sequence[tuple[float, float]]],
+    drives: Sequence[DrivePeriod],
+    late: float = 0.0,
 ) -> list[str]:
     """Find motion outside of all drives of a robot; `late` is by how many seconds more the computer
     itself held things up.

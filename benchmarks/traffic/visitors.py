@@ -43,7 +43,7 @@ class Said(msgspec.Struct):
 
 
 @dataclass
-class Told:
+class VisitorMeasurements:
     """What the visitors of a process have seen: seconds that poses and states took, and counts."""
 
     delays: array = field(default_factory=lambda: array("d"))
@@ -60,7 +60,14 @@ class LightVisitor:
     """
 
     def __init__(
-        self, url: str, cookie: str, stays: float, *, told: Told, timers: Timers, rng: random.Random
+        self,
+        url: str,
+        cookie: str,
+        stays: float,
+        *,
+        told: VisitorMeasurements,
+        timers: Timers,
+        rng: random.Random,
     ) -> None:
         self._url, self._stays, self._told, self._timers, self._rng = url, stays, told, timers, rng
         self._headers = {"Cookie": f"sessionid={cookie}", "Origin": url.partition("/ws/")[0]}
@@ -223,7 +230,7 @@ class Visitors:
     """What the benchmark may ask of this process; see worker.py."""
 
     def __init__(self) -> None:
-        self._told, self._timers, self._rng = Told(), Timers(), random.Random(2)
+        self._told, self._timers, self._rng = VisitorMeasurements(), Timers(), random.Random(2)
         self._visitors: list[LightVisitor] = []
         self._living: set[asyncio.Task[None]] = set()
 

@@ -57,51 +57,36 @@ class TelepresenceSite:
             return json.loads(answer.read())
 
 
-def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
-    """Return what Home Assistant is told of the robot: a device with its sensors and buttons."""
-    unique, called = f"telepresence_{robot['name']}", robot["name"].replace("-", "_")
+PERCENT = "{{ (value_json.charge * 100) | round(0) if value_json.charge is not none else none }}"
 
-    def part(kind: str, name: str, label: str, **more: Any) -> dict[str, Any]:
+
+def components(name: str, base: str) -> dict[str, Any]:
+    """Return a robot's sensors and buttons as Home Assistant is told of them, by their names."""
+    called = name.replace("-", "_")
+
+    def part(kind: str, own: str, label: str, **more: Any) -> dict[str, Any]:
         return {
             "platform": kind,
-            "unique_id": f"{unique}_{name}",
-            "default_entity_id": f"{kind}.{called}_{name}",
+            "unique_id": f"telepresence_{name}_{own}",
+            "default_entity_id": f"{kind}.{called}_{own}",
             "name": label,
             **more,
         }
 
-    def truth(name: str, label: str, **more: Any) -> dict[str, Any]:
-        said = f"value_json.{name}"
-        return part(
-            "binary_sensor",
-            name,
-            label,
-            value_template=f"{{{{ none if {said} is none else 'ON' if {said} else 'OFF' }}}}",
-            **more,
-        )
+    def value(own: str, label: str, template: str, **more: Any) -> dict[str, Any]:
+        return part("sensor", own, label, value_template=template, **more)
 
-    percent = (
-        "{{ (value_json.charge * 100) | round(0) if value_json.charge is not none else none }}"
-    )
+    def truth(own: str, label: str, **more: Any) -> dict[str, Any]:
+        said = f"value_json.{own}"
+        template = f"{{{{ none if {said} is none else 'ON' if {said} else 'OFF' }}}}"
+        return part("binary_sensor", own, label, value_template=template, **more)
+
+    battery = {"device_class": "battery", "unit_of_measurement": "%"}
+    waiting = "{{ value_json.waiting }}"
     sensors = {
-        "state": part(
-            "sensor", "state", "State", value_template="{{ value_json.state }}", icon="mdi:robot"
-        ),
-        "charge": part(
-            "sensor",
-            "charge",
-            "Charge",
-            value_template=percent,
-            device_class="battery",
-            unit_of_measurement="%",
-        ),
-        "waiting": part(
-            "sensor",
-            "waiting",
-            "Visitors waiting",
-            value_template="{{ value_json.waiting }}",
-            icon="mdi:account-clock",
-        ),
+        "state": value("state", "State", "{{ value_json.state }}", icon="mdi:robot"),
+        "charge": value("charge", "Charge", PERCENT, **battery),
+        "waiting": value("waiting", "Visitors waiting", waiting, icon="mdi:account-clock"),
         "driven": truth("driven", "Visitor", device_class="occupancy"),
         "charging": truth("charging", "Charging", device_class="battery_charging"),
         "docked": truth("docked", "Docked", icon="mdi:ev-station"),
@@ -110,9 +95,14 @@ def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
         kind: part("button", kind, label, command_topic=f"{base}/command", payload_press=kind)
         for kind, label in ACTIONS.items()
     }
+    return sensors | buttons
+
+
+def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
+    """Return what Home Assistant is told of the robot: a device with its sensors and buttons."""
     return {
         "device": {
-            "identifiers": [unique],
+            "identifiers": [f"telepresence_{robot['name']}"],
             "name": robot["title"],
             "model": robot["series"],
             "configuration_url": robot["page"],
@@ -120,7 +110,7 @@ def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
         "origin": {"name": "telepresence"},
         "availability_topic": f"{base}/availability",
         "state_topic": f"{base}/state",
-        "components": sensors | buttons,
+        "components": components(robot["name"], base),
     }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 
-from experiments.bots.page import Field, HtmlForm
+from experiments.bots.page import FormField, HtmlForm
 from experiments.bots.persona import Persona
 from surveys.questions import question_type
 
@@ -54,7 +54,7 @@ class Answering:
     circumstances: Mapping[str, str]
     now: datetime.datetime
 
-    def answer(self, asked: Field) -> Sent:
+    def answer(self, asked: FormField) -> Sent:
         """Return what is sent for one field.
 
         Raises:
@@ -71,7 +71,7 @@ class Answering:
         return self.persona.option(name, count)
 
 
-def _one_of(asked: Field, bot: Answering) -> Sent:
+def _one_of(asked: FormField, bot: Answering) -> Sent:
     """Choose a point of a scale by opinion, an option by chance: a scale's values are numbers, in
     order.
     """
@@ -84,12 +84,12 @@ def _one_of(asked: Field, bot: Answering) -> Sent:
     return [(asked.name, values[bot.option(asked.name, len(values))])]
 
 
-def _listed(asked: Field, bot: Answering) -> Sent:
+def _listed(asked: FormField, bot: Answering) -> Sent:
     options = [choice.value for choice in asked.choices if choice.value]
     return [(asked.name, options[bot.option(asked.name, len(options))])] if options else []
 
 
-def _some_of(asked: Field, bot: Answering) -> Sent:
+def _some_of(asked: FormField, bot: Answering) -> Sent:
     if len(asked.choices) == 1:  # a box to tick: "I agree"
         return [(asked.name, asked.choices[0].value)]
     chosen = asked.choices[bot.option(asked.name, len(asked.choices))]
@@ -102,11 +102,11 @@ def _some_of(asked: Field, bot: Answering) -> Sent:
     return [(asked.name, choice.value) for choice in both]
 
 
-def _number(asked: Field, bot: Answering) -> Sent:
+def _number(asked: FormField, bot: Answering) -> Sent:
     return [(asked.name, _number_of(asked, bot))]
 
 
-def _number_of(asked: Field, bot: Answering) -> str:
+def _number_of(asked: FormField, bot: Answering) -> str:
     named = f"{asked.name} {asked.label}".lower()
     if any(word in named for word in BIRTH):
         return str(bot.persona.birth_year)
@@ -122,7 +122,7 @@ def _number_of(asked: Field, bot: Answering) -> str:
     return f"{min(high, whole):g}"
 
 
-def _day(asked: Field, bot: Answering) -> Sent:
+def _day(asked: FormField, bot: Answering) -> Sent:
     latest = asked.attributes.get("max") or bot.now.date().isoformat()
     earliest = (
         asked.attributes.get("min")
@@ -133,7 +133,7 @@ def _day(asked: Field, bot: Answering) -> Sent:
     return [(asked.name, (first + datetime.timedelta(days=days)).isoformat())]
 
 
-def _words(asked: Field, bot: Answering) -> Sent:
+def _words(asked: FormField, bot: Answering) -> Sent:
     longest = int(asked.attributes.get("maxlength") or 80)
     if any(word in asked.name for word in GUARDIAN) and not asked.required:
         return []
@@ -146,7 +146,7 @@ def _is_whole(value: str) -> bool:
 
 
 # By the type of an input, or the name of another control.
-CONTROLS: dict[str, Callable[[Field, Answering], Sent]] = {
+CONTROLS: dict[str, Callable[[FormField, Answering], Sent]] = {
     "radio": _one_of,
     "select": _listed,
     "checkbox": _some_of,

@@ -29,7 +29,7 @@ class Leg:
 
 
 @dataclass
-class Entry:
+class PageVisit:
     """One page: its heading, when it came, and for how long it was open (seconds), its words and
     questions.
     """
@@ -50,7 +50,7 @@ class Diary:
     ending: str
     user: str = ""
     code: str = ""
-    entries: list[Entry] = field(default_factory=list)
+    entries: list[PageVisit] = field(default_factory=list)
     legs: list[Leg] = field(default_factory=list)
     answered: dict[str, str] = field(default_factory=dict)
     stuck: str = ""

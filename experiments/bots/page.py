@@ -38,7 +38,7 @@ class FormChoice:
 
 
 @dataclass
-class Field:
+class FormField:
     """What takes one answer. `kind` is the type of its input, or `textarea`, `select`; `attributes`
     are those of its first control. In a questionnaire it is part of a `question` of a type.
     """
@@ -79,7 +79,7 @@ class HtmlForm:
     method: str
     in_main: bool
     hidden: list[tuple[str, str]] = field(default_factory=list)
-    fields: dict[str, Field] = field(default_factory=dict)
+    fields: dict[str, FormField] = field(default_factory=dict)
     buttons: list[Button] = field(default_factory=list)
     data: dict[str, str] = field(default_factory=dict)
 
@@ -156,7 +156,7 @@ class _Open:
     text: list[str] = field(default_factory=list)
 
 
-class _Reader(HTMLParser):
+class _PageParser(HTMLParser):
     """Fills a Page. A control's label is the `<label for>` of its id, which may stand before or
     after it, else the fieldset's legend.
     """
@@ -166,8 +166,8 @@ class _Reader(HTMLParser):
         self.page = HtmlPage()
         self.open: list[_Open] = []
         self.labels: dict[str, str] = {}
-        self.choices: list[tuple[Field, int, str]] = []  # whose label is not known yet
-        self.described: list[tuple[Field, str]] = []
+        self.choices: list[tuple[FormField, int, str]] = []  # whose label is not known yet
+        self.described: list[tuple[FormField, str]] = []
         self.words: list[str] = []
         self.form: HtmlForm | None = None
         self.legend = ""
@@ -256,9 +256,9 @@ class _Reader(HTMLParser):
         )
         self.page.forms.append(self.form)
 
-    def _field(self, form: HtmlForm, attributes: dict[str, str], kind: str) -> Field:
+    def _field(self, form: HtmlForm, attributes: dict[str, str], kind: str) -> FormField:
         name = attributes["name"]
-        new = Field(
+        new = FormField(
             name,
             kind,
             self.legend,
@@ -363,6 +363,6 @@ class _Reader(HTMLParser):
 
 def read(html: str) -> HtmlPage:
     """Return what a page holds."""
-    reader = _Reader()
+    reader = _PageParser()
     reader.feed(html)
     return reader.finish()

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 from experiments.bots import answers
 from experiments.bots.browser import Browser, BrowserError, HttpAnswer
-from experiments.bots.diary import Diary, Entry
+from experiments.bots.diary import Diary, PageVisit
 from experiments.bots.drive import BotDrive
 from experiments.bots.endings import GIVES_UP, Ending
 from experiments.bots.page import HtmlForm
@@ -134,7 +134,7 @@ class BotParticipant:
     async def _following(self, here: HttpAnswer) -> HttpAnswer | None:
         """Do what this page asks for, and return the next one; None when the bot has left."""
         began = self.clock()
-        entry = Entry(
+        entry = PageVisit(
             " · ".join(here.page.headings),
             here.path,
             began,

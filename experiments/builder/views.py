@@ -74,7 +74,7 @@ MOST_SHOWN = 40  # problems above a form
 
 
 @dataclass(frozen=True)
-class Told:
+class LinkedProblem:
     """A problem, and the page on which it is mended."""
 
     text: str
@@ -82,7 +82,7 @@ class Told:
 
 
 @dataclass
-class Draft:
+class SubmittedPart:
     """A form as it came in: `part` as typed, `errors` by name of the field, `above` what no field
     is to blame for, `anchor` where to go on.
     """
@@ -119,12 +119,15 @@ def sections(row: Row) -> list[dict[str, Any]]:
     ]
 
 
-def told(row: Row) -> list[Told]:
+def told(row: Row) -> list[LinkedProblem]:
     """Return everything that is wrong with a study, or stands in its way here."""
     definition = row.as_definition()
     said = in_words(publishing.problems_of(row), whole_of(row))
     found = [(text, place_of(problem, definition)) for problem, text in said.items()]
-    return [Told(text, address(row, place) if place is not None else "") for text, place in found]
+    return [
+        LinkedProblem(text, address(row, place) if place is not None else "")
+        for text, place in found
+    ]
 
 
 def at_hand() -> AtHand:
@@ -248,7 +251,7 @@ class BuilderPages:
         if part is None:
             raise Http404
         if request.method != "POST":
-            return self._show(request, row, place, Draft(part))
+            return self._show(request, row, place, SubmittedPart(part))
         _to_change(request, row)
         draft = _read(request, place, part)
         saved = None if draft.errors else _save(request, row, place, draft)
@@ -265,7 +268,12 @@ class BuilderPages:
         )
 
     def _show(
-        self, request: HttpRequest, row: Row, place: BuilderPlace, draft: Draft, status: int = 200
+        self,
+        request: HttpRequest,
+        row: Row,
+        place: BuilderPlace,
+        draft: SubmittedPart,
+        status: int = 200,
     ) -> HttpResponse:
         whole, part = whole_of(row), draft.part
         former = place.part(whole) or part
@@ -372,7 +380,7 @@ def _to_change(request: HttpRequest, row: Row) -> Row:
     return row
 
 
-def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> Draft:
+def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> SubmittedPart:
     """Return what a form says after its button: `save`, `add:<list>`, or
     `remove|up|down:<list>:<n>`.
     """
@@ -382,7 +390,7 @@ def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> Draft:
     if cls is Course:
         part = renumber(part)
     told = PartForm(cls, part, only=place.only, is_sent=True).told
-    return Draft(part, told, anchor=anchor)
+    return SubmittedPart(part, told, anchor=anchor)
 
 
 def _press(part: Document, sent: Any) -> str:
@@ -405,7 +413,7 @@ def _put(whole: Document, place: BuilderPlace, part: Document) -> StudyDefinitio
     return msgspec.convert(place.put(whole, part), StudyDefinition)
 
 
-def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: Draft) -> Row | None:
+def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> Row | None:
     """Keep what a form says; None with the reason in the draft when that cannot be."""
     if request.POST.get("sha256") != row.sha256:
         draft.above.append(str(MEANWHILE))

@@ -16,7 +16,7 @@ from experiments.models import Drive, Participant, Study
 from robots.api.messages import LabReport
 from robots.api.network_words import spell
 from sessions.leases.absences import end_of, faults_of
-from sessions.leases.fault_side import Fault
+from sessions.leases.fault_side import FaultAttribution
 from sessions.models import Session as Visit
 from sessions.models import SessionEvent
 
@@ -78,7 +78,7 @@ def _session(
     *,
     number: int,
     operator: bool,
-    fault: Fault,
+    fault: FaultAttribution,
 ) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
     names, about = release.names, visit.device or {}

@@ -5,7 +5,8 @@ study itself.
 import math
 from collections.abc import Iterator
 
-from experiments.definition import analysis_problems, factors
+from experiments.definition import factors
+from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
 from experiments.definition.steps import KINDS
 from surveys.documents import checked, duplicates, text_problems
@@ -186,7 +187,7 @@ def _of_allocation(study: StudyDefinition) -> Iterator[str]:
         yield "There is no condition; add at least one."
         return
     yield from factors.problems(study)
-    yield from analysis_problems.problems(study)
+    yield from _of_analyses(study)
     if bool(study.refill.outcomes) != bool(study.refill.most):
         yield "The refill rule needs both outcomes and a number."
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
@@ -197,3 +198,47 @@ def _of_allocation(study: StudyDefinition) -> Iterator[str]:
             f"The statements of the analysis, {study.analysis.statements}, must "
             "be among the study's questionnaires."
         )
+
+
+def _of_analyses(study: StudyDefinition) -> Iterator[str]:
+    yield from duplicates("analysis", (one.key for one in study.analyses))
+    for one in study.analyses:
+        yield from (f"Analysis {one.key}: {told}" for told in _of_analysis(one, study))
+
+
+def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[str]:
+    if not one.measures:
+        yield "it measures nothing; add at least one measure."
+    yield from duplicates("measure", one.measures)
+    asked = {step.questionnaire for step in study.asking}
+    for measure in one.measures:
+        questionnaire, point, _ = measure.partition(".")
+        if point and questionnaire not in asked:
+            yield f"the study does not ask the questionnaire {questionnaire}."
+    known = {condition.key for condition in study.conditions}
+    named = [*one.conditions, *(key for it in one.contrasts for key in (*it.first, *it.second))]
+    for key in dict.fromkeys(named):
+        if key not in known:
+            yield f"there is no condition {key}."
+    for contrast in one.contrasts:
+        if not contrast.first or not contrast.second or set(contrast.first) & set(contrast.second):
+            yield "a contrast compares two different sides of at least one condition each."
+    yield from _of_mixed_model(one, study)
+
+
+def _of_mixed_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[str]:
+    if one.test != "mixed":
+        if one.effects:
+            yield "only a mixed model has effects."
+        return
+    if not one.effects:
+        yield "a mixed model needs at least one effect."
+    if one.contrasts or one.post_hoc:
+        yield "a mixed model has effects, and neither contrasts nor post-hoc tests."
+    if study.allocation.design != "within":
+        yield "a mixed model needs participants who do several conditions."
+    factors = {factor.key for factor in study.factors}
+    for effect in one.effects:
+        for name in effect.split(":"):
+            if name not in factors | EFFECTS:
+                yield f"there is no factor {name}."

@@ -26,7 +26,7 @@ from experiments.definition import conditions, start_condition
 from experiments.definition.course import CourseError
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import DriveStep
-from experiments.models import Drive, Kind, Participant, Study
+from experiments.models import Drive, Participant, ParticipantKind, Study
 from experiments.participation import assignment, places, progress
 from experiments.participation.assignment import AssignmentChoice, Cell, Held
 from experiments.participation.drive_status import driven, series_of
@@ -158,7 +158,10 @@ def standing_of(user: User, robot: Robot) -> Standing | None:
     for participant in (
         progress.of_user(user).filter(status=Participant.Status.ACTIVE).order_by("-seen_at")
     ):
-        if participant.study.status == Study.Status.DRAFT and participant.kind == Kind.PARTICIPANT:
+        if (
+            participant.study.status == Study.Status.DRAFT
+            and participant.kind == ParticipantKind.PARTICIPANT
+        ):
             continue
         definition = participant.study.as_definition()
         step = definition.drive(participant.step)

@@ -11,7 +11,7 @@ import secrets
 from typing import Any, Literal
 
 from accounts.passwordless import sign_out_everywhere
-from experiments.models import Kind, Participant, PersonalLink, Study
+from experiments.models import Participant, ParticipantKind, PersonalLink, Study
 from experiments.participation import progress
 
 TOKEN_BYTES = 24
@@ -31,7 +31,7 @@ def make(
     *,
     label: str = "",
     access: str = "invitation",
-    kind: str = Kind.PARTICIPANT,
+    kind: str = ParticipantKind.PARTICIPANT,
     expires_at: datetime.datetime | None = None,
     now: datetime.datetime,
 ) -> tuple[PersonalLink, str]:
@@ -103,7 +103,7 @@ def _why_not(link: PersonalLink, user: Any) -> Reason | None:
     """
     if link.study.status == Study.Status.CLOSED:
         return "closed"
-    is_draft = link.study.status == Study.Status.DRAFT and link.kind != Kind.BOT
+    is_draft = link.study.status == Study.Status.DRAFT and link.kind != ParticipantKind.BOT
     return "draft" if is_draft and not progress.is_member(user, link.study.slug) else None
 
 
@@ -128,7 +128,7 @@ def redeem(token: str, user: Any, *, language: str, now: datetime.datetime) -> P
     study = link.study
     was_there = progress.found(study, user) is not None
     access: Any = link.access
-    kind = progress.kind_of(user, study) if link.kind == Kind.PARTICIPANT else link.kind
+    kind = progress.kind_of(user, study) if link.kind == ParticipantKind.PARTICIPANT else link.kind
     participant = progress.enter(
         study, user, access=access, recruitment={}, kind=kind, language=language, now=now
     )

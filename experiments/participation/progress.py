@@ -15,7 +15,7 @@ from django.db.models import Q, QuerySet
 from experiments.definition import opening_hours
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.step import Step
-from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
+from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import assignment, completion, journey, places
 from experiments.participation.assignment import Access
 from experiments.participation.journey import JourneyPlace
@@ -62,7 +62,7 @@ def study_for(user: Any, slug: str) -> Study | None:
     """
     versions = Study.objects.filter(slug=slug).order_by("-version")
     own = _under_way_in(user, slug)
-    if own is not None and own.kind != Kind.PILOT:
+    if own is not None and own.kind != ParticipantKind.PILOT:
         return own.study
     if is_member(user, slug):
         return versions.first()
@@ -76,7 +76,7 @@ def _under_way_in(user: Any, slug: str) -> Participant | None:
     if not user.is_authenticated:
         return None
     # a bot comes again to the version that it was made for, be it a draft
-    under_way = Q(status=Status.ACTIVE) | Q(kind=Kind.BOT)
+    under_way = Q(status=Status.ACTIVE) | Q(kind=ParticipantKind.BOT)
     own = Participant.objects.filter(under_way, user=user, study__slug=slug).select_related("study")
     return own.order_by("-created_at").first()
 
@@ -103,7 +103,7 @@ def enter(
     *,
     access: Access,
     recruitment: Mapping[str, str],
-    kind: str = Kind.PARTICIPANT,
+    kind: str = ParticipantKind.PARTICIPANT,
     language: str = "",
     now: datetime.datetime,
 ) -> Participant:
@@ -140,7 +140,7 @@ def enter(
 
 def kind_of(user: Any, study: Study) -> str:
     """Return as what somebody takes part who comes by a page: researchers try their study out."""
-    return Kind.PILOT if is_member(user, study.slug) else Kind.PARTICIPANT
+    return ParticipantKind.PILOT if is_member(user, study.slug) else ParticipantKind.PARTICIPANT
 
 
 def kept_parameters(given: Mapping[str, str]) -> dict[str, str]:
@@ -170,7 +170,7 @@ def title_of(study: Study, wanted: str) -> str:
 
 
 def is_full(
-    study: Study, access: Access, now: datetime.datetime, kind: str = Kind.PARTICIPANT
+    study: Study, access: Access, now: datetime.datetime, kind: str = ParticipantKind.PARTICIPANT
 ) -> bool:
     """Tell whether nobody new can get a place: every cell has its quota, or there is none for those
     who came that way.

@@ -31,7 +31,7 @@ from accounts.passwordless import (
     sign_in,
 )
 from accounts.rate_limits import limited, too_many
-from experiments.models import ConsentReceipt, Kind, Participant, PersonalLink, Study
+from experiments.models import ConsentReceipt, Participant, ParticipantKind, PersonalLink, Study
 from experiments.participation import advance, consent, landing, links, own_data, progress
 from experiments.participation.forms import EntryCodeForm
 
@@ -192,7 +192,7 @@ def link(request: HttpRequest, token: str) -> HttpResponseBase:
         "page": page,
         "sign_up": _sign_up(request),
         "is_used": found.redeemed_at is not None,
-        "needs_account": found.kind == Kind.BOT,
+        "needs_account": found.kind == ParticipantKind.BOT,
     }
     return render(request, "experiments/link.html", more)
 
@@ -213,7 +213,7 @@ def _follow(
         sign_in(request, guest)
     elif user.is_authenticated and not user.is_guest:
         links.redeem(token, user, language=language, now=now)
-    elif found.kind == Kind.BOT:
+    elif found.kind == ParticipantKind.BOT:
         return redirect(_sign_up(request))
     else:
         if (refused := _too_many_guests(request)) is not None:

@@ -15,9 +15,9 @@ from experiments.analysis.report import EVERY, reports
 from experiments.analysis.tables.table import as_csv
 from experiments.dataset.build import dataset_of
 from experiments.definition.schema import StudyDefinition
-from experiments.models import Drive, Kind, Rehearsal, Study
+from experiments.models import Drive, ParticipantKind, Rehearsal, Study
 from experiments.rehearsal.replay_check import discrepancies
-from experiments.rehearsal.report import Findings, Record, RehearsalReport
+from experiments.rehearsal.report import DriveRecord, Findings, RehearsalReport
 
 # a bot has no WebRTC that would measure them
 NEVER_FOR_BOTS = frozenset({"loss", "fps", "bitrate", "freezes", "jitter"})
@@ -29,7 +29,7 @@ def findings(study: Study) -> Findings:
     definition = study.as_definition()
     practice = definition.practice_keys
     drives = Drive.objects.filter(
-        participant__study=study, participant__kind=Kind.BOT
+        participant__study=study, participant__kind=ParticipantKind.BOT
     ).select_related("session")
     records = {
         str(drive.session_id): _record(drive, is_practice=drive.step in practice)
@@ -43,12 +43,12 @@ def findings(study: Study) -> Findings:
     return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, otherwise)
 
 
-def _record(drive: Drive, *, is_practice: bool) -> Record:
+def _record(drive: Drive, *, is_practice: bool) -> DriveRecord:
     result: dict[str, Any] = drive.result or {}
     started, ended = result.get("started"), result.get("ended")
     seconds = ended - started if started is not None and ended is not None else None
     outcome = drive.outcome or drive.session.outcome
-    return Record(
+    return DriveRecord(
         drive.condition,
         outcome,
         len(result.get("checkpoints") or ()),

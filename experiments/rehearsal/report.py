@@ -83,7 +83,7 @@ class RehearsalReport:
 
 
 @dataclass(frozen=True)
-class Record:
+class DriveRecord:
     """What the database says of a bot's drive: its condition, outcome, and how what was in force
     differs from what was assigned.
     """
@@ -105,7 +105,7 @@ class Findings:
     (experiments/rehearsal/replay_check.py).
     """
 
-    records: Mapping[str, Record] = field(default_factory=dict)
+    records: Mapping[str, DriveRecord] = field(default_factory=dict)
     empty_columns: Sequence[str] = ()
     drawn: Sequence[str] = ()
     not_drawn: Sequence[str] = ()
@@ -177,7 +177,7 @@ def _condition(
     return report
 
 
-def _legs(diaries: Sequence[Diary], found: Findings) -> list[tuple[Leg, Record]]:
+def _legs(diaries: Sequence[Diary], found: Findings) -> list[tuple[Leg, DriveRecord]]:
     legs = [leg for diary in diaries for leg in diary.legs if leg.session]
     return [(leg, found.records[leg.session]) for leg in legs if leg.session in found.records]
 

@@ -10,12 +10,11 @@ from django.http import Http404, HttpRequest
 from django.urls import reverse
 
 from experiments.analysis.dataset.records import EVERY, WITHOUT, Kind
-from experiments.models import Kind as Kinds
-from experiments.models import Study
+from experiments.models import ParticipantKind, Study
 
 
 @dataclass(frozen=True)
-class Asked:
+class AnalysisQuery:
     """A study's version, kinds of participants, and a selection
     (experiments/analysis/report.py).
     """
@@ -34,10 +33,10 @@ class Asked:
     @property
     def counts(self) -> bool:
         """Whether it is what the study's results are made of: participants alone."""
-        return self.kinds == (Kinds.PARTICIPANT.value,)
+        return self.kinds == (ParticipantKind.PARTICIPANT.value,)
 
 
-def asked_of(request: HttpRequest, slug: str) -> Asked:
+def asked_of(request: HttpRequest, slug: str) -> AnalysisQuery:
     """Return what a request asks for; without a version the newest that was published.
 
     Raises:
@@ -55,7 +54,7 @@ def asked_of(request: HttpRequest, slug: str) -> Asked:
     if study is None:
         raise Http404
     selection = WITHOUT if request.GET.get("selection") == WITHOUT else EVERY
-    return Asked(study, _kinds(request.GET.getlist("kind")), selection)
+    return AnalysisQuery(study, _kinds(request.GET.getlist("kind")), selection)
 
 
 def versions_of(study: Study) -> list[int]:

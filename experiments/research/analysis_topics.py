@@ -11,7 +11,7 @@ from django.utils.translation import gettext_lazy as _
 
 
 @dataclass(frozen=True)
-class Topic:
+class AnalysisTopic:
     """A page, `key` in its address. `names` are those of figures and tables in the order in which
     they are shown; one that ends in a hyphen stands for all that begin so.
     """
@@ -39,9 +39,9 @@ class Topic:
 
 
 TOPICS = (
-    Topic("overview", _("Overview"), ("flow", "funnel", "table-1", "table-3")),
-    Topic("participants", _("Participants"), ("participants", "table-2")),
-    Topic(
+    AnalysisTopic("overview", _("Overview"), ("flow", "funnel", "table-1", "table-3")),
+    AnalysisTopic("participants", _("Participants"), ("participants", "table-2")),
+    AnalysisTopic(
         "outcomes",
         _("Outcomes"),
         (
@@ -54,22 +54,24 @@ TOPICS = (
             "metrics",
         ),
     ),
-    Topic(
+    AnalysisTopic(
         "questionnaires",
         _("Questionnaires"),
         ("figure-8a", "figure-8b", "answers", "table-5", "table-5-", "table-4"),
     ),
-    Topic(
+    AnalysisTopic(
         "trajectories",
         _("Trajectories"),
         ("figure-7", "figure-6-", "segment-metrics", "segments"),
     ),
-    Topic("network", _("Network"), ("ages", "safety-limits", "network-effects", "network-classes")),
-    Topic("data-quality", _("Data quality"), ("quality", "sessions")),
+    AnalysisTopic(
+        "network", _("Network"), ("ages", "safety-limits", "network-effects", "network-classes")
+    ),
+    AnalysisTopic("data-quality", _("Data quality"), ("quality", "sessions")),
 )
 
 
-def topic_of(name: str) -> Topic:
+def topic_of(name: str) -> AnalysisTopic:
     """Return the topic of a figure or table.
 
     Raises:

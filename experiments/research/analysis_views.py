@@ -23,11 +23,11 @@ from django.views.decorators.http import require_safe
 
 from experiments.access import for_role, may
 from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.models import Drive, Kind, Study
+from experiments.models import Drive, ParticipantKind, Study
 from experiments.research import analysis_cache
 from experiments.research.analysis_cache import NotComputedError, Stored
-from experiments.research.analysis_query import Asked, asked_of, versions_of
-from experiments.research.analysis_topics import TOPICS, Topic, topic_of
+from experiments.research.analysis_query import AnalysisQuery, asked_of, versions_of
+from experiments.research.analysis_topics import TOPICS, AnalysisTopic, topic_of
 from experiments.research.figure_links import linked
 from sessions.models import Session
 
@@ -71,7 +71,7 @@ def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpRes
             status=503,
         )
     if asked.selection not in stored.selections:
-        asked = Asked(asked.study, asked.kinds, stored.selections[0])
+        asked = AnalysisQuery(asked.study, asked.kinds, stored.selections[0])
     summary = stored.read(asked.selection, "summary")
     parts = [*summary["figures"], *summary["tables"]]
     context = _about(asked, stored) | {
@@ -92,13 +92,13 @@ def page(request: HttpRequest, slug: str, topic: str = TOPICS[0].key) -> HttpRes
     return render(request, "experiments/analysis/page.html", context)
 
 
-def _page_of(asked: Asked, topic: Topic, **more: object) -> str:
+def _page_of(asked: AnalysisQuery, topic: AnalysisTopic, **more: object) -> str:
     """Return the address of a topic's page; the first is the analysis itself."""
     own = () if topic is TOPICS[0] else (topic.key,)
     return asked.address("analysis_topic" if own else "analysis", *own, **more)
 
 
-def _about(asked: Asked, stored: Stored) -> dict[str, Any]:
+def _about(asked: AnalysisQuery, stored: Stored) -> dict[str, Any]:
     study = asked.study
     return {
         "asked": asked,
@@ -106,11 +106,11 @@ def _about(asked: Asked, stored: Stored) -> dict[str, Any]:
         "stored": stored,
         "back": asked.address("analysis"),
         "versions": versions_of(study),
-        "kinds": [(kind.value, kind.label, kind.value in asked.kinds) for kind in Kind],
+        "kinds": [(kind.value, kind.label, kind.value in asked.kinds) for kind in ParticipantKind],
     }
 
 
-def _table(asked: Asked, stored: Stored, head: dict[str, Any]) -> dict[str, Any]:
+def _table(asked: AnalysisQuery, stored: Stored, head: dict[str, Any]) -> dict[str, Any]:
     is_short = head["rows"] <= SHORT
     name = head["name"]
     rows = _rows(asked, stored, stored.read(asked.selection, f"table-{name}")) if is_short else None
@@ -122,7 +122,7 @@ def _table(asked: Asked, stored: Stored, head: dict[str, Any]) -> dict[str, Any]
 
 
 def _files(
-    asked: Asked, stored: Stored, kind: str, name: str, endings: Iterable[str]
+    asked: AnalysisQuery, stored: Stored, kind: str, name: str, endings: Iterable[str]
 ) -> list[tuple[str, str]]:
     return [
         (
@@ -133,16 +133,16 @@ def _files(
     ]
 
 
-def _rows(asked: Asked, stored: Stored, rows: list[Any]) -> list[list[tuple[str, str]]]:
+def _rows(asked: AnalysisQuery, stored: Stored, rows: list[Any]) -> list[list[tuple[str, str]]]:
     """Cells as their text and the address of the sessions behind them."""
     return [[(text, _address(asked, stored, number)) for text, number in row] for row in rows]
 
 
-def _address(asked: Asked, stored: Stored, number: int | None) -> str:
+def _address(asked: AnalysisQuery, stored: Stored, number: int | None) -> str:
     return "" if number is None else asked.address("analysis_sessions", number, report=stored.key)
 
 
-def _figure(asked: Asked, stored: Stored, about: dict[str, Any]) -> dict[str, Any]:
+def _figure(asked: AnalysisQuery, stored: Stored, about: dict[str, Any]) -> dict[str, Any]:
     name, behind = about["name"], about["behind"]
     svg = (stored.folder / asked.selection / "figures" / f"{name}.svg").read_bytes()
     drawn = linked(
@@ -194,7 +194,7 @@ def _neighbours(here: Any) -> Iterable[tuple[str, int]]:
         yield "next", here.next_page_number()
 
 
-def _stored(request: HttpRequest, asked: Asked) -> Stored:
+def _stored(request: HttpRequest, asked: AnalysisQuery) -> Stored:
     """Return the report that a page was made of, as long as it is there; else there is nothing to
     be found by its numbers.
     """
@@ -228,7 +228,7 @@ def sessions(request: HttpRequest, slug: str, number: int) -> HttpResponse:
         | {
             "code": code,
             "outcome": OUTCOMES.get(known[code]["outcome"], known[code]["outcome"]),
-            "kind_label": Kind(known[code]["kind"]).label,
+            "kind_label": ParticipantKind(known[code]["kind"]).label,
             "replays": _replays(keys.get(code), known[code]),
         }
         for code in sets[number]

@@ -19,7 +19,7 @@ from django.views.decorators.clickjacking import xframe_options_sameorigin
 
 from accounts.models import User
 from experiments.definition.schema import StudyDefinition
-from experiments.models import Kind, Participant, Study
+from experiments.models import Participant, ParticipantKind, Study
 from experiments.participation import journey
 from experiments.participation.assignment import Access
 from experiments.participation.steps import page_of
@@ -122,7 +122,7 @@ def _nobody(
     return Participant(
         study=row,
         user=User(kind=User.Kind.PARTICIPANT, display_name=_("Participant")),
-        kind=Kind.PILOT,
+        kind=ParticipantKind.PILOT,
         access=_access(definition),
         visit=place.visit,
         round=place.round,

@@ -13,11 +13,11 @@ from django.utils import timezone
 from django.utils.safestring import SafeString
 
 from robots.admin_pages.access import WithDriver
+from robots.admin_pages.owner_status import OwnerStatus, owner_status
 from robots.api.messages import VERSION
 from robots.cards import picture_of
 from robots.forms import offered
 from robots.models import Robot
-from robots.owner_status import OwnerStatus, owner_status
 
 Place = Literal["visits", "mail"]
 Section = Callable[[HttpRequest, Robot], SafeString | str]

@@ -21,7 +21,7 @@ import msgspec
 from sessions.leases.fault_side import (
     MANAGER,
     WEB,
-    Fault,
+    FaultAttribution,
     ServerAbsence,
     SessionEnd,
     fault_of,
@@ -83,7 +83,7 @@ def note_page_closed(session: str, code: int, now: datetime.datetime) -> None:
     _note(session, PAGE_CLOSED, now, code=code)
 
 
-def faults_of(sessions: Iterable[Session]) -> dict[uuid.UUID, Fault]:
+def faults_of(sessions: Iterable[Session]) -> dict[uuid.UUID, FaultAttribution]:
     """Return whose fault the end of each session was, by its key."""
     rows = list(sessions)
     noted: dict[uuid.UUID, list[tuple[str, dict[str, Any]]]] = defaultdict(list)

@@ -62,28 +62,28 @@ class SessionEnd:
 
 
 @dataclass(frozen=True)
-class Fault:
+class FaultAttribution:
     """Whose fault it was, and which part of the platform where it was the platform's."""
 
     side: Side = ""
     part: str = ""
 
 
-def fault_of(end: SessionEnd) -> Fault:
+def fault_of(end: SessionEnd) -> FaultAttribution:
     """Return whose fault the end of a session was."""
     if end.outcome in {"", "completed"}:
-        return Fault()
+        return FaultAttribution()
     if end.reason == LEASE_GONE:
-        return Fault("platform", MANAGER)
+        return FaultAttribution("platform", MANAGER)
     absence = _absence(end)
     if absence is not None:
-        return Fault("platform", absence.part)
+        return FaultAttribution("platform", absence.part)
     known = _SIDES.get((end.outcome, end.reason)) or _SIDES.get((end.outcome, ""))
     if known is not None:
-        return Fault(known)
+        return FaultAttribution(known)
     if end.outcome in LINK_OUTCOMES or end.lost_at is not None:
-        return Fault("visitor" if end.close_code in CLOSED_BY_VISITOR else "network")
-    return Fault()
+        return FaultAttribution("visitor" if end.close_code in CLOSED_BY_VISITOR else "network")
+    return FaultAttribution()
 
 
 def _absence(end: SessionEnd) -> ServerAbsence | None:

@@ -260,7 +260,7 @@ def fix_terms(session: str, now: datetime.datetime) -> None:
     if fixed != FREE:
         changes["terms"] = terms.stored(fixed)
     if fixed.assist is None and not fixed.study and _drives_for_the_first_time(row):
-        changes["assist"] = Robot.Assist.SLOW
+        changes["assist"] = Robot.DriveAssist.SLOW
     if changes:
         Session.objects.filter(pk=session).update(**changes)
 
@@ -272,7 +272,7 @@ def _drives_for_the_first_time(row: Session) -> bool:
     robot = row.robot
     return (
         not row.assist
-        and robot.assist == Robot.Assist.OFF
+        and robot.assist == Robot.DriveAssist.OFF
         and "assist" in (robot.factsheet or {}).get("capabilities", ())
         and not Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False).exists()
     )

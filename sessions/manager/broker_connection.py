@@ -23,6 +23,7 @@ from django.utils import timezone
 
 from robots.api import codec, messages, topics
 from robots.bridge import broker_address
+from robots.cancellation import until_one_ends
 from robots.presence import PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import RobotLink
@@ -36,7 +37,6 @@ from sessions.manager.ingest import Intake, filters
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
 from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message, send
-from sessions.manager.task_group import until_one_ends
 from sessions.models import Session
 from sessions.recording.items import CloseItem
 from sessions.recording.recorder import Recorder

@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from surveys.definition import Definition, to_json
 from surveys.documents import MAX_TEXT, BadDefinitionError, Text
 from surveys.importing.plain_text import PIPED, plain
-from surveys.importing.report import Note, NotImportedError, Report, clean, excerpt
+from surveys.importing.report import ImportReport, Note, NotImportedError, clean, excerpt
 from surveys.problems import MAX_BYTES, MAX_QUESTIONS, problems
 
 MAX_KEY = 40
@@ -58,7 +58,7 @@ class Draft:
         self, system: str, label: str, languages: Sequence[str], *, keeps_lines: bool = False
     ) -> None:
         self.languages = tuple(languages)
-        self.report = Report(label)
+        self.report = ImportReport(label)
         self.title: Text = {}
         self.intro: Text = {}
         self.source = ""

@@ -35,7 +35,7 @@ class PlainText:
     lost: tuple[str, ...] = ()
 
 
-class _Reader(HTMLParser):
+class _TextParser(HTMLParser):
     def __init__(self, *, keeps_lines: bool) -> None:
         super().__init__(convert_charrefs=True)
         self.parts: list[str] = []
@@ -83,7 +83,7 @@ def plain(html: str, *, keeps_lines: bool = False) -> PlainText:
     if "<" not in html and "&" not in html:
         text = html if keeps_lines else re.sub(r"\s+", " ", html)
         return PlainText(_tidy(text))
-    reader = _Reader(keeps_lines=keeps_lines)
+    reader = _TextParser(keeps_lines=keeps_lines)
     try:
         reader.feed(html)
         reader.close()

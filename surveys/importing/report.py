@@ -10,7 +10,7 @@ from django.utils.translation import gettext_lazy as _lazy
 EXCERPT = 120
 
 
-class Outcome(StrEnum):
+class ImportOutcome(StrEnum):
     """What became of it."""
 
     IMPORTED = "imported"
@@ -19,9 +19,9 @@ class Outcome(StrEnum):
 
 
 LABELS = {
-    Outcome.IMPORTED: _lazy("imported"),
-    Outcome.CHANGED: _lazy("changed"),
-    Outcome.LEFT_OUT: _lazy("not imported"),
+    ImportOutcome.IMPORTED: _lazy("imported"),
+    ImportOutcome.CHANGED: _lazy("changed"),
+    ImportOutcome.LEFT_OUT: _lazy("not imported"),
 }
 
 
@@ -38,21 +38,21 @@ class Note(msgspec.Struct):
     text: str = ""
     keys: list[str] = []
     remarks: list[str] = []
-    outcome: Outcome = Outcome.IMPORTED
+    outcome: ImportOutcome = ImportOutcome.IMPORTED
 
     def changed(self, remark: str) -> None:
         """Say what is different from the file."""
         remark = clean(remark)
         if remark not in self.remarks:
             self.remarks.append(remark)
-        if self.outcome is Outcome.IMPORTED:
-            self.outcome = Outcome.CHANGED
+        if self.outcome is ImportOutcome.IMPORTED:
+            self.outcome = ImportOutcome.CHANGED
 
     def left_out(self, reason: str) -> None:
         """Say why it was not imported."""
         self.keys = []
         self.remarks = [clean(reason)]
-        self.outcome = Outcome.LEFT_OUT
+        self.outcome = ImportOutcome.LEFT_OUT
 
     @property
     def label(self) -> str:
@@ -60,17 +60,17 @@ class Note(msgspec.Struct):
         return str(LABELS[self.outcome])
 
 
-class Report(msgspec.Struct):
+class ImportReport(msgspec.Struct):
     """All of them, in the order of the file. `system` is where the file comes from."""
 
     system: str
     notes: list[Note] = []
 
-    def count(self, outcome: Outcome) -> int:
+    def count(self, outcome: ImportOutcome) -> int:
         """Return how many lines have an outcome."""
         return sum(1 for note in self.notes if note.outcome is outcome)
 
-    def counts(self) -> Sequence[tuple[Outcome, str, int]]:
+    def counts(self) -> Sequence[tuple[ImportOutcome, str, int]]:
         """Return each outcome with its name and number."""
         return [(outcome, str(label), self.count(outcome)) for outcome, label in LABELS.items()]
 
@@ -86,11 +86,11 @@ def excerpt(text: str) -> str:
     return line if len(line) <= EXCERPT else line[: EXCERPT - 1].rstrip() + "…"
 
 
-def stored(report: Report) -> Any:
+def stored(report: ImportReport) -> Any:
     """Return a report as it is stored."""
     return msgspec.to_builtins(report)
 
 
-def from_stored(document: Any) -> Report:
+def from_stored(document: Any) -> ImportReport:
     """Return a stored report."""
-    return msgspec.convert(document, Report)
+    return msgspec.convert(document, ImportReport)

@@ -27,7 +27,7 @@ from experiments.bots.endings import ABOUT_PHOTO, Ending
 from experiments.bots.pace import Pace, own_pace
 from experiments.bots.persona import effect
 from experiments.definition.schema import Condition, StudyDefinition
-from experiments.models import Drive, Kind, Study
+from experiments.models import Drive, ParticipantKind, Study
 from experiments.participation import links
 from experiments.publishing import obstacles_here
 from experiments.rehearsal import findings
@@ -190,7 +190,7 @@ def bot_links(study: Study, endings: Sequence[Ending]) -> list[str]:
     now = timezone.now()
     ways = ways_in(study.as_definition(), endings)
     made = [
-        links.make(study, label=f"bot {number}", access=way, kind=Kind.BOT, now=now)
+        links.make(study, label=f"bot {number}", access=way, kind=ParticipantKind.BOT, now=now)
         for number, way in enumerate(ways)
     ]
     return [f"/studies/link/{token}/" for _row, token in made]

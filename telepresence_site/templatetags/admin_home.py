@@ -14,7 +14,7 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import ngettext
 
-from experiments.models import Kind, Participant, Study
+from experiments.models import Participant, ParticipantKind, Study
 from experiments.participation import progress
 from experiments.research.live import RECENT
 from experiments.research.study_access import slugs_of
@@ -99,7 +99,7 @@ def _of_studies(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     n_open = sum(progress.is_open(row, now) for row in published)
     n_paused = len(published) - n_open
     n_drafts = sum(row.status == Study.Status.DRAFT for row in rows)
-    people = Participant.objects.filter(kind=Kind.PARTICIPANT, study__in=rows).aggregate(
+    people = Participant.objects.filter(kind=ParticipantKind.PARTICIPANT, study__in=rows).aggregate(
         now=Count("pk", filter=Q(status=Participant.Status.ACTIVE, seen_at__gte=now - RECENT)),
         done=Count("pk", filter=Q(status=Participant.Status.FINISHED)),
     )

@@ -22,7 +22,7 @@ from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.participation.landing import invitations
 from robots.access import may_drive, robots_visible_to
-from robots.cards import STATES, Card, Traffic, card
+from robots.cards import STATES, RobotCard, Traffic, card
 from robots.models import Robot
 from sessions.leases.policy import ActiveSession, Hold, Scene, minutes_until_turn, place_in_queue
 from sessions.leases.store import rules_of, session_of
@@ -144,7 +144,7 @@ def _screenshots() -> list[dict[str, str]]:
     ]
 
 
-def cards_for(user: Any, now: datetime.datetime) -> list[Card]:
+def cards_for(user: Any, now: datetime.datetime) -> list[RobotCard]:
     """Return a card for every robot that `user`, signed in or not, may know of; those that can be
     driven now come first.
     """
@@ -159,7 +159,7 @@ def cards_for(user: Any, now: datetime.datetime) -> list[Card]:
     return sorted(cards, key=lambda c: STATES.index(c.state))
 
 
-def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> Card:
+def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> RobotCard:
     return card(
         robot,
         traffic,
@@ -193,7 +193,7 @@ def _barred(user: Any, robot: Any) -> str:
     return "" if not user.is_authenticated else may_drive(user, robot).reason
 
 
-def _for_visitor(built: Card, user: Any) -> Card:
+def _for_visitor(built: RobotCard, user: Any) -> RobotCard:
     """Lead a stranger through the sign-up to the robot, and everybody else
     straight to its wheel.
     """
@@ -202,7 +202,7 @@ def _for_visitor(built: Card, user: Any) -> Card:
     return replace(built, url=f"{built.url}?go=1") if built.drives else built
 
 
-def _invitation(user: Any, cards: list[Card]) -> Invitation:
+def _invitation(user: Any, cards: list[RobotCard]) -> Invitation:
     free = next((c for c in cards if c.state == "available"), None)
     if free is not None:
         return Invitation(

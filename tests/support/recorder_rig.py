@@ -23,9 +23,8 @@ from asgiref.sync import sync_to_async
 from django.conf import settings
 
 from robots.api import codec, messages, topics
-from robots.cancellation import cancel
+from robots.cancellation import cancel, until_one_ends
 from sessions.manager.service import SessionManager
-from sessions.manager.task_group import until_one_ends
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.site import free_port

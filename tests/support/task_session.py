@@ -13,7 +13,7 @@ import msgspec
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.models import Drive, Kind
+from experiments.models import Drive, ParticipantKind
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
 from experiments.tasks.runner import Runner
 from robots.api import messages as m
@@ -40,7 +40,9 @@ def cabin_robot() -> Robot:
 def begin(robot: Robot, name: str = "ada", study: Any = None, **changes: Any) -> Drive:
     """A participant who just got the robot, in the condition with every door open, and drives."""
     study = study or p.published(small_study(conditions=[small_conditions()[0]], **changes))
-    participant = p.comer(study, User.objects.create(username=name), kind=Kind.PARTICIPANT)
+    participant = p.comer(
+        study, User.objects.create(username=name), kind=ParticipantKind.PARTICIPANT
+    )
     session = store.take(robot, participant.user, f"peer-{name}", now=timezone.now()).session
     Session.objects.filter(pk=session).update(state="driving", driving_at=timezone.now())
     return Drive.objects.select_related("session__robot", "participant__study").get(session=session)

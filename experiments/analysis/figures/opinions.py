@@ -21,7 +21,7 @@ from experiments.analysis.tables.paper_tables import (
 )
 from experiments.analysis.tables.response_selection import note
 from experiments.analysis.tables.table import Table, TableCell, count, number, words
-from surveys.likert import Line
+from surveys.likert import LikertRow
 
 BAR = 0.72
 ROW = 0.27  # inches
@@ -118,7 +118,7 @@ def figure_8b(dataset: Dataset) -> Drawing:
     )
 
 
-def _half(axes: Axes, at: int, line: Line, parts: Sequence[float], side: int) -> str:
+def _half(axes: Axes, at: int, line: LikertRow, parts: Sequence[float], side: int) -> str:
     """Draw one side of a balance, and return its gid."""
     key = f"{('nonpositive', 'positive')[side]}-{line.kind}-{line.key}"
     left, share = (0.0, parts[0])[side], parts[side]
@@ -136,7 +136,7 @@ def _half(axes: Axes, at: int, line: Line, parts: Sequence[float], side: int) ->
     return key
 
 
-def _canvas(lines: Sequence[Line]) -> tuple[Figure, Axes]:
+def _canvas(lines: Sequence[LikertRow]) -> tuple[Figure, Axes]:
     figure = Figure(figsize=(WIDTH, 1.1 + ROW * max(3, len(lines))), layout="constrained")
     axes: Axes = figure.subplots()
     if not lines:
@@ -162,7 +162,7 @@ def _canvas(lines: Sequence[Line]) -> tuple[Figure, Axes]:
 
 
 def _stack(
-    axes: Axes, at: int, line: Line, responses: Sequence[ResponseRecord], scale: Sequence[int]
+    axes: Axes, at: int, line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
 ) -> Behind:
     mean, parts = line.summary.mean, line.summary.percentages
     if mean is None or parts is None:
@@ -193,7 +193,7 @@ def _beside(axes: Axes, text: str, where: tuple[float, float], side: int) -> Non
     )
 
 
-def _balance(line: Line) -> tuple[float, ...] | None:
+def _balance(line: LikertRow) -> tuple[float, ...] | None:
     """Non-positive and positive answers, in percent."""
     total = line.summary.answers
     above = round((line.summary.positive or 0.0) * total / 100.0)
@@ -201,7 +201,7 @@ def _balance(line: Line) -> tuple[float, ...] | None:
 
 
 def _numbers(
-    line: Line, responses: Sequence[ResponseRecord], scale: Sequence[int]
+    line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
 ) -> tuple[TableCell, ...]:
     about = behind(line, responses)
     parts = shares(line.summary.counts) or (None,) * len(scale)

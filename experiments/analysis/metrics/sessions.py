@@ -29,7 +29,7 @@ Values = dict[str, float]
 
 
 @dataclass(frozen=True)
-class Segment:
+class CheckpointSegment:
     """From one checkpoint to the next: 0 stands for the charging station at both ends; `values` by
     SEGMENT_METRICS' names.
     """
@@ -52,7 +52,7 @@ class Measured:
     session: SessionRecord
     milestones: Milestones
     values: Values
-    segments: tuple[Segment, ...]
+    segments: tuple[CheckpointSegment, ...]
     way: Floats
 
 
@@ -222,7 +222,7 @@ def _segments(
     found: Milestones,
     task: Trajectory,
     network: Columns,
-) -> Iterable[Segment]:
+) -> Iterable[CheckpointSegment]:
     if course is None:
         return
     home = course.checkpoints[0]
@@ -245,7 +245,7 @@ def _segments(
         values["efficiency_bounded"] = (
             float(values["shortest"] > driven) if driven > 0.0 else math.nan
         )
-        yield Segment(
+        yield CheckpointSegment(
             session.id,
             number,
             begin.number,

@@ -39,7 +39,7 @@ TOO_FEW = "fewer than two participants"
 
 
 @dataclass(frozen=True)
-class Estimate:
+class IntervalEstimate:
     """A number and its 95 % confidence interval; NaN where it is unknown."""
 
     value: float = math.nan
@@ -47,7 +47,7 @@ class Estimate:
     high: float = math.nan
 
 
-UNKNOWN = Estimate()
+UNKNOWN = IntervalEstimate()
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ class Test:
     statistic: float = math.nan
     df: tuple[float, ...] = ()
     p: float = math.nan
-    difference: Estimate = UNKNOWN
+    difference: IntervalEstimate = UNKNOWN
     effect_name: str = ""
-    effect: Estimate = UNKNOWN
+    effect: IntervalEstimate = UNKNOWN
     remark: str = ""
 
     @property
@@ -139,7 +139,7 @@ def between(first: Floats, second: Floats) -> Test:
     difference = float(first.mean() - second.mean())
     scale = float(np.abs(np.concatenate((first, second))).max())
     if is_constant(first, scale) and is_constant(second, scale):
-        return Test("Welch t", n + m, difference=Estimate(difference), remark=NO_VARIANCE)
+        return Test("Welch t", n + m, difference=IntervalEstimate(difference), remark=NO_VARIANCE)
     a, b = float(first.var(ddof=1)) / n, float(second.var(ddof=1)) / m
     error = math.sqrt(a + b)
     freedom = (a + b) ** 2 / (a**2 / (n - 1) + b**2 / (m - 1))
@@ -166,7 +166,7 @@ def within(first: Floats, second: Floats) -> Test:
     mean = float(differences.mean())
     scale = float(np.abs(np.concatenate((first, second))).max())
     if is_constant(differences, scale):
-        return Test("paired t", n, difference=Estimate(mean), remark=EQUAL_DIFFERENCES)
+        return Test("paired t", n, difference=IntervalEstimate(mean), remark=EQUAL_DIFFERENCES)
     sd = float(differences.std(ddof=1))
     t = mean / (sd / math.sqrt(n))
     return Test(
@@ -181,18 +181,18 @@ def within(first: Floats, second: Floats) -> Test:
     )
 
 
-def _around(value: float, error: float, freedom: float) -> Estimate:
+def _around(value: float, error: float, freedom: float) -> IntervalEstimate:
     slack = float(stdtrit(freedom, UPPER)) * error
-    return Estimate(value, value - slack, value + slack)
+    return IntervalEstimate(value, value - slack, value + slack)
 
 
-def standardized(size: float, weight: float, freedom: float) -> Estimate:
+def standardized(size: float, weight: float, freedom: float) -> IntervalEstimate:
     """Return a standardized difference with its interval: t = size·√weight has a noncentral t
     distribution, and the bounds are the noncentralities that put it at 2.5 and 97.5 %.
     """
     root = math.sqrt(weight)
     low, high = (float(nctdtrinc(freedom, tail, size * root)) / root for tail in (UPPER, LOWER))
-    return Estimate(size, low, high)
+    return IntervalEstimate(size, low, high)
 
 
 # --- several samples ------------------------------------------------------------------------------
@@ -230,7 +230,7 @@ def several_between(groups: Sequence[Floats]) -> Test:
     )
 
 
-def _eta_squared(groups: Sequence[Floats]) -> Estimate:
+def _eta_squared(groups: Sequence[Floats]) -> IntervalEstimate:
     values = np.concatenate(groups)
     total = float(((values - values.mean()) ** 2).sum())
     inside = math.fsum(float(((group - group.mean()) ** 2).sum()) for group in groups)
@@ -239,7 +239,7 @@ def _eta_squared(groups: Sequence[Floats]) -> Estimate:
     f = size / (1.0 - size) * (n - k) / (k - 1)
     bounds = (float(ncfdtrinc(k - 1, n - k, tail, f)) for tail in (UPPER, LOWER))
     low, high = (bound / (bound + n) for bound in bounds)
-    return Estimate(size, low, high)
+    return IntervalEstimate(size, low, high)
 
 
 def several_within(table: Floats) -> Test:
@@ -266,7 +266,7 @@ def several_within(table: Floats) -> Test:
     )
 
 
-def _concordance(size: float, table: Floats) -> Estimate:
+def _concordance(size: float, table: Floats) -> IntervalEstimate:
     """Return W with the 2.5 and 97.5 % quantiles of the W of resampled participants."""
     n, k = table.shape
     ranks = stats.rankdata(table, axis=1)
@@ -279,7 +279,7 @@ def _concordance(size: float, table: Floats) -> Estimate:
         chi2 = (12.0 / (n * k * (k + 1.0)) * (sums**2).sum(axis=1) - 3.0 * n * (k + 1.0)) / loss
     found = chi2[np.isfinite(chi2)] / (n * (k - 1))
     low, high = np.clip(np.quantile(found, (LOWER, UPPER)), 0.0, 1.0).tolist()
-    return Estimate(size, low, high)
+    return IntervalEstimate(size, low, high)
 
 
 def _tie_term(ranks: Floats) -> float:
@@ -314,12 +314,12 @@ def correlation(first: Floats, second: Floats) -> Test:
     )
 
 
-def _correlated(rho: float, n: int) -> Estimate:
+def _correlated(rho: float, n: int) -> IntervalEstimate:
     if abs(rho) >= 1.0:
-        return Estimate(rho)
+        return IntervalEstimate(rho)
     slack = float(ndtri(UPPER)) * math.sqrt((1.0 + rho * rho / 2.0) / (n - 3))
     centre = math.atanh(rho)
-    return Estimate(rho, math.tanh(centre - slack), math.tanh(centre + slack))
+    return IntervalEstimate(rho, math.tanh(centre - slack), math.tanh(centre + slack))
 
 
 def holm(values: Sequence[float], members: Sequence[Hashable] | None = None) -> tuple[float, ...]:

@@ -28,7 +28,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import fdtrc, stdtr, stdtrit
 
 from experiments.analysis.dataset.records import Floats
-from experiments.analysis.statistics.comparisons import UPPER, Estimate
+from experiments.analysis.statistics.comparisons import UPPER, IntervalEstimate
 
 Coding = Literal["treatment", "sum"]
 INTERCEPT = "(intercept)"
@@ -57,7 +57,7 @@ class Coefficient:
     """A coefficient of the model: its estimate with interval, standard error, t, df and p."""
 
     name: str
-    estimate: Estimate
+    estimate: IntervalEstimate
     error: float
     t: float
     df: float
@@ -247,7 +247,7 @@ def _coefficient(name: str, value: float, error: float, df: float) -> Coefficien
     t = value / error
     slack = float(stdtrit(df, UPPER)) * error
     p = float(2.0 * stdtr(df, -abs(t)))
-    return Coefficient(name, Estimate(value, value - slack, value + slack), error, t, df, p)
+    return Coefficient(name, IntervalEstimate(value, value - slack, value + slack), error, t, df, p)
 
 
 def _term_test(

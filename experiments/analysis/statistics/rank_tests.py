@@ -29,7 +29,7 @@ from experiments.analysis.statistics.comparisons import (
     SEED,
     TOO_FEW,
     UPPER,
-    Estimate,
+    IntervalEstimate,
     Test,
     tied,
 )
@@ -51,7 +51,7 @@ def signed_ranks(first: Floats, second: Floats) -> Test:
     differences = np.where(np.abs(differences) <= 1e-12 * scale, 0.0, differences)
     moved = differences[differences != 0.0]
     if not len(moved):
-        return Test(SIGNED, n, difference=Estimate(0.0), remark=EQUAL_DIFFERENCES)
+        return Test(SIGNED, n, difference=IntervalEstimate(0.0), remark=EQUAL_DIFFERENCES)
     ranks = stats.rankdata(np.abs(moved))
     positive = float(ranks[moved > 0.0].sum())
     found = stats.wilcoxon(moved, correction=False, method="auto")
@@ -80,7 +80,7 @@ def rank_sums(first: Floats, second: Floats) -> Test:
         return Test(RANK_SUM, n + m, remark=TOO_FEW)
     x, y = np.split(tied(np.concatenate((first, second))), [n])
     if (np.concatenate((x, y)) == x[0]).all():
-        return Test(RANK_SUM, n + m, difference=Estimate(0.0), remark=NO_VARIANCE)
+        return Test(RANK_SUM, n + m, difference=IntervalEstimate(0.0), remark=NO_VARIANCE)
     found = stats.mannwhitneyu(x, y, alternative="two-sided", use_continuity=False)
     u = float(found.statistic)
     error = math.sqrt((n + m + 1.0) / (3.0 * n * m))
@@ -120,7 +120,7 @@ def several_ranked(groups: Sequence[Floats]) -> Test:
         (len(groups) - 1.0,),
         float(found.pvalue),
         effect_name="ε²",
-        effect=Estimate(h / (n - 1.0), low, high),
+        effect=IntervalEstimate(h / (n - 1.0), low, high),
     )
 
 
@@ -140,17 +140,17 @@ def _h(ranks: Floats, sizes: Sequence[int]) -> Floats:
     return found
 
 
-def _median(values: Floats, below: float) -> Estimate:
+def _median(values: Floats, below: float) -> IntervalEstimate:
     """Return the median of averages or differences, and the order statistics with so many below."""
     ordered = np.sort(values)
     place = max(0, math.floor(below))
-    return Estimate(
+    return IntervalEstimate(
         float(np.median(ordered)), float(ordered[place]), float(ordered[len(ordered) - 1 - place])
     )
 
 
-def _biserial(size: float, error: float) -> Estimate:
+def _biserial(size: float, error: float) -> IntervalEstimate:
     if abs(size) >= 1.0:
-        return Estimate(size)
+        return IntervalEstimate(size)
     centre, slack = math.atanh(size), Z * error
-    return Estimate(size, math.tanh(centre - slack), math.tanh(centre + slack))
+    return IntervalEstimate(size, math.tanh(centre - slack), math.tanh(centre + slack))

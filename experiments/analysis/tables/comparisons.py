@@ -4,7 +4,7 @@ that a reader needs to check it.
 
 from collections.abc import Hashable, Mapping, Sequence
 
-from experiments.analysis.statistics.comparisons import Estimate, Test, holm
+from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, holm
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import TableCell, count, number, probability, words
 
@@ -74,7 +74,7 @@ def tested(test: Test, corrected: float) -> tuple[TableCell, ...]:
     )
 
 
-def estimated(estimate: Estimate, decimals: int) -> tuple[TableCell, TableCell, TableCell]:
+def estimated(estimate: IntervalEstimate, decimals: int) -> tuple[TableCell, TableCell, TableCell]:
     """Return a number and the bounds of its interval."""
     return (
         number(estimate.value, decimals),

@@ -11,7 +11,7 @@ from experiments.analysis.tables.table import Table, TableCell, amount, count, n
 from sessions.devices import OTHER
 from surveys.answers import Missing
 from surveys.definition import Definition
-from surveys.likert import Line, likert_table
+from surveys.likert import LikertRow, likert_table
 
 SYSTEMS = ("Windows", "Linux", "Mac OS", "Android", "iOS")
 BROWSERS = ("Chrome", "Firefox", "Chromium", "Opera")
@@ -123,7 +123,7 @@ def table_4(dataset: Dataset) -> Table:
 
 def lines_of(
     dataset: Dataset, condition: str | None = None
-) -> tuple[list[Line], list[ResponseRecord]]:
+) -> tuple[list[LikertRow], list[ResponseRecord]]:
     """Return the rows of Table 5 and the responses that count in it; no rows without a
     questionnaire of statements.
     """
@@ -175,7 +175,9 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
     return Table(f"table-5{suffix}", title, head, rows, below)
 
 
-def _not_applicable(lines: Sequence[Line], responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
+def _not_applicable(
+    lines: Sequence[LikertRow], responses: Sequence[ResponseRecord]
+) -> tuple[str, ...]:
     """Return how often "Does not apply" was answered to the statements; nothing when never."""
     keys = {key for line in lines for key in line.statements}
     times = sum(one.missing.get(key) == Missing.NOT_APPLICABLE for one in responses for key in keys)
@@ -191,7 +193,7 @@ def scale_of(dataset: Dataset) -> tuple[int, ...]:
     return tuple(point.value for point in points)
 
 
-def behind(line: Line, responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
+def behind(line: LikertRow, responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
     """Return the sessions whose answers a row of Table 5 is made of."""
     return behind_statements(line.statements, responses)
 
@@ -207,7 +209,9 @@ def behind_statements(
     )
 
 
-def said(line: Line, responses: Sequence[ResponseRecord], values: Sequence[int]) -> tuple[str, ...]:
+def said(
+    line: LikertRow, responses: Sequence[ResponseRecord], values: Sequence[int]
+) -> tuple[str, ...]:
     """Return the sessions in which one of some values was answered to one of a row's statements."""
     return tuple(
         one.session
@@ -216,13 +220,13 @@ def said(line: Line, responses: Sequence[ResponseRecord], values: Sequence[int])
     )
 
 
-def label_of(line: Line) -> str:
+def label_of(line: LikertRow) -> str:
     """Return what a row of Table 5 is called: statements by their key, as in Table 4."""
     return line.key.upper() if line.kind == "statement" else line.label
 
 
 def _summary_row(
-    line: Line, responses: Sequence[ResponseRecord], scale: Sequence[int]
+    line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
 ) -> tuple[TableCell, ...]:
     found, about = line.summary, behind(line, responses)
     parts = shares(found.counts) or (None,) * len(scale)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.analysis.dataset.columns import Column
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS, VERSION
-from experiments.analysis.metrics.sessions import Measured, Segment, Values
+from experiments.analysis.metrics.sessions import CheckpointSegment, Measured, Values
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.reliability import QualityVerdict
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
@@ -122,7 +122,7 @@ def segments_table(measured: Sequence[Measured]) -> Table:
     return Table("segments", "Segments from checkpoint to checkpoint.", head, rows)
 
 
-def _segment_row(one: Measured, segment: Segment) -> tuple[TableCell, ...]:
+def _segment_row(one: Measured, segment: CheckpointSegment) -> tuple[TableCell, ...]:
     own = (one.session.id,)
     about = (
         words(one.session.id, own),

@@ -2,18 +2,33 @@
 CSV, and as JSON what is no table.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
+from experiments.analysis.dataset.columns import Column
 from experiments.analysis.dataset.files import numbers, table, tables
-from experiments.analysis.dataset.records import SessionRecord
-from experiments.analysis.tables.metric_rows import METRIC_TABLE, metric_row
+from experiments.analysis.dataset.records import Dataset, EventRecord, SessionRecord
+from experiments.analysis.metrics.definitions import METRICS, VERSION
+from experiments.analysis.metrics.sessions import measure
+from experiments.analysis.tables.reliability import judge
 from experiments.dataset.build import ANALYSED
 from experiments.dataset.events import events_of
 from experiments.dataset.selection import Selection
 from experiments.export.format import ExportFormat, ExportSource, File, encoded
 from experiments.models import Drive
+
+METRIC_TABLE = (
+    Column("session", "", "code of the session"),
+    Column("metrics_version", "", "version of the definitions of the numbers"),
+    Column(
+        "problems",
+        "",
+        "rules for the record's quality that are not kept, divided by |; empty: good",
+    ),
+    *METRICS,
+)
 
 
 class CsvFormat(ExportFormat):
@@ -47,3 +62,18 @@ class CsvFormat(ExportFormat):
     def at_last(self) -> Iterator[File]:
         """Yield the metrics of all sessions."""
         yield from encoded([table("metrics", self._metrics, METRIC_TABLE)])
+
+
+def metric_row(
+    dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord]
+) -> list[Any]:
+    """Return the row of a session, from its own events."""
+    measured = measure(dataset, session, events)
+    problems = "|".join(word for word, _ in judge(measured, dataset.study.quality).problems)
+    values = (measured.values[column.name] for column in METRICS)
+    return [
+        session.id,
+        VERSION,
+        problems,
+        *("" if math.isnan(value) else repr(value) for value in values),
+    ]

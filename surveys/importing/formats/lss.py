@@ -14,8 +14,14 @@ from django.utils.translation import gettext as _
 from surveys.documents import BadDefinitionError
 from surveys.importing import safe_xml
 from surveys.importing.draft import Draft, language_of
-from surveys.importing.limesurvey.question import Asked
-from surveys.importing.limesurvey.tables import Group, Question, Survey, has_scores, survey_of
+from surveys.importing.limesurvey.question import LimeSurveyConversion
+from surveys.importing.limesurvey.tables import (
+    LimeSurveyGroup,
+    LimeSurveyQuestion,
+    Survey,
+    has_scores,
+    survey_of,
+)
 from surveys.importing.limesurvey.types import items_of
 from surveys.importing.parts import note_reversal
 from surveys.importing.report import Note, NotImportedError
@@ -74,10 +80,10 @@ class Lss(SurveyFormat):
                     % {"kind": kind[:40] or root.tag[:40]}
                 ]
             )
-        return _Reading(survey_of(root)).draft()
+        return _LssConversion(survey_of(root)).draft()
 
 
-class _Reading:
+class _LssConversion:
     """One file, group by group."""
 
     def __init__(self, survey: Survey) -> None:
@@ -113,7 +119,7 @@ class _Reading:
     def _survey_text(self, field: str) -> dict[str, str]:
         return {lang: row.get(field, "") for lang, row in self.survey.texts.items()}
 
-    def _take_group(self, group: Group) -> None:
+    def _take_group(self, group: LimeSurveyGroup) -> None:
         name = next((row.get("group_name", "") for row in group.texts.values()), "")
         note = Note(_("Group: %(name)s") % {"name": name})
         title = self.into.text(
@@ -133,7 +139,7 @@ class _Reading:
                 self.into.page(title, None, condition)
             self._ask(question)
 
-    def _ask(self, question: Question) -> None:
+    def _ask(self, question: LimeSurveyQuestion) -> None:
         shown = question.texts.get(self.into.languages[0]) or next(
             iter(question.texts.values()), {}
         )
@@ -142,16 +148,16 @@ class _Reading:
             if question.attribute("hidden") == "1":
                 raise NotImportedError(_("It is hidden from respondents."))
             if question.type == "X":
-                asked = Asked(self.into, note, question)
+                asked = LimeSurveyConversion(self.into, note, question)
                 self.into.say(note, asked.texts_of(question))
                 if self._condition(note, question.row.get("relevance", "")):
                     note.changed(_("Its condition is not imported: it is shown to everybody."))
             else:
                 self._take_question(note, question)
 
-    def _take_question(self, note: Note, question: Question) -> None:
+    def _take_question(self, note: Note, question: LimeSurveyQuestion) -> None:
         condition = self._condition(note, question.row.get("relevance", ""))
-        items = items_of(Asked(self.into, note, question))
+        items = items_of(LimeSurveyConversion(self.into, note, question))
         if condition is not None:
             items = [{"show_if": condition} | item for item in items]
         self.into.ask(note, items)

@@ -19,7 +19,7 @@ from surveys.documents import BadDefinitionError
 from surveys.importing.draft import Draft, language_of
 from surveys.importing.parts import note_reversal
 from surveys.importing.plain_text import plain
-from surveys.importing.qualtrics.question import Asked, by_id
+from surveys.importing.qualtrics.question import QualtricsConversion, by_id
 from surveys.importing.qualtrics.types import items_of
 from surveys.importing.report import Note
 from surveys.importing.survey_format import SurveyFormat, Wishes
@@ -56,10 +56,10 @@ class Qsf(SurveyFormat):
             raise BadDefinitionError(
                 [_("This is not valid JSON: %(problem)s.") % {"problem": error}]
             ) from error
-        return _Reading(survey).draft()
+        return _QsfConversion(survey).draft()
 
 
-class _Reading:
+class _QsfConversion:
     """One file, element by element."""
 
     def __init__(self, survey: Any) -> None:
@@ -175,7 +175,7 @@ class _Reading:
             self._remark(note, payload, has_skip=has_skip)
 
     def _take_question(self, note: Note, payload: dict[str, Any]) -> None:
-        asked = Asked(self.into, note, payload)
+        asked = QualtricsConversion(self.into, note, payload)
         if asked.kind == "DB" and asked.selector in {"TB", "PTB"}:
             self.into.say(note, self.into.text(asked.raw("QuestionText"), note))
             if payload.get("DisplayLogic"):

@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from surveys.documents import BadDefinitionError, Text
 from surveys.importing.draft import Draft, language_of
 from surveys.importing.redcap.fields import (
-    Field,
+    RedcapField,
     Row,
     choices_of,
     grid,
@@ -79,7 +79,7 @@ class Redcap(SurveyFormat):
         Raises:
             BadDefinitionError: it is no such file, or has no such form.
         """
-        return _Reading(list(rows_of(document)), wishes).draft()
+        return _RedcapConversion(list(rows_of(document)), wishes).draft()
 
 
 def rows_of(document: bytes) -> Iterator[Row]:
@@ -122,7 +122,7 @@ def rows_of(document: bytes) -> Iterator[Row]:
             yield row | trimmed | {"type": row["type"].strip().lower()}
 
 
-class _Reading:
+class _RedcapConversion:
     """One file, field by field."""
 
     def __init__(self, rows: list[Row], wishes: Wishes) -> None:
@@ -169,7 +169,7 @@ class _Reading:
             if row is self.first:
                 note.left_out(_("The first field names the record; respondents have keys here."))
                 return
-            field = Field(self.into, note, row)
+            field = RedcapField(self.into, note, row)
             refuse_hidden(field)
             if row["type"] == "descriptive":
                 self._section(row)
@@ -199,7 +199,7 @@ class _Reading:
 
     def _grid(self, rows: list[Row]) -> None:
         notes = [self.into.note(row["name"], row["label"]) for row in rows]
-        fields = [Field(self.into, note, row) for note, row in zip(notes, rows, strict=True)]
+        fields = [RedcapField(self.into, note, row) for note, row in zip(notes, rows, strict=True)]
         with self.into.trying(notes[0]):
             heading = self._heading(rows[0]) if rows[0]["header"].strip() else {}
             if not heading:

@@ -6,14 +6,14 @@ from django.utils.translation import gettext as _
 
 from surveys.documents import Text
 from surveys.importing.draft import Item
-from surveys.importing.limesurvey.question import Asked, by_part, key_for, numbered
+from surveys.importing.limesurvey.question import LimeSurveyConversion, by_part, key_for, numbered
 from surveys.importing.parts import flags, options, scale, word
 
 WORDED = {"C": ("yes", "uncertain", "no"), "E": ("increase", "same", "decrease")}
 CODES = {"yes": "Y", "uncertain": "U", "no": "N", "increase": "I", "same": "S", "decrease": "D"}
 
 
-def array(asked: Asked) -> list[Item]:
+def array(asked: LimeSurveyConversion) -> list[Item]:
     """A, B, C, E, F, H: subquestions on one scale."""
     kind = asked.question.type
     if kind in {"A", "B"}:
@@ -29,7 +29,7 @@ def array(asked: Asked) -> list[Item]:
     return _on_scale(asked, found)
 
 
-def _on_scale(asked: Asked, answers: Mapping[str, Text]) -> list[Item]:
+def _on_scale(asked: LimeSurveyConversion, answers: Mapping[str, Text]) -> list[Item]:
     if len(answers) > 11:
         asked.note.changed(_("A scale has at most 11 points; each row is a list of options."))
         found = options(answers, asked.note)
@@ -44,7 +44,7 @@ def _on_scale(asked: Asked, answers: Mapping[str, Text]) -> list[Item]:
 
 
 def _grid(
-    asked: Asked,
+    asked: LimeSurveyConversion,
     name: str,
     values: Mapping[str, int],
     reasons: Mapping[str, bool],
@@ -70,7 +70,7 @@ def _grid(
     }
 
 
-def two_scales(asked: Asked) -> list[Item]:
+def two_scales(asked: LimeSurveyConversion) -> list[Item]:
     """1: subquestions on two scales."""
     asked.note.changed(_("Its two scales are two questions."))
     items = []
@@ -85,7 +85,7 @@ def two_scales(asked: Asked) -> list[Item]:
     return items
 
 
-def cells(asked: Asked) -> list[Item]:
+def cells(asked: LimeSurveyConversion) -> list[Item]:
     """: and ;: a number, a tick or a text for each row and column."""
     columns = asked.parts("1")
     text, common = asked.text(), asked.common()

@@ -4,18 +4,18 @@ from django.utils.translation import gettext as _
 
 from surveys.documents import Text
 from surveys.importing.draft import Item
-from surveys.importing.limesurvey.question import Asked, key_for, numbered
+from surveys.importing.limesurvey.question import LimeSurveyConversion, key_for, numbered
 from surveys.importing.parts import flags, options, other_text, remember_options, word
 
 OTHER = "-oth-"
 
 
-def _other_label(asked: Asked) -> Text:
+def _other_label(asked: LimeSurveyConversion) -> Text:
     own = asked.draft.text(asked.question.attribute_texts("other_replace_text"), asked.note)
     return own or word("other", asked.draft, asked.note)
 
 
-def single(asked: Asked) -> list[Item]:
+def single(asked: LimeSurveyConversion) -> list[Item]:
     """L, !, O: one of the answers; O has a comment."""
     labels = asked.answers()
     key = key_for(asked)
@@ -24,7 +24,7 @@ def single(asked: Asked) -> list[Item]:
     return _single(asked, key, labels)
 
 
-def _single(asked: Asked, key: str, labels: dict[str, Text]) -> list[Item]:
+def _single(asked: LimeSurveyConversion, key: str, labels: dict[str, Text]) -> list[Item]:
     coded = {("other" if code == OTHER else code): label for code, label in labels.items()}
     item = {
         "kind": "single",
@@ -43,7 +43,7 @@ def _single(asked: Asked, key: str, labels: dict[str, Text]) -> list[Item]:
     return items
 
 
-def _comment(asked: Asked, key: str) -> Item:
+def _comment(asked: LimeSurveyConversion, key: str) -> Item:
     asked.note.changed(_("The comment is a question of its own."))
     return {
         "kind": "text",
@@ -53,7 +53,7 @@ def _comment(asked: Asked, key: str) -> Item:
     }
 
 
-def fixed(asked: Asked) -> list[Item]:
+def fixed(asked: LimeSurveyConversion) -> list[Item]:
     """Y and G: answers that LimeSurvey does not write into the file."""
     names = {"Y": {"Y": "yes", "N": "no"}, "G": {"F": "female", "M": "male"}}
     labels = {
@@ -63,7 +63,7 @@ def fixed(asked: Asked) -> list[Item]:
     return _single(asked, key_for(asked), labels)
 
 
-def multiple(asked: Asked) -> list[Item]:
+def multiple(asked: LimeSurveyConversion) -> list[Item]:
     """M and P: any of the subquestions; P has a comment for each."""
     key = key_for(asked)
     parts = asked.parts()
@@ -101,7 +101,7 @@ def multiple(asked: Asked) -> list[Item]:
     return items
 
 
-def ranking(asked: Asked) -> list[Item]:
+def ranking(asked: LimeSurveyConversion) -> list[Item]:
     """R: the answers in an order."""
     labels = asked.answers() or {part.title: label for part, label in asked.parts()}
     if asked.number("max_answers") or asked.question.attribute("max_subquestions"):
@@ -118,7 +118,7 @@ def ranking(asked: Asked) -> list[Item]:
     ]
 
 
-def five_points(asked: Asked) -> list[Item]:
+def five_points(asked: LimeSurveyConversion) -> list[Item]:
     """5: one of the numbers from 1 to 5."""
     key = key_for(asked)
     for n in range(1, 6):

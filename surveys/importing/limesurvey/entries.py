@@ -3,13 +3,13 @@
 from django.utils.translation import gettext as _
 
 from surveys.importing.draft import Item
-from surveys.importing.limesurvey.question import Asked, by_part, key_for
+from surveys.importing.limesurvey.question import LimeSurveyConversion, by_part, key_for
 from surveys.importing.parts import flags
 
 LINES = {"S": 1, "T": 5, "U": 15}
 
 
-def free_text(asked: Asked) -> list[Item]:
+def free_text(asked: LimeSurveyConversion) -> list[Item]:
     """S, T, U: a text, or a number where only numbers are allowed."""
     if asked.question.attribute("numbers_only") == "1":
         return number(asked)
@@ -28,12 +28,12 @@ def free_text(asked: Asked) -> list[Item]:
     ]
 
 
-def texts(asked: Asked) -> list[Item]:
+def texts(asked: LimeSurveyConversion) -> list[Item]:
     """Q: several texts."""
     return by_part(asked, lambda _part: {"kind": "text"}, _("Each line is a question of its own."))
 
 
-def _number_fields(asked: Asked) -> Item:
+def _number_fields(asked: LimeSurveyConversion) -> Item:
     suffix = asked.draft.text(asked.question.attribute_texts("suffix"), asked.note)
     if any(asked.question.attribute_texts("prefix").values()):
         asked.note.changed(_("The text before the number is not imported."))
@@ -49,13 +49,13 @@ def _number_fields(asked: Asked) -> Item:
     }
 
 
-def number(asked: Asked) -> list[Item]:
+def number(asked: LimeSurveyConversion) -> list[Item]:
     """N: a number."""
     fields = _number_fields(asked)
     return [{"key": key_for(asked), "text": asked.text(), **asked.common(), **fields}]
 
 
-def numbers(asked: Asked) -> list[Item]:
+def numbers(asked: LimeSurveyConversion) -> list[Item]:
     """K: several numbers, or sliders."""
     if asked.question.attribute("slider_layout") == "1":
         return _sliders(asked)
@@ -69,7 +69,7 @@ def numbers(asked: Asked) -> list[Item]:
     return by_part(asked, lambda _part: fields, _("Each line is a question of its own."))
 
 
-def _sliders(asked: Asked) -> list[Item]:
+def _sliders(asked: LimeSurveyConversion) -> list[Item]:
     least, most = asked.number("slider_min"), asked.number("slider_max")
     low, high = int(least or 0), int(100 if most is None else most)
     step = asked.number("slider_accuracy") or 1
@@ -98,7 +98,7 @@ def _sliders(asked: Asked) -> list[Item]:
     return items
 
 
-def day(asked: Asked) -> list[Item]:
+def day(asked: LimeSurveyConversion) -> list[Item]:
     """D: a day."""
     if any(sign in asked.question.attribute("date_format") for sign in ("H", "M:")):
         asked.note.changed(_("Only the day is asked, not the time."))

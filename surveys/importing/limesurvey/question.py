@@ -6,20 +6,20 @@ from django.utils.translation import gettext as _
 
 from surveys.documents import Text
 from surveys.importing.draft import Draft, Item
-from surveys.importing.limesurvey.tables import Question
+from surveys.importing.limesurvey.tables import LimeSurveyQuestion
 from surveys.importing.parts import flags
 from surveys.importing.report import Note
 
 
-class Asked:
+class LimeSurveyConversion:
     """One question of the file on its way into a draft."""
 
-    def __init__(self, draft: Draft, note: Note, question: Question) -> None:
+    def __init__(self, draft: Draft, note: Note, question: LimeSurveyQuestion) -> None:
         self.draft = draft
         self.note = note
         self.question = question
 
-    def texts_of(self, question: Question, field: str = "question") -> Text:
+    def texts_of(self, question: LimeSurveyQuestion, field: str = "question") -> Text:
         """Return a text of a question or subquestion."""
         return self.draft.text(
             {lang: row.get(field, "") for lang, row in question.texts.items()}, self.note
@@ -48,7 +48,7 @@ class Asked:
             if answer.scale == scale_id
         }
 
-    def parts(self, scale_id: str = "0") -> list[tuple[Question, Text]]:
+    def parts(self, scale_id: str = "0") -> list[tuple[LimeSurveyQuestion, Text]]:
         """Return the subquestions with their texts."""
         return [
             (part, self.texts_of(part) or self.draft.same(part.title))
@@ -82,14 +82,16 @@ class Asked:
             return None
 
 
-def key_for(asked: Asked, part: Question | None = None) -> str:
+def key_for(asked: LimeSurveyConversion, part: LimeSurveyQuestion | None = None) -> str:
     """Return the key of a question, or of one of its subquestions."""
     title = asked.question.title
     wanted = title if part is None else f"{title}_{part.title}"
     return asked.draft.key(wanted, asked.note)
 
 
-def by_part(asked: Asked, make: Callable[[Question], Item], remark: str) -> list[Item]:
+def by_part(
+    asked: LimeSurveyConversion, make: Callable[[LimeSurveyQuestion], Item], remark: str
+) -> list[Item]:
     """Return an item for each subquestion, with the question's text before its own."""
     asked.note.changed(remark)
     text, common = asked.text(), asked.common()
@@ -104,7 +106,7 @@ def by_part(asked: Asked, make: Callable[[Question], Item], remark: str) -> list
     ]
 
 
-def numbered(asked: Asked, least: int, most: int) -> str:
+def numbered(asked: LimeSurveyConversion, least: int, most: int) -> str:
     """Return the name of a scale of numbers."""
     return asked.draft.scale(
         [

@@ -16,7 +16,7 @@ Texts = dict[str, dict[str, str]]
 
 
 @dataclass
-class Answer:
+class LimeSurveyAnswer:
     """An answer option. `texts` is by language; `scale` tells the two scales of some arrays."""
 
     code: str
@@ -26,7 +26,7 @@ class Answer:
 
 
 @dataclass
-class Question:
+class LimeSurveyQuestion:
     """A question or, in `parts`, one of its subquestions. `texts` has `question` and `help` by
     language; `attributes` are by name and language, "" for those without one.
     """
@@ -37,8 +37,8 @@ class Question:
     row: Row
     texts: Texts
     attributes: dict[tuple[str, str], str] = field(default_factory=dict)
-    parts: list["Question"] = field(default_factory=list)
-    answers: list[Answer] = field(default_factory=list)
+    parts: list["LimeSurveyQuestion"] = field(default_factory=list)
+    answers: list[LimeSurveyAnswer] = field(default_factory=list)
 
     def attribute(self, name: str) -> str:
         """Return an attribute that has no language; "" when it is not set."""
@@ -50,13 +50,13 @@ class Question:
 
 
 @dataclass
-class Group:
+class LimeSurveyGroup:
     """Questions that stand together."""
 
     gid: str
     row: Row
     texts: Texts
-    questions: list[Question]
+    questions: list[LimeSurveyQuestion]
 
 
 @dataclass
@@ -66,7 +66,7 @@ class Survey:
     languages: list[str]
     settings: Row
     texts: Texts
-    groups: list[Group]
+    groups: list[LimeSurveyGroup]
     others: dict[str, int]
 
 
@@ -79,7 +79,7 @@ def survey_of(root: Element) -> Survey:
     languages = list(dict.fromkeys([first, *named] if first else named))
     questions = _questions(tables)
     groups = [
-        Group(gid, row, texts, [one for one in questions if one.row.get("gid") == gid])
+        LimeSurveyGroup(gid, row, texts, [one for one in questions if one.row.get("gid") == gid])
         for gid, (row, texts) in _localized(tables, "groups", "gid", "group_l10ns").items()
     ]
     groups.sort(key=lambda group: _number(group.row.get("group_order")))
@@ -91,7 +91,7 @@ def survey_of(root: Element) -> Survey:
     return Survey(languages, settings, texts, groups, others)
 
 
-def has_scores(answers: list[Answer]) -> bool:
+def has_scores(answers: list[LimeSurveyAnswer]) -> bool:
     """Tell whether any answer has a score."""
     return any(answer.score not in {"", "0"} for answer in answers)
 
@@ -115,12 +115,12 @@ def _localized(
     return rows
 
 
-def _questions(tables: Mapping[str, list[Row]]) -> list[Question]:
-    found: dict[str, Question] = {}
+def _questions(tables: Mapping[str, list[Row]]) -> list[LimeSurveyQuestion]:
+    found: dict[str, LimeSurveyQuestion] = {}
     for table in ("questions", "subquestions"):
         for qid, (row, texts) in _localized(tables, table, "qid", "question_l10ns").items():
             found.setdefault(
-                qid, Question(qid, row.get("type", ""), row.get("title", ""), row, texts)
+                qid, LimeSurveyQuestion(qid, row.get("type", ""), row.get("title", ""), row, texts)
             )
     for row in tables.get("question_attributes", ()):
         if row.get("qid", "") in found:
@@ -135,7 +135,9 @@ def _questions(tables: Mapping[str, list[Row]]) -> list[Question]:
     return [one for one in in_order if one.row.get("parent_qid", "0") in {"0", ""}]
 
 
-def _add_answers(tables: Mapping[str, list[Row]], questions: Mapping[str, Question]) -> None:
+def _add_answers(
+    tables: Mapping[str, list[Row]], questions: Mapping[str, LimeSurveyQuestion]
+) -> None:
     rows: dict[tuple[str, str, str], tuple[Row, dict[str, str]]] = {}
     texts: dict[str, dict[str, str]] = {}
     for row in tables.get("answer_l10ns", ()):
@@ -149,7 +151,7 @@ def _add_answers(tables: Mapping[str, list[Row]], questions: Mapping[str, Questi
         rows.items(), key=lambda one: _number(one[1][0].get("sortorder"))
     ):
         if qid in questions:
-            answer = Answer(code, scale, row.get("assessment_value", "0"), found)
+            answer = LimeSurveyAnswer(code, scale, row.get("assessment_value", "0"), found)
             questions[qid].answers.append(answer)
 
 

@@ -12,10 +12,10 @@ from surveys.importing.draft import Item
 from surveys.importing.limesurvey.arrays import array, cells, two_scales
 from surveys.importing.limesurvey.choices import five_points, fixed, multiple, ranking, single
 from surveys.importing.limesurvey.entries import day, free_text, number, numbers, texts
-from surveys.importing.limesurvey.question import Asked
+from surveys.importing.limesurvey.question import LimeSurveyConversion
 from surveys.importing.report import NotImportedError
 
-TYPES: dict[str, Callable[[Asked], list[Item]]] = {
+TYPES: dict[str, Callable[[LimeSurveyConversion], list[Item]]] = {
     **dict.fromkeys("L!O", single),
     **dict.fromkeys("YG", fixed),
     **dict.fromkeys("MP", multiple),
@@ -33,7 +33,7 @@ TYPES: dict[str, Callable[[Asked], list[Item]]] = {
 NAMES = {"|": "file upload", "*": "equation", "I": "language switch"}
 
 
-def items_of(asked: Asked) -> list[Item]:
+def items_of(asked: LimeSurveyConversion) -> list[Item]:
     """Return what a question becomes.
 
     Raises:

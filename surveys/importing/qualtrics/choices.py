@@ -8,7 +8,7 @@ from surveys.documents import Text
 from surveys.importing.draft import Item
 from surveys.importing.parts import flags, option_values, options, other_text
 from surveys.importing.qualtrics.question import (
-    Asked,
+    QualtricsConversion,
     by_id,
     is_set,
     no_counterpart,
@@ -21,7 +21,7 @@ SINGLE = frozenset({"SAVR", "SAHR", "SACOL", "DL", "SB"})
 MULTIPLE = frozenset({"MAVR", "MAHR", "MACOL", "MSB"})
 
 
-def choice(asked: Asked) -> list[Item]:
+def choice(asked: QualtricsConversion) -> list[Item]:
     """MC: one or several of some options, or the eleven points of a Net Promoter Score."""
     if asked.selector == "NPS":
         return _nps(asked)
@@ -52,7 +52,7 @@ def choice(asked: Asked) -> list[Item]:
     return items
 
 
-def _codes(asked: Asked, labels: Mapping[str, Text]) -> dict[str, str]:
+def _codes(asked: QualtricsConversion, labels: Mapping[str, Text]) -> dict[str, str]:
     """Return what is stored for each choice: its recode value, or its id where these repeat."""
     codes = asked.codes(labels)
     if len(set(codes.values())) < len(codes):
@@ -61,13 +61,13 @@ def _codes(asked: Asked, labels: Mapping[str, Text]) -> dict[str, str]:
     return codes
 
 
-def _bounds(asked: Asked) -> dict[str, int]:
+def _bounds(asked: QualtricsConversion) -> dict[str, int]:
     least = whole(asked.settings.get("MinChoices"), 0)
     most = whole(asked.settings.get("MaxChoices"), 0)
     return flags(at_least=least, at_most=most)
 
 
-def _nps(asked: Asked) -> list[Item]:
+def _nps(asked: QualtricsConversion) -> list[Item]:
     numbers = [int(one) for one in asked.labels() if one.isascii() and one.isdigit()]
     named = [label for label in asked.labels("ColumnLabels", "").values() if label]
     first, last = (named[0], named[-1]) if len(named) > 1 else ({}, {})
@@ -90,7 +90,7 @@ def _nps(asked: Asked) -> list[Item]:
     ]
 
 
-def ranking(asked: Asked) -> list[Item]:
+def ranking(asked: QualtricsConversion) -> list[Item]:
     """RO: options to put into an order."""
     note_choices(asked)
     labels = asked.labels()

@@ -7,7 +7,7 @@ from django.utils.translation import gettext as _
 from surveys.importing.draft import Item
 from surveys.importing.parts import flags
 from surveys.importing.qualtrics.question import (
-    Asked,
+    QualtricsConversion,
     form_rows,
     mapping,
     no_counterpart,
@@ -26,7 +26,7 @@ UNCHECKED = {
 }
 
 
-def text_entry(asked: Asked) -> list[Item]:
+def text_entry(asked: QualtricsConversion) -> list[Item]:
     """TE: a text, a number or a date on one line or several, or a form of several lines."""
     if asked.selector == "PW":
         raise NotImportedError(_("Passwords are not asked here."))
@@ -49,7 +49,7 @@ def text_entry(asked: Asked) -> list[Item]:
     return [common | _content(asked)]
 
 
-def _content(asked: Asked) -> Item:
+def _content(asked: QualtricsConversion) -> Item:
     content = mapping(asked.settings.get("ValidNumber"))
     wanted = str(asked.settings.get("ContentType") or "")
     if asked.settings.get("Type") == "ContentType" and wanted == "ValidNumber":
@@ -79,7 +79,7 @@ def _is_number(value: Any) -> bool:
         return False
 
 
-def slider(asked: Asked) -> list[Item]:
+def slider(asked: QualtricsConversion) -> list[Item]:
     """Slider: one slider a choice, between the ends of all."""
     least = whole(asked.configuration.get("CSSliderMin"), 0)
     most = whole(asked.configuration.get("CSSliderMax"), 100)

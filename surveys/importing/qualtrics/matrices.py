@@ -8,7 +8,7 @@ from surveys.documents import Text
 from surveys.importing.draft import Item
 from surveys.importing.parts import flags, options, scale
 from surveys.importing.qualtrics.question import (
-    Asked,
+    QualtricsConversion,
     by_id,
     is_set,
     mapping,
@@ -18,7 +18,7 @@ from surveys.importing.qualtrics.question import (
 from surveys.importing.report import NotImportedError
 
 
-def matrix(asked: Asked) -> list[Item]:
+def matrix(asked: QualtricsConversion) -> list[Item]:
     """Matrix: statements on a scale, choices or texts by row."""
     if asked.selector == "TE":
         return _cells(asked)
@@ -56,7 +56,7 @@ def matrix(asked: Asked) -> list[Item]:
     ]
 
 
-def _rows(asked: Asked) -> Iterator[tuple[str, str, Text]]:
+def _rows(asked: QualtricsConversion) -> Iterator[tuple[str, str, Text]]:
     """Yield the id, key and text of each row."""
     tags = mapping(asked.payload.get("ChoiceDataExportTags"))
     choices = by_id(asked.payload.get("Choices"))
@@ -69,7 +69,7 @@ def _rows(asked: Asked) -> Iterator[tuple[str, str, Text]]:
         yield one, asked.draft.key(str(tags.get(one) or f"{asked.name}_{one}"), asked.note), label
 
 
-def _choices_by_row(asked: Asked, kind: str) -> list[Item]:
+def _choices_by_row(asked: QualtricsConversion, kind: str) -> list[Item]:
     asked.note.changed(_("Each row is a question of its own."))
     answers = asked.labels("Answers", "AnswerOrder")
     codes = asked.codes(answers)
@@ -90,7 +90,7 @@ def _choices_by_row(asked: Asked, kind: str) -> list[Item]:
     ]
 
 
-def _cells(asked: Asked) -> list[Item]:
+def _cells(asked: QualtricsConversion) -> list[Item]:
     asked.note.changed(_("Each cell is a question of its own."))
     answers = asked.labels("Answers", "AnswerOrder") or {"": {}}
     text, required = asked.text(), asked.is_required
@@ -108,7 +108,7 @@ def _cells(asked: Asked) -> list[Item]:
     ]
 
 
-def _bipolar(asked: Asked) -> list[Item]:
+def _bipolar(asked: QualtricsConversion) -> list[Item]:
     """Rows with words at both ends, written "left:right"."""
     asked.note.changed(_("Each row is a question of its own, with its own words at the ends."))
     answers = asked.labels("Answers", "AnswerOrder")

@@ -12,7 +12,7 @@ from surveys.importing.report import Note
 Payload = Mapping[str, Any]
 
 
-class Asked:
+class QualtricsConversion:
     """One question of the file with its texts in all languages."""
 
     def __init__(self, draft: Draft, note: Note, payload: Payload) -> None:
@@ -131,7 +131,7 @@ def is_set(choice: Any, name: str) -> bool:
 # --- what kinds share -----------------------------------------------------------------------------
 
 
-def note_choices(asked: Asked) -> None:
+def note_choices(asked: QualtricsConversion) -> None:
     """Note what of the choices themselves is not imported."""
     choices = by_id(asked.payload.get("Choices"))
     if any(mapping(choice).get("DisplayLogic") for choice in choices.values()):
@@ -140,14 +140,14 @@ def note_choices(asked: Asked) -> None:
         asked.note.changed(_("Options carried forward from another question are not imported."))
 
 
-def form_rows(asked: Asked) -> Iterator[tuple[str, str, Text]]:
+def form_rows(asked: QualtricsConversion) -> Iterator[tuple[str, str, Text]]:
     """Yield the id, key and text of each choice that is a question of its own."""
     for one, label in asked.labels().items():
         own = asked.draft.key(f"{asked.name}_{one}", asked.note)
         yield one, own, label
 
 
-def no_counterpart(asked: Asked) -> str:
+def no_counterpart(asked: QualtricsConversion) -> str:
     """Return the reason why a kind of question is not imported."""
     kind = "/".join(part for part in (asked.kind, asked.selector, asked.sub_selector) if part)
     return str(_("There is no question of the type %(kind)s here.") % {"kind": kind})

@@ -12,18 +12,18 @@ from surveys.importing.draft import Item
 from surveys.importing.qualtrics.choices import choice, ranking
 from surveys.importing.qualtrics.entries import slider, text_entry
 from surveys.importing.qualtrics.matrices import matrix
-from surveys.importing.qualtrics.question import Asked, by_id, mapping, no_counterpart
+from surveys.importing.qualtrics.question import QualtricsConversion, by_id, mapping, no_counterpart
 from surveys.importing.report import NotImportedError
 
 
-def columns_of(asked: Asked) -> list[Item]:
+def columns_of(asked: QualtricsConversion) -> list[Item]:
     """SBS: several matrices with the same rows, one a column."""
     asked.note.changed(_("Each column is a question of its own."))
     columns = by_id(asked.payload.get("AdditionalQuestions"))
     rows = {name: asked.payload.get(name) for name in ("Choices", "ChoiceOrder")}
     items: list[Item] = []
     for one, column in columns.items():
-        inner = Asked(asked.draft, asked.note, {**mapping(column), **rows})
+        inner = QualtricsConversion(asked.draft, asked.note, {**mapping(column), **rows})
         inner.name = f"{asked.name}_{one}"
         converter = TYPES.get(inner.kind)
         if converter is None or converter is columns_of:
@@ -36,7 +36,7 @@ def columns_of(asked: Asked) -> list[Item]:
     return items
 
 
-TYPES: dict[str, Callable[[Asked], list[Item]]] = {
+TYPES: dict[str, Callable[[QualtricsConversion], list[Item]]] = {
     "MC": choice,
     "Matrix": matrix,
     "TE": text_entry,
@@ -46,7 +46,7 @@ TYPES: dict[str, Callable[[Asked], list[Item]]] = {
 }
 
 
-def items_of(asked: Asked) -> list[Item]:
+def items_of(asked: QualtricsConversion) -> list[Item]:
     """Return what a question becomes.
 
     Raises:

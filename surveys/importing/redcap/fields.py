@@ -31,7 +31,7 @@ _OWN_TAGS = frozenset(
 _DATES = re.compile(r"^date_(ymd|mdy|dmy)$")
 
 
-class Field:
+class RedcapField:
     """One row of the dictionary."""
 
     def __init__(self, draft: Draft, note: Note, row: Row) -> None:
@@ -88,7 +88,7 @@ def _whole(text: str) -> int | None:
 # --- field types ----------------------------------------------------------------------------------
 
 
-def text_field(field: Field) -> Item:
+def text_field(field: RedcapField) -> Item:
     """text: a text, a number or a day, by its validation."""
     rule = field.row["validation"].strip().lower()
     if rule == "integer" or rule.startswith("number"):
@@ -100,17 +100,17 @@ def text_field(field: Field) -> Item:
     return field.item("text", **_length(field, 1000))
 
 
-def notes(field: Field) -> Item:
+def notes(field: RedcapField) -> Item:
     """notes: a text of several lines."""
     return field.item("text", lines=5, **_length(field, 5000))
 
 
-def _length(field: Field, usual: int) -> Item:
+def _length(field: RedcapField, usual: int) -> Item:
     most = _whole(field.tags.get("@CHARLIMIT", ""))
     return {"max_length": most if most is not None and 1 <= most <= 5000 else usual}
 
 
-def _bounds(field: Field) -> Item:
+def _bounds(field: RedcapField) -> Item:
     bounds: Item = {}
     for name, column in (("minimum", "min"), ("maximum", "max")):
         value = field.row[column].strip().replace(",", ".")
@@ -123,7 +123,7 @@ def _bounds(field: Field) -> Item:
     return bounds
 
 
-def _days(field: Field) -> Item:
+def _days(field: RedcapField) -> Item:
     days: Item = {}
     for name, column in (("earliest", "min"), ("latest", "max")):
         value = field.row[column].strip().lower()
@@ -138,12 +138,12 @@ def _days(field: Field) -> Item:
     return days
 
 
-def one_choice(field: Field) -> Item:
+def one_choice(field: RedcapField) -> Item:
     """radio, dropdown: one of its choices."""
     return _choice(field, field.labels())
 
 
-def two_words(field: Field) -> Item:
+def two_words(field: RedcapField) -> Item:
     """yesno, truefalse: 1 or 0."""
     names = ("yes", "no") if field.row["type"] == "yesno" else ("true", "false")
     labels = {
@@ -153,13 +153,13 @@ def two_words(field: Field) -> Item:
     return _choice(field, labels)
 
 
-def _choice(field: Field, labels: dict[str, Text]) -> Item:
+def _choice(field: RedcapField, labels: dict[str, Text]) -> Item:
     item = field.item("single", options=options(labels, field.note), **_order(field))
     remember_options(field.draft, field.name, labels, item["key"])
     return item
 
 
-def several(field: Field) -> Item:
+def several(field: RedcapField) -> Item:
     """checkbox: any of its choices."""
     labels = field.labels()
     alone = [one.strip() for one in field.tags.get("@NONEOFTHEABOVE", "").split(",")]
@@ -173,11 +173,11 @@ def several(field: Field) -> Item:
     return item
 
 
-def _order(field: Field) -> Item:
+def _order(field: RedcapField) -> Item:
     return flags(order="shuffled" if "@RANDOMORDER" in field.tags else "")
 
 
-def slider(field: Field) -> Item:
+def slider(field: RedcapField) -> Item:
     """slider: a whole number between two ends, whose labels are those of the choices."""
     labels = [field.one_text(label) for label in field.row["choices"].split("|") if label.strip()]
     low, high = _whole(field.row["min"]), _whole(field.row["max"])
@@ -194,7 +194,7 @@ def slider(field: Field) -> Item:
     )
 
 
-TYPES: dict[str, Callable[[Field], Item]] = {
+TYPES: dict[str, Callable[[RedcapField], Item]] = {
     "text": text_field,
     "notes": notes,
     "radio": one_choice,
@@ -212,7 +212,7 @@ REASONS = {
 }
 
 
-def item_of(field: Field) -> Item:
+def item_of(field: RedcapField) -> Item:
     """Return what a field becomes.
 
     Raises:
@@ -228,7 +228,7 @@ def item_of(field: Field) -> Item:
     return item
 
 
-def refuse_hidden(field: Field) -> None:
+def refuse_hidden(field: RedcapField) -> None:
     """Refuse a field that respondents do not see, or that REDCap fills in.
 
     Raises:
@@ -240,7 +240,7 @@ def refuse_hidden(field: Field) -> None:
         raise NotImportedError(str(REASONS["calc"]))
 
 
-def remark(field: Field) -> None:
+def remark(field: RedcapField) -> None:
     """Note what of a field is not taken over."""
     unknown = sorted(field.tags.keys() - _OWN_TAGS - _QUIET_TAGS)
     if unknown:
@@ -256,7 +256,7 @@ def remark(field: Field) -> None:
 # --- matrices -------------------------------------------------------------------------------------
 
 
-def grid(fields: Sequence[Field], heading: Text) -> Item:
+def grid(fields: Sequence[RedcapField], heading: Text) -> Item:
     """Return the grid of the fields of one matrix of radio buttons; its notes are the first's."""
     first = fields[0]
     draft, note = first.draft, first.note

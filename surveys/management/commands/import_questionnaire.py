@@ -10,7 +10,7 @@ from django.utils import timezone
 from surveys.documents import BadDefinitionError
 from surveys.importing.draft import Draft
 from surveys.importing.reading import MAX_FILE, read, slug_for
-from surveys.importing.report import Report
+from surveys.importing.report import ImportReport
 from surveys.importing.survey_format import Wishes
 from surveys.questionnaires import store_next
 
@@ -48,7 +48,7 @@ class Command(BaseCommand):
         except OSError as error:
             raise CommandError(f"{error.filename}: {error.strerror}.") from error
 
-    def _tell(self, report: Report) -> None:
+    def _tell(self, report: ImportReport) -> None:
         for note in report.notes:
             keys = f" → {', '.join(note.keys)}" if note.keys else ""
             self.stdout.write(f"{note.label}: {note.name}{keys}")

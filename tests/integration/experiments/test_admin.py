@@ -15,7 +15,7 @@ from django.urls import reverse
 from experiments import publishing
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
-from experiments.models import Kind, Participant, Rehearsal, Study, StudyMember
+from experiments.models import Participant, ParticipantKind, Rehearsal, Study, StudyMember
 from surveys.models import Questionnaire
 from tests.integration.experiments.test_publishing import NOW, WHY
 from tests.support.html_page import faults, read
@@ -384,7 +384,14 @@ def test_the_name_of_a_study_that_is_gone_belongs_to_whoever_takes_it_next(clien
 
 def test_the_list_tells_participants_by_kind_and_the_last_activity(client, boss, study):
     for n, kind in enumerate(
-        (Kind.PARTICIPANT, Kind.PARTICIPANT, Kind.PILOT, Kind.BOT, Kind.BOT, Kind.BOT)
+        (
+            ParticipantKind.PARTICIPANT,
+            ParticipantKind.PARTICIPANT,
+            ParticipantKind.PILOT,
+            ParticipantKind.BOT,
+            ParticipantKind.BOT,
+            ParticipantKind.BOT,
+        )
     ):
         Participant.objects.create(study=study, slot=str(n), kind=kind, created_at=NOW, seen_at=NOW)
     counts = {

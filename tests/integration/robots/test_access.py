@@ -19,7 +19,7 @@ from robots.models import Robot, RobotPermit
 from sessions.protocol import Refused
 
 pytestmark = pytest.mark.django_db
-Kind, Access = RobotPermit.Kind, Robot.Access
+Kind, Access = RobotPermit.Privilege, Robot.Access
 
 
 def person(name, **fields):

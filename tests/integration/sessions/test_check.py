@@ -35,7 +35,9 @@ def test_anybody_may_check_but_only_for_whom_there_is_a_robot_may_use_the_detour
     client.force_login(User.objects.create_user("ada", password="x"))
     giraff = Robot.objects.create(name="giraff", title="Giraff", access=Robot.Access.INVITATION)
     assert servers_on(client.get("/check/")) == [{"urls": ["stun:a.example"]}]
-    RobotPermit.objects.create(robot=giraff, user=User.objects.get(), kind=RobotPermit.Kind.INVITED)
+    RobotPermit.objects.create(
+        robot=giraff, user=User.objects.get(), kind=RobotPermit.Privilege.INVITED
+    )
     signed_in = servers_on(client.get("/check/"))
     assert [server["urls"] for server in signed_in] == [["stun:a.example"], ["turn:a.example"]]
     assert signed_in[1]["username"].endswith(str(User.objects.get().pk))

@@ -89,7 +89,9 @@ async def test_logging_out_ends_the_pages_of_this_browser_and_no_others(bridge, 
 async def test_a_permit_that_is_taken_away_ends_the_visit_at_once(bridge, robot, ada):
     robot.access = robot.Access.INVITATION
     await robot.asave()
-    permit = await RobotPermit.objects.acreate(robot=robot, user=ada, kind=RobotPermit.Kind.INVITED)
+    permit = await RobotPermit.objects.acreate(
+        robot=robot, user=ada, kind=RobotPermit.Privilege.INVITED
+    )
     async with Page("giraff", ada) as page:
         await drive(page)
         await permit.adelete()

@@ -105,7 +105,7 @@ def test_there_is_no_page_for_an_unknown_robot_or_one_that_is_not_shown(client, 
 
 def test_a_visitor_who_was_invited_to_a_robot_for_trained_users_is_told_no(client, robot, ada):
     Robot.objects.update(access=Robot.Access.TRAINED)
-    RobotPermit.objects.create(robot=robot, user=ada, kind=RobotPermit.Kind.INVITED)
+    RobotPermit.objects.create(robot=robot, user=ada, kind=RobotPermit.Privilege.INVITED)
     client.force_login(ada)
     assert client.get("/robots/giraff/").status_code == 403
 

@@ -164,7 +164,9 @@ def test_robots_by_invitation_are_shown_to_those_who_have_one(client, robots):
     Robot.objects.filter(name="rhodon").update(access=Robot.Access.INVITATION)
     assert "Rhodon" not in read(client.get(reverse("home"))).text
     user = person()
-    RobotPermit.objects.create(robot=robots["rhodon"], user=user, kind=RobotPermit.Kind.INVITED)
+    RobotPermit.objects.create(
+        robot=robots["rhodon"], user=user, kind=RobotPermit.Privilege.INVITED
+    )
     client.force_login(user)
     assert card_of(client, "rhodon")["drives"]
 

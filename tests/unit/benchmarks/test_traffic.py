@@ -103,7 +103,9 @@ async def test_a_line_that_is_refused_hangs_up():
 
 @pytest.fixture
 async def robot():
-    robot = robots.LightRobot("light-0", "token", robots.Told(), Timers(), random.Random(1))
+    robot = robots.LightRobot(
+        "light-0", "token", robots.RobotMeasurements(), Timers(), random.Random(1)
+    )
     line = mqtt_line.MqttLine(robot, b"", [])
     robot.wire = Wire()
     line.connection_made(robot.wire)
@@ -208,7 +210,7 @@ def step(**changed):
         "record_behind": 0.5,
         "shares": {"web": 0.6, "broker": 0.2, "visitors": 0.1, "others": 0.9},
     }
-    return load.Step(**usual | changed)
+    return load.LoadStep(**usual | changed)
 
 
 def test_a_step_breaks_by_lateness_loss_a_record_that_is_behind_or_visitors_who_do_not_drive():

@@ -3,8 +3,8 @@
 from benchmarks.traffic.bases import motion
 from benchmarks.traffic.verdicts import (
     LEAVE_SECONDS,
-    Drive,
-    StoredState,
+    DrivePeriod,
+    NumberedState,
     lost,
     moved_alone,
     shared_epochs,
@@ -14,15 +14,15 @@ from tests.support.scripted_robot import WATCHDOG
 
 
 def states(*numbers, session="s1", boot="b", epoch=1):
-    return [StoredState("giraff", boot, seq, session, epoch) for seq in numbers]
+    return [NumberedState("giraff", boot, seq, session, epoch) for seq in numbers]
 
 
 def test_drives_that_follow_each_other_are_right_and_those_that_overlap_are_not():
-    first, second = Drive("s1", "giraff", 0.0, 10.0), Drive("s2", "giraff", 10.0, None)
-    elsewhere = Drive("s3", "rhodon", 5.0, None)
+    first, second = DrivePeriod("s1", "giraff", 0.0, 10.0), DrivePeriod("s2", "giraff", 10.0, None)
+    elsewhere = DrivePeriod("s3", "rhodon", 5.0, None)
     assert two_at_once([first, second, elsewhere]) == []
-    assert len(two_at_once([first, Drive("s2", "giraff", 9.9, None)])) == 1
-    assert len(two_at_once([Drive("s1", "giraff", 0.0, None), second])) == 1, (
+    assert len(two_at_once([first, DrivePeriod("s2", "giraff", 9.9, None)])) == 1
+    assert len(two_at_once([DrivePeriod("s1", "giraff", 0.0, None), second])) == 1, (
         "the first never ended"
     )
 
@@ -46,9 +46,9 @@ def test_a_state_that_is_lost_or_stored_twice_or_known_to_be_missing_is_told():
 
 def test_a_robot_may_move_in_a_drive_and_come_to_rest_after_it_and_no_more():
     drives = [
-        Drive("s1", "giraff", 10.0, 20.0),
-        Drive("s2", "giraff", 20.5, 30.0),
-        Drive("s3", "rhodon", 0.0, None),
+        DrivePeriod("s1", "giraff", 10.0, 20.0),
+        DrivePeriod("s2", "giraff", 20.5, 30.0),
+        DrivePeriod("s3", "rhodon", 0.0, None),
     ]
     assert (
         moved_alone({"giraff": [(10.0, 20.0 + LEAVE_SECONDS)], "rhodon": [(1.0, 99.0)]}, drives)

@@ -6,7 +6,7 @@ from django.urls import reverse
 from experiments import publishing
 from experiments.builder.pages import BuilderPlace, place_of
 from experiments.definition.shipped import shipped
-from experiments.models import Kind, Study
+from experiments.models import ParticipantKind, Study
 from tests.integration.experiments.test_publishing import NOW
 from tests.support.html_page import read
 from tests.support.participants import comer
@@ -435,7 +435,7 @@ def test_every_page_of_the_small_study_is_reached_from_the_others(client, study)
 def test_a_draft_in_which_somebody_took_part_says_that_it_is_read_as_it_is_now(client, study):
     said = "Create a new version to keep it separate"
     assert said not in read(client.get(section(study, "steps"))).text
-    comer(study, person("pilot"), kind=Kind.PILOT)
+    comer(study, person("pilot"), kind=ParticipantKind.PILOT)
     assert said in read(client.get(section(study, "steps"))).text
     send(client, section(study, "steps", 0), title__en="Drive round")
-    assert study.participants.filter(kind=Kind.PILOT).exists(), "what pilots did is kept"
+    assert study.participants.filter(kind=ParticipantKind.PILOT).exists(), "what pilots did is kept"

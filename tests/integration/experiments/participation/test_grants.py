@@ -8,7 +8,7 @@ import pytest
 from django.utils import timezone
 
 from experiments.definition.course import CourseTrack
-from experiments.models import Drive, Kind, Participant, Study
+from experiments.models import Drive, Participant, ParticipantKind, Study
 from experiments.participation import advance, grants, progress
 from experiments.participation.grants import StudyTerms
 from experiments.participation.layout import track_of
@@ -152,10 +152,10 @@ def test_cells_fill_evenly_and_every_draw_can_be_repeated(robot, study):
 
 
 def test_pilots_and_bots_are_assigned_among_themselves(robot, study):
-    for kind in (Kind.BOT, Kind.PILOT, Kind.PARTICIPANT):
+    for kind in (ParticipantKind.BOT, ParticipantKind.PILOT, ParticipantKind.PARTICIPANT):
         for participant in comers(study, 2, kind=kind):
             drives(robot, participant)
-    for kind in Kind:
+    for kind in ParticipantKind:
         assert sorted(Participant.objects.filter(kind=kind).values_list("cell", flat=True)) == [
             "all_open",
             "shut",
@@ -310,7 +310,10 @@ def test_a_drive_that_was_driven_is_not_driven_again(robot, study):
 
 def test_a_draft_is_for_pilots_and_bots(robot, study):
     Study.objects.update(status="draft")
-    visitor, pilot = p.comer(study, person("ada")), p.comer(study, person("ben"), kind=Kind.PILOT)
+    visitor, pilot = (
+        p.comer(study, person("ada")),
+        p.comer(study, person("ben"), kind=ParticipantKind.PILOT),
+    )
     assert take(robot, visitor.user).terms == terms.FREE
     store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
     Robot.objects.update(turnaround="ready")

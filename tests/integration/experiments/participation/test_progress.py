@@ -3,7 +3,7 @@ import datetime
 import pytest
 from django.utils import timezone
 
-from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
+from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import advance, completion, landing, progress
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask, context_key
@@ -184,7 +184,7 @@ def test_who_sees_which_version(study):
     draft = p.publishing.store(p.of("exploration", version=2), timezone.now())
     assert progress.study_for(researcher, "exploration") == draft
     assert progress.study_for(visitor, "exploration") == study
-    assert progress.kind_of(researcher, study) == Kind.PILOT
+    assert progress.kind_of(researcher, study) == ParticipantKind.PILOT
     began = p.comer(study, visitor)
     Study.objects.filter(pk=draft.pk).update(status="published")
     Study.objects.filter(pk=study.pk).update(status="closed")
@@ -227,7 +227,7 @@ def test_a_study_is_full_when_every_cell_has_its_quota():
         p.assign(p.comer(study, person(f"p{n}")), condition)
     assert progress.is_full(study, "open", p.later(0))
     assert not progress.is_full(study, "invitation", p.later(0))
-    assert not progress.is_full(study, "open", p.later(0), Kind.PILOT)
+    assert not progress.is_full(study, "open", p.later(0), ParticipantKind.PILOT)
 
 
 def test_before_the_assignment_all_conditions_that_are_open_to_somebody_are_possible(study):

@@ -109,7 +109,7 @@ async def test_there_is_no_page_for_a_robot_that_does_not_exist(bridge, robot, a
 async def test_a_robot_by_invitation_is_closed_to_others(bridge, robot, ada, bob):
     await sync_to_async(Robot.objects.update)(access=Robot.Access.INVITATION)
     await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=ada, kind=RobotPermit.Kind.INVITED
+        robot=robot, user=ada, kind=RobotPermit.Privilege.INVITED
     )
     stranger = Page("giraff", bob)
     await stranger.open()
@@ -227,7 +227,7 @@ async def test_the_operator_clears_an_emergency_stop_and_the_driver_does_not(
     bridge, robot, ada, bob
 ):
     await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=bob, kind=RobotPermit.Kind.OPERATOR
+        robot=robot, user=bob, kind=RobotPermit.Privilege.OPERATOR
     )
     clear = m.ClearEStop(action_id="c", stamp=1.0)
     async with Page("giraff", ada) as driver, Page("giraff", bob) as operator:
@@ -707,7 +707,7 @@ async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(
     monkeypatch.setattr(drive, "WELCOME_EVERY", 0.1)
     await sync_to_async(Robot.objects.update)(access=Robot.Access.TRAINED)
     permit = await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=ada, kind=RobotPermit.Kind.TRAINED
+        robot=robot, user=ada, kind=RobotPermit.Privilege.TRAINED
     )
     async with Page("giraff", ada) as page:
         granted = await page.take()
@@ -779,7 +779,7 @@ async def test_who_operates_the_robot_no_more_clears_no_stop_from_a_page_that_is
     bridge, robot, ada
 ):
     permit = await sync_to_async(RobotPermit.objects.create)(
-        robot=robot, user=ada, kind=RobotPermit.Kind.OPERATOR
+        robot=robot, user=ada, kind=RobotPermit.Privilege.OPERATOR
     )
     clear = m.ClearEStop(action_id="c", stamp=1.0)
     async with Page("giraff", ada) as page:

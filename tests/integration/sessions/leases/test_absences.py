@@ -9,7 +9,7 @@ from accounts.models import User
 from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.absences import WebAbsences, end_of, faults_of, note_manager_absence
-from sessions.leases.fault_side import MANAGER, WEB, Fault
+from sessions.leases.fault_side import MANAGER, WEB, FaultAttribution
 from sessions.leases.transitions import RobotLink
 from sessions.manager.health import ManagerHealth
 from sessions.manager.leadership import LeaderElection, give_back, heartbeat
@@ -71,7 +71,7 @@ def test_a_page_that_was_never_closed_and_is_seen_no_more_had_its_web_process_ki
         ("server_absent", {"part": WEB, "since": since})
     ]
     row = lost(driven, 3.0, 123.0)
-    assert fault(row) == Fault("platform", WEB)
+    assert fault(row) == FaultAttribution("platform", WEB)
     assert end_of(row) == after(3.0), "the grace is no part of the drive"
 
 
@@ -88,7 +88,7 @@ def test_a_web_process_that_comes_back_is_noted_and_one_that_dies_twice_twice(gi
     look(absences, giraff, 101.0)
     store.page_gone(driven, "peer-1", after(300.0), 1006)
     look(absences, giraff, 330.0)
-    assert fault(lost(driven, 302.0, 422.0)) == Fault("network")
+    assert fault(lost(driven, 302.0, 422.0)) == FaultAttribution("network")
 
 
 @pytest.mark.parametrize(("code", "side"), [(1001, "visitor"), (1006, "network")])
@@ -98,13 +98,13 @@ def test_a_page_that_closes_its_socket_leaves_no_absent_server(giraff, driven, c
     store.page_gone(driven, "peer-1", after(5.0), code)
     look(absences, giraff, 60.0)
     assert noted(driven, "server_absent", "page_closed") == [("page_closed", {"code": code})]
-    assert fault(lost(driven, 7.0, 127.0)) == Fault(side)
+    assert fault(lost(driven, 7.0, 127.0)) == FaultAttribution(side)
 
 
 def test_a_code_from_before_a_page_came_back_says_nothing_of_the_end(driven):
     store.page_gone(driven, "peer-1", after(5.0), 1001)
     store.seen([driven], after(8.0))
-    assert fault(lost(driven, 10.0, 20.0)) == Fault("network")
+    assert fault(lost(driven, 10.0, 20.0)) == FaultAttribution("network")
 
 
 def test_the_scheduler_notes_the_absence_before_it_ends_the_session(giraff, driven):
@@ -113,7 +113,7 @@ def test_the_scheduler_notes_the_absence_before_it_ends_the_session(giraff, driv
     Scheduler().tick({"giraff": link}, link, after(500.0))
     row = Session.objects.get(pk=driven)
     assert (row.outcome, row.outcome_reason) == ("connection_lost", "visitor_silent")
-    assert fault(row) == Fault("platform", WEB)
+    assert fault(row) == FaultAttribution("platform", WEB)
 
 
 def test_a_session_manager_notes_how_long_nobody_led_in_the_sessions_of_that_time(driven, tmp_path):
@@ -131,7 +131,7 @@ def test_a_session_manager_notes_how_long_nobody_led_in_the_sessions_of_that_tim
     ((_, data),) = noted(driven, "server_absent")
     assert (data["part"], data["since"]) == (MANAGER, after(-100.0).timestamp())
     assert data["until"] >= NOW.timestamp()
-    assert fault(lost(driven, 30.0, 150.0)) == Fault("platform", MANAGER)
+    assert fault(lost(driven, 30.0, 150.0)) == FaultAttribution("platform", MANAGER)
 
 
 def test_a_session_manager_that_was_stopped_cleanly_was_away_too(driven, tmp_path):
@@ -172,4 +172,4 @@ def test_a_silent_robot_ends_a_session_with_its_last_state(driven):
     store.end(driven, "robot_fault", "robot_offline", after(81.0))
     row = Session.objects.get(pk=driven)
     assert abs(end_of(row) - after(50.0)) < datetime.timedelta(milliseconds=1)
-    assert fault(row) == Fault("robot")
+    assert fault(row) == FaultAttribution("robot")

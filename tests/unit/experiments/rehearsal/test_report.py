@@ -2,9 +2,9 @@ import dataclasses
 
 import pytest
 
-from experiments.bots.diary import Diary, Entry, Leg
+from experiments.bots.diary import Diary, Leg, PageVisit
 from experiments.definition.shipped import shipped
-from experiments.rehearsal.report import Findings, Record, judge
+from experiments.rehearsal.report import DriveRecord, Findings, judge
 
 STUDY = shipped()["exploration"]
 KEYS = [condition.key for condition in STUDY.conditions]
@@ -20,15 +20,15 @@ def diary(number, key, *, seconds=150.0, passed=ALL, outcome="completed", **more
         closed=STUDY.condition(key).doors_closed,
     )
     entries = [
-        Entry("About you", "/q/", 0.0, 3.0, words=200, questions=6),
-        Entry("Exploration", "/drive/", 0.0, seconds),
+        PageVisit("About you", "/q/", 0.0, 3.0, words=200, questions=6),
+        PageVisit("Exploration", "/drive/", 0.0, seconds),
     ]
     return Diary(number, "completes", code="ABCD", entries=entries, legs=[leg], **more)
 
 
 def played(*diaries, **more):
     records = {
-        one.legs[0].session: Record(KEYS[one.number % len(KEYS)], one.legs[0].outcome)
+        one.legs[0].session: DriveRecord(KEYS[one.number % len(KEYS)], one.legs[0].outcome)
         for one in diaries
         if one.legs
     }
@@ -92,7 +92,7 @@ def test_a_bot_that_got_no_code_is_a_problem():
 def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
     bots = everybody()
     records = {
-        one.legs[0].session: Record(
+        one.legs[0].session: DriveRecord(
             KEYS[one.number], "completed", mismatches=("assist",) if one.number == 0 else ()
         )
         for one in bots
@@ -113,7 +113,7 @@ def test_columns_that_stay_empty_and_what_was_not_drawn_are_told_apart():
 def test_practice_counts_as_no_drive_of_the_condition():
     bots = everybody()
     records = {
-        one.legs[0].session: Record(KEYS[one.number], "completed", practice=one.number == 0)
+        one.legs[0].session: DriveRecord(KEYS[one.number], "completed", practice=one.number == 0)
         for one in bots
     }
     assert judge(STUDY, bots, Findings(records)).conditions[0].drives == 0

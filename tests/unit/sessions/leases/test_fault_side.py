@@ -6,7 +6,7 @@ from sessions.leases.fault_side import (
     MANAGER,
     RETURN_SECONDS,
     WEB,
-    Fault,
+    FaultAttribution,
     ServerAbsence,
     SessionEnd,
     fault_of,
@@ -62,7 +62,7 @@ def test_an_end_without_an_absent_server_has_the_side_that_its_record_names(foun
 )
 def test_a_loss_during_an_absence_of_the_server_is_the_platforms(part, since, until, is_platform):
     absence = ServerAbsence(part, since, until)
-    expected = Fault("platform", part) if is_platform else Fault("network")
+    expected = FaultAttribution("platform", part) if is_platform else FaultAttribution("network")
     assert fault_of(end("connection_lost", "visitor_silent", absence)) == expected
     assert fault_of(end("timed_out", "task", absence)) == expected
 
@@ -71,24 +71,24 @@ def test_a_connection_that_never_came_about_while_the_server_was_away_is_the_pla
     for since, until in ((50.0, 110.0), (110.0, 130.0), (90.0, None)):
         absence = ServerAbsence(WEB, since, until)
         refused = end("connection_refused", "never_connected", absence, lost_at=None)
-        assert fault_of(refused) == Fault("platform", WEB)
+        assert fault_of(refused) == FaultAttribution("platform", WEB)
     before = ServerAbsence(WEB, 10.0, 20.0)
-    assert fault_of(end("connection_refused", "never_connected", before, lost_at=None)) == Fault(
-        "network"
-    )
+    assert fault_of(
+        end("connection_refused", "never_connected", before, lost_at=None)
+    ) == FaultAttribution("network")
 
 
 def test_an_absence_from_which_the_server_came_back_excuses_nobody_who_left_or_finished():
     absence = ServerAbsence(WEB, 200.0, 230.0)
     for outcome, reason in (("cancelled", "left"), ("timed_out", "idle")):
-        assert fault_of(end(outcome, reason, absence, lost_at=None)) == Fault("visitor")
+        assert fault_of(end(outcome, reason, absence, lost_at=None)) == FaultAttribution("visitor")
     for outcome in ("completed", "timed_out"):
-        assert fault_of(end(outcome, "task", absence, lost_at=None)) == Fault()
+        assert fault_of(end(outcome, "task", absence, lost_at=None)) == FaultAttribution()
 
 
 def test_a_task_whose_page_never_heard_of_the_server_again_was_ended_by_the_platform():
     found = end("timed_out", "task", ServerAbsence(WEB, 300.0), lost_at=None)
-    assert fault_of(found) == Fault("platform", WEB)
+    assert fault_of(found) == FaultAttribution("platform", WEB)
 
 
 def test_every_outcome_but_completion_and_time_has_a_side():

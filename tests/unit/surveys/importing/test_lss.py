@@ -7,7 +7,7 @@ import pytest
 from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
-from surveys.importing.report import Outcome
+from surveys.importing.report import ImportOutcome
 from tests.support.survey_files import lime, lss, lss_of
 
 PARTS = [("SQ1", "First"), ("SQ2", "Second")]
@@ -25,7 +25,7 @@ def remarks(document: bytes, name: str) -> str:
     return " ".join(note.remarks)
 
 
-def outcomes(document: bytes) -> dict[str, Outcome]:
+def outcomes(document: bytes) -> dict[str, ImportOutcome]:
     return {note.name: note.outcome for note in read(document).report.notes}
 
 
@@ -62,7 +62,7 @@ def test_yes_and_no_are_written_in_the_languages_of_the_file():
         {"de": "Ja", "en": "Yes"},
         {"de": "Nein", "en": "No"},
     ]
-    assert outcomes(document)["Q1"] is Outcome.IMPORTED
+    assert outcomes(document)["Q1"] is ImportOutcome.IMPORTED
 
 
 def test_a_language_without_our_words_for_yes_and_no_is_reported():
@@ -201,7 +201,7 @@ def test_texts_days_and_rankings():
 )
 def test_what_has_no_counterpart_is_listed(question, told):
     document = lss(question, lime("S", "Q2"))
-    assert outcomes(document) == {"Q1": Outcome.LEFT_OUT, "Q2": Outcome.IMPORTED}
+    assert outcomes(document) == {"Q1": ImportOutcome.LEFT_OUT, "Q2": ImportOutcome.IMPORTED}
     assert told in remarks(document, "Q1")
 
 
@@ -283,7 +283,7 @@ def test_text_display_introduces_a_page():
     document = lss(lime("X", "Q1"), lime("S", "Q2"), lime("X", "Q3"))
     (page,) = read(document).definition("test", 1).pages
     assert page.intro["en"] == "Text of Q1"
-    assert outcomes(document)["Q3"] is Outcome.LEFT_OUT
+    assert outcomes(document)["Q3"] is ImportOutcome.LEFT_OUT
 
 
 # --- conditions -----------------------------------------------------------------------------------
@@ -306,7 +306,7 @@ def test_a_relevance_that_compares_answers_is_a_condition(relevance, condition):
         lime("S", "Q4", relevance=relevance),
     )
     assert items(document)[-1]["show_if"] == condition
-    assert outcomes(document)["Q4"] is Outcome.IMPORTED
+    assert outcomes(document)["Q4"] is ImportOutcome.IMPORTED
 
 
 @pytest.mark.parametrize(
@@ -322,7 +322,7 @@ def test_any_other_relevance_is_reported_as_written(relevance):
 def test_quotas_end_texts_and_filters_are_reported():
     quota = "<quota><rows><row><id>1</id></row></rows></quota>"
     document = lss(lime("M", "Q1", PARTS, attributes={"array_filter": "Q0"}), more=quota)
-    assert outcomes(document)["quotas"] is Outcome.LEFT_OUT
+    assert outcomes(document)["quotas"] is ImportOutcome.LEFT_OUT
     assert "array filter" in remarks(document, "Q1")
 
 

@@ -7,7 +7,7 @@ import pytest
 from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
-from surveys.importing.report import Outcome
+from surveys.importing.report import ImportOutcome
 from tests.support.survey_files import displays, forced, payload, qsf
 
 
@@ -22,7 +22,7 @@ def remarks(document: bytes, name: str) -> str:
     return " ".join(note.remarks)
 
 
-def outcomes(document: bytes) -> dict[str, Outcome]:
+def outcomes(document: bytes) -> dict[str, ImportOutcome]:
     return {note.name: note.outcome for note in read(document).report.notes}
 
 
@@ -114,7 +114,7 @@ def test_a_matrix_is_a_grid_whose_rows_have_their_export_tags():
         ("easy", "It is easy"),
         ("fun_2", "It is fun"),
     ]
-    assert outcomes(document)["Q1"] is Outcome.IMPORTED
+    assert outcomes(document)["Q1"] is ImportOutcome.IMPORTED
 
 
 def test_recode_values_that_fall_keep_the_order_shown_and_are_reported_as_reversed():
@@ -208,7 +208,7 @@ def test_texts_numbers_and_days_are_told_by_their_validation():
     assert found["q2"]["lines"] == 4
     assert (found["q3"]["minimum"], found["q3"]["maximum"], found["q3"]["whole"]) == (18, 99, True)
     assert "e-mail" in remarks(document, "Q5")
-    assert outcomes(document)["Q6"] is Outcome.LEFT_OUT
+    assert outcomes(document)["Q6"] is ImportOutcome.LEFT_OUT
 
 
 def test_sliders_have_the_ends_of_their_question_and_its_first_and_last_label():
@@ -238,7 +238,7 @@ def test_a_rank_order_is_a_ranking():
 @pytest.mark.parametrize("kind", ["CS", "PGR", "Timing", "Meta", "HeatMap", "FileUpload", "X"])
 def test_a_type_without_a_counterpart_is_listed_with_its_name(kind):
     document = qsf(payload("Q1", kind, "Y"), payload("Q2", "TE", "SL"))
-    assert outcomes(document) == {"Q1": Outcome.LEFT_OUT, "Q2": Outcome.IMPORTED}
+    assert outcomes(document) == {"Q1": ImportOutcome.LEFT_OUT, "Q2": ImportOutcome.IMPORTED}
     assert f"{kind}/Y" in remarks(document, "Q1")
 
 
@@ -283,7 +283,7 @@ def test_what_is_in_the_trash_is_listed():
         *texts("Q1", "Q2"),
         blocks=[block("BL_1", "Q1"), {**block("BL_2", "Q2"), "Type": "Trash"}],
     )
-    assert outcomes(document) == {"Q1": Outcome.IMPORTED, "Q2": Outcome.LEFT_OUT}
+    assert outcomes(document) == {"Q1": ImportOutcome.IMPORTED, "Q2": ImportOutcome.LEFT_OUT}
 
 
 def test_branches_and_random_blocks_are_listed_and_their_questions_are_asked():
@@ -297,7 +297,7 @@ def test_branches_and_random_blocks_are_listed_and_their_questions_are_asked():
         ],
     )
     assert [item["key"] for item in items(document)] == ["q1", "q2"]
-    assert read(document).report.count(Outcome.LEFT_OUT) == 3
+    assert read(document).report.count(ImportOutcome.LEFT_OUT) == 3
 
 
 def test_a_text_without_a_question_introduces_a_page():
@@ -312,7 +312,7 @@ def test_a_text_without_a_question_introduces_a_page():
     assert [page.intro["en"] for page in pages] == ["Welcome here", "Now the second part"]
     found = outcomes(document)
     assert (found["Q1"], found["Q3"], found["Q5"]) == (
-        *(Outcome.IMPORTED, Outcome.CHANGED, Outcome.LEFT_OUT),
+        *(ImportOutcome.IMPORTED, ImportOutcome.CHANGED, ImportOutcome.LEFT_OUT),
     )
 
 
@@ -351,7 +351,7 @@ def test_translations_are_kept_and_one_that_is_missing_is_reported():
 
 def test_a_language_that_is_offered_without_a_translation_is_listed():
     options = {"Element": "SO", "Payload": {"AvailableLanguages": {"EN": [], "FR": []}}}
-    assert outcomes(qsf(*texts("Q1"), extra=[options]))["fr"] is Outcome.LEFT_OUT
+    assert outcomes(qsf(*texts("Q1"), extra=[options]))["fr"] is ImportOutcome.LEFT_OUT
 
 
 # --- conditions -----------------------------------------------------------------------------------
@@ -380,7 +380,7 @@ def conditional(condition: dict) -> bytes:
 def test_display_logic_that_asks_for_chosen_options_is_a_condition():
     document = conditional(logic(("Q1", "1"), ("Q1", "3")))
     assert items(document)[1]["show_if"] == {"item": "q1", "is": ["7", "3"]}
-    assert outcomes(document)["Q2"] is Outcome.IMPORTED
+    assert outcomes(document)["Q2"] is ImportOutcome.IMPORTED
 
 
 @pytest.mark.parametrize(
@@ -433,7 +433,7 @@ def test_a_question_that_is_left_out_does_not_take_a_name():
 def test_questions_beyond_the_limit_are_listed():
     draft = read(qsf(*texts(*(f"Q{n}" for n in range(305)))))
     assert len(draft.definition("test", 1).questions()) == 300
-    assert draft.report.count(Outcome.LEFT_OUT) == 5
+    assert draft.report.count(ImportOutcome.LEFT_OUT) == 5
 
 
 def test_a_file_of_which_nothing_can_be_imported_is_refused_with_a_reason():

@@ -7,7 +7,7 @@ import pytest
 from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
-from surveys.importing.report import Outcome
+from surveys.importing.report import ImportOutcome
 from surveys.importing.survey_format import Wishes
 from tests.support.survey_files import field, redcap
 
@@ -25,7 +25,7 @@ def remarks(document: bytes, name: str) -> str:
     return " ".join(note.remarks)
 
 
-def outcomes(document: bytes) -> dict[str, Outcome]:
+def outcomes(document: bytes) -> dict[str, ImportOutcome]:
     return {note.name: note.outcome for note in read(document).report.notes}
 
 
@@ -68,7 +68,7 @@ def test_every_field_type_that_has_a_counterpart():
 
 def test_the_field_that_names_the_record_is_listed_and_not_asked():
     document = redcap(field("a", "text"))
-    assert outcomes(document)["record_id"] is Outcome.LEFT_OUT
+    assert outcomes(document)["record_id"] is ImportOutcome.LEFT_OUT
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_the_field_that_names_the_record_is_listed_and_not_asked():
 )
 def test_what_has_no_counterpart_is_listed_with_a_reason(row, told):
     document = redcap(row, field("b", "text"))
-    assert outcomes(document)["a"] is Outcome.LEFT_OUT
+    assert outcomes(document)["a"] is ImportOutcome.LEFT_OUT
     assert told in remarks(document, "a")
 
 

@@ -5,7 +5,15 @@ odometry that drifts.
 import numpy as np
 import pytest
 
-from benchmarks.assist import BLIND, JUDGED, Careless, Rig, careless_drive, crossings, novice_drive
+from benchmarks.driving.assist import (
+    BLIND,
+    JUDGED,
+    Careless,
+    Rig,
+    careless_drive,
+    crossings,
+    novice_drive,
+)
 from robots.agent.ramp import ZERO
 from robots.agent.safety.collision_monitor import MONITOR
 from robots.agent.simulator.faults import Faults

@@ -11,14 +11,16 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.table import Figure, keep, quantiles
 from tests.support.chromium import CHROMIUM
 from tests.support.namespace import HERE, Namespace, namespace
-from tests.support.site import LOOPBACK, running_site
+from tests.support.site import LOOPBACK, Site, running_site
 from tests.support.visitor import Visitor, chromium
 
 RATE = "400kbit"
@@ -73,8 +75,53 @@ def rate_until(seen: list[float], at: float, wanted: float) -> float:
     )
 
 
-def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
+@dataclass
+class NarrowDrive:
+    """A drive whose network is narrow for a while: the moments of its pictures and of both changes
+    of the network in seconds of the page, the states stored while it was narrow, and the log's
+    lines about layers.
+    """
+
+    narrow: float
+    wide: float
+    seen: list[float]
+    states: list[dict[str, Any]]
+    layers: list[str] = field(default_factory=list)
+
+
+def turn_left(page: Page, milliseconds: float) -> None:
+    """Hold the key that turns the robot."""
+    page.keyboard.down("ArrowLeft")
+    page.wait_for_timeout(milliseconds)
+    page.keyboard.up("ArrowLeft")
+
+
+def drive(anna: Visitor, site: Site, network: Namespace) -> NarrowDrive:
+    """Turn on a wide network, on a narrow one, and on a wide one again."""
+    page = anna.page
+    page.keyboard.down("ArrowLeft")
+    page.wait_for_timeout(6000)
+    page.evaluate(WATCH)
+    page.wait_for_timeout(3000)
+    limit(network, RATE)
+    narrow, narrowed = page.evaluate("performance.now() / 1000"), time.time()
+    # a page that is held up lets go of a key, and people press again
+    for _ in range(round(NARROW / 2.5)):
+        turn_left(page, 2400)
+        page.wait_for_timeout(100)
+    limit(network, None)
+    wide = page.evaluate("performance.now() / 1000")
+    turn_left(page, WIDE * 1000)
+    states = [
+        state
+        for state in site.states(site.sessions()[-1][0])
+        if narrowed + 3.0 < state["stamp"] < narrowed + NARROW
+    ]
+    return NarrowDrive(narrow, wide, page.evaluate("window.seen"), states)
+
+
+def measure() -> NarrowDrive:
+    """Drive once on a site of its own."""
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-narrow-") as folder,
         running_site(Path(folder), bind="0.0.0.0", ALLOWED_HOSTS=f"{LOOPBACK},{HERE}") as site,
@@ -85,45 +132,30 @@ def main() -> int:
         site.start_robot("giraff", "--start", "corridor-centre")
         anna = Visitor(browser, site, "anna", host=HERE).drive()
         anna.wait_for("link", "live")
-        anna.page.keyboard.down("ArrowLeft")
-        anna.page.wait_for_timeout(6000)
-        anna.page.evaluate(WATCH)
-        anna.page.wait_for_timeout(3000)
-        limit(network, RATE)
-        narrow, narrowed = anna.page.evaluate("performance.now() / 1000"), time.time()
-        # a page that is held up lets go of a key, and people press again
-        for _ in range(round(NARROW / 2.5)):
-            anna.page.keyboard.down("ArrowLeft")
-            anna.page.wait_for_timeout(2400)
-            anna.page.keyboard.up("ArrowLeft")
-            anna.page.wait_for_timeout(100)
-        limit(network, None)
-        wide = anna.page.evaluate("performance.now() / 1000")
-        anna.page.keyboard.down("ArrowLeft")
-        anna.page.wait_for_timeout(WIDE * 1000)
-        anna.page.keyboard.up("ArrowLeft")
-        seen = anna.page.evaluate("window.seen")
-        session = site.sessions()[-1][0]
-        states = [
-            s for s in site.states(session) if narrowed + 3.0 < s["stamp"] < narrowed + NARROW
-        ]
+        driven = drive(anna, site, network)
         anna.leave()
         anna.close()
         site.stop("giraff")
         site.stop("giraff-simulator")
-        layers = [
+        driven.layers = [
             line.split()[0] + " " + line.split()[-1]
             for line in site.log("giraff").splitlines()
             if "picture_quality" in line
         ]
+    return driven
+
+
+def figures_of(driven: NarrowDrive) -> list[Figure]:
+    """Return how soon pictures come as fast as they should, and how old they are meanwhile."""
+    narrow, wide, seen = driven.narrow, driven.wide, driven.seen
     old = [
-        1000.0 * c["frameAge"]
-        for s in states
-        for c in s.get("applied", [])
-        if c.get("frameAge") is not None
+        1000.0 * command["frameAge"]
+        for state in driven.states
+        for command in state.get("applied", [])
+        if command.get("frameAge") is not None
     ]
     settled = [moment for moment in seen if narrow + 3.0 <= moment < wide]
-    figures = [
+    return [
         Figure("400 kbit/s: 12 pictures a second after", rate_until(seen, narrow, 12), "s", 3.0),
         Figure(
             "400 kbit/s: from one picture to the next, mean",
@@ -139,7 +171,12 @@ def main() -> int:
         ),
         Figure("wide again: 24 pictures a second after", rate_until(seen, wide, 24), "s", 10.0),
     ]
-    return keep("narrow", figures, layers=layers)
+
+
+def main() -> int:
+    """Measure, print, keep; return how many bounds were missed."""
+    driven = measure()
+    return keep("narrow", figures_of(driven), layers=driven.layers)
 
 
 if __name__ == "__main__":

@@ -18,12 +18,12 @@ from typing import Any
 
 from playwright.async_api import Browser
 
-from benchmarks.media_robots import RobotProcess
+from benchmarks.table import RESULTS
+from benchmarks.video.media_robots import RobotProcess
 from robots.api.messages import Bye
 from tests.support.browser_page import BrowserPage, chromium
 from tests.support.loopback_peer import Exchange, LoopbackPage, until
 
-RESULTS = Path(__file__).parent / "results" / "media.json"
 BLOCKS = 3  # of each kind
 BLOCK = 6.0  # s
 SETTLE = 3.0  # s left out after each connection
@@ -33,7 +33,7 @@ LOAD_SECONDS = 8.0
 
 
 @dataclass(frozen=True)
-class Line:
+class Measurement:
     """One line of the table; `limit` None is for information."""
 
     name: str
@@ -132,7 +132,7 @@ def p95(values: list[float]) -> float:
     return statistics.quantiles(values, n=20)[18]
 
 
-async def measure() -> list[Line]:
+async def measure() -> list[Measurement]:
     """Run everything."""
     delays: dict[str, list[float]] = {"ours": [], "plain": []}
     async with chromium() as (browser, address):
@@ -147,22 +147,24 @@ async def measure() -> list[Line]:
     simulator = await load("simulator", 1)
     ours, plain = statistics.median(delays["ours"]), statistics.median(delays["plain"])
     return [
-        Line("glass to glass, p50", ours, "ms", 20.0),
-        Line("glass to glass, p95", p95(delays["ours"]), "ms", 45.0),
-        Line("glass to glass, pictures a second", len(delays["ours"]) / BLOCKS / BLOCK, "1/s"),
-        Line("glass to glass of plain aiortc, p50", plain, "ms"),
-        Line("glass to glass of plain aiortc, p95", p95(delays["plain"]), "ms"),
-        Line("ratio of the medians, ours to plain aiortc", ours / plain, ""),
-        Line(
+        Measurement("glass to glass, p50", ours, "ms", 20.0),
+        Measurement("glass to glass, p95", p95(delays["ours"]), "ms", 45.0),
+        Measurement(
+            "glass to glass, pictures a second", len(delays["ours"]) / BLOCKS / BLOCK, "1/s"
+        ),
+        Measurement("glass to glass of plain aiortc, p50", plain, "ms"),
+        Measurement("glass to glass of plain aiortc, p95", p95(delays["plain"]), "ms"),
+        Measurement("ratio of the medians, ours to plain aiortc", ours / plain, ""),
+        Measurement(
             "glass to glass of the simulated robot, p50", statistics.median(simulated), "ms", 20.0
         ),
-        Line("glass to glass of the simulated robot, p95", p95(simulated), "ms", 45.0),
-        Line("first picture after the offer, p50", statistics.median(firsts), "s"),
-        Line("first picture after the offer, p95", p95(firsts), "s", 0.6),
-        Line("processor, synthetic camera, 1 viewer", 100.0 * loads[1], "%"),
-        Line(f"processor, synthetic camera, {VIEWERS} viewers", 100.0 * loads[VIEWERS], "%"),
-        Line(f"ratio of {VIEWERS} viewers to 1", loads[VIEWERS] / loads[1], "", 1.3),
-        Line("processor, media side and simulator, 1 viewer", 100.0 * simulator, "%", 60.0),
+        Measurement("glass to glass of the simulated robot, p95", p95(simulated), "ms", 45.0),
+        Measurement("first picture after the offer, p50", statistics.median(firsts), "s"),
+        Measurement("first picture after the offer, p95", p95(firsts), "s", 0.6),
+        Measurement("processor, synthetic camera, 1 viewer", 100.0 * loads[1], "%"),
+        Measurement(f"processor, synthetic camera, {VIEWERS} viewers", 100.0 * loads[VIEWERS], "%"),
+        Measurement(f"ratio of {VIEWERS} viewers to 1", loads[VIEWERS] / loads[1], "", 1.3),
+        Measurement("processor, media side and simulator, 1 viewer", 100.0 * simulator, "%", 60.0),
     ]
 
 
@@ -171,8 +173,8 @@ def main() -> int:
     lines = asyncio.run(measure())
     for line in lines:
         print(line)
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "media.json").write_text(
         json.dumps(
             [
                 {"name": line.name, "value": line.value, "unit": line.unit, "target": line.limit}

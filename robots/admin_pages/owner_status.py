@@ -8,7 +8,7 @@ from typing import Literal
 
 from django.utils.translation import gettext as _
 
-from robots.cards import Card, Traffic, card, is_latched
+from robots.cards import RobotCard, Traffic, card, is_latched
 from robots.models import Robot
 from robots.presence import trouble_of
 from robots.readiness_text import in_words
@@ -38,7 +38,7 @@ def owner_status(robot: Robot, *, driven: bool, now: datetime.datetime) -> Owner
     return OwnerStatus(tone, label, sentence, shown.battery, robot.last_seen_at is not None)
 
 
-def _away(robot: Robot, shown: Card) -> tuple[Tone, str, str] | None:
+def _away(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str] | None:
     """Return the state of a robot that is not connected; None when it is."""
     if not robot.enabled:
         return "off", _("Disabled"), _("It can't connect. Select “Enabled” below and save.")
@@ -57,7 +57,7 @@ def _away(robot: Robot, shown: Card) -> tuple[Tone, str, str] | None:
     return "bad", shown.label, f"{shown.detail} {check}"
 
 
-def _present(robot: Robot, shown: Card, *, driven: bool) -> tuple[Tone, str, str]:
+def _present(robot: Robot, shown: RobotCard, *, driven: bool) -> tuple[Tone, str, str]:
     """Return the state of a robot that is connected."""
     if is_latched(robot):
         sentence = _("The emergency stop is on. Release it at the robot or on its drive page.")
@@ -80,7 +80,7 @@ def _present(robot: Robot, shown: Card, *, driven: bool) -> tuple[Tone, str, str
     return "good", shown.label, _("Connected and ready for visitors.")
 
 
-def _between(robot: Robot, shown: Card) -> tuple[Tone, str, str]:
+def _between(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str]:
     """Return the state of a robot that takes no visitor for now, though nobody drives it."""
     if robot.held:
         sentence = _("A researcher paused visits: %(why)s. Resume them in the study's live view.")

@@ -1,9 +1,9 @@
 """How well a robot knows where it is: drives among people and moving doors, starts without knowing,
 and being carried away.
 
-`python -m benchmarks.localization --runs N` makes N drives of five minutes, and as many short ones
-for each of the other two questions. Everything is simulated and seeded; judging takes seeds from
-20,000 on, tuning took those below (1,000 to 1,999).
+`python -m benchmarks.driving.localization --runs N` makes N drives of five minutes, and as many
+short ones for each of the other two questions. Everything is simulated and seeded; judging takes
+seeds from 20,000 on, tuning took those below (1,000 to 1,999).
 """
 
 import argparse
@@ -32,7 +32,7 @@ NEAR, TURNED = 0.3, math.radians(10.0)  # found: that near to the truth
 
 
 @dataclass
-class Drive:
+class LocalizationRun:
     """One robot, driven about, and what it believes."""
 
     simulation: Simulation
@@ -61,14 +61,16 @@ class Drive:
         return estimate.localized and away < NEAR and turned < TURNED
 
 
-def begin(seed: int, sites: dict[str, tuple[Site, Ways]]) -> Drive:
+def begin(seed: int, sites: dict[str, tuple[Site, Ways]]) -> LocalizationRun:
     """Return a robot somewhere in a site; robots and sites take turns."""
     names = sorted(sites)
     site, ways = sites[names[seed // 2 % len(names)]]
     model = MODELS[sorted(MODELS)[seed % 2]]
     simulation = Simulation(model, site.plan, seed=seed, people=PEOPLE, door_changes=DOORS)
     wanderer = standing_somewhere(simulation, ways, np.random.default_rng([seed, 1]))
-    return Drive(simulation, wanderer, Localizer(site.grid, np.random.default_rng([seed, 2])))
+    return LocalizationRun(
+        simulation, wanderer, Localizer(site.grid, np.random.default_rng([seed, 2]))
+    )
 
 
 @dataclass
@@ -83,7 +85,7 @@ class Tracked:
     lost: float
 
 
-def track(drive: Drive, seconds: float) -> Tracked:
+def track(drive: LocalizationRun, seconds: float) -> Tracked:
     """Drive about from a start that the robot was told within a hand and ten degrees."""
     drive.localizer.set_pose(drive.simulation.pose, 0.1, math.radians(10.0))
     result, lost = Tracked([], [], [], 0.0), 0
@@ -100,7 +102,7 @@ def track(drive: Drive, seconds: float) -> Tracked:
     return result
 
 
-def find(drive: Drive, seconds: float = 60.0) -> tuple[float, float, float]:
+def find(drive: LocalizationRun, seconds: float = 60.0) -> tuple[float, float, float]:
     """Return the seconds from knowing nothing to being right, the share of the time that it was
     wrong and sure, and the longest update in ms.
     """
@@ -115,7 +117,7 @@ def find(drive: Drive, seconds: float = 60.0) -> tuple[float, float, float]:
     return found, wrong / updates, longest
 
 
-def carry(drive: Drive, seconds: float = 60.0) -> tuple[float, float]:
+def carry(drive: LocalizationRun, seconds: float = 60.0) -> tuple[float, float]:
     """Return the seconds from being carried away to noticing it, or being right without, and to
     being right again.
     """
@@ -139,27 +141,77 @@ def missed(values: list[float], limit: float = math.inf) -> float:
     return 100.0 * sum(not value < limit for value in values) / len(values)
 
 
-def main() -> int:
-    """Measure, print, keep; return how many bounds were missed."""
+def arguments() -> argparse.Namespace:
+    """Return what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=300.0)
     parser.add_argument("--first", type=int, default=JUDGING, help="the first seed")
-    asked = parser.parse_args()
-    print(Settings(), flush=True)
-    loaded = {name: load_site(name) for name in shipped_sites()}
-    sites = {name: (site, Ways(site.grid)) for name, site in loaded.items()}
-    seeds = range(asked.first, asked.first + asked.runs)
+    return parser.parse_args()
+
+
+def drives(seeds: range, seconds: float, sites: dict[str, tuple[Site, Ways]]) -> list[Tracked]:
+    """Drive once for each seed, and print each drive's errors."""
     tracked = []
     for seed in seeds:
-        tracked.append(track(begin(seed, sites), asked.seconds))
-        one = tracked[-1]
+        one = track(begin(seed, sites), seconds)
+        tracked.append(one)
         print(
             f"drive {seed}: median {np.median(one.away):.3f} m, p95"
             f" {np.percentile(one.away, 95):.3f} m, {np.percentile(one.turned, 95):.2f}°, lost"
             f" {one.lost:.1%}",
             flush=True,
         )
+    return tracked
+
+
+def tracking_figures(tracked: list[Tracked]) -> list[Figure]:
+    """Return how far off the poses of all drives are, and what an update costs."""
+    away, turned, cost = (
+        np.concatenate([getattr(one, name) for one in tracked])
+        for name in ("away", "turned", "cost")
+    )
+    worst = max(float(np.percentile(one.away, 95)) for one in tracked)
+    lost = 100.0 * float(np.mean([one.lost for one in tracked]))
+    return [
+        Figure("position error, median", float(np.median(away)), "m", 0.07),
+        Figure("position error, p95", float(np.percentile(away, 95)), "m", 0.18),
+        Figure("position error, worst drive's p95", worst, "m"),
+        Figure("heading error, p95", float(np.percentile(turned, 95)), "degrees", 2.0),
+        Figure("time thought lost on drives", lost, "%"),
+        Figure("update, median", float(np.median(cost)), "ms", 4.0),
+        Figure("update, p99", float(np.percentile(cost, 99)), "ms"),
+    ]
+
+
+def unknown_figures(unknown: list[tuple[float, float, float]]) -> list[Figure]:
+    """Return how robots fare that begin without a pose (`find`)."""
+    found, wrong, longest = zip(*unknown, strict=True)
+    not_found = missed(list(found), 60.0)
+    return [
+        Figure("update while searching, longest", max(longest), "ms"),
+        Figure("unknown pose not found in 60 s of driving", not_found, "%", 10.0),
+        Figure("unknown pose, time wrong and sure", 100.0 * float(np.mean(wrong)), "%"),
+    ]
+
+
+def carried_figures(carried: list[tuple[float, float]]) -> list[Figure]:
+    """Return how robots fare that are carried away (`carry`)."""
+    noticed, found = zip(*carried, strict=True)
+    return [
+        Figure("carried away and not noticed in 10 s", missed(list(noticed), 10.0), "%", 5.0),
+        Figure("carried away and not found in 60 s", missed(list(found), 60.0), "%", 15.0),
+    ]
+
+
+def main() -> int:
+    """Measure, print, keep; return how many bounds were missed."""
+    asked = arguments()
+    print(Settings(), flush=True)
+    loaded = {name: load_site(name) for name in shipped_sites()}
+    sites = {name: (site, Ways(site.grid)) for name, site in loaded.items()}
+    seeds = range(asked.first, asked.first + asked.runs)
+    tracked = drives(seeds, asked.seconds, sites)
     unknown = [find(begin(seed + 10_000, sites)) for seed in seeds]
     print(
         "from an unknown pose, seconds, wrong and sure, ms:",
@@ -172,54 +224,9 @@ def main() -> int:
         [(round(a, 1), round(b, 1)) for a, b in carried],
         flush=True,
     )
-    away, turned, cost = (
-        np.concatenate([getattr(one, name) for one in tracked])
-        for name in ("away", "turned", "cost")
-    )
-    figures = [
-        Figure("position error, median", float(np.median(away)), "m", 0.07),
-        Figure("position error, p95", float(np.percentile(away, 95)), "m", 0.18),
-        Figure(
-            "position error, worst drive's p95",
-            max(float(np.percentile(one.away, 95)) for one in tracked),
-            "m",
-        ),
-        Figure("heading error, p95", float(np.percentile(turned, 95)), "degrees", 2.0),
-        Figure(
-            "time thought lost on drives",
-            100.0 * float(np.mean([one.lost for one in tracked])),
-            "%",
-        ),
-        Figure("update, median", float(np.median(cost)), "ms", 4.0),
-        Figure("update, p99", float(np.percentile(cost, 99)), "ms"),
-        Figure("update while searching, longest", max(longest for _, _, longest in unknown), "ms"),
-        Figure(
-            "unknown pose not found in 60 s of driving",
-            missed([found for found, _, _ in unknown], 60.0),
-            "%",
-            10.0,
-        ),
-        Figure(
-            "unknown pose, time wrong and sure",
-            100.0 * float(np.mean([wrong for _, wrong, _ in unknown])),
-            "%",
-        ),
-        Figure(
-            "carried away and not noticed in 10 s",
-            missed([noticed for noticed, _ in carried], 10.0),
-            "%",
-            5.0,
-        ),
-        Figure(
-            "carried away and not found in 60 s",
-            missed([found for _, found in carried], 60.0),
-            "%",
-            15.0,
-        ),
-    ]
     return keep(
         "localization",
-        figures,
+        [*tracking_figures(tracked), *unknown_figures(unknown), *carried_figures(carried)],
         runs=asked.runs,
         first=asked.first,
         unknown=[a for a, _, _ in unknown],

@@ -1,4 +1,4 @@
-"""The robots that benchmarks/media.py measures, each in a process of its own behind a pipe.
+"""The robots that benchmarks/video/media.py measures, each in a process of its own behind a pipe.
 
 `ours` is the media side with a synthetic camera, `plain` is aiortc as it comes with the same
 camera, and `simulator` the media side with the simulated robot, turning, and its child process.
@@ -27,7 +27,7 @@ from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 TURNING = Velocity(linear=0.0, angular=0.5)
 
 
-class Robot(Protocol):
+class RunnableRobot(Protocol):
     """What a robot process runs."""
 
     def start(self) -> None:
@@ -77,7 +77,7 @@ class RobotProcess:
 
 def serve(kind: str, pipe: Connection) -> None:
     """Run a robot of `kind` until the pipe says None or ends."""
-    robot: Robot = {"ours": _ours, "plain": PlainRobot, "simulator": SimulatedRobot}[kind](
+    robot: RunnableRobot = {"ours": _ours, "plain": PlainRobot, "simulator": SimulatedRobot}[kind](
         lambda peer, message: pipe.send((peer, message))
     )
     robot.start()
@@ -88,7 +88,7 @@ def serve(kind: str, pipe: Connection) -> None:
     robot.close()
 
 
-def _ours(reply: Callable[..., None]) -> Robot:
+def _ours(reply: Callable[..., None]) -> RunnableRobot:
     return MediaSide(
         video=SyntheticCamera(),
         audio=SyntheticMicrophone(),

@@ -1,5 +1,5 @@
 """Going to random places in every shipped site, people walking, doors closed on the way: `python -m
-benchmarks.navigation --runs 50`.
+benchmarks.driving.navigation --runs 50`.
 
 Both robots, with their own localization; half of the runs close one door at random some seconds
 after the start. A run that ends "blocked" counts only where the shortest way of the true world
@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.driving.true_world import TrueWorld
 from benchmarks.table import Figure, keep
-from benchmarks.true_world import TrueWorld
 from robots.agent.navigation.assistance.braking import BRAKING
 from robots.agent.navigation.journey import JOURNEY
 from robots.agent.navigation.obstacles.local_map import LOCAL_MAP
@@ -75,14 +75,14 @@ def one_run(world: TrueWorld, seed: int, people: int, tally: Tally) -> None:
     _count(
         world,
         rig,
-        Task(start[:2], goal, doors),
+        NavigationTrial(start[:2], goal, doors),
         tally,
         f"{plan.map_id} {world.model.series} seed {seed}: {done.status} {done.reason}",
     )
 
 
 @dataclass(frozen=True)
-class Task:
+class NavigationTrial:
     """From where to where, and the doors at the start."""
 
     start: tuple[float, float]
@@ -90,7 +90,7 @@ class Task:
     doors: dict[str, DoorState]
 
 
-def _count(world: TrueWorld, rig: Rig, task: Task, tally: Tally, what: str) -> None:
+def _count(world: TrueWorld, rig: Rig, task: NavigationTrial, tally: Tally, what: str) -> None:
     goal = task.goal
     sim = rig.sim
     here = (sim.pose.x, sim.pose.y)

@@ -2,8 +2,8 @@ import datetime
 
 import pytest
 
+from robots.admin_pages.owner_status import owner_status
 from robots.models import Robot
-from robots.owner_status import owner_status
 
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 AWAY = {"connection": "OFFLINE", "last_seen_at": NOW - datetime.timedelta(hours=3)}

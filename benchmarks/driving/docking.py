@@ -1,5 +1,5 @@
 """Docking from random poses, and the whole study run, for both robots in every shipped site:
-`python -m benchmarks.docking --runs 50`.
+`python -m benchmarks.driving.docking --runs 50`.
 
 The study run begins in the dock, passes the route's checkpoints, faces the mirror where the route's
 last checkpoint lies before one, comes back and docks, with people walking. Seeds below 20,000 are
@@ -14,8 +14,8 @@ from collections import Counter
 
 import numpy as np
 
+from benchmarks.driving.true_world import TrueWorld
 from benchmarks.table import Figure, keep
-from benchmarks.true_world import TrueWorld
 from robots.agent.navigation.docking.approach import DOCKING, UNDOCKING
 from robots.agent.navigation.docking.station import STATION
 from robots.agent.navigation.planning.steps import NavigationStep

@@ -25,12 +25,13 @@ from surveys.documents import BadDefinitionError
 from surveys.forms import format_reference
 from surveys.importing import report as reports
 from surveys.importing.reading import MAX_FILE, MAX_SLUG, read, slug_for
-from surveys.importing.report import Report
+from surveys.importing.report import ImportReport
 from surveys.importing.survey_format import Wishes
 from surveys.models import Questionnaire
 from surveys.questionnaires import store_next
 
 ADD = "surveys.add_questionnaire"
+# Forms that were signed under this name stay valid.
 SALT = "surveys.admin_import"
 PARCEL_SECONDS = 24 * 3600
 
@@ -128,7 +129,7 @@ def _tell(request: HttpRequest, row: Questionnaire, *, is_new: bool) -> None:
     messages.info(request, text % words)
 
 
-def _shown(form: SaveForm, definition: Definition, report: Report) -> dict[str, Any]:
+def _shown(form: SaveForm, definition: Definition, report: ImportReport) -> dict[str, Any]:
     return {
         "save_form": form,
         "report": report,

@@ -1,4 +1,4 @@
-"""Sites made from real maps, driven in: `python -m benchmarks.mapped_sites office.yaml
+"""Sites made from real maps, driven in: `python -m benchmarks.driving.mapped_sites office.yaml
 willow.yaml:0.35`.
 
 Each map becomes a site as `make_site` makes it, nothing finished by hand; a number behind a colon
@@ -17,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.navigation import AT_GOAL, JUDGING, TIMEOUT
+from benchmarks.driving.navigation import AT_GOAL, JUDGING, TIMEOUT
+from benchmarks.driving.true_world import TrueWorld
 from benchmarks.table import Figure, keep
-from benchmarks.true_world import TrueWorld
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.world.grid import OCCUPIED, OccupancyGrid, load_grid
 from robots.world.inspection import inspect_site

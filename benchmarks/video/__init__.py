@@ -1,0 +1,1 @@
+"""The video from the camera to the page: delay, load, and what a slow network makes of it."""
