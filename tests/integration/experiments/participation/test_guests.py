@@ -31,7 +31,7 @@ def take_part(client: Client) -> str:
     """Press the button of the front page, and return the code that is shown."""
     page = read(client.post(FRONT))
     assert faults(page) == []
-    assert "Note this code: with it you can continue on another device." in page.text
+    assert "Write down this code. You need it to continue on another device." in page.text
     return CODE.search(page.text)[0]
 
 
@@ -116,7 +116,7 @@ def test_the_home_page_leads_to_a_study_without_an_account(client, study):
 def test_the_next_person_at_a_shared_computer_begins_anew(client, study):
     take_part(client)
     page = read(client.get(FRONT))
-    assert "Someone else wants to take part on this device?" in page.text
+    assert "Does someone else want to take part on this device?" in page.text
     Participant.objects.update(status="finished")
     assert "Someone else wants to take part" in read(client.get(FRONT)).text
     assert client.post(reverse("account_logout"), {"next": FRONT}).url == FRONT
