@@ -94,7 +94,7 @@ def test_a_map_of_which_nothing_can_be_proposed_says_why(client, staff):
     image = encode_png(np.full((200, 200), 254, dtype=np.uint8))
     row = FloorPlan.objects.create(**read_upload(YAML, image, None, name="bare", title="Bare"))
     text = client.post(page_of(row), {"action": "propose"}).content.decode()
-    assert "No plan could be proposed" in text
+    assert "t propose a plan:" in text
     assert "The map shows 0 walls" in text
 
 
