@@ -155,9 +155,7 @@ def _of_dock(course: Course, plan: FloorPlan) -> Iterator[str]:
         )
         > SAME_PLACE
     ):
-        yield (
-            f"checkpoint 0 is not at the charging station {fitting[0].name}; move it there."
-        )
+        yield (f"checkpoint 0 is not at the charging station {fitting[0].name}; move it there.")
 
 
 def _of_condition(
