@@ -10,7 +10,7 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts.models import User
 
-PASSWORD_HINT = _("At least 8 characters; neither a common word nor your own name.")
+PASSWORD_HINT = _("Use at least 8 characters. Avoid common words and your own name.")
 
 
 def single_line(name: str) -> str:

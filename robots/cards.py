@@ -105,8 +105,7 @@ def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str
     """
     if state == "stopped" and not is_latched(robot):
         return _("Not available"), _(
-            "The robot's control system isn't responding. It will be available again "
-            "once that is back."
+            "The robot's control system isn't responding. You can drive again once it responds."
         )
     return _away(robot) if state == "busy" and not traffic.driven else None
 
@@ -121,7 +120,7 @@ def _away(robot: Robot) -> tuple[str, str] | None:
         return None
     words = {
         Robot.Turnaround.RETURNING: (
-            _("On its way home"),
+            _("Returning to its station"),
             _("It needs to dock first. You can join the queue."),
         ),
         Robot.Turnaround.CHARGING: (

@@ -17,7 +17,7 @@ WORDS = {
     "not_docked": _("it is not docked"),
     "elsewhere": _("it is not at the charging station of the course"),
     "lost": _("it does not know where it is"),
-    "charge": _("its battery is not charged as the study requires"),
+    "charge": _("its battery has less charge than the study requires"),
     "silent": _("it has not reported its state"),
     "no_answer": _("it did not respond in time"),
 }

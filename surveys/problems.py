@@ -67,7 +67,7 @@ def _of_scales(definition: Definition) -> Iterator[str]:
                 f"The scale {name} has {len(values)} points; it needs {MIN_POINTS} to {MAX_POINTS}."
             )
         elif values != sorted(set(values)):
-            yield f"The values of the scale {name} must rise from point to point."
+            yield f"The values of the scale {name} must increase from point to point."
         elif not (any(points[0].label.values()) and any(points[-1].label.values())):
             yield f"The scale {name} must name its two ends."
 
@@ -100,7 +100,7 @@ def _of_condition(condition: ItemCondition | None, earlier: dict[str, Question])
     if bool(condition.item) != asks_answer:
         yield "show_if needs item together with is, at_least or at_most."
     elif condition.item and condition.item not in earlier:
-        yield f"show_if asks {condition.item}, which is not an earlier question."
+        yield f"show_if names {condition.item}, which is not an earlier question."
     elif condition.item:
         yield from _of_expected(condition, earlier[condition.item])
 

@@ -45,7 +45,7 @@ def check_mqtt(**_: Any) -> list[CheckMessage]:
             found.append(
                 Error(
                     f"{name} is not an MQTT address: {url!r}.",
-                    hint="Such as mqtts://broker.example.org:8883.",
+                    hint="Use an address such as mqtts://broker.example.org:8883.",
                     id="telepresence.E001",
                 )
             )
@@ -96,7 +96,7 @@ def check_mail(**_: Any) -> list[CheckMessage]:
         return [
             Error(
                 f"EMAIL_VERIFICATION is {word!r}.",
-                hint="It is none, optional or mandatory.",
+                hint="Set it to none, optional or mandatory.",
                 id="telepresence.E004",
             )
         ]
@@ -104,7 +104,7 @@ def check_mail(**_: Any) -> list[CheckMessage]:
         hint = f"Set EMAIL_HOST; until then messages are only kept in {settings.EMAIL_FILE_PATH}."
         return [
             Warning(
-                "Sign-up asks for a confirmed e-mail address, and no mail server is set.",
+                "Sign-up asks for a confirmed e-mail address, but no mail server is set.",
                 hint=hint,
                 id="telepresence.W002",
             )
@@ -165,7 +165,7 @@ def check_metrics(**_: Any) -> list[CheckMessage]:
         if not _is_network(word)
     ]
     if settings.METRICS_TOKEN and len(settings.METRICS_TOKEN) < LEAST_TOKEN:
-        hint = "Take a random one, such as from: openssl rand -hex 32."
+        hint = "Use a random one, such as from: openssl rand -hex 32."
         found.append(
             Warning(
                 "METRICS_TOKEN is short enough to be guessed.", hint=hint, id="telepresence.W007"
@@ -175,7 +175,7 @@ def check_metrics(**_: Any) -> list[CheckMessage]:
         found.append(
             Error(
                 f"LOG_FORMAT is {settings.LOG_FORMAT!r}.",
-                hint="It is text or json.",
+                hint="Set it to text or json.",
                 id="telepresence.E008",
             )
         )
@@ -188,8 +188,8 @@ def check_plain_http(**_: Any) -> list[CheckMessage]:
     if not settings.HTTP_ONLY or not far:
         return []
     hint = (
-        "HTTP_ONLY=1 is for 127.0.0.1. Browsers also give no camera and no microphone to a page"
-        " that came over plain http."
+        "HTTP_ONLY=1 is for 127.0.0.1. Browsers also refuse camera and microphone to a page"
+        " that was loaded over plain http."
     )
     return [
         Warning(
@@ -205,12 +205,12 @@ def check_secret_key(**_: Any) -> list[CheckMessage]:
     if os.environ.get("SECRET_KEY"):
         return []
     hint = (
-        "A process on another machine would make another one: its broker password and its sessions"
-        " would not be accepted."
+        "A process on another machine would generate a different one, and its broker password and"
+        " sessions would be refused."
     )
     return [
         Warning(
-            "SECRET_KEY is not set; one was made and is kept in VAR_DIR.",
+            "SECRET_KEY is not set; a new one was generated and saved in VAR_DIR.",
             hint=hint,
             id="telepresence.W004",
         )
@@ -226,8 +226,8 @@ def check_cache(**_: Any) -> list[CheckMessage]:
         return []
     return [
         Warning(
-            "Every web process counts attempts by itself.",
-            hint="Set REDIS_URL when there is more than one.",
+            "Each web process counts attempts separately.",
+            hint="Set REDIS_URL if you run more than one.",
             id="telepresence.W005",
         )
     ]
@@ -238,12 +238,14 @@ def check_visitors_addresses(**_: Any) -> list[CheckMessage]:
     if not settings.SECURE_PROXY_SSL_HEADER or settings.TRUSTED_PROXIES:
         return []
     hint = (
-        "Name the proxy's address: without it all visitors have the proxy's own, and share what one"
-        " address may do."
+        "Set it to the proxy's address. Without it, all visitors have the proxy's address and share"
+        " its limits."
     )
     return [
         Warning(
-            "BEHIND_TLS_PROXY is set and TRUSTED_PROXIES is not.", hint=hint, id="telepresence.W008"
+            "BEHIND_TLS_PROXY is set, but TRUSTED_PROXIES is not.",
+            hint=hint,
+            id="telepresence.W008",
         )
     ]
 
@@ -253,12 +255,11 @@ def check_private_folder(**_: Any) -> list[CheckMessage]:
     if os.name != "posix" or not settings.VAR_DIR.stat().st_mode & stat.S_IRWXO:
         return []
     hint = (
-        f"chmod o-rwx {settings.VAR_DIR}; what a proxy serves belongs into STATIC_ROOT, elsewhere."
+        f"Run chmod o-rwx {settings.VAR_DIR}. If a proxy serves STATIC_ROOT, set it to a folder"
+        " elsewhere."
     )
     return [
-        Warning(
-            "Every user of this machine can look into VAR_DIR.", hint=hint, id="telepresence.W009"
-        )
+        Warning("Every user of this machine can read VAR_DIR.", hint=hint, id="telepresence.W009")
     ]
 
 
@@ -267,7 +268,7 @@ def check_disk(**_: Any) -> list[CheckMessage]:
     space = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)
     if space.state() == "ok":
         return []
-    hint = f"Make room, or lower DISK_LOW_MB ({settings.DISK_LOW_MB:g})."
+    hint = f"Free some space, or lower DISK_LOW_MB ({settings.DISK_LOW_MB:g})."
     return [
         Warning(
             f"Only {space.free() // MIB} MB are free on the disk of VAR_DIR.",
@@ -278,12 +279,12 @@ def check_disk(**_: Any) -> list[CheckMessage]:
 
 
 def check_demo(**_: Any) -> list[CheckMessage]:
-    """On a server nobody signs in by the demo's link (W006)."""
+    """On a server nobody logs in by the demo's link (W006)."""
     if not getattr(settings, "DEMO_TOKEN", ""):
         return []
     return [
         Warning(
-            "DEMO_TOKEN is set: whoever has the demo's link is signed in.",
+            "DEMO_TOKEN is set: anybody with the demo's link is logged in.",
             hint="Only `manage.py demo` sets it.",
             id="telepresence.W006",
         )

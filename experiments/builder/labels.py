@@ -29,7 +29,7 @@ LABELS: dict[str, Words] = {
     "robot": _("Robot"),
     "minutes": _("Time limit (minutes)"),
     "last_minutes": _("Show time left in the last (minutes)"),
-    "docked_seconds": _("Docked after charger contact for (s)"),
+    "docked_seconds": _("Charger contact that counts as docked (s)"),
     "site": _("Site"),
     "access": _("Eligible participants"),
     "control_way": _("Command channel"),
@@ -75,7 +75,7 @@ LABELS: dict[str, Words] = {
     "effects": _("Effects of the model"),
     "coding": _("Coding of levels"),
     "allocation": _("Assignment to conditions"),
-    "left_after_hours": _("Counts as having left after (hours)"),
+    "left_after_hours": _("Counts as dropped out after (hours)"),
     "design": _("Design"),
     "order": _("Order"),
     "quota": _("Participants per cell"),
@@ -120,23 +120,27 @@ HINTS: dict[str, Words] = {
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
     "left_after_hours": _(
-        "A participant who has not had all conditions and was not seen for this long. Their order "
-        "of conditions goes to someone else."
+        "If a participant with conditions left to do is not seen for this long, their order of "
+        "conditions goes to someone else."
     ),
     "measures": _(
         "Metrics such as task_time, or answers such as experience.q1 or experience.overall, with "
         "commas between."
     ),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
-    "conditions": _("Without contrasts: the conditions to compare. None: all of them."),
-    "post_hoc": _("Only without contrasts."),
+    "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
+    "post_hoc": _("Applies only if there are no contrasts."),
     "effects": _(
         "For a mixed model: factors, interactions such as delay:help, condition, period, order; "
         "with commas between."
     ),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
-    "charge": _("0: any. A robot that does not report its charge is accepted."),
-    "docked_seconds": _("While the robot is still and the controls are released. At least 1."),
+    "charge": _(
+        "0 accepts any charge. A robot that does not report its charge is always accepted."
+    ),
+    "docked_seconds": _(
+        "Counted while the robot is still and the controls are released. At least 1."
+    ),
     "outcomes": _("The task's own outcomes (completed, timed out) never count here."),
     "controllers": _("Devices the visitor may drive with."),
     "linear": _("Leave blank to use the robot's limit; cannot exceed it."),

@@ -69,7 +69,7 @@ TITLES = {
 MEANWHILE = gettext_lazy(
     "Not saved: someone else changed this study. If your change still applies, submit it again."
 )
-WRONG_PLACE = re.compile(r"checkpoint (\d+) (?:cannot be reached|lies in no room|does not lie)")
+WRONG_PLACE = re.compile(r"checkpoint (\d+) (?:cannot be reached|is not in a room|is not at)")
 MOST_SHOWN = 40  # problems above a form
 
 

@@ -135,14 +135,14 @@ def _events_of(
     begun: dict[tuple[str, str, str], tuple[float, str]] = {}
     for row in rows:
         if not isinstance(row, list) or len(row) < 3 or not isinstance(row[0], int | float):
-            problems.append(_("A row that is no event was left out."))
+            problems.append(_("A row that is not an event was left out."))
             continue
         time, subject, name = float(row[0]), str(row[1]), str(row[2])
         modifier = str(row[3]) if len(row) > 3 and row[3] else ""
         comment = str(row[4]) if len(row) > 4 and row[4] else ""
         code = known.get(name)
         if code is None:
-            problems.append(_("Behavior “%(name)s” is no code of the scheme.") % {"name": name})
+            problems.append(_("Behavior “%(name)s” is not a code of the scheme.") % {"name": name})
             continue
         if subject or modifier:
             problems.append(_("Subjects and modifiers are not imported."))
@@ -156,4 +156,4 @@ def _events_of(
         start, first = begun.pop(key)
         yield CodedEvent(code.code, start, time, first or comment)
     for _subject, name, _modifier in begun:
-        problems.append(_("Behavior “%(name)s” starts and does not stop.") % {"name": name})
+        problems.append(_("Behavior “%(name)s” starts but never stops.") % {"name": name})

@@ -117,7 +117,7 @@ def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], 
         name = tier.get("TIER_ID", "")
         code = known.get(name)
         if code is None:
-            problems.append(_("Tier “%(name)s” is no code of the scheme.") % {"name": name})
+            problems.append(_("Tier “%(name)s” is not a code of the scheme.") % {"name": name})
             continue
         found = list(_events_of(tier, code, times))
         lost = sum(1 for event in found if event is None)

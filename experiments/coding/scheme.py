@@ -70,9 +70,10 @@ def _code_problems(codes: Sequence[Code]) -> Iterator[str]:
         if not code.name.strip() or len(code.name) > 80:
             yield _("%(code)s: enter a name of at most 80 characters.") % {"code": code.code}
         if len(code.key) > 1 or code.key.lower() in TAKEN_KEYS or not code.key.isprintable():
-            yield _("%(code)s: a key is one character that the player does not use (k, +, −).") % {
-                "code": code.code
-            }
+            yield _(
+                "%(code)s: choose a single character as the key. The player already uses k, "
+                "+ and −."
+            ) % {"code": code.code}
     for what, names in (
         (_("code"), [code.code for code in codes]),
         (_("key"), [code.key.lower() for code in codes if code.key]),
@@ -129,9 +130,9 @@ def _event_problems(
         if kind is None:
             yield _("The scheme has no code “%(code)s”.") % where
         elif kind == "point" and event.end is not None:
-            yield _("%(code)s at %(at)s s is a point and has no end.") % where
+            yield _("%(code)s at %(at)s s is a point, so it can't have an end.") % where
         elif kind == "interval" and (event.end is None or not event.end > event.begin):
-            yield _("%(code)s at %(at)s s needs an end after its beginning.") % where
+            yield _("%(code)s at %(at)s s must end after it begins.") % where
         if not (0 <= event.begin <= limit and (event.end is None or event.end <= limit)):
             yield _("%(code)s at %(at)s s is outside the session.") % where
         if len(event.comment) > MAX_COMMENT or "\x00" in event.comment:
@@ -145,7 +146,7 @@ def _overlaps(events: Iterable[CodedEvent]) -> Iterator[str]:
         if event.end is None:
             continue
         if event.begin < last.get(event.code, 0.0):
-            yield _("%(code)s at %(at)s s begins before the one before it ends.") % {
+            yield _("%(code)s at %(at)s s begins before the previous one ends.") % {
                 "code": event.code,
                 "at": f"{event.begin:.3f}",
             }

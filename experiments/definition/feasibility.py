@@ -118,7 +118,7 @@ def _of_course(course: Course, known: Known) -> Iterator[str]:
         if plan.room_at(checkpoint.x, checkpoint.y) is None and not _in_doorway(
             plan, checkpoint.x, checkpoint.y
         ):
-            yield f"checkpoint {checkpoint.number} lies in no room; move it into one."
+            yield f"checkpoint {checkpoint.number} is not in a room; move it into one."
 
 
 def _in_doorway(plan: FloorPlan, x: float, y: float) -> bool:
@@ -155,9 +155,7 @@ def _of_dock(course: Course, plan: FloorPlan) -> Iterator[str]:
         )
         > SAME_PLACE
     ):
-        yield (
-            f"checkpoint 0 does not lie at the charging station {fitting[0].name}; move it there."
-        )
+        yield (f"checkpoint 0 is not at the charging station {fitting[0].name}; move it there.")
 
 
 def _of_condition(

@@ -18,18 +18,18 @@ from experiments.models import Study
 SUMS = "SHA256SUMS"
 READ_ME = """# {title}
 
-Records of the study {slug}, version {version}. `dataset_description.json` tells what each column
-of each file means; times are seconds since the robot was granted, by the clock that the column
+Records of the study {slug}, version {version}. `dataset_description.json` explains each
+column of each file. Times are seconds since the robot was granted, by the clock that the column
 names. An empty cell or `nan` is a missing value.
 
-All sessions are here, also failed, empty, practice and excluded ones, and those of pilots and bots:
-the columns `kind`, `practice`, `outcome` and `excluded` of the sessions tell them apart.
+The dataset contains all sessions, including failed, empty, practice and excluded ones, and those of
+pilots and bots: the columns `kind`, `practice`, `outcome` and `excluded` distinguish them.
 
-The tables and figures are made from this folder alone by
+To make the tables and figures from this folder alone, run
 
     python manage.py analyse_study --dataset . --out ../report
 
-`sha256sum -c SHA256SUMS` tells whether every file is as it was written.
+`sha256sum -c SHA256SUMS` checks that every file is unchanged.
 """
 
 

@@ -54,9 +54,9 @@ class ConsentForm(forms.Form):
         if not step.minimum_age or step.minors == "refused":
             del self.fields["guardian"]
         else:
-            self.fields["guardian"].help_text = _("Only if you are younger than %(age)d.") % {
-                "age": step.minimum_age
-            }
+            self.fields["guardian"].help_text = _(
+                "Required only if you are younger than %(age)d."
+            ) % {"age": step.minimum_age}
 
     def _age_hint(self) -> str:
         return (

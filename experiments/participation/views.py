@@ -282,7 +282,10 @@ def data_delete(request: HttpRequest) -> HttpResponseBase:
     elif own_data.is_driving(user):
         messages.error(
             request,
-            _("You are driving a robot or waiting for one. Leave it first. Nothing was deleted."),
+            _(
+                "Nothing was deleted, because you are driving a robot or waiting for one. Leave "
+                "the robot or its queue first."
+            ),
         )
     elif not own_data.delete_everything(user, timezone.now()):
         messages.error(

@@ -50,7 +50,7 @@ def _difference(drive: Drive, rng: np.random.Generator) -> str:
         ""
         if found == list(rows)
         else (
-            f"Session {drive.session_id}: a replay of its task gives other events "
-            "than the stored ones."
+            f"Session {drive.session_id}: a replay of its task gives events that differ from the "
+            f"stored ones."
         )
     )

@@ -282,7 +282,7 @@ def _stuck(diaries: Sequence[Diary]) -> list[str]:
     ]
     return [
         *sentences,
-        *(f"Bot {diary.number} did everything and got no code." for diary in unfinished),
+        *(f"Bot {diary.number} did everything but got no code." for diary in unfinished),
     ]
 
 

@@ -31,8 +31,8 @@ def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: 
     """Tell the researchers of every open study that uses a robot that its queue is paused."""
     subject = _("%(study)s: the queue for %(robot)s is paused")
     text = _(
-        "No visitors have been admitted to %(robot)s since %(at)s because it "
-        "could not be made ready for the next visit: %(reason)s.\n\nThe system "
+        "%(robot)s has admitted no visitors since %(at)s because it couldn't get ready for the "
+        "next visit: %(reason)s.\n\nThe system "
         "tries again every two minutes. You get one e-mail for each pause."
     )
     for study in studies_with(robot):

@@ -473,7 +473,9 @@ class DriveAdmin(StudyRows):
             publishing.log(row, request.user, f"Excluded: {reason}")
             messages.success(
                 request,
-                gettext("Drive excluded. Tables are made with and without excluded drives."),
+                gettext(
+                    "Drive excluded. You get each table both with and without excluded drives."
+                ),
             )
         else:
             rows.update(excluded_reason="", excluded_by=None, excluded_at=None)

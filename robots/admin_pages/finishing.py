@@ -128,7 +128,7 @@ def _edited(request: HttpRequest, row: FloorPlan) -> tuple[Document, tuple[str, 
         if error.field.endswith(".join"):
             text = _("These rooms don't touch, so they can't be joined.")
         else:
-            text = _("“%(text)s” is not a number that can be used here.") % {"text": error.text}
+            text = _("“%(text)s” is not a valid number here.") % {"text": error.text}
         return before, (text,)
 
 

@@ -91,4 +91,4 @@ def _between(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str]:
             "can't, put it in its charging station."
         )
         return "attention", shown.label, sentence % {"why": in_words(robot.turnaround_reason)}
-    return "busy", shown.label, _("It takes visitors again by itself as soon as it is ready.")
+    return "busy", shown.label, _("It accepts visitors again as soon as it is ready.")

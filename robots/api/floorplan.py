@@ -443,10 +443,11 @@ def _outside(plan: FloorPlan) -> Iterator[str]:
     ]
     for what, x, y in stand:
         if plan.room_at(x, y) is None:
-            yield f"{what} at ({x:g}, {y:g}) lies in no room"
+            yield f"{what} at ({x:g}, {y:g}) is not in a room"
     for decoration in plan.decorations:
         if not any(_on_face(wall, decoration.x, decoration.y) for wall in plan.walls):
-            yield f"{decoration.kind} at ({decoration.x:g}, {decoration.y:g}) hangs on no wall"
+            where = f"({decoration.x:g}, {decoration.y:g})"
+            yield f"{decoration.kind} at {where} does not hang on a wall"
 
 
 def _bad_routes(plan: FloorPlan) -> Iterator[str]:
@@ -475,7 +476,7 @@ def _stray_translations(plan: FloorPlan) -> Iterator[str]:
     for language, words in plan.translations.items():
         for title in words:
             if title not in titles:
-                yield f"the translation to {language!r} of {title!r} is that of no title"
+                yield f"the translation to {language!r} of {title!r} belongs to no title"
 
 
 def _on_face(wall: Wall, x: float, y: float) -> bool:

@@ -120,8 +120,8 @@ class Safety(Message, frozen=True, kw_only=True):
     `inhibited` names the reason in one word when commands are refused for a state of the robot:
     `estop`, `stopped`, `no_lease`, `collision` (it can only be driven away from what it has
     touched), `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its sender can stop
-    repeating it. `touched` are the sides on which the robot has touched something that it has not
-    backed away from yet.
+    repeating it. `touched` are the sides on which the robot has touched something and has not yet
+    backed away.
     """
 
     estop: bool = False
@@ -136,16 +136,16 @@ class Safety(Message, frozen=True, kw_only=True):
 
 
 class AppliedCommand(Message, frozen=True, kw_only=True):
-    """One velocity command that reached the wheels: which, how, on which way, how old, and what was
-    made of it.
+    """One velocity command that reached the wheels: its number, input method, control channel, age,
+    and the velocity that was applied.
 
-    `frame_age` is how old the picture that the visitor saw was by then, in seconds by the robot's
-    own clock: the whole way round, from the camera over the visitor's eyes and hand to the wheels.
-    Absent when the command named no picture.
+    `frame_age` is the age by then of the video frame that the visitor saw, in seconds by the
+    robot's own clock: the whole loop, from the camera through the visitor's eyes and hand to the
+    wheels. Absent when the command named no frame.
 
-    `asked` is what the driver asked for, `allowed` what the limits and the age left of it: `share`
-    of the largest speeds, 1 for a command and picture that are young enough. `linear` and `angular`
-    are what was applied then, after collision monitor and ramp. Agents may leave out all three.
+    `asked` is what the driver asked for, `allowed` what the limits and the age allowed: `share` of
+    the maximum speeds, 1 if command and frame are recent enough. `linear` and `angular` are what
+    was then applied, after collision monitor and ramp. Agents may leave out all three.
     """
 
     seq: Count
@@ -169,7 +169,7 @@ class AppliedCommand(Message, frozen=True, kw_only=True):
 
 
 class Limits(Message, frozen=True, kw_only=True):
-    """What the robot's own kernel enforces; disclosed, not negotiated.
+    """The limits that the robot's own kernel enforces. They are published, not negotiated.
 
     Speeds in m/s and rad/s, accelerations and braking in m/s² and rad/s², times in s. `command_age`
     and `frame_age` are the defaults, the `_ceiling`s what no lease can exceed. `deadman` is the
@@ -193,9 +193,9 @@ class Limits(Message, frozen=True, kw_only=True):
 class Camera(Message, frozen=True, kw_only=True):
     """The driving camera: pinhole, square pixels, centred principal point.
 
-    `hfov` is the horizontal field of view, `x` how far the camera sits before the robot's centre,
-    `z` its height above the floor, `pitch` its angle below the horizon when the tilt is 0 (positive
-    looks down, as a rotation about +y does).
+    `hfov` is the horizontal field of view, `x` the distance of the camera ahead of the robot's
+    centre, `z` its height above the floor, `pitch` its angle below the horizon when the tilt is 0
+    (positive looks down, as a rotation about +y does).
     """
 
     width: Annotated[int, Meta(ge=16, le=7680)]
@@ -227,10 +227,10 @@ class TiltRange(Message, frozen=True, kw_only=True):
 
 
 class CallState(Message, frozen=True, kw_only=True):
-    """How far a visitor is let through to the people at the robot: `audio` and `video` are what the
-    visitor sends, `volume` their wish.
+    """The status of a visitor's call at the robot: `audio` and `video` are what the visitor sends,
+    `volume` what they requested.
 
-    `shares`: the picture is of the visitor's screen, a window or a tab, and not of their face.
+    `shares`: the video shows the visitor's screen, a window or a tab, not their face.
     """
 
     status: Literal["ringing", "accepted", "declined", "unanswered"]
@@ -241,8 +241,8 @@ class CallState(Message, frozen=True, kw_only=True):
 
 
 class KnockState(Message, frozen=True, kw_only=True):
-    """A knock of the driver, `action_id` being that of the `knock`: the robot's displays ring, or
-    its own loudspeaker where none is connected, and show who knocks, while it is `ringing`.
+    """A knock of the driver; `action_id` is that of the `knock`. While it is `ringing`, the robot's
+    displays ring and show who knocks; if none is connected, the robot's own loudspeaker rings.
     """
 
     action_id: Id
@@ -262,8 +262,8 @@ class NetworkLab(Message, frozen=True, kw_only=True):
     """Impairments that a study puts on one direction; times in s, loss and reordering as shares,
     rate in bit/s.
 
-    `jitter` changes the delay by up to so much either way. The same seed and the same packets at
-    the same moments end in the same losses.
+    `jitter` changes the delay by up to this value, in either direction. The same seed and the same
+    packets at the same moments give the same losses.
     """
 
     delay: NotNegative = 0.0
@@ -275,12 +275,12 @@ class NetworkLab(Message, frozen=True, kw_only=True):
 
 
 class LabReport(Message, frozen=True, kw_only=True):
-    """What was really put on one direction of the driver's network, and what became of its packets
-    since then.
+    """The impairment that was really applied to one direction of the driver's network, and what has
+    happened to its packets since then.
 
     `lost` by chance, `overflowed` because the queue before the bit rate was full, `reordered`
-    overtaken by the next one; `waiting` are on their way now. `held` is for how many seconds one
-    was held, in the mean.
+    overtaken by the next one; `waiting` are on their way now. `held` is the mean time in seconds
+    for which a packet was held.
     """
 
     lab: NetworkLab
@@ -296,8 +296,8 @@ class LabReport(Message, frozen=True, kw_only=True):
 
 
 class Connection(Message, frozen=True, kw_only=True):
-    """`connection`: retained, and the agent's last will (CONNECTIONBROKEN). One whose boot is not
-    the last ONLINE's is ignored.
+    """`connection`: retained, and the agent's last will (CONNECTIONBROKEN). Ignore a message whose
+    boot is not that of the last ONLINE.
     """
 
     boot: Id
@@ -335,20 +335,20 @@ class State(Message, frozen=True, kw_only=True):
     state, `contacts` how many collisions began, `distance` the metres driven by odometry since the
     boot, or with `distance_by_position` the sum of the steps between positions, of a robot that has
     no odometry. `visitor_silence` is the time in seconds since the driver's last heartbeat on
-    either way. `refused` counts refusals by reason since the last state. While the assistance
-    changes what the driver asks for, `assist_why` says why in one word, and `assist_point` what it
-    minds, in metres in the robot's frame. `call` says how far the driver's voice and face get,
-    absent when the driver sends neither; `screens` how many pages show them. `knockable`: somebody
-    may hear a `knock` now, at a display or from the robot's own loudspeaker; `knock` is the newest
-    of this session, for a minute. `control_network` and `video_network` are there while the robot
-    makes the driver's network worse, as `config` told it to. `camera_status` is there while the
-    camera is wanted and gives no video, or gave none when it was wanted last; `errors` says why,
-    too.
+    either transport. `refused` counts refusals by reason since the last state. While the assistance
+    changes what the driver requests, `assist_why` gives the reason in one word, and `assist_point`
+    the obstacle, in metres in the robot's frame. `call` is the status of the driver's sound and
+    video at the robot, absent when the driver sends neither; `screens` is the number of pages that
+    show them. `knockable`: somebody may hear a `knock` now, at a display or from the robot's own
+    loudspeaker; `knock` is the newest one of this session, for a minute. `control_network` and
+    `video_network` are present while the robot impairs the driver's network, as `config` requests.
+    `camera_status` is present while the camera is needed but delivers no video, or delivered none
+    when it was last needed; `errors` has the reason, too.
 
-    `charger_contact` tells whether the charging contacts meet now, or the robot charges. `docked`
-    is more: they have met for 2 s while the robot stood still (at most 0.03 m/s and 0.06 rad/s) and
-    no velocity was asked of it, and have not been apart for 0.5 s since. An agent that does not
-    send `charger_contact` means by `docked` what its robot means by it.
+    `charger_contact` states whether the charging contacts meet now, or the robot charges. `docked`
+    requires more: they have met for 2 s while the robot was at a standstill (at most 0.03 m/s and
+    0.06 rad/s) and was sent no velocity, and have not been apart for 0.5 s since. If an agent does
+    not send `charger_contact`, its `docked` has the meaning that its robot gives it.
     """
 
     stamp: Stamp
@@ -454,11 +454,11 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class ActionStatus(Message, frozen=True, kw_only=True):
-    """`action`: how far an action is. `reason` is one word or a short sentence when it FAILED or
-    was CANCELLED.
+    """`action`: the progress of an action. `reason` is one word or a short sentence when it FAILED
+    or was CANCELLED.
 
-    An action that moves the robot begins when the robot was measured to stand, and is at its end, a
-    `cancel` of it too, when it was measured to stand again.
+    An action that moves the robot begins when the robot is measured to be at a standstill, and it
+    ends, as does its `cancel`, when the robot is at a standstill again.
     """
 
     action_id: Id
@@ -470,10 +470,10 @@ class ActionStatus(Message, frozen=True, kw_only=True):
 
 
 class Words(Message, frozen=True, kw_only=True):
-    """`words`: what the driver said to the people at the robot, or they to the driver; `aloud` is
-    to be spoken. Nobody records it.
+    """`words`: a message from the driver to the people at the robot, or from them to the driver;
+    with `aloud`, it is to be spoken. It is not recorded.
 
-    `receipts`: the robot takes `confirm_words` for these words, and passes it on as `receipt`.
+    `receipts`: the robot accepts `confirm_words` for these words, and passes it on as `receipt`.
     """
 
     stamp: Stamp
@@ -488,13 +488,13 @@ class Words(Message, frozen=True, kw_only=True):
 
 
 class Receipt(Message, frozen=True, kw_only=True):
-    """`receipt`: what became of the driver's words at the robot, for the driver: `action_id` is
+    """`receipt`: what happened to the driver's words at the robot, for the driver: `action_id` is
     that of the `say`.
 
     `shown`: they were visible on a display of the robot. `spoken`: they were read aloud to the end.
-    `not_spoken`: they were shown, were to be read aloud, and that was not possible. What one
-    display has spoken, another cannot take back. Nobody records it. A `say` that is sent again
-    under its id is answered with the newest receipt as well.
+    `not_spoken`: they were shown and should have been read aloud, but this was not possible. If one
+    display has spoken them, a later report of another does not change this. Receipts are not
+    recorded. A `say` that is sent again with the same id is also answered with the newest receipt.
     """
 
     stamp: Stamp
@@ -508,9 +508,9 @@ class Pointer(Message, frozen=True, kw_only=True):
     without `at` no longer.
 
     `at` is in shares of the picture's width from its left and of its height from its top, however
-    large it is shown. What comes out of order is dropped, and two seconds without another take the
-    dot away. On the data channel it goes to the other side alone: to the robot's own displays what
-    the driver points at, to the driver what somebody at a display does. Nobody records it.
+    large it is shown. A message out of order is dropped, and the dot disappears after two seconds
+    without another message. On the data channel it goes to the other side alone: the driver's
+    pointer to the robot's own displays, the pointer at a display to the driver. It is not recorded.
     """
 
     stamp: Stamp
@@ -519,8 +519,8 @@ class Pointer(Message, frozen=True, kw_only=True):
 
 
 class Echo(Message, frozen=True, kw_only=True):
-    """What was last heard from a peer: its own n and stamp, and when it arrived by the echoing
-    side's clock.
+    """The last heartbeat from a peer: its own n and stamp, and its time of arrival by the clock of
+    the echoing side.
     """
 
     peer: Id
@@ -530,8 +530,8 @@ class Echo(Message, frozen=True, kw_only=True):
 
 
 class Heartbeat(Message, frozen=True, kw_only=True):
-    """`heartbeat`: five times a second from the robot on every way, with the last beat of each peer
-    echoed.
+    """`heartbeat`: five times a second from the robot on every transport, with an echo of the last
+    heartbeat of each peer.
     """
 
     n: Count
@@ -540,7 +540,7 @@ class Heartbeat(Message, frozen=True, kw_only=True):
 
 
 class MediaClock(Message, frozen=True, kw_only=True):
-    """`media` (data channel only): turns an RTP timestamp of the picture into the robot's time of
+    """`media` (data channel only): converts an RTP timestamp of the video into the robot's time of
     capture.
 
     capture stamp = `stamp` + ((rtp - `rtp`) modulo 2^32, as a signed difference) / `rate`.
@@ -569,11 +569,11 @@ class Lease(Message, frozen=True, kw_only=True):
     """`lease`: retained; who drives. Valid for `ttl` seconds from its receipt, renewed with a
     growing `renewal`.
 
-    A copy that the broker delivers from its store (retain = 1) tells the epoch and never permits
-    driving. `methods`, `ways` and `actions` are the only input methods, ways of control and types
-    of actions that the driver is allowed (else: `not_allowed`); absent means all. Nobody is kept
-    from `stop`, `estop` and `cancel`. Limits that are lowered hold at once, though the lease was
-    not renewed.
+    A copy that the broker delivers from its store (retain = 1) announces the epoch and never
+    permits driving. `methods`, `ways` and `actions` are the only input methods, control channels
+    and types of actions that the driver may use (otherwise: `not_allowed`); absent means all.
+    `stop`, `estop` and `cancel` are always allowed. Lower limits apply at once, even if the lease
+    was not renewed.
     """
 
     session: Id
@@ -607,8 +607,8 @@ class VelocityCommand(Message, frozen=True, kw_only=True):
 
 
 class CommandHeartbeat(Message, frozen=True, kw_only=True):
-    """`command/heartbeat`: the visitor's page (or the server) is there. `peer` is stamped by the
-    server, ignored on the data channel.
+    """`command/heartbeat`: the visitor's page (or the server) is connected. The server sets `peer`,
+    which is ignored on the data channel.
     """
 
     n: Count
@@ -623,9 +623,9 @@ class PointCommand(Message, frozen=True, kw_only=True):
     second; without `at` it is gone.
 
     From the driver's page and from the robot's own displays; `at` as in `pointer`. The robot passes
-    it on while the driver is let through with a shared picture, and counts the rest. The server
-    stamps `role`, `peer`, `session` and `epoch`; on the data channel `role` and `peer` are ignored.
-    Of one peer the newest `stamp` counts.
+    it on while the driver's shared screen is accepted, and counts other messages. The server sets
+    `role`, `peer`, `session` and `epoch`; on the data channel `role` and `peer` are ignored. For
+    each peer, the newest `stamp` counts.
     """
 
     stamp: Stamp
@@ -670,19 +670,19 @@ class Dock(Action, frozen=True, kw_only=True, tag_field="type", tag="dock"):
 
 
 class Undock(Action, frozen=True, kw_only=True, tag_field="type", tag="undock"):
-    """Back out of the charging station and, where the robot can, turn round, so that the way ahead
+    """Back out of the charging station and, if the robot can, turn around, so that the path ahead
     is free.
     """
 
 
 class Cancel(Action, frozen=True, kw_only=True, tag_field="type", tag="cancel"):
-    """Cancel the action `target`, or whatever runs."""
+    """Cancel the action `target`, or the running one."""
 
     target: Id | None = None
 
 
 class Stop(Action, frozen=True, kw_only=True, tag_field="type", tag="stop"):
-    """Brake now. `seq` comes from the velocity counter and kills every lower one; accepted at any
+    """Brake now. `seq` comes from the velocity counter and voids every lower one; accepted at any
     age, epoch and lease.
     """
 
@@ -690,8 +690,8 @@ class Stop(Action, frozen=True, kw_only=True, tag_field="type", tag="stop"):
 
 
 class EStop(Action, frozen=True, kw_only=True, tag_field="type", tag="estop"):
-    """Brake now and stay so, across a restart of the agent, until `clear_estop`. That of an
-    observer brakes and does not stay.
+    """Brake now and stay stopped, across a restart of the agent, until `clear_estop`. An observer's
+    emergency stop brakes but does not latch.
     """
 
     detail: Reason = ""
@@ -722,8 +722,8 @@ class Relocalize(Action, frozen=True, kw_only=True, tag_field="type", tag="reloc
 
 
 class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
-    """Say a short text to the people on the other side: from the driver to the robot's screen,
-    `aloud` or only shown; or back (role `screen`).
+    """Send a short text to the people on the other side: from the driver to the robot's screen,
+    read `aloud` or only shown, or back (role `screen`).
     """
 
     text: Annotated[str, Meta(min_length=1, max_length=500)]
@@ -732,7 +732,7 @@ class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
 
 
 class ConfirmWords(Action, frozen=True, kw_only=True, tag_field="type", tag="confirm_words"):
-    """A display of the robot says what became of the driver's words `target`, the id of their
+    """A display of the robot reports what happened to the driver's words `target`, the id of their
     `say`; only from role `screen`, and only for words with `receipts`. See `receipt`.
     """
 
@@ -741,10 +741,10 @@ class ConfirmWords(Action, frozen=True, kw_only=True, tag_field="type", tag="con
 
 
 class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
-    """What the driver wants to be heard and seen by at the robot, whenever that changes; `ringing`
-    false hangs up.
+    """The sound and video that the driver wants to send to the robot, whenever that changes;
+    `ringing` false hangs up.
 
-    `volume` is how loud the visitor wants to be there, of what the robot's own volume allows;
+    `volume` is the visitor's volume there, as a share of what the robot's own volume allows;
     `shares` as in `state`.
     """
 
@@ -756,12 +756,12 @@ class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
 
 
 class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answer_call"):
-    """Somebody at the robot's screen lets the visitor through, or does not; only from role
+    """Somebody at the robot's screen accepts or declines the visitor's call; only from role
     `screen`.
 
-    `knock` is the id of a knock that is answered instead of a call. Accepting it also lets through
-    what the visitor sends in this session; who is declined knocks no more in it, and a call that
-    goes on goes on.
+    `knock` is the id of a knock that is answered instead of a call. Accepting it also accepts the
+    visitor's calls in this session. After declining it, the visitor cannot knock again in this
+    session; a call in progress continues.
     """
 
     accept: bool
@@ -769,11 +769,11 @@ class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answe
 
 
 class Knock(Action, frozen=True, kw_only=True, tag_field="type", tag="knock"):
-    """Ring at the robot, so that somebody there comes to its screen; how far that is, `knock` of
-    `state` says.
+    """Ring at the robot, so that somebody there comes to its screen; `knock` of `state` has the
+    status.
 
-    At most every 10 s (`too_soon`), while somebody may hear it (`nobody_there`), and not after
-    somebody has declined in this session (`declined`).
+    Accepted at most every 10 s (`too_soon`), only while somebody may hear it (`nobody_there`), and
+    not after somebody has declined in this session (`declined`).
     """
 
 
@@ -811,13 +811,13 @@ UNCONDITIONAL: tuple[type[Action], ...] = (Stop, EStop)
 
 
 class Config(Message, frozen=True, kw_only=True):
-    """`config`: retained; what the server sets on the robot. `calls`: whether a visitor must be let
-    through at the robot's screen.
+    """`config`: retained; the settings of the server for the robot. `calls`: whether somebody at
+    the robot's screen must accept a visitor's calls.
 
-    `control_network` is put on the driver's velocities and actions on their way to the wheels,
-    whichever way they came; never on stop, estop, cancel, heartbeats and what others send.
-    `video_network` is put on picture and sound on their way to the driver alone. They are for the
-    session `network_session`, and for every one when that is absent.
+    `control_network` impairs the driver's velocities and actions on their path to the wheels,
+    whichever transport they used; never stop, estop, cancel, heartbeats and messages of others.
+    `video_network` impairs video and sound on their path to the driver alone. They apply to the
+    session `network_session`, or to every session if that is absent.
     """
 
     stamp: Stamp
@@ -894,19 +894,19 @@ class Bye(Message, frozen=True, kw_only=True, tag_field="type", tag="bye"):
     """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`,
     `failed`, `left`, `flooded`.
 
-    A page that has flooded is refused for another 5 s.
+    The robot refuses a page that flooded it for another 5 s.
     """
 
     reason: Reason = ""
 
 
 class Stay(Message, frozen=True, kw_only=True, tag_field="type", tag="stay"):
-    """The server vouches for a page that watches, or for a robot's own display: every minute, while
-    it is there and may be.
+    """The server confirms a page that watches, or a robot's own display: every minute, while it is
+    connected and permitted.
 
-    The robot ends the connection of a page from which it has heard neither an offer nor this for
-    150 s; the driver's is covered by the lease. A page can keep its connection when its socket is
-    gone, and must not go on watching by that.
+    The robot closes the connection of a page for which it has received neither an offer nor this
+    for 150 s; the lease covers the driver's connection. A page could keep its connection after its
+    socket has closed, and must not continue to watch that way.
     """
 
 
@@ -921,9 +921,9 @@ class PictureRequest(Message, frozen=True, kw_only=True):
     """`command/picture`: one more picture through the server, for a page that no WebRTC path
     reaches. The server stamps `peer`.
 
-    It acknowledges the picture before it: `seen` is that one's capture stamp. `round_trip` is how
-    long a small message takes from the page to the robot and back, by the page's clock; what a
-    picture takes longer is due to its size.
+    It acknowledges the previous picture: `seen` is that picture's capture stamp. `round_trip` is
+    how long a small message takes from the page to the robot and back, by the page's clock; any
+    longer time of a picture is due to its size.
     """
 
     stamp: Stamp
@@ -936,9 +936,9 @@ class ManagerStatus(Message, frozen=True, kw_only=True):
     """`telepresence/v1/server/manager`: the session manager's heartbeat for the web processes,
     twice a second.
 
-    `faults` are the parts without which it cannot do its work: a database that does not answer or
-    refuses, and a disk that is nearly full (`disk_low`) or full. A web process that hears none for
-    a second and a half tells its pages that the session manager fails.
+    `faults` are the failed parts that it needs: a database that does not answer or refuses, and a
+    disk that is nearly full (`disk_low`) or full. A web process that receives no heartbeat for a
+    second and a half tells its pages that the session manager has failed.
     """
 
     stamp: Stamp

@@ -35,183 +35,188 @@ _INTRODUCTION = """\
 
 <!-- Written by `python -m robots.api.reference`; change the docstrings instead. -->
 
-What robots, servers and pages say to each other. This page and
-[robot-api.schema.json](robot-api.schema.json) are enough to write an agent in any language.
+This page describes the messages between robots, servers and pages. Together with
+[robot-api.schema.json](robot-api.schema.json), it is enough to write an agent in any language.
 
 ## Ground rules
 
-- A robot dials out: one MQTT connection, with the user name and the token that its owner got from
-  the site. Nothing connects to it.
+- A robot opens one outgoing MQTT connection, with the user name and the token that its owner got
+  from the site. It accepts no incoming connection.
 - Topics are `{root}/<robot>/<suffix>`. A robot writes only its own outputs and reads only its own
   inputs; its name is made of lower-case letters, digits and hyphens.
 - A message is a JSON object in UTF-8 with names in camelCase. Fields at their default may be left
   out. Unknown fields are ignored.
 - Metres, radians, seconds; x forward, y left, angles counter-clockwise. `stamp` is Unix time in
   seconds by the sender's own clock.
-- What is malformed, too large, out of range or of the wrong direction is counted and dropped; it
-  never ends a connection.
+- A message that is malformed, too large, out of range or in the wrong direction is counted and
+  dropped. It never ends a connection.
 - On the data channel `control` (unordered, no retransmission) and on the page's WebSocket a frame
   is the suffix, a newline, and the same JSON.
 - An agent connects with a clean session, publishes `connection` and `factsheet` after each connect,
-  names CONNECTIONBROKEN as its last will, and says ONLINE again when it reads on its own
-  `connection` topic that it is not.
+  sets CONNECTIONBROKEN as its last will, and publishes ONLINE again when its own `connection` topic
+  says that it is not online.
 
 ## What an agent must do by itself
 
-Stop, when in doubt. The robot's own agent decides what moves the robot, because everything between
-it and the driver can fail or lie. These are the rules that our agent is tested for. Each refused
-command is counted in `refused` of the next `state`, by the word in parentheses. Numbers are ours;
-those of the factsheet's `limits` are the robot's.
+When in doubt, stop. The robot's own agent decides what moves the robot, because everything between
+it and the driver can fail or lie. Our agent is tested against these rules. Count each refused
+command in `refused` of the next `state`, by the word in parentheses. The numbers are those of our
+agent; those of the factsheet's `limits` are the robot's.
 
 ### Who drives
 
-- A lease lives for `ttl` seconds *from its receipt*, by a clock that nobody sets. A greater
-  `renewal` of the same session and epoch renews it. An empty message ends it at once.
-- A copy that the broker delivers from its store (retain = 1) tells which session is about to be
-  driven and never permits driving.
+- A lease is valid for `ttl` seconds *from its receipt*, by a monotonic clock. A greater `renewal`
+  of the same session and epoch renews it. An empty message ends it at once.
+- A copy that the broker delivers from its store (retain = 1) announces the session that is about to
+  be driven, and never permits driving.
 - An older copy changes nothing (`old_lease`): a lower `renewal`, or a lower epoch. A lower epoch
-  counts only when no lease is live and its `stamp` is newer than that of every lease before.
+  counts only when no lease is live and its `stamp` is newer than that of every earlier lease.
   Remember the newest session, epoch, renewal and stamp across a restart.
-- A repeated renewal can lower limits. They hold at once, and nothing is prolonged.
-- Another session or epoch: the old driver's last velocity and navigation end, and the new driver
-  begins with a robot that was measured to stand.
-- Every `state` names session and epoch. After the last one of a session, say the event
-  `session_closed` with its `seq` as `lastSeq`.
+- A repeated renewal can lower limits. The new limits apply at once, and the lease is not extended.
+- A lease of another session or epoch ends the old driver's last velocity and navigation. The new
+  driver begins when the robot is measured to be at a standstill.
+- Every `state` names session and epoch. After the last state of a session, publish the event
+  `session_closed` with the state's `seq` as `lastSeq`.
 
 ### Velocities
 
-A velocity moves the robot only when it passes all of these, in this order:
+A velocity moves the robot only if it passes all of these checks, in this order:
 
-1. The broker had not stored it (`retained`), and it is a message (`malformed`, `oversized`,
-   `unknown_topic`, `wrong_direction`, `not_from_server`).
+1. It does not come from the broker's store (`retained`), and it is a valid message (`malformed`,
+   `oversized`, `unknown_topic`, `wrong_direction`, `not_from_server`).
 2. A lease is live (`no_lease`), and session and epoch are its own (`wrong_session`, `wrong_epoch`).
-   On a data channel the peer of that channel must be the lease's (`observer`), whatever the message
-   says of itself.
+   On a data channel, the peer of that channel must be the lease's peer (`observer`), whatever the
+   message claims.
 3. The lease allows this input method and transport (`not_allowed`).
 4. `seq` is greater than every `seq` of this session and epoch that was accepted, and than that of
-   the driver's own stop (`old_seq`). One that is overtaken before it was read is dropped
-   (`replaced`, `too_many`).
-5. Three echoes have told the sender's clock (`clock_unknown`). Its age by that clock is less than
-   the lease's `commandAge`, else the limits' one, and never more than `commandAgeCeiling`
-   (`stale`), and not negative by more than 0.05 s and half of the round trip, at most 0.25 s
-   (`future`).
+   the driver's own stop (`old_seq`). A velocity that a newer one overtakes before you read it is
+   dropped (`replaced`, `too_many`).
+5. Three echoes have shown the offset of the sender's clock (`clock_unknown`). Its age by that clock
+   is less than `commandAge` of the lease, or of the limits if the lease has none; it is never more
+   than `commandAgeCeiling` (`stale`), and not negative by more than 0.05 s and half of the round
+   trip, at most 0.25 s (`future`).
 6. Unless `video` of the lease is `none`, it names a video frame (`no_frame`) that is younger than
    `frameAge`, by the same rule (`frame_stale`), and not from the future by more than 0.1 s
    (`frame_future`).
 7. No emergency stop is latched (`estop`), the base is reached (`fault`), and the driver has
-   [released the controls](#releasing-the-controls) where that is due (`stopped`).
+   [released the controls](#releasing-the-controls) if this is required (`stopped`).
 
-What passes is limited to the least of the robot's, the lease's and the assistance's speeds. From
-half of the age limit on, speeds fall linearly to zero at the limit. Speeds change no faster than
-the limits' accelerations and brakings.
+An accepted velocity is limited to the lowest of the robot's, the lease's and the assistance's
+speeds. From half of the age limit, speeds fall linearly to zero at the limit. Speeds change no
+faster than the limits' accelerations and brakings.
 
-Without another accepted velocity for `deadman` seconds the robot brakes. Nobody fights a planner:
-send zeros from the last motion until the robot was measured to stand (at most 0.02 m/s and
-0.05 rad/s for 0.3 s), then nothing. A zero while the robot drives by itself does nothing
-(`navigating`). After a pause of the agent itself that is longer than `deadman` or `watchdog`, begin
-from zero.
+If no other velocity is accepted for `deadman` seconds, the robot brakes. So as not to conflict with
+a planner, send zeros from the last motion until the robot is measured to be at a standstill (at
+most 0.02 m/s and 0.05 rad/s for 0.3 s), then nothing. A zero while the robot drives by itself has
+no effect (`navigating`). If the agent itself pauses for longer than `deadman` or `watchdog`, begin
+again from zero.
 
 `deadman` is at most 1 s, `watchdog` at most 2 s and not below `deadman`. Refuse to start otherwise.
 
 ### Stops
 
-- `stop` and `estop` are obeyed from any sender, at any age, under any lease, before anything else
-  that has arrived. Confirm at once: a `state` with `stopSeq` and `stopId`, the event `stopped` or
-  `estop`, and the action's status FINISHED.
-- The driver's own stop takes its `seq` from the velocities: none with this or a lower one moves the
-  robot any more. The same `actionId` within 3 s is the same stop.
-- `estop` latches across a restart of the agent: write it to the disk before you confirm it. One of
-  role `observer` counts as a `stop`.
+- Obey `stop` and `estop` from any sender, at any age, under any lease, before any other message
+  that has arrived. Confirm them at once: a `state` with `stopSeq` and `stopId`, the event `stopped`
+  or `estop`, and the action's status FINISHED.
+- The driver's own stop shares the `seq` of the velocities: no velocity with this or a lower `seq`
+  moves the robot any more. The same `actionId` within 3 s is the same stop.
+- `estop` latches across a restart of the agent: write it to the disk before you confirm it. An
+  `estop` from the role `observer` counts as a `stop`.
 - `clear_estop` comes from the broker with role `staff`, `owner` or `screen` and a user
   (`not_from_server`). `screen` clears only what `screen` has latched (`not_yours`). The robot's own
-  button latches, too: only the owner clears that (`owner_only`), after it was released
+  button latches, too: only the owner can clear it (`owner_only`), after it is released
   (`button_pressed`).
 
 ### Releasing the controls
 
-A held key must not move the robot by surprise. So after a loss of connection, or a stop of somebody
-else, nobody drives on until the driver has released the controls. This is due
+A held key must not move the robot unexpectedly. After a lost connection or somebody else's stop,
+the robot therefore stays stopped until the driver has released the controls. This is required
 
-- when the connection to the base was lost and is back;
+- when the connection to the base was lost and has returned;
 - when the agent was started in the middle of a drive: the first lease that it sees has a `renewal`
   above 0;
-- when another agent of this robot has had it, or a message could not be processed;
+- when another agent has controlled this robot, or a message could not be processed;
 - after a stop that is not the driver's own, and after an emergency stop was cleared.
 
 Until then `safety.inhibited` is `stopped`, and velocities other than zero, `tilt` and everything
 that moves the robot are refused (`stopped`). Released means one of these:
 
 - a zero velocity of this driver that passes points 1 to 6 above;
-- a lease of another session or epoch than that under which it became due; without a live lease,
-  1 s;
+- a lease of another session or epoch than the one under which it became required; without a live
+  lease, 1 s;
 - 1 s without a velocity other than zero, while the driver's heartbeats arrive on the transport of
-  the driver's last velocity, at most 0.5 s apart. A silent network has released nothing.
+  the driver's last velocity, at most 0.5 s apart. A silent network releases nothing.
 
 A gap in the driver's own network is not in this list: the robot brakes after `deadman`, and the
-next velocity that passes all points drives on. What was sent during the gap is too old by then.
+next velocity that passes all checks moves it again. Velocities sent during the gap are too old by
+then.
 
 ### Actions
 
-- An action is done once: an `actionId` that is known is answered with its last status. It ends
-  exactly once, FINISHED, FAILED or CANCELLED; what is refused is FAILED with the word as `reason`.
-- It is refused when the broker had stored it (`retained`), when it is more than 3 s old or from the
-  future by as much (`stale`, `future`; `clock_unknown`), when the robot lacks the capability
-  (`unsupported`), and, from a driver, as a velocity is (points 2 and 3). `cancel` is never
-  `not_allowed`.
+- Execute an action once: answer a known `actionId` with its last status. An action ends exactly
+  once, as FINISHED, FAILED or CANCELLED; a refused action is FAILED, with the word as `reason`.
+- Refuse an action when it comes from the broker's store (`retained`), when it is more than 3 s old
+  or from the future by as much (`stale`, `future`; `clock_unknown`), when the robot lacks the
+  capability (`unsupported`), and, if it comes from a driver, for the same reasons as a velocity
+  (points 2 and 3). `cancel` is never `not_allowed`.
 - Without a lease (else `role`, `observer`): `photo`, `relocalize`, `cancel` and `resend_states` for
   roles `staff`, `owner` and `server`; `dock` and `tilt` for `server`; `clear_estop` as above;
   `say`, `confirm_words` and `answer_call` for `screen`. `resend_states`, `clear_estop`,
-  `confirm_words` and `answer_call` are never the driver's. On a data channel the role is that of
-  the offer, and its peer tells the driver.
-- What moves the robot begins, and is at its end, when the robot was measured to stand. A velocity
-  other than zero cancels it, and so do a stop, a lost base, a contact unless it docks, the end of
-  the lease, and 2 s after the driver's last heartbeat; the last two not what `server` ordered.
+  `confirm_words` and `answer_call` are never the driver's. On a data channel, the role is that of
+  the offer, and the peer identifies the driver.
+- An action that moves the robot begins and ends when the robot is measured to be at a standstill.
+  It is cancelled by a velocity other than zero, a stop, a lost base, a contact unless it docks, the
+  end of the lease, and 2 s after the driver's last heartbeat. The last two do not cancel actions
+  from `server`.
 
 ### Reports
 
-- `state` four times a second, and at once for a stop. `seq` grows by one with each and begins at 1
-  with each `boot`. Every velocity that reached the base is in `applied` of exactly one state.
-- Nothing of the record is lost while the broker is away: keep states and events and send them in
-  order. Keep the states of ten minutes for `resend_states`.
-- `pose` while something moves, at most 15 times a second. `heartbeat` five times a second on both
-  transports, with one echo for each peer and transport.
-- A broker that is away stops no drive: commands of the data channel count until the lease ends.
-- What the robot does not know is left out, never guessed. A robot that reports nothing for 1 s, or
-  nonsense, is lost: `adapter_lost` in `errors` with the reason, and as an event.
+- Publish `state` four times a second, and at once for a stop. `seq` grows by one with each and
+  begins at 1 with each `boot`. Every velocity that reached the base is in `applied` of exactly one
+  state.
+- Lose nothing of the record while the broker is unavailable: keep states and events, and send them
+  in order. Keep the states of ten minutes for `resend_states`.
+- Publish `pose` while the robot moves, at most 15 times a second, and `heartbeat` five times a
+  second on both transports, with one echo for each peer and transport.
+- Do not stop a drive when the broker is unavailable: commands on the data channel count until the
+  lease ends.
+- Leave out what the robot does not know; never guess. A robot that reports nothing for 1 s, or
+  invalid values, is lost: report `adapter_lost` in `errors` with the reason, and as an event.
 
 ### Start, end and a second agent
 
-- Each run has a new `boot`; boots sort by the time of their start. An agent that reads ONLINE of a
-  greater boot on its own `connection` topic stops the robot, until that one is gone.
-- At its end an agent brakes first, waits for the stand, then says OFFLINE.
+- Each run has a new `boot`; boots sort by their start time. An agent that reads ONLINE with a
+  greater boot on its own `connection` topic stops the robot until the other agent is gone.
+- When it ends, an agent brakes, waits for the standstill, then publishes OFFLINE.
 
 ### Docked
 
-`docked` in `state` and the events `docked` and `undocked` mean one thing everywhere: the charging
-contacts have met, or the robot has charged, for 2 s without a break while it stood still (at most
-0.03 m/s and 0.06 rad/s) and no velocity but zero was asked of its wheels; and the contacts have not
-been apart for 0.5 s since. `charger_contact` says whether they meet now. The `dock` action ends
-when the robot is docked.
+`docked` in `state` and the events `docked` and `undocked` have the same meaning everywhere: the
+charging contacts have met, or the robot has charged, for 2 s without a break, while the robot was
+at a standstill (at most 0.03 m/s and 0.06 rad/s) and was sent no velocity other than zero; since
+then, the contacts have not been apart for 0.5 s. `charger_contact` states whether they meet now.
+The `dock` action ends when the robot is docked.
 
 ### Between two visits
 
-Between two visits there is no lease, and the server orders by itself what makes the robot ready for
-the next: `dock`, `tilt` (its home), `relocalize` and `photo`, with role `server`. Such a photo is a
-trial of the camera and is not kept. The next visitor is called when the robot says in `state` that
-it is docked, localized and charged, has given that picture, and echoes the server's heartbeats.
+Between two visits there is no lease, and the server itself requests the actions that make the robot
+ready for the next one: `dock`, `tilt` (to its home), `relocalize` and `photo`, with role `server`.
+Such a photo tests the camera and is not kept. The server calls the next visitor when the robot's
+`state` says that it is docked, localized and charged, when it has delivered that photo, and when it
+echoes the server's heartbeats.
 """
 
 _DRIVING = """\
 ## A program that drives
 
-A program that somebody is signed in with may drive as our page does, over one WebSocket, without
-WebRTC. Frames are as above; pictures are the only binary ones. `tests/support/document_client.py`
-is such a program, written from this section.
+A program with the session of a logged-in visitor can drive like our page, over one WebSocket,
+without WebRTC. Frames are as above; only pictures are binary. `tests/support/document_client.py` is
+such a program, written from this section.
 
-**The socket** is `wss://<site>/ws/robots/<robot>/`, with the cookie `sessionid` of a signed-in
-visitor and the site's own address as `Origin`. Close codes 4401 (signed out), 4403 (not allowed)
-and 4404 (no such robot) are final. After any other end, 4008 (flooded), 4009 (too slow a reader)
-and 4010 (replaced by a newer socket of the same program) among them, connect again.
+**The socket** is `wss://<site>/ws/robots/<robot>/`, with the cookie `sessionid` of a logged-in
+visitor and the site's own address as `Origin`. Close codes 4401 (logged out), 4403 (not allowed)
+and 4404 (no such robot) are final. After any other end, including 4008 (flooded), 4009 (reads too
+slowly) and 4010 (replaced by a newer socket of the same program), connect again.
 
 | suffix | from | fields |
 | --- | --- | --- |
@@ -228,7 +233,7 @@ that nobody drives is not ready |
 | `session/turn_warning` | server | `session`; the turn ends in `remaining` seconds |
 | `session/asked_there` | server | `session`; are you there? within `seconds` send a `page/event` \
 of type `here` |
-| `session/found_there` | server | `session`; it has heard you |
+| `session/found_there` | server | `session`; your answer has arrived |
 | `session/task` | server | how far a study's task is |
 | `session/ended` | server | `session`, `outcome`, `reason` |
 | `session/leave` | program | ends the session; `session` and `peer` when it was left while there \
@@ -239,66 +244,66 @@ was no connection |
 | `signal`, `signal/reply` | program, server | a Robot API signal, for WebRTC |
 | `page/event`, `page/network` | program | for the record: `stamp`, `type`, `data`; a second of \
 the network |
-| `page/direct` | program | `direct`: the robot is heard over a data channel, most of it need not \
-come here as well |
+| `page/direct` | program | `direct`: messages of the robot arrive over a data channel, so most \
+need not come here as well |
 | `room` | server | `driver`, `driving`, `observers`, `waiting` |
-| `robot` | server | `online`, `reason`: the robot came or went; with reason `server` it is the \
-server that cannot tell |
+| `robot` | server | `online`, `reason`: the robot came online or went offline; with the reason \
+`server`, the server does not know |
 | `server/status` | server | once a second and at every change: `faults`, a list of `part`, \
 `then`, `seconds`; see below |
 | `session/operator_message` | server | `session`, `text` of somebody who looks after the session |
 | `denied` | server | a frame of `suffix` was refused for `reason` |
 | `screen` | server | for the robot's own display alone |
 
-Besides, the server passes on `state`, `pose`, `path`, `scan`, `event`, `action`, `heartbeat`,
-`words`, `receipt`, `pointer` and binary `picture` frames of the robot, and takes
-`command/velocity`, `command/heartbeat`, `command/action`, `command/picture` and `command/point`.
-What a program says of role, session, epoch or peer in them is replaced.
+The server also passes on `state`, `pose`, `path`, `scan`, `event`, `action`, `heartbeat`, `words`,
+`receipt`, `pointer` and binary `picture` frames of the robot, and takes `command/velocity`,
+`command/heartbeat`, `command/action`, `command/picture` and `command/point`. The server replaces
+the role, session, epoch and peer that a program states in them.
 
 **Driving.** Send `session/take`; on `session/granted` send all of these until `session/ended`:
 
-- `command/heartbeat` five times a second, ten times in the first three seconds: the robot takes no
-  velocity before it has three echoes to judge its age by (`clock_unknown`). `n` grows by one;
-  `echo` is the robot's last heartbeat with `peer` = `robot`, its `n` and `stamp`, and `received`,
-  when it came by your clock.
-- `command/picture`, and again as soon as a picture has come, so that one is on its way. The first 8
-  bytes behind `picture` and the newline are the capture stamp (float64, big-endian). Without a
-  picture younger than the lease's `frameAge`, else the factsheet's, nothing moves (`no_frame`,
-  `frame_stale`).
-- `command/velocity` twenty times a second, zeros when nothing is wanted. `seq` grows by one and
-  begins anew only with another session or epoch; `stamp` is your clock's, `frame` the stamp of the
-  newest picture. One that cannot be sent now is thrown away, never kept.
+- `command/heartbeat` five times a second, ten times in the first three seconds: the robot accepts
+  no velocity until three echoes let it compute a velocity's age (`clock_unknown`). `n` grows by
+  one; `echo` is the robot's last heartbeat with `peer` = `robot`, its `n` and `stamp`, and
+  `received`, the time of its arrival by your clock.
+- `command/picture`, and again as soon as a picture has arrived, so that one is always on its way.
+  The first 8 bytes after `picture` and the newline are the capture stamp (float64, big-endian).
+  Without a picture younger than `frameAge` of the lease, or of the factsheet if the lease has none,
+  the robot does not move (`no_frame`, `frame_stale`).
+- `command/velocity` twenty times a second, with zeros for no motion. `seq` grows by one and
+  restarts only with another session or epoch; `stamp` is the time of your clock, `frame` the stamp
+  of the newest picture. Discard a velocity that you cannot send now; never queue it.
 
-**To be quick after a failure**, as quick as our page (3 to 7 s with what was killed started again
-after a second):
+**To recover as quickly as our page** (in 3 to 7 s, if the killed part is restarted after a second):
 
 1. *Reconnect at once* when the socket ends, then after 0.25 s, doubling up to 1 s and no further,
-   each pause shortened by up to a half by chance. A longer pause is what a program waits for when
-   the server is long back. An attempt that has not opened in 2 s has failed.
-2. *Hear silence.* An open socket brings `server/status` once a second. After 1.5 s without any
-   frame the web process or the network is gone: say so. After 3 s give the socket up and connect
-   again; a process that was stopped never closes it.
+   each pause shortened at random by up to a half. With longer pauses, a program still waits when
+   the server has long returned. An attempt that has not opened within 2 s has failed.
+2. *Detect silence.* An open socket delivers `server/status` once a second. After 1.5 s without any
+   frame, the web process or the network has failed: tell the user. After 3 s, abandon the socket
+   and connect again; a process that was stopped never closes it.
 3. *Take again as the same program*: on every new socket, at once and without waiting for `hello`,
    `session/take` with `session` and `peer` of the last grant. The answer has `resumed` and the same
-   epoch, and `seq` goes on. `denied` with `unavailable` (the database is away): ask again after a
-   second. With another epoch `seq` begins anew.
-4. *Ask for a picture again* when none has come for 0.7 s. A request that was on its way through a
-   broker or an agent that died is lost, and nobody repeats it; this is what a program waits for
-   after a broker's restart. So ask at once when a socket opens, when `robot` says `online`, and
-   when `boot` in `state` changes.
-5. *Go on sending heartbeats and velocities* while the broker or the agent is away; nothing has to
-   be begun anew. Send heartbeats ten times a second for three seconds after the same three signs: a
-   new agent knows nobody's clock.
-6. *Let go once* when `safety.inhibited` in `state` is `stopped`: a new agent in the middle of a
-   drive, and a stop of somebody else, hold the robot until its driver has sent a zero velocity. A
-   program that only repeats its velocity never moves it again.
-7. *Believe `boot`*: `seq` of states begins anew with another `boot`; older ones of the same boot
-   are repetitions.
+   epoch, and `seq` continues. After `denied` with `unavailable` (the database does not answer), ask
+   again after a second. With another epoch, `seq` restarts.
+4. *Ask for a picture again* when none has arrived for 0.7 s. A request that was in a broker or an
+   agent when it died is lost, and nobody repeats it; after a broker's restart, a program would wait
+   for it in vain. Also ask at once when a socket opens, when `robot` says `online`, and when `boot`
+   in `state` changes.
+5. *Keep sending heartbeats and velocities* while the broker or the agent is unavailable; you do not
+   need to start again. After each of the same three signs, send heartbeats ten times a second for
+   three seconds: a new agent does not know your clock yet.
+6. *Release the controls once* when `safety.inhibited` in `state` is `stopped`: after a restart of
+   the agent in the middle of a drive, or after somebody else's stop, the robot stays stopped until
+   its driver has sent a zero velocity. A program that only repeats its velocity never moves it
+   again.
+7. *Check `boot`*: `seq` of states restarts with another `boot`; a lower `seq` of the same boot is a
+   repetition.
 
-**What fails** is named in `server/status`: `part` is `broker`, `session_manager`, `database`,
-`disk_low`, `disk_full` or `robot` (its computer says nothing). `then` says what follows: `stops` in
-`seconds` unless the part is back before; `stopped`, until it is back; `goes_on`, driving is not
-touched; `waits`, nobody drives. All is well when `faults` is empty or left out.
+**Failures** are named in `server/status`: `part` is `broker`, `session_manager`, `database`,
+`disk_low`, `disk_full` or `robot` (its computer is silent). `then` is the consequence: `stops`, the
+robot stops in `seconds` unless the part returns before; `stopped`, until it returns; `goes_on`,
+driving continues; `waits`, nobody drives. If `faults` is empty or left out, all parts work.
 """
 
 

@@ -63,7 +63,7 @@ TABLE: tuple[Topic, ...] = (
     Topic("scan", "from_robot", m.Scan, 0, False, 32 * KIB, "laser ranges"),
     Topic("path", "from_robot", m.Path, 0, False, 64 * KIB, "the path being followed"),
     Topic("event", "from_robot", m.Event, 1, False, 4 * KIB, "what happened once"),
-    Topic("action", "from_robot", m.ActionStatus, 1, False, 4 * KIB, "how far an action is"),
+    Topic("action", "from_robot", m.ActionStatus, 1, False, 4 * KIB, "the progress of an action"),
     Topic(
         "words",
         "from_robot",
@@ -71,7 +71,7 @@ TABLE: tuple[Topic, ...] = (
         1,
         False,
         4 * KIB,
-        "what visitor and people at the robot write to each other",
+        "messages between the visitor and the people at the robot",
     ),
     Topic(
         "receipt",
@@ -80,7 +80,7 @@ TABLE: tuple[Topic, ...] = (
         1,
         False,
         KIB,
-        "what became of the driver's words at the robot, for the driver",
+        "what happened to the driver's words at the robot, for the driver",
     ),
     Topic(
         "pointer",
@@ -126,7 +126,7 @@ TABLE: tuple[Topic, ...] = (
         0,
         False,
         48 * KIB,
-        "the same, for the page of one peer alone: while a network lab is on its driver",
+        "the same, for the page of one peer alone: while a network lab impairs its driver",
     ),
     Topic("lease", "to_robot", m.Lease, 1, True, 4 * KIB, "who drives; empty means nobody"),
     Topic(
@@ -191,7 +191,7 @@ TABLE: tuple[Topic, ...] = (
         1,
         False,
         128 * KIB,
-        "WebRTC offer, candidate, bye, and the server's word that a page may stay",
+        "WebRTC offer, candidate, bye, and the server's confirmation that a page may stay",
     ),
 )
 

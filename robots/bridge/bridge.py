@@ -76,7 +76,9 @@ MAX_REPORTS, REPORTS_FLYING = 2000, 100
 # From a message of ours to its handing over, at QoS 1 to the broker's word that it has it.
 BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
 SEND_SECONDS = Histogram(
-    "telepresence_relay_to_robot_seconds", "From a page's message to the broker.", buckets=BUCKETS
+    "telepresence_relay_to_robot_seconds",
+    "Time from a page's message to the broker.",
+    buckets=BUCKETS,
 )
 
 

@@ -66,7 +66,10 @@ def renew(request: HttpRequest) -> JsonResponse:
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:
         return JsonResponse(
-            {"error": "wrong_credentials", "detail": "These credentials do not hold (any more)."},
+            {
+                "error": "wrong_credentials",
+                "detail": "These credentials are not valid, or no longer valid.",
+            },
             status=401,
         )
     is_former = not credentials.matches(token, robot.credential_hash)

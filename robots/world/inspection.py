@@ -244,7 +244,7 @@ def _unreachable(plan: FloorPlan, floor: Floor, where: str) -> Iterator[str]:
 def _bad_spot(what: str, about: tuple[float, set[int]], where: str, main: int) -> Iterator[str]:
     clearance, regions = about
     if clearance <= 0.0:
-        yield f"{what} lies in a wall or in furniture {where}"
+        yield f"{what} is in a wall or in furniture {where}"
     elif not regions:
         yield (
             f"{what} is too close to a wall or furniture {where}: a robot needs "

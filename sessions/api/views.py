@@ -100,7 +100,7 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
         return key
     row = _with_traffic(_visible(request, key)).filter(name=robot).first()
     if row is None:
-        return _problem(404, "no_such_robot", "There is none of this name that you may know of.")
+        return _problem(404, "no_such_robot", "There is no robot of this name that you can access.")
     return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, timezone.now())})
 
 
@@ -187,7 +187,7 @@ def _counted(
         if isinstance(key, JsonResponse):
             return key
         if key is None or key.robot.name != robot:
-            return _problem(403, "not_allowed", "A robot is acted on with a key of its own.")
+            return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
         name, now = str(key.pk), time.time()
         if not ACTED.count(name, now):
             return _too_many("too_many_actions", ACTED.wait(name, now))
@@ -229,7 +229,7 @@ async def act(_request: HttpRequest, key: ApiKey, kind: str) -> JsonResponse:
 async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
     bridge = mqtt_bridge.current()
     if not await bridge.wait_connected(BROKER_PATIENCE_SECONDS):
-        return _problem(503, "broker_away", "The robot cannot be told now.")
+        return _problem(503, "broker_away", "The robot cannot be reached now. Try again later.")
     named = {
         "action_id": f"api-{uuid.uuid4().hex}",
         "stamp": now.timestamp(),
@@ -245,10 +245,14 @@ async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
     """Have the session manager bring it home as after a visit, unless it is somebody's."""
     if not key.robot.can_go_home:
         return _problem(
-            409, "cannot_go_home", "It does not dock by itself, or its owner does not want it to."
+            409,
+            "cannot_go_home",
+            "The robot does not dock by itself, or its owner has turned this off.",
         )
     if not await database_sync_to_async(_mark_returning)(key.robot, now):
-        return _problem(409, "driven", "Somebody has it; it goes home when that visit is over.")
+        return _problem(
+            409, "driven", "A visitor has the robot. It returns to its station when the visit ends."
+        )
     return JsonResponse({"apiVersion": VERSION}, status=202)
 
 

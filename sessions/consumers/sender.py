@@ -18,7 +18,7 @@ FULL_POLL_SECONDS = 0.02
 LAST_WORDS_SECONDS = 2.0
 SEND_SECONDS = Histogram(
     "telepresence_relay_to_page_seconds",
-    "From a message for a page to its WebSocket.",
+    "Time from a message for a page to its WebSocket.",
     buckets=BUCKETS,
 )
 

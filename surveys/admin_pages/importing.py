@@ -125,7 +125,7 @@ def _tell(request: HttpRequest, row: Questionnaire, *, is_new: bool) -> None:
         text = _("Imported as version %(version)d of “%(name)s”. Preview it before you use it.")
         messages.success(request, text % words)
         return
-    text = _("Version %(version)d of “%(name)s” is the same already. A second copy was not stored.")
+    text = _("No copy was stored: version %(version)d of “%(name)s” is identical.")
     messages.info(request, text % words)
 
 

@@ -123,7 +123,7 @@ class Draft:
                 _("The text inserts an earlier answer or value, which is not filled in here.")
             )
         if any(len(text) > limit for text in full.values()):
-            note.changed(_("A text is cut after %(n)d characters.") % {"n": limit})
+            note.changed(_("A text is shortened to %(n)d characters.") % {"n": limit})
         return {language: text[:limit] for language, text in full.items()}
 
     def same(self, text: str) -> Text:
@@ -149,7 +149,10 @@ class Draft:
             ending = f"_{number}"
             key = base[: MAX_KEY - len(ending)] + ending
         if number > 1:
-            note.changed(_("Its name is “%(key)s”: another question has its own.") % {"key": key})
+            note.changed(
+                _("It is renamed to “%(key)s”, because another question has its name.")
+                % {"key": key}
+            )
         self._keys.add(key)
         return key
 
@@ -194,12 +197,12 @@ class Draft:
             raise NotImportedError(_("It has no text."))
         page = self._here()
         if page.items:
-            note.changed(_("It is the introduction of a new page, which begins here."))
+            note.changed(_("It becomes the introduction of a new page."))
             self.page({}, {}, page.show_if, is_shuffled=page.is_shuffled)
             page = self._here()
         page.intro = self.joined(page.intro, text, by="\n\n")
         if any(len(intro) > MAX_TEXT for intro in page.intro.values()):
-            note.changed(_("A text is cut after %(n)d characters.") % {"n": MAX_TEXT})
+            note.changed(_("A text is shortened to %(n)d characters.") % {"n": MAX_TEXT})
             page.intro = {language: text[:MAX_TEXT] for language, text in page.intro.items()}
         page.said.append(note)
 
@@ -281,7 +284,9 @@ class Draft:
         """End the last page; what it says without a question is reported."""
         if self._pages and not self._pages[-1].items:
             for note in self._pages.pop().said:
-                note.left_out(_("No question follows it; texts are shown above questions here."))
+                note.left_out(
+                    _("No question follows it. Here, a text always introduces a question.")
+                )
 
     def definition(self, slug: str, version: int) -> Definition:
         """Return the questionnaire under a name.
@@ -290,7 +295,7 @@ class Draft:
             BadDefinitionError: nothing of the file could be imported, or too much.
         """
         if not self._pages:
-            raise BadDefinitionError([_("No question of the file can be imported.")])
+            raise BadDefinitionError([_("None of the file's questions can be imported.")])
         used = {item.get("scale") for page in self._pages for item in page.items}
         document = {
             **self._frame(slug, version),

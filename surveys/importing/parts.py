@@ -71,7 +71,8 @@ def option_values(codes: Sequence[str], note: Note) -> dict[str, str]:
     ]
     if renamed:
         note.changed(
-            _("Codes are stored in another form: %(codes)s.") % {"codes": ", ".join(renamed)}
+            _("These codes are stored in a different form: %(codes)s.")
+            % {"codes": ", ".join(renamed)}
         )
     return values
 
@@ -103,7 +104,10 @@ def other_text(draft: Draft, note: Note, key: str, value: str, label: Text) -> I
     """Return the question for the words beside an option, asked when it is chosen."""
     own = draft.key(f"{key}_{value}_text", note)
     note.changed(
-        _("The text for “%(option)s” is a question of its own, shown when it is chosen.")
+        _(
+            "The text for “%(option)s” becomes a separate question, shown when that option is "
+            "chosen."
+        )
         % {"option": label[draft.languages[0]]}
     )
     return {
@@ -137,7 +141,7 @@ def scale(
                 reasons[name] = True
                 del kept[answer]
                 note.changed(
-                    _("“%(label)s” is no point of the scale but a reason for no answer.")
+                    _("“%(label)s” becomes a reason for not answering, not a point of the scale.")
                     % {"label": label[draft.languages[0]]}
                 )
     values = _scale_values({answer: code for answer, (code, _label) in kept.items()}, note)
@@ -166,9 +170,11 @@ def _scale_values(codes: Mapping[str, str], note: Note) -> dict[str, int]:
         return dict(zip(codes, numbers, strict=True))
     values = {answer: n for n, answer in enumerate(codes, start=1)}
     told = ", ".join(f"{codes[answer]} → {value}" for answer, value in values.items())
-    note.changed(_("The values of a scale must rise; stored as %(codes)s.") % {"codes": told})
+    note.changed(
+        _("The values of a scale must increase, so they are stored as %(codes)s.") % {"codes": told}
+    )
     if len(numbers) == len(codes) > 1 and numbers == sorted(set(numbers), reverse=True):
-        note.changed(_("The file counts this scale in reverse; reverse it when you score it."))
+        note.changed(_("The file scores this scale in reverse. Reverse it when you score it."))
     return values
 
 
@@ -176,7 +182,7 @@ def note_reversal(note: Note, text: str) -> None:
     """Note that a text of the file says that an item is scored in reverse."""
     if re.search(r"\brevers(e|ed)\b|\binvert(ed|ido|ida)\b|\bumgepolt\b", text, re.IGNORECASE):
         note.changed(
-            _("The file marks it as scored in reverse; scores here do not reverse it: %(text)s")
+            _("The file marks it as reverse-scored, but scores here do not reverse it: %(text)s")
             % {"text": text.strip()}
         )
 

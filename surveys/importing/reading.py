@@ -32,7 +32,9 @@ def read(document: bytes, wishes: Wishes | None = None) -> Draft:
         if one.is_in(document):
             return one.read(document, wishes or Wishes())
     known = ", ".join(one.label for one in FORMATS.values())
-    raise BadDefinitionError([_("The file is none of these: %(formats)s.") % {"formats": known}])
+    raise BadDefinitionError(
+        [_("The file has none of these formats: %(formats)s.") % {"formats": known}]
+    )
 
 
 def slug_for(title: str) -> str:

@@ -44,7 +44,7 @@ class _Tree:
 
 def _refuse(*_event: object) -> NoReturn:
     raise BadDefinitionError(
-        [_("The XML file has a document type or entities, which are not accepted.")]
+        [_("The XML file contains a document type or entities, which this site does not accept.")]
     )
 
 

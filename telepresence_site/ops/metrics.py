@@ -89,21 +89,21 @@ def _of_this_process() -> Iterator[Metric]:
     )
     yield _gauge(
         "disk_free_bytes",
-        "Room on the disk of VAR_DIR.",
+        "Free space on the disk of VAR_DIR.",
         float(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).free()),
     )
     yield _counter(
         "bridge",
-        "Messages between broker and pages by what became of them.",
+        "Messages between broker and pages, by outcome.",
         "what",
         dict(bridge.counts),
     )
     yield _gauges(
-        "pages", "Open drive pages by what they do.", "standing", dict(peers.counts_by_role())
+        "pages", "Open drive pages, by activity.", "standing", dict(peers.counts_by_role())
     )
     yield _counter(
         "refused_frames",
-        "What pages said and may not say, by reason.",
+        "Refused messages from pages, by reason.",
         "reason",
         dict(peers.refusals()),
     )
@@ -135,7 +135,7 @@ def _sessions() -> Iterator[Metric]:
         state: live.get(state, 0) for state in Session.State.values if state != Session.State.ENDED
     }
     yield _gauges("sessions_ended", "Sessions in the database by outcome.", "outcome", outcomes)
-    yield _gauges("sessions_live", "Sessions that go on, by state.", "state", states)
+    yield _gauges("sessions_live", "Sessions in progress, by state.", "state", states)
     yield _gauge(
         "records_open",
         "Ended sessions whose record is not complete yet.",
@@ -154,17 +154,17 @@ def _robots(now: datetime.datetime) -> Iterator[Metric]:
     }
     yield _gauges(
         "robot_online",
-        "Whether a robot is there.",
+        "Whether a robot is online.",
         "robot",
         {robot.name: robot.is_online(now) for robot in robots},
     )
     yield _gauges(
         "robot_leased",
-        "Whether somebody has a robot.",
+        "Whether somebody is using a robot.",
         "robot",
         {robot.name: robot.pk in held for robot in robots},
     )
-    yield _gauges("robot_queue_length", "How many wait for a robot.", "robot", queues)
+    yield _gauges("robot_queue_length", "Visitors who wait for a robot.", "robot", queues)
     yield _gauges(
         "robot_charge",
         "A robot's charge, 0 to 1.",
@@ -176,7 +176,7 @@ def _robots(now: datetime.datetime) -> Iterator[Metric]:
 def _manager(row: ManagerBeat | None, now: datetime.datetime) -> Iterator[Metric]:
     yield _gauge(
         "session_manager_well",
-        "Whether the session manager does its work.",
+        "Whether the session manager works.",
         float(manager_state(row, now) == WELL),
     )
     if row is None:
@@ -184,14 +184,19 @@ def _manager(row: ManagerBeat | None, now: datetime.datetime) -> Iterator[Metric
     report = row.report
     yield _gauge(
         "session_manager_beat_age_seconds",
-        "Since the session manager's last beat.",
+        "Time since the session manager's last heartbeat.",
         (now - row.beat_at).total_seconds(),
     )
     yield _gauge(
-        "recorder_waiting", "What is still to be written into the record.", report.get("waiting", 0)
+        "recorder_waiting",
+        "Items that wait to be written into the record.",
+        report.get("waiting", 0),
     )
     yield _counter(
-        "recorded", "What the recorder did, since it started.", "what", report.get("counts", {})
+        "recorded",
+        "Items that the recorder handled since it started.",
+        "what",
+        report.get("counts", {}),
     )
     yield _counter(
         "robot_refused_commands",
@@ -201,7 +206,7 @@ def _manager(row: ManagerBeat | None, now: datetime.datetime) -> Iterator[Metric
     )
     yield _counter(
         "rejected_messages",
-        "Messages to the session manager that were none.",
+        "Malformed messages to the session manager.",
         "reason",
         report.get("rejected", {}),
     )

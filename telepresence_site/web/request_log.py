@@ -26,7 +26,9 @@ METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
 QUIET = frozenset({"healthz", "readyz", "metrics", ELSEWHERE})  # asked all the time, or static
 _GIVEN = re.compile(rb"[A-Za-z0-9-]{8,64}")
 REQUESTS = Counter("telepresence_http_requests", "Answered HTTP requests.", ["method", "status"])
-SECONDS = Histogram("telepresence_http_request_seconds", "From a request to the end of its answer.")
+SECONDS = Histogram(
+    "telepresence_http_request_seconds", "Time from a request to the end of its response."
+)
 SOCKETS = Gauge("telepresence_websockets", "Open WebSockets.", ["kind"])
 
 Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]

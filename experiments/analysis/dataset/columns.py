@@ -12,7 +12,7 @@ METHODS = ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
 WAYS = ("datachannel", "mqtt")
 # The three series of a command, and what their columns say.
 SERIES = {
-    "asked": "since the state before, as the driver asked for",
+    "asked": "since the previous state, as the driver requested",
     "allowed": "since then, as limits and age allowed",
     "applied": "since then, as the wheels were told",
 }
@@ -51,16 +51,18 @@ STATES = (
     Column("docked", "", "1 while docked"),
     Column("tilt", "rad", "tilt of the head, positive looks down"),
     Column("mode", "", "0 manual, 1 assisted, 2 goto, 3 docking, 4 stopped"),
-    Column("clearance", "m", "smallest distance to anything since the state before"),
-    Column("contacts", "", "collisions that began since the state before"),
+    Column("clearance", "m", "smallest distance to anything since the previous state"),
+    Column("contacts", "", "collisions that began since the previous state"),
     Column("distance", "m", "odometer since the run began"),
     Column("silence", "s", "time since the driver's last sign of life"),
-    Column("commands", "", "commands applied since the state before"),
-    Column("refused", "", "commands refused since the state before"),
-    Column("age_sum", "s", "sum of the ages of the commands applied since the state before"),
+    Column("commands", "", "commands applied since the previous state"),
+    Column("refused", "", "commands refused since the previous state"),
+    Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
     Column("age_max", "s", "greatest age among them"),
     Column(
-        "answer_age", "s", "mean age, when they were applied, of the pictures that they answered"
+        "answer_age",
+        "s",
+        "mean age, when they were applied, of the video frames that they answered",
     ),
     *(Column(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
     *(Column(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
@@ -73,15 +75,15 @@ STATES = (
     Column(
         "too_old",
         "",
-        "commands refused since the state before because they, or the pictures that they answered,"
-        " were too old",
+        "commands refused since the previous state because they, or the video frames that they "
+        "answered, were too old",
         late=True,
     ),
     Column(
         "slowed",
         "",
-        "commands applied since the state before that the robot slowed down because of such an age;"
-        " empty when the robot does not say",
+        "commands applied since the previous state that the robot slowed down because of such an "
+        "age; empty when the robot does not report it",
         late=True,
     ),
     *(
@@ -93,13 +95,13 @@ STATES = (
 
 NETWORK = (
     Column("stamp", "s", "time of the sample by the page's clock, corrected to the server's"),
-    Column("round_trip", "s", "round trip of the commands' way"),
-    Column("loss", "", "share of the picture's packets that were lost in this second"),
-    Column("fps", "1/s", "pictures shown in this second"),
-    Column("bitrate", "bit/s", "rate of the picture"),
-    Column("freezes", "", "freezes of the picture in this second"),
-    Column("jitter", "s", "jitter of the picture's packets"),
-    Column("frame_age", "s", "age of the picture that was shown"),
+    Column("round_trip", "s", "round trip on the path of the commands"),
+    Column("loss", "", "share of the video packets that were lost in this second"),
+    Column("fps", "1/s", "video frames shown in this second"),
+    Column("bitrate", "bit/s", "bit rate of the video"),
+    Column("freezes", "", "freezes of the video in this second"),
+    Column("jitter", "s", "jitter of the video packets"),
+    Column("frame_age", "s", "age of the video frame that was shown"),
     Column("on_datachannel", "", "1 when commands went over the data channel, 0 over the server"),
 )
 
@@ -110,10 +112,12 @@ PARTICIPANTS = (
     Column("cell", "", "assigned condition, or conditions in order, divided by |"),
     Column("reached", "", "last step of the study that was begun"),
     Column(
-        "left", "", "why the participant left there; empty for whoever finished or is still at it"
+        "left",
+        "",
+        "why the participant left there; empty if they finished or are still taking part",
     ),
     Column("finished", "", "1 when the last step was finished"),
-    Column("withdrawn", "", "1 when the data were taken back: step and day remain"),
+    Column("withdrawn", "", "1 when the participant withdrew: step and day remain"),
 )
 
 SESSIONS = (
@@ -127,8 +131,8 @@ SESSIONS = (
     Column("robot", "", "name of the robot"),
     Column("site", "", "name of the floor plan"),
     Column("condition", "", "assigned condition"),
-    Column("mismatch", "", "what was applied otherwise than assigned; empty when nothing was"),
-    Column("control_way", "", "assigned way of the commands"),
+    Column("mismatch", "", "what was not applied as assigned; empty when everything was"),
+    Column("control_way", "", "assigned control channel of the commands"),
     Column("assist", "", "assigned assistance"),
     Column("doors_closed", "", "doors that were closed, divided by |"),
     Column(
@@ -140,14 +144,16 @@ SESSIONS = (
     Column(
         "video_network", "", "assigned impairment of the network back from its camera, likewise"
     ),
-    Column("control_applied", "", "what of the first the robot says that it applied last"),
-    Column("video_applied", "", "what of the second"),
+    Column(
+        "control_applied", "", "the impairment towards the robot that it last reported as applied"
+    ),
+    Column("video_applied", "", "the impairment back from its camera, likewise"),
     Column("outcome", "", "how the session ended"),
     Column("reason", "", "why, in words"),
     Column("os", "", "operating system of the visitor's device"),
     Column("browser", "", "browser of the visitor's device"),
     Column("network", "", "hash of the visitor's network, for counting them"),
-    Column("first_frame", "s", "when the first picture was shown"),
+    Column("first_frame", "s", "when the first video frame was shown"),
     Column("first_motion", "s", "when the first command moved the robot"),
     Column(
         "ended",
@@ -209,7 +215,7 @@ SESSIONS = (
     Column(
         "fault_part",
         "",
-        "part of the platform that was away then: web_process or session_manager",
+        "part of the platform that was unavailable then: web_process or session_manager",
         late=True,
     ),
 )
@@ -227,7 +233,7 @@ PAGES = (
     Column("session", "", "session that it belongs to, if any"),
     Column("step", "", "step of the study"),
     Column("seconds", "s", "how long it was open; empty when it was not finished"),
-    Column("finished", "", "1 when the participant went on from it"),
+    Column("finished", "", "1 when the participant continued from it"),
 )
 
 ANSWERS = (
@@ -236,14 +242,15 @@ ANSWERS = (
     Column("version", "", "its version"),
     Column("participant", "", "who answered"),
     Column("session", "", "session that it was asked about, if any"),
-    Column("finished", "", "1 when it was sent off"),
+    Column("finished", "", "1 when it was submitted"),
     Column("item", "", "question"),
     Column("value", "", "JSON: what was answered; empty when nothing was"),
     Column(
         "missing",
         "",
         "why there is no value: skipped, preferred_not, not_applicable (“Does not apply” was"
-        " chosen), not_asked or not_reached; withheld where there is one that tells too much",
+        " chosen), not_asked or not_reached; withheld where a value exists but would reveal too "
+        "much",
     ),
     Column("seconds", "s", "how long it took"),
 )

@@ -11,53 +11,62 @@ DRIVING = (
     Column(
         "path",
         "m",
-        "way driven in the time that was seen: by the wheels, or by the position on the map less"
-        " its measuring noise",
+        "distance driven in the time that has states: by the wheels, or by the position on the "
+        "map without its measurement noise",
     ),
     Column("path_by_odometry", "", "1 when the path is by the wheels, 0 when by the position"),
     Column(
         "path_unseen",
         "m",
-        "way driven in gaps, at least: by the wheels, or straight; no part of the path",
+        "minimum distance driven in gaps: by the wheels, or in a straight line; not part of the "
+        "path",
     ),
     Column(
         "slipped",
         "m",
-        "way that only the wheels turned, as the position did not follow; no part of the path",
+        "distance that only the wheels turned, while the position did not follow; not part of "
+        "the path",
     ),
-    Column("odometer", "m", "way driven, by the wheels, gaps and slipping included"),
+    Column("odometer", "m", "distance driven by the wheels, including gaps and slipping"),
     Column(
-        "seen", "", "share of the time of which there are states; path, speed and times are of it"
+        "seen", "", "share of the time that has states; path, speed and times cover only this time"
     ),
     Column(
         "shortest",
         "m",
-        "how much the shortest ways to the checkpoints became shorter, with the doors as they were",
+        "by how much the shortest paths to the checkpoints became shorter, with the doors as "
+        "they were",
     ),
     Column(
         "efficiency",
         "",
-        "that, divided by the way driven in the segments that were finished, gaps included: 1 is"
-        " the shortest way, and the most that counts",
+        "that, divided by the distance driven in the completed segments, including gaps: 1 is "
+        "the shortest path, and the maximum",
     ),
     Column(
         "efficiency_bounded",
         "",
-        "segments whose shortest way was longer than the way driven, which is measuring noise;"
-        " their efficiency counts as 1",
+        "segments whose shortest path was longer than the path driven, which is measurement "
+        "noise; their efficiency counts as 1",
     ),
-    Column("speed", "m/s", "mean speed over all of the time that was seen"),
+    Column("speed", "m/s", "mean speed over all the time that has states"),
     Column("moving_speed", "m/s", "mean speed while the robot moved"),
     Column("rotation", "rad", "how far the robot turned, left and right added"),
     Column(
-        "stops", "", "times it stood for 1 s (below 0.02 m/s) after it went faster than 0.05 m/s"
+        "stops",
+        "",
+        "number of standstills of 1 s (below 0.02 m/s) after it went faster than 0.05 m/s",
     ),
     Column("idle", "s", "time without moving or turning"),
     Column("collisions", "", "collisions that began"),
-    Column("near_collisions", "", "times something came nearer than 0.20 m; over at 0.25 m"),
+    Column(
+        "near_collisions",
+        "",
+        "number of times that something came nearer than 0.20 m; each ends at 0.25 m",
+    ),
     Column("near_seconds", "s", "time that something was so near"),
     Column("least_clearance", "m", "smallest distance to anything"),
-    Column("jumps", "", "times the robot found itself elsewhere without driving there"),
+    Column("jumps", "", "number of jumps of the position without driving"),
 )
 COMMANDS = (
     Column("commands", "", "velocity commands that were applied"),
@@ -66,8 +75,8 @@ COMMANDS = (
     Column(
         "share_too_old",
         "",
-        "share of all velocity commands that were refused because they, or their pictures, were too"
-        " old",
+        "share of all velocity commands that were refused because they, or their video frames, "
+        "were too old",
     ),
     Column(
         "share_slowed",
@@ -75,11 +84,11 @@ COMMANDS = (
         "share of the commands that were applied that the robot slowed down because of such an age",
     ),
     *(
-        Column(f"{name}_speed", "m/s", f"mean speed, either way, that {words}")
+        Column(f"{name}_speed", "m/s", f"mean speed, forward or backward, that {words}")
         for name, words in (
             ("asked", "the driver asked for"),
-            ("allowed", "limits and age left of it"),
-            ("applied", "the wheels were told for it"),
+            ("allowed", "limits and age allowed"),
+            ("applied", "the wheels were then given"),
         )
     ),
     *(Column(f"share_{method}", "", f"share of the commands from: {method}") for method in METHODS),
@@ -92,18 +101,20 @@ COMMANDS = (
         "median age of a command, each with the mean of its quarter of a second",
     ),
     Column(
-        "answer_age", "s", "median age, when a command was applied, of the picture that it answered"
+        "answer_age",
+        "s",
+        "median age, when a command was applied, of the video frame that it answered",
     ),
     Column("answer_age_p95", "s", "95th percentile of that"),
 )
 LINK = (
     Column("round_trip", "s", "median round trip"),
     Column("round_trip_p95", "s", "95th percentile of the round trip"),
-    Column("loss", "", "mean share of the picture's packets that were lost"),
-    Column("fps", "1/s", "mean rate of pictures"),
-    Column("freezes", "", "freezes of the picture"),
-    Column("frame_age", "s", "median age of the picture"),
-    Column("frame_age_p95", "s", "95th percentile of the age of the picture"),
+    Column("loss", "", "mean share of the video packets that were lost"),
+    Column("fps", "1/s", "mean rate of video frames"),
+    Column("freezes", "", "freezes of the video"),
+    Column("frame_age", "s", "median age of the video"),
+    Column("frame_age_p95", "s", "95th percentile of the age of the video"),
 )
 RECORD = (
     Column("rate", "Hz", "states a second"),
@@ -112,15 +123,17 @@ RECORD = (
     Column(
         "missing_states",
         "",
-        "states that are missing: by holes in their numbers, or known to be lost; the greater",
+        "missing states: gaps in their numbers, or states known to be lost, whichever is greater",
     ),
-    Column("clock_offset", "s", "greatest difference of the clocks, either way"),
+    Column("clock_offset", "s", "greatest difference of the clocks, in either direction"),
 )
 METRICS = (
-    Column("total_time", "s", "from the first picture to the end of the task"),
-    Column("time_to_motion", "s", "from the first picture to the first motion"),
+    Column("total_time", "s", "from the first video frame to the end of the task"),
+    Column("time_to_motion", "s", "from the first video frame to the first motion"),
     Column(
-        "task_time", "s", "from the first picture to the dock, of sessions that completed the task"
+        "task_time",
+        "s",
+        "from the first video frame to the dock, of sessions that completed the task",
     ),
     Column("docking_time", "s", "from the last checkpoint to the dock"),
     Column(

@@ -56,7 +56,7 @@ def _about_ruled_out(dataset: Dataset) -> Iterator[str]:
     reasons = Counter(one.ruled_out for one in dataset.ruled_out)
     for reason, number_ in sorted(reasons.items()):
         yield (
-            f"Excluded by rule, as the platform ended them: {amount(number_, 'session')}"
+            f"Excluded by rule, because the platform ended them: {amount(number_, 'session')}"
             f" ({reason}). They count in no other table or figure."
         )
 

@@ -31,7 +31,7 @@ def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:
     values, session = measured.values, measured.session
     rate, gap, offset = values["rate"], values["longest_gap"], values["clock_offset"]
     if session.exposed and math.isnan(rate):
-        yield "no_states", "The robot was driven, and no states are there."
+        yield "no_states", "The robot was driven, but there are no states."
     elif rate < rules.least_sample_rate:
         yield (
             "rate",
@@ -40,7 +40,7 @@ def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:
     if gap > rules.longest_gap:
         yield "gap", f"{gap:.1f} s without a state; at most {rules.longest_gap:g} s are allowed."
     if session.exposed and not math.isnan(rate) and math.isnan(offset):
-        yield "clock_unknown", "The difference of the clocks was never known."
+        yield "clock_unknown", "The clock offset was never measured."
     elif offset > rules.largest_clock_offset:
         yield (
             "clock",

@@ -22,8 +22,8 @@ VALUES = {
 }
 NOTABLE = 0.05  # of the commands: fewer are slowed or refused on any network now and then
 BELOW = (
-    "Means over sessions; too old: refused because the command, or the picture that it answered,"
-    " was too old; slowed: applied with less speed than asked for, because of such an age."
+    "Means over sessions; too old: refused because the command, or the video frame that it "
+    "answered, was too old; slowed: applied with less speed than asked for, because of such an age."
 )
 _PARTS = ((0.9, "nearly all"), (0.6, "most"), (0.4, "half"), (0.27, "a third"), (0.15, "a fifth"))
 

@@ -39,20 +39,20 @@ def _about_paths(measured: Sequence[Measured]) -> Iterator[str]:
     wheels, position = paths.count(1.0), paths.count(0.0)
     if wheels or position:
         yield (
-            f"Path: by odometry in {amount(wheels, 'session')}, by the position less its measuring"
-            f" noise in {amount(position, 'session')}. Path, speed and times of driving are of the"
-            " time that was seen (seen: its share)."
+            f"Path: from odometry in {amount(wheels, 'session')}, from the position without its "
+            f"measurement noise in {amount(position, 'session')}. Path, speed and driving times "
+            f"cover only the time that has states (seen: its share)."
         )
     slipped = sum(one.values["slipped"] > 0.0 for one in measured)
     if slipped:
         yield (
-            f"Wheels slipped in {amount(slipped, 'session')}; there the path is by the position."
+            f"Wheels slipped in {amount(slipped, 'session')}; there the path is from the position."
         )
     bounded = sum(one.values["efficiency_bounded"] > 0.0 for one in measured)
     if bounded:
         yield (
-            f"In {amount(bounded, 'session')}, a shortest way was longer than the way driven, which"
-            " is measuring noise: efficiency counts as 1 there."
+            f"In {amount(bounded, 'session')}, a shortest path was longer than the path driven, "
+            f"which is measurement noise: efficiency counts as 1 there."
         )
 
 

@@ -19,7 +19,7 @@ IDENTITIES = (
     Column("session_key", "", "key of the session's row"),
     Column("granted", "", "when the robot was granted"),
     Column("address", "", "address of the visitor's network, truncated"),
-    Column("user_agent", "", "what the browser said of itself"),
+    Column("user_agent", "", "the browser's user agent"),
     Column("recruitment", "", "parameters of the link by which the participant came"),
 )
 

@@ -28,7 +28,7 @@ class Command(BaseCommand):
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("map", type=Path, help="the YAML file of the map")
         parser.add_argument(
-            "--name", required=True, help="map id: small letters, digits, hyphens, underscores"
+            "--name", required=True, help="map id: lower-case letters, digits, hyphens, underscores"
         )
         parser.add_argument("--title", default="", help="title; without it, the map id")
         parser.add_argument(

@@ -15,8 +15,8 @@ class Command(BaseCommand):
     """Ask for new credentials of some robots, or all."""
 
     help = (
-        "Make the agents of robots fetch new credentials by themselves; the "
-        "present ones stay valid for one more day."
+        "Make the agents of robots fetch new credentials by themselves; the current ones stay "
+        "valid for one more day."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:

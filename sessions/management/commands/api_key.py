@@ -18,7 +18,7 @@ class Command(BaseCommand):
 
     help = (
         "Create, list or revoke keys of the JSON API. A key can read one "
-        "robot's state, stop it and send it home."
+        "robot's state, stop it and send it to its station."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:

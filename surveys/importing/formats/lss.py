@@ -130,7 +130,12 @@ class _LssConversion:
         )
         condition = self._condition(note, group.row.get("grelevance", ""))
         if group.row.get("randomization_group"):
-            note.changed(_("The order of groups is not random: all are asked as written."))
+            note.changed(
+                _(
+                    "The random order of groups is not imported: groups are asked in the "
+                    "written order."
+                )
+            )
         if note.remarks:
             self.into.report.notes.append(note)
         self.into.page(title, intro, condition)
@@ -200,13 +205,15 @@ class _LssConversion:
     def _rest(self) -> None:
         for table, words in _TABLES.items():
             if self.survey.others.get(table):
-                self.into.leave_out(words, _("It has no counterpart here."))
+                self.into.leave_out(words, _("This site has nothing like it."))
         if self.survey.others.get("defaultvalues"):
-            self.into.leave_out("default values", _("No answer is chosen beforehand here."))
+            self.into.leave_out(
+                "default values", _("Its default answer is not imported: no answer is preselected.")
+            )
         for field in _TEXTS:
             for text in self._survey_text(field).values():
                 if text.strip():
-                    self.into.leave_out(field, _("It has no counterpart here."), text)
+                    self.into.leave_out(field, _("This site has nothing like it."), text)
                     break
 
 

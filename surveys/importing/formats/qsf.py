@@ -90,11 +90,13 @@ class _QsfConversion:
             asked |= set(self._take(block))
         for question in self.questions:
             if question not in asked:
-                self._leave(question, _("It is not part of the survey: in the trash, or unused."))
+                self._leave(
+                    question, _("It is not part of the survey: it is in the trash or unused.")
+                )
         for element in self.elements:
             if element.get("Element") == "SQ" and not _object(element.get("Payload")):
                 name = str(element.get("PrimaryAttribute") or "SQ")
-                self.into.leave_out(name, _("The file holds no question under this name."))
+                self.into.leave_out(name, _("The file has no question with this name."))
         self._rest()
         self.into.finish()
         return self.into
@@ -140,12 +142,14 @@ class _QsfConversion:
 
     def _flow_part(self, kind: str, part: dict[str, Any]) -> None:
         reasons = {
-            "Branch": _("Branches have no counterpart: all of its blocks are asked."),
-            "BlockRandomizer": _("The order of blocks is not random: all are asked as written."),
-            "EmbeddedData": _("Embedded data have no counterpart; a study records its own."),
+            "Branch": _("Branches are not imported: all blocks are asked."),
+            "BlockRandomizer": _(
+                "The random order of blocks is not imported: blocks are asked in the written order."
+            ),
+            "EmbeddedData": _("Embedded data is not imported: a study records its own data."),
         }
         name = _("Survey flow: %(name)s") % {"name": part.get("Description") or kind}
-        self.into.leave_out(name, reasons.get(kind, _("It has no counterpart here.")))
+        self.into.leave_out(name, reasons.get(kind, _("This site has nothing like it.")))
 
     # questions
 
@@ -156,7 +160,7 @@ class _QsfConversion:
         if str(options.get("Looping", "None")) not in {"None", "", "false"}:
             self.into.leave_out(
                 _("Block: %(name)s") % {"name": block.get("Description")},
-                _("Loops have no counterpart: its questions are asked once."),
+                _("Loops are not imported: the questions are asked once."),
             )
         for element in by_id(block.get("BlockElements")).values():
             one = _object(element)
@@ -193,11 +197,11 @@ class _QsfConversion:
         if payload.get("QuestionJS"):
             note.changed(_("Its JavaScript is not imported."))
         if _custom(payload):
-            note.changed(_("Its own rules of validation are not checked."))
+            note.changed(_("Its own validation rules are not imported."))
         if payload.get("GradingData"):
             note.changed(_("Its scores are not imported."))
         if payload.get("DefaultChoices"):
-            note.changed(_("Its default answer is not imported: nothing is chosen beforehand."))
+            note.changed(_("Its default answer is not imported: no answer is preselected."))
         note_reversal(note, str(payload.get("QuestionDescription") or "")[:200])
 
     def _condition(self, note: Note, logic: Any) -> dict[str, Any] | None:
@@ -221,15 +225,15 @@ class _QsfConversion:
             if str(element.get("Element")) not in _QUIET:
                 self.into.leave_out(
                     f"{element.get('Element')}: {element.get('PrimaryAttribute')}",
-                    _("It has no counterpart here."),
+                    _("This site has nothing like it."),
                 )
         options = _object(self._payload("SO"))
         for name in ("Header", "Footer", "EOSMessage"):
             if options.get(name):
-                self.into.leave_out(name, _("It has no counterpart here."), str(options[name]))
+                self.into.leave_out(name, _("This site has nothing like it."), str(options[name]))
         if _object(self._payload("SCO")).get("ScoringCategories"):
             self.into.leave_out(
-                _("Scoring"), _("Choose the scoring in the questionnaire yourself.")
+                _("Scoring"), _("Choose the scoring yourself, in the questionnaire.")
             )
         translated = {language_of(code) for code in _object(options.get("AvailableLanguages"))}
         for lang in sorted(translated - set(self.into.languages) - {""}):

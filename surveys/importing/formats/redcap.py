@@ -150,7 +150,7 @@ class _RedcapConversion:
             self.into.page(self.into.same(_title(form)) if form and not self.form else {})
             self._take_form(list(rows))
         for form in self.others:
-            self.into.leave_out(form, _("It is another form, which you did not choose."))
+            self.into.leave_out(form, _("It belongs to a form that you did not choose."))
         self.into.finish()
         return self.into
 
@@ -167,7 +167,12 @@ class _RedcapConversion:
         note = self.into.note(row["name"], row["label"])
         with self.into.trying(note):
             if row is self.first:
-                note.left_out(_("The first field names the record; respondents have keys here."))
+                note.left_out(
+                    _(
+                        "The first field identifies the record. Here, each respondent "
+                        "has a key instead."
+                    )
+                )
                 return
             field = RedcapField(self.into, note, row)
             refuse_hidden(field)
@@ -203,7 +208,9 @@ class _RedcapConversion:
         with self.into.trying(notes[0]):
             heading = self._heading(rows[0]) if rows[0]["header"].strip() else {}
             if not heading:
-                notes[0].changed(_("Its matrix has no heading; the name of the matrix is shown."))
+                notes[0].changed(
+                    _("Its matrix has no heading, so the name of the matrix is shown.")
+                )
             condition = self._condition(notes[0], rows[0]["branching"])
             item = grid(fields, heading)
             keys = [note.keys for note in notes]

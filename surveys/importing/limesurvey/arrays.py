@@ -25,18 +25,20 @@ def array(asked: LimeSurveyConversion) -> list[Item]:
     else:
         found = asked.answers()
     if kind == "H":
-        asked.note.changed(_("Its columns are rows here."))
+        asked.note.changed(_("Its columns become rows."))
     return _on_scale(asked, found)
 
 
 def _on_scale(asked: LimeSurveyConversion, answers: Mapping[str, Text]) -> list[Item]:
     if len(answers) > 11:
-        asked.note.changed(_("A scale has at most 11 points; each row is a list of options."))
+        asked.note.changed(
+            _("A scale can have at most 11 points, so each row becomes a list of options.")
+        )
         found = options(answers, asked.note)
         return by_part(
             asked,
             lambda _part: {"kind": "single", "options": found},
-            _("Each row is a question of its own."),
+            _("Each row becomes a separate question."),
         )
     points = {code: (code, label) for code, label in answers.items()}
     name, values, reasons = scale(asked.draft, asked.note, points)
@@ -72,7 +74,7 @@ def _grid(
 
 def two_scales(asked: LimeSurveyConversion) -> list[Item]:
     """1: subquestions on two scales."""
-    asked.note.changed(_("Its two scales are two questions."))
+    asked.note.changed(_("Its two scales become two questions."))
     items = []
     for scale_id, letter in (("0", "A"), ("1", "B")):
         labels = asked.answers(scale_id)
@@ -91,7 +93,7 @@ def cells(asked: LimeSurveyConversion) -> list[Item]:
     text, common = asked.text(), asked.common()
     ticks = asked.question.attribute("multiflexible_checkbox") == "1"
     if asked.question.type == ":" and ticks:
-        asked.note.changed(_("Each row is a question of its own."))
+        asked.note.changed(_("Each row becomes a separate question."))
         found = options({column.title: label for column, label in columns}, asked.note)
         return [
             {
@@ -103,7 +105,7 @@ def cells(asked: LimeSurveyConversion) -> list[Item]:
             }
             for row, label in asked.parts()
         ]
-    asked.note.changed(_("Each cell is a question of its own."))
+    asked.note.changed(_("Each cell becomes a separate question."))
     content: Item = {"kind": "text"}
     if asked.question.type == ":":
         bounds = {

@@ -44,7 +44,7 @@ def _single(asked: LimeSurveyConversion, key: str, labels: dict[str, Text]) -> l
 
 
 def _comment(asked: LimeSurveyConversion, key: str) -> Item:
-    asked.note.changed(_("The comment is a question of its own."))
+    asked.note.changed(_("The comment becomes a separate question."))
     return {
         "kind": "text",
         "key": asked.draft.key(f"{key}_comment", asked.note),
@@ -105,7 +105,7 @@ def ranking(asked: LimeSurveyConversion) -> list[Item]:
     """R: the answers in an order."""
     labels = asked.answers() or {part.title: label for part, label in asked.parts()}
     if asked.number("max_answers") or asked.question.attribute("max_subquestions"):
-        asked.note.changed(_("All options are ranked, not only some."))
+        asked.note.changed(_("Respondents rank all options, not only some."))
     return [
         {
             "kind": "ranking",

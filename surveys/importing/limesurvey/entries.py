@@ -30,7 +30,9 @@ def free_text(asked: LimeSurveyConversion) -> list[Item]:
 
 def texts(asked: LimeSurveyConversion) -> list[Item]:
     """Q: several texts."""
-    return by_part(asked, lambda _part: {"kind": "text"}, _("Each line is a question of its own."))
+    return by_part(
+        asked, lambda _part: {"kind": "text"}, _("Each line becomes a separate question.")
+    )
 
 
 def _number_fields(asked: LimeSurveyConversion) -> Item:
@@ -66,7 +68,7 @@ def numbers(asked: LimeSurveyConversion) -> list[Item]:
                 % {"rule": f"{rule} = {asked.question.attribute(rule)}"}
             )
     fields = _number_fields(asked)
-    return by_part(asked, lambda _part: fields, _("Each line is a question of its own."))
+    return by_part(asked, lambda _part: fields, _("Each line becomes a separate question."))
 
 
 def _sliders(asked: LimeSurveyConversion) -> list[Item]:
@@ -74,9 +76,9 @@ def _sliders(asked: LimeSurveyConversion) -> list[Item]:
     low, high = int(least or 0), int(100 if most is None else most)
     step = asked.number("slider_accuracy") or 1
     if step != int(step):
-        asked.note.changed(_("It takes whole numbers only."))
+        asked.note.changed(_("It accepts only whole numbers."))
     separator = asked.question.attribute("slider_separator") or "|"
-    asked.note.changed(_("Each slider is a question of its own."))
+    asked.note.changed(_("Each slider becomes a separate question."))
     text, common = asked.text(), asked.common()
     items = []
     for part, label in asked.parts():
@@ -101,7 +103,7 @@ def _sliders(asked: LimeSurveyConversion) -> list[Item]:
 def day(asked: LimeSurveyConversion) -> list[Item]:
     """D: a day."""
     if any(sign in asked.question.attribute("date_format") for sign in ("H", "M:")):
-        asked.note.changed(_("Only the day is asked, not the time."))
+        asked.note.changed(_("It asks for the date, not the time."))
     bounds = {}
     for name, field in (("earliest", "date_min"), ("latest", "date_max")):
         value = asked.question.attribute(field).strip("\"'").lower()

@@ -36,7 +36,7 @@ class LimeSurveyConversion:
         """Return the fields that every item made of it has."""
         wish = self.question.row.get("mandatory", "N")
         if wish == "S":
-            self.note.changed(_("An answer is requested there; here it is optional."))
+            self.note.changed(_("The file requests an answer; here it is optional."))
         hint = self.texts_of(self.question, "help")
         return flags(required=wish == "Y", hint=hint)
 
@@ -64,7 +64,7 @@ class LimeSurveyConversion:
             return "shuffled"
         if wanted not in {"", "normal"}:
             self.note.changed(
-                _("Its order (%(order)s) is the written order here.") % {"order": wanted}
+                _("Its order (%(order)s) is replaced by the written order.") % {"order": wanted}
             )
         return ""
 

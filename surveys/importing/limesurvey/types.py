@@ -43,6 +43,6 @@ def items_of(asked: LimeSurveyConversion) -> list[Item]:
     if converter is None:
         kind = NAMES.get(asked.question.type, asked.question.type)
         raise NotImportedError(
-            _("There is no question of the type %(kind)s here.") % {"kind": kind}
+            _("Questions of the type %(kind)s are not supported.") % {"kind": kind}
         )
     return converter(asked)

@@ -56,7 +56,7 @@ def _codes(asked: QualtricsConversion, labels: Mapping[str, Text]) -> dict[str, 
     """Return what is stored for each choice: its recode value, or its id where these repeat."""
     codes = asked.codes(labels)
     if len(set(codes.values())) < len(codes):
-        asked.note.changed(_("Several options have one recode value; their ids are stored."))
+        asked.note.changed(_("Several options share a recode value, so their ids are stored."))
         return {one: one for one in labels}
     return codes
 

@@ -29,9 +29,9 @@ UNCHECKED = {
 def text_entry(asked: QualtricsConversion) -> list[Item]:
     """TE: a text, a number or a date on one line or several, or a form of several lines."""
     if asked.selector == "PW":
-        raise NotImportedError(_("Passwords are not asked here."))
+        raise NotImportedError(_("Questions for passwords are not supported."))
     if asked.selector == "FORM":
-        asked.note.changed(_("Each line of the form is a question of its own."))
+        asked.note.changed(_("Each line of the form becomes a separate question."))
         text, required = asked.text(), asked.is_required
         return [
             {
@@ -88,9 +88,9 @@ def slider(asked: QualtricsConversion) -> list[Item]:
     if str(asked.configuration.get("SnapToGrid")).lower() == "true" and parts > 0:
         step = (most - least) // parts if (most - least) % parts == 0 else 1
     if whole(asked.configuration.get("NumDecimals"), 0) > 0:
-        asked.note.changed(_("It takes whole numbers only."))
+        asked.note.changed(_("It accepts only whole numbers."))
     if asked.selector == "STAR":
-        asked.note.changed(_("Stars are a slider."))
+        asked.note.changed(_("The stars become a slider."))
     ends = [label for label in asked.labels("Labels", "").values() if label]
     if len(ends) > 2:
         asked.note.changed(_("Labels between the two ends are not imported."))
@@ -100,7 +100,7 @@ def slider(asked: QualtricsConversion) -> list[Item]:
         (asked.draft.key(asked.name, asked.note), {})
     ]
     if len(rows) > 1:
-        asked.note.changed(_("Each slider is a question of its own."))
+        asked.note.changed(_("Each slider becomes a separate question."))
     lacks = str(asked.configuration.get("NotApplicable")).lower() == "true"
     return [
         {

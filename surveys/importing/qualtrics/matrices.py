@@ -31,10 +31,12 @@ def matrix(asked: QualtricsConversion) -> list[Item]:
         return _choices_by_row(asked, "multiple")
     answers = asked.labels("Answers", "AnswerOrder")
     if len(answers) > 11:
-        asked.note.changed(_("A scale has at most 11 points; each row is a list of options."))
+        asked.note.changed(
+            _("A scale can have at most 11 points, so each row becomes a list of options.")
+        )
         return _choices_by_row(asked, "single")
     if asked.sub_selector not in {"", "SingleAnswer"}:
-        asked.note.changed(_("It is shown as statements on a scale."))
+        asked.note.changed(_("It becomes statements on a scale."))
     codes = asked.codes(answers)
     name, values, reasons = scale(
         asked.draft, asked.note, {one: (codes[one], label) for one, label in answers.items()}
@@ -70,7 +72,7 @@ def _rows(asked: QualtricsConversion) -> Iterator[tuple[str, str, Text]]:
 
 
 def _choices_by_row(asked: QualtricsConversion, kind: str) -> list[Item]:
-    asked.note.changed(_("Each row is a question of its own."))
+    asked.note.changed(_("Each row becomes a separate question."))
     answers = asked.labels("Answers", "AnswerOrder")
     codes = asked.codes(answers)
     if len(set(codes.values())) < len(codes):
@@ -91,7 +93,7 @@ def _choices_by_row(asked: QualtricsConversion, kind: str) -> list[Item]:
 
 
 def _cells(asked: QualtricsConversion) -> list[Item]:
-    asked.note.changed(_("Each cell is a question of its own."))
+    asked.note.changed(_("Each cell becomes a separate question."))
     answers = asked.labels("Answers", "AnswerOrder") or {"": {}}
     text, required = asked.text(), asked.is_required
     lines = 1 if asked.sub_selector in {"", "Short", "Medium", "Long"} else 4
@@ -110,7 +112,7 @@ def _cells(asked: QualtricsConversion) -> list[Item]:
 
 def _bipolar(asked: QualtricsConversion) -> list[Item]:
     """Rows with words at both ends, written "left:right"."""
-    asked.note.changed(_("Each row is a question of its own, with its own words at the ends."))
+    asked.note.changed(_("Each row becomes a separate question with its own end labels."))
     answers = asked.labels("Answers", "AnswerOrder")
     text, required = asked.text(), asked.is_required
     items = []

@@ -76,7 +76,7 @@ class QualtricsConversion:
         wish = self.settings.get("ForceResponse")
         kinds = (wish, self.settings.get("ForceResponseType"))
         if "RequestResponse" in kinds and wish != "OFF":
-            self.note.changed(_("An answer is requested there; here it is optional."))
+            self.note.changed(_("The file requests an answer; here it is optional."))
             return False
         return wish == "ON"
 
@@ -86,7 +86,7 @@ class QualtricsConversion:
         if wanted.get("Type") == "All":
             return "shuffled"
         if str(wanted.get("Type")) in {"Advanced", "Subset", "ScaleReversal"}:
-            self.note.changed(_("Its random order with rules is a fixed order here."))
+            self.note.changed(_("Its random order with rules is replaced by a fixed order."))
         return ""
 
 
@@ -150,4 +150,4 @@ def form_rows(asked: QualtricsConversion) -> Iterator[tuple[str, str, Text]]:
 def no_counterpart(asked: QualtricsConversion) -> str:
     """Return the reason why a kind of question is not imported."""
     kind = "/".join(part for part in (asked.kind, asked.selector, asked.sub_selector) if part)
-    return str(_("There is no question of the type %(kind)s here.") % {"kind": kind})
+    return str(_("Questions of the type %(kind)s are not supported.") % {"kind": kind})

@@ -18,7 +18,7 @@ from surveys.importing.report import NotImportedError
 
 def columns_of(asked: QualtricsConversion) -> list[Item]:
     """SBS: several matrices with the same rows, one a column."""
-    asked.note.changed(_("Each column is a question of its own."))
+    asked.note.changed(_("Each column becomes a separate question."))
     columns = by_id(asked.payload.get("AdditionalQuestions"))
     rows = {name: asked.payload.get(name) for name in ("Choices", "ChoiceOrder")}
     items: list[Item] = []

@@ -221,7 +221,7 @@ def item_of(field: RedcapField) -> Item:
     kind = field.row["type"]
     refuse_hidden(field)
     if kind not in TYPES:
-        reason = _("There is no question of the type %(kind)s here.") % {"kind": kind}
+        reason = _("Questions of the type %(kind)s are not supported.") % {"kind": kind}
         raise NotImportedError(str(REASONS.get(kind, reason)))
     item = TYPES[kind](field)
     remark(field)
@@ -250,7 +250,9 @@ def remark(field: RedcapField) -> None:
     if words and not any(words in remark_ for remark_ in field.note.remarks):
         field.note.changed(_("Its annotation is not imported: %(text)s") % {"text": words[:200]})
     if field.row["identifier"].strip().lower() in {"y", "yes"}:
-        field.note.changed(_("The file marks its answers as identifying people; export with care."))
+        field.note.changed(
+            _("The file marks its answers as identifying people. Be careful when you export them.")
+        )
 
 
 # --- matrices -------------------------------------------------------------------------------------
@@ -266,9 +268,11 @@ def grid(fields: Sequence[RedcapField], heading: Text) -> Item:
     )
     required = [bool(field.common().get("required")) for field in fields]
     if any(required) and not all(required):
-        note.changed(_("Only some rows require an answer there; here none does."))
+        note.changed(
+            _("The file requires an answer in some rows only; here all rows are optional.")
+        )
     if any(field.row["ranking"].strip().lower() in {"y", "yes"} for field in fields):
-        note.changed(_("A column may be chosen in several rows."))
+        note.changed(_("Respondents can choose a column in several rows."))
     rows = []
     for field in fields:
         key = draft.key(field.name, field.note)

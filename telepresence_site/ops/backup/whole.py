@@ -102,16 +102,16 @@ def _fits(manifest: dict[str, Any]) -> list[str]:
     if newer:
         count = "one migration" if len(newer) == 1 else f"{len(newer)} migrations"
         raise BackupError(
-            f"The backup is from newer code ({count} unknown here, first {newer[0]}): update the"
-            " code first."
+            f"The backup is from a newer version ({count} unknown here, first {newer[0]}): "
+            f"update the code first."
         )
     words = []
     if known - set(manifest["migrations"]):
-        words.append("The backup is of older code: run manage.py migrate.")
+        words.append("The backup is from an older version: run manage.py migrate.")
     if "secrets/secret_key" not in manifest["files"] and manifest["key"] != _key():
         words.append(
-            "SECRET_KEY is not that of the backup: everybody has to sign in again, and links that"
-            " were sent are void."
+            "SECRET_KEY differs from that of the backup: everybody has to log in again, and "
+            "links that were sent no longer work."
         )
     return words
 

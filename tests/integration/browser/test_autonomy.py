@@ -191,7 +191,7 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     expect(hans.page.locator("#card")).to_have_attribute(
         "data-card", "queued.returning", timeout=40_000
     )
-    expect(stranger.page.locator("[data-robot=giraff]")).to_contain_text("On its way home")
+    expect(stranger.page.locator("[data-robot=giraff]")).to_contain_text("Returning to its station")
     keep_at_all_sizes(hans.page, "queue")
     hans.wait_for("phase", "turn", within=60)
     assert giraff.truth().docked

@@ -85,7 +85,7 @@ def test_the_mouse_and_the_keys_move_a_checkpoint_and_the_server_says_what_is_no
     assert place(page, 3) == pytest.approx((dragged[0] - 0.02, dragged[1] + 0.1))
     page.locator('[name="checkpoints.3.x"]').fill("30")
     expect(page.locator("#course-check")).to_contain_text(
-        "checkpoint 3 lies in no room; move it into one."
+        "checkpoint 3 is not in a room; move it into one."
     )
     expect(page.locator(".is-unreachable")).to_have_count(1)
 

@@ -74,7 +74,7 @@ def test_a_participant_takes_part_with_a_code_and_continues_on_another_device(st
     phone.goto(FRONT)
     check(phone, "front")
     phone.get_by_role("button", name="Take part").click()
-    expect(phone.get_by_text("Note this code")).to_be_visible()
+    expect(phone.get_by_text("Write down this code")).to_be_visible()
     code = phone.locator("#entry-code").inner_text()
     assert re.fullmatch("[2-9A-Z]{4}-[2-9A-Z]{4}", code)
     check(phone, "code")

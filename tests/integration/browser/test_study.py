@@ -161,7 +161,7 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
         cues
     ), cues
 
-    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Continue").click()
     assert answer_all(page) == 8
     expect(page.get_by_role("heading", name="Thanks")).to_be_visible()
     code = page.get_by_text(re.compile(r"^[2-9A-Z]{8}$")).inner_text()

@@ -60,7 +60,7 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     )
     page.keyboard.up("ArrowUp")
     expect(page.get_by_role("heading", name="Well done")).to_be_visible(timeout=20_000)
-    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Continue").click()
     expect(page.get_by_text("Thank you for driving!")).to_be_visible(timeout=40_000)
 
     wanted = {"first_frame", "layout", "map", "photo_answer", "cue_shown", "controller"}

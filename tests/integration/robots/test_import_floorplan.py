@@ -124,7 +124,7 @@ def spoil(folder: Path, what: str) -> None:
         ("a slip of the pen", "unknown field `docs`"),
         ("nothing free", "no free cell"),
         ("other scale", "do not show the same place"),
-        ("place in a wall", "Place 'nook' lies in a wall or in furniture on the map."),
+        ("place in a wall", "Place 'nook' is in a wall or in furniture on the map."),
         ("path of a map id", "map id must be at most 50"),
     ],
 )

@@ -225,9 +225,9 @@ def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
     with pytest.raises(BackupError, match="of a postgresql database"):
         _fits({**manifest, "engine": "postgresql"})
     assert _fits({**manifest, "migrations": []}) == [
-        "The backup is of older code: run manage.py migrate.",
+        "The backup is from an older version: run manage.py migrate.",
         (
-            "SECRET_KEY is not that of the backup: everybody has to sign in again, and links that"
-            " were sent are void."
+            "SECRET_KEY differs from that of the backup: everybody has to log in again, and "
+            "links that were sent no longer work."
         ),
     ]

@@ -82,7 +82,7 @@ def test_the_report_is_shown_before_anything_is_stored(client, researcher):
     assert "Which fruit?" in page.text
     assert "Where do you look?" in page.text
     assert "HeatMap/OnOff" in page.text
-    assert "Each row is a question of its own." in page.text
+    assert "Each row becomes a separate question." in page.text
     assert "not stored yet" in page.text
     assert not Questionnaire.objects.exists()
 
@@ -102,7 +102,7 @@ def test_what_was_shown_is_stored_with_its_report(client, researcher):
 def test_the_same_file_twice_is_said_to_be_there_already(client, researcher):
     save(client, choose(client, FRUIT))
     page = read(save(client, choose(client, FRUIT)))
-    assert "is the same already" in page.text
+    assert "is identical" in page.text
     assert Questionnaire.objects.count() == 1
 
 
@@ -138,10 +138,10 @@ def test_a_name_that_is_none_is_refused_and_the_report_is_still_there(client, re
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        (b"hello", "The file is none of these"),
+        (b"hello", "The file has none of these formats"),
         (b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "document type"),
         (b'{"SurveyElements": ', "not valid JSON"),
-        (qsf(payload("Q1", "Timing", "PageTimer")), "No question of the file can be imported"),
+        (qsf(payload("Q1", "Timing", "PageTimer")), "None of the file's questions can be imported"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_refused_with_a_clear_message(

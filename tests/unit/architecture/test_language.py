@@ -28,9 +28,23 @@ INSTEAD = {
     r"\bat hand\b": "available",
     r"\bgoes by the name\b": "is called",
     r"\bfrom then on\b": "after that",
+    r"(?<!\ba )\b[Ss]ign(?:ed|s|ing)?[ -](?:in|out)\b": "log in, log out",
+    r"\banew\b": "again, restart",
+    r"\bmeasuring noise\b": "measurement noise",
+    r"\bway driven\b": "distance driven, path driven",
+    r"\b(?:sends?|drives?|goes?|way) (?:it |the robot )?home\b": "to its charging station",
+    r"\bsince the state before\b": "since the previous state",
+    r"\b[Ll]ets? go of\b": "releases",
+    START + r"You (?:already )?have [^.!?\n]*\?": "Do you have …?",
+    r"(?:\b[Ii]t|\b[Tt]hat|\b[Ww]hich|”) is no (?!longer\b|more\b)": "is not a",
+    r"\b(?:is|becomes) a question of its own\b": "becomes a separate question",
+    r"\bsays (?:something |nothing )?of itself\b": "reports",
+    r"\b[Nn]obody (?:records|fights|is asked on)\b": "it is not recorded, it does not conflict",
 }
 # Programs speak in these calls; their strings are read by people, too.
 SPOKEN = {"CommandError", "add_argument", "write", "print", "AdapterError"}
+# So are the notes of system checks, and the code book of an export.
+SPOKEN |= {"Warning", "Error", "Column"}
 
 
 def spoken(path: Path) -> Iterator[str]:

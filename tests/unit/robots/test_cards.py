@@ -143,7 +143,7 @@ def test_lists_begin_with_what_can_be_driven_now():
 
 @pytest.mark.parametrize(
     ("turnaround", "label"),
-    [("returning", "On its way home"), ("charging", "Charging"), ("paused", "Not ready")],
+    [("returning", "Returning to its station"), ("charging", "Charging"), ("paused", "Not ready")],
 )
 def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turnaround, label):
     it = shown(returns_home=True, turnaround=turnaround)

@@ -98,7 +98,7 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
         ({"intro": {"en": "x" * 5000}}, "longer than 4000"),
         ({"scales": {}}, "q1: there is no scale agree"),
         ({"scales": {"agree": AGREE[:1]}}, "has 1 points"),
-        ({"scales": {"agree": AGREE[::-1]}}, "must rise"),
+        ({"scales": {"agree": AGREE[::-1]}}, "must increase"),
         ({"scales": {"agree": [AGREE[0], {"value": 3}]}}, "must name its two ends"),
         ({"scales": {"a.b": AGREE}}, "$.scales"),
         ({"scoring": "magic"}, "$.scoring"),

@@ -95,7 +95,7 @@ class VelocityGate:
             return "does not answer"
         fresh = max(self._params.freshest, 2.0 * self._usual)
         if now - self._last_received_at > min(fresh, self._params.longest):
-            return "says nothing of itself"
+            return "does not report its state"
         return ""
 
     def unanswered(self, now: float) -> float:

@@ -199,7 +199,7 @@ async def test_leaving_asks_first_and_the_end_leads_on_with_one_button(browser, 
         tell(site, "timed_out", outcome="timed_out")
         site.end("timed_out")
         await expect(page.get_by_role("heading", name="Time is up")).to_be_visible(timeout=PATIENCE)
-        await page.get_by_role("button", name="Go on").click()
+        await page.get_by_role("button", name="Continue").click()
         await expect(page.get_by_role("heading", name="The next step")).to_be_visible(
             timeout=PATIENCE
         )

@@ -334,7 +334,7 @@ def test_what_a_course_cannot_reach_is_told_before_it_is_saved(client, study):
     assert check(client, study).json() == {"problems": [], "checkpoints": []}
     wrong = check(client, study, checkpoints__1__x="20").json()
     assert wrong["checkpoints"] == [1]
-    assert "checkpoint 1 lies in no room; move it into one." in wrong["problems"]
+    assert "checkpoint 1 is not in a room; move it into one." in wrong["problems"]
     assert check(client, study, checkpoints__0__y="3.5").json()["checkpoints"] == [0]
     assert check(client, study, checkpoints__1__x="here").json() == {
         "problems": ["This is not a number."],

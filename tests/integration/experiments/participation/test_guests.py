@@ -31,7 +31,7 @@ def take_part(client: Client) -> str:
     """Press the button of the front page, and return the code that is shown."""
     page = read(client.post(FRONT))
     assert faults(page) == []
-    assert "Note this code: with it you can continue on another device." in page.text
+    assert "Write down this code. You need it to continue on another device." in page.text
     return CODE.search(page.text)[0]
 
 
@@ -49,7 +49,7 @@ def link_to(study, **more) -> str:
 def test_a_stranger_takes_part_without_an_account_and_continues_on_another_device(client, study):
     page = read(client.get(FRONT))
     assert faults(page) == []
-    assert "You need no account" in page.text
+    assert "You don't need an account" in page.text
     code = take_part(client)
     guest = Participant.objects.get().user
     assert (guest.kind, guest.has_usable_password()) == ("participant", False)
@@ -116,9 +116,9 @@ def test_the_home_page_leads_to_a_study_without_an_account(client, study):
 def test_the_next_person_at_a_shared_computer_begins_anew(client, study):
     take_part(client)
     page = read(client.get(FRONT))
-    assert "Someone else wants to take part on this device?" in page.text
+    assert "Does someone else want to take part on this device?" in page.text
     Participant.objects.update(status="finished")
-    assert "Someone else wants to take part" in read(client.get(FRONT)).text
+    assert "Does someone else want to take part" in read(client.get(FRONT)).text
     assert client.post(reverse("account_logout"), {"next": FRONT}).url == FRONT
     take_part(client)
     assert Participant.objects.count() == 2
@@ -132,7 +132,7 @@ def test_a_personal_link_is_all_that_one_person_needs_on_every_device(client, st
     address = link_to(study)
     page = read(client.get(address))
     assert faults(page) == []
-    assert "you need no account" in page.text
+    assert "you don't need an account" in page.text
     assert not User.objects.exists(), "reading the page uses nothing up"
     assert client.post(address).url == STEP
     first = Participant.objects.get()
@@ -149,7 +149,7 @@ def test_a_personal_link_is_all_that_one_person_needs_on_every_device(client, st
 def test_a_second_person_at_the_same_computer_opens_their_own_link(client, study):
     one, two = link_to(study), link_to(study)
     client.post(one)
-    assert "you need no account" in read(client.get(two)).text
+    assert "you don't need an account" in read(client.get(two)).text
     client.post(two)
     assert {row.user for row in Participant.objects.all()} == set(User.objects.all())
     assert User.objects.count() == 2

@@ -170,7 +170,7 @@ def test_reading_a_personal_link_uses_nothing_up_and_pressing_the_button_does(cl
     _row, token = links.make(study, now=timezone.now())
     page = read(client.get(path_of(token)))
     assert faults(page) == []
-    assert "you need no account" in page.text
+    assert "you don't need an account" in page.text
     user = signed_in(client)
     assert "Accept the invitation" in read(client.get(path_of(token))).text
     assert PersonalLink.objects.get().redeemed_at is None
@@ -403,7 +403,7 @@ def test_an_account_is_not_deleted_from_under_a_drive_nor_that_of_somebody_who_r
 ):
     session = p.session_of(walker.robot, walker.participant)
     page = read(walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True))
-    assert "Leave it first" in page.text
+    assert "Leave the robot or its queue first" in page.text
     assert faults(page) == []
     session.delete()
     User.objects.update(is_staff=True)

@@ -103,7 +103,7 @@ def test_an_unfinished_draft_can_be_walked_through_as_far_as_it_goes(client):
         answer = client.get(step(study, number))
         assert answer.status_code == 200
         assert faults(read(answer)) == []
-    assert "The instructions have no page." in read(client.get(step(study, 3))).text
+    assert "The instructions have no pages." in read(client.get(step(study, 3))).text
     assert "[[institution]]" in read(client.get(step(study, 1))).text
     assert rows() == before
 

@@ -145,7 +145,7 @@ def test_what_a_boris_project_has_and_a_scheme_has_not_is_said():
     events, problems = from_boris(json.dumps(project).encode(), CODES)
     assert events == [CodedEvent("help", 1.0)]
     said = " ".join(problems)
-    assert all(part in said for part in ("Subjects", "gaze", "does not stop", "no event"))
+    assert all(part in said for part in ("Subjects", "gaze", "never stops", "not an event"))
 
 
 @pytest.mark.parametrize(
@@ -182,8 +182,8 @@ def code(**more) -> dict:
     [
         ([code(), code(key="b")], "code “a” is used 2 times"),
         ([code(), code(code="b", key="A")], "key “a” is used 2 times"),
-        ([code(key="k")], "a key is one character"),
-        ([code(key="ab")], "a key is one character"),
+        ([code(key="k")], "choose a single character"),
+        ([code(key="ab")], "choose a single character"),
         ([code(name=" ")], "enter a name"),
         ([code(code="A b")], "regex"),
         ([code(kind="x")], "enum|Invalid"),
@@ -199,9 +199,9 @@ def test_a_scheme_that_cannot_be_used_is_refused(codes, told):
     ("event", "told"),
     [
         ({"code": "x", "begin": 1}, "no code"),
-        ({"code": "help", "begin": 1, "end": 2}, "has no end"),
-        ({"code": "lost", "begin": 1}, "needs an end"),
-        ({"code": "lost", "begin": 2, "end": 2}, "needs an end"),
+        ({"code": "help", "begin": 1, "end": 2}, "can't have an end"),
+        ({"code": "lost", "begin": 1}, "must end after"),
+        ({"code": "lost", "begin": 2, "end": 2}, "must end after"),
         ({"code": "help", "begin": -1}, "outside"),
         ({"code": "help", "begin": 61}, "outside"),
         ({"code": "help", "begin": 1, "comment": "x" * 501}, "too long"),

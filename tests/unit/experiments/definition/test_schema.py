@@ -288,7 +288,7 @@ def test_a_station_of_another_robot_and_a_start_elsewhere_are_told():
     )
     far = plan_with(docks=[{**PLAN["docks"][0], "y": 3.2}])
     assert any(
-        "checkpoint 0 does not lie at the charging station home" in problem
+        "checkpoint 0 is not at the charging station home" in problem
         for problem in here(small_study(), plan=far)
     )
 
@@ -307,7 +307,7 @@ def test_a_checkpoint_behind_the_only_door_cannot_be_reached_when_that_is_closed
 def test_a_checkpoint_outside_of_the_rooms_is_told():
     points = [*STUDY["courses"][0]["checkpoints"][:2], {"number": 2, "x": 20, "y": 20}]
     found = here(small_study(**changed("courses", 0, checkpoints=points)))
-    assert any("checkpoint 2 lies in no room" in problem for problem in found)
+    assert any("checkpoint 2 is not in a room" in problem for problem in found)
 
 
 def test_a_robot_that_cannot_do_what_a_condition_allows_is_told():

@@ -90,7 +90,7 @@ def test_a_plan_says_what_it_holds() -> None:
         (("rooms", 1, "name"), "west", "called 'west'"),
         (("rooms", 0, "polygon"), [[0, 0], [1, 0], [2, 0]], "has no area"),
         (("walls", 2, "end"), [6, 3], "wall 2 has no length"),
-        (("docks", 0, "x"), -4.0, "dock 'dock' at (-4, 1) lies in no room"),
+        (("docks", 0, "x"), -4.0, "dock 'dock' at (-4, 1) is not in a room"),
         (("docks", 0, "type"), "rhodon", "no dock for 'giraff'"),
         (("routes", 0, "checkpoints", 1, "number"), 5, "numbered [0, 5]"),
         (("routes", 0, "checkpoints", 1, "x"), 50, "checkpoint 1 of 'giraff'"),
@@ -121,7 +121,7 @@ def test_a_decoration_hangs_on_a_wall() -> None:
     plan["decorations"] = [{"kind": "clock", "x": 1.5, "y": 0.075, "width": 0.3, "height": 0.3}]
     assert floorplan.decode(json.dumps(plan)).decorations
     plan["decorations"][0]["y"] = 1.0
-    assert "clock at (1.5, 1) hangs on no wall" in refused(plan)
+    assert "clock at (1.5, 1) does not hang on a wall" in refused(plan)
 
 
 def test_a_mirror_without_a_surface_is_refused() -> None:
@@ -205,7 +205,7 @@ def test_a_translation_of_nothing_is_named():
     plan = {**hut(), "translations": {"es": {"Wset": "Oeste"}}}
     with pytest.raises(FloorPlanError) as caught:
         floorplan.decode(json.dumps(plan))
-    assert caught.value.problems == ("the translation to 'es' of 'Wset' is that of no title",)
+    assert caught.value.problems == ("the translation to 'es' of 'Wset' belongs to no title",)
 
 
 def test_a_plan_with_translations_is_still_a_key_of_caches():

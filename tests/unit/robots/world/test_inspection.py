@@ -163,7 +163,7 @@ def test_a_turned_map_that_fits_is_taken() -> None:
 def test_a_place_in_furniture_or_too_near_to_it_is_found() -> None:
     assert (
         only(changed(furniture=(furniture(6.5, 2.0),)))
-        == "place 'desk' lies in a wall or in furniture on the map"
+        == "place 'desk' is in a wall or in furniture on the map"
     )
     assert "place 'desk' is too close" in only(changed(furniture=(furniture(6.5, 2.45),)))
 
@@ -175,7 +175,7 @@ def test_a_place_behind_furniture_that_fills_the_room_cannot_be_reached() -> Non
 
 def test_furniture_that_the_map_does_not_show_is_found_in_the_plan() -> None:
     plan = changed(furniture=(furniture(6.5, 2.0),))
-    assert only(plan, rasterise(PLAN)) == "place 'desk' lies in a wall or in furniture in the plan"
+    assert only(plan, rasterise(PLAN)) == "place 'desk' is in a wall or in furniture in the plan"
 
 
 def test_a_door_that_is_walled_up_on_the_map_is_found() -> None:

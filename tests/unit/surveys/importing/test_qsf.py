@@ -437,7 +437,7 @@ def test_questions_beyond_the_limit_are_listed():
 
 
 def test_a_file_of_which_nothing_can_be_imported_is_refused_with_a_reason():
-    with pytest.raises(BadDefinitionError, match="No question"):
+    with pytest.raises(BadDefinitionError, match="None of the file's questions"):
         read(qsf(payload("Q1", "Timing", "PageTimer"))).definition("test", 1)
 
 

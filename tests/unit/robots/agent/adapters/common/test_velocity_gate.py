@@ -94,13 +94,13 @@ def test_a_velocity_that_stays_is_said_again_upon_a_reading_or_at_the_latest_wit
 def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time():
     gate = VelocityGate(PARAMS, 0.0)
     assert gate.shut(0.39) == ""
-    assert gate.shut(0.41) == "says nothing of itself"
+    assert gate.shut(0.41) == "does not report its state"
     now = 0.0
     for _ in range(40):
         now += 0.45
         gate.heard(now)
     assert gate.shut(now + 0.8) == ""
-    assert gate.shut(now + 0.95) == "says nothing of itself"
+    assert gate.shut(now + 0.95) == "does not report its state"
 
 
 @given(
