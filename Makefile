@@ -6,6 +6,7 @@
 # make bench   the benchmarks; results in benchmarks/results
 # make screenshots    pictures of all pages, to be looked at, in var/screenshots
 # make docs    write the generated reference again
+# make messages    bring texts into the Spanish catalogue, and compile it
 # make lock    resolve the dependencies again
 PYTHON ?= python3
 VENV := .venv
@@ -13,7 +14,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py) tests/integration/browser/drive_page/test_presence.py
 export PORT LAN RESET
 
-.PHONY: demo check test soak lint bench docs lock setup setup-dev test-packages screenshots
+.PHONY: demo check test soak lint bench docs messages lock setup setup-dev test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -57,6 +58,9 @@ screenshots: setup-dev test-packages
 
 docs: setup-dev
 	$(BIN)/python -m robots.api.reference
+
+messages: setup-dev
+	@sh deploy/messages.sh $(BIN)/python
 
 lock:
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements.lock

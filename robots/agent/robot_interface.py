@@ -2,7 +2,7 @@
 
 An adapter translates and nothing more. It never decides what is safe (the safety kernel has done so
 before `apply`), and never sees MQTT or WebRTC. To connect a new robot, write one class with these
-members and name it in registry.py.
+members: docs/howto/write-an-adapter.md says how.
 
 Times: `stamp` is Unix time in seconds of the robot's computer. Lengths in metres, angles in
 radians, x forward, y left.
