@@ -7,7 +7,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.lab.line import HOLD, MOST_WAITING, QUEUE, NetworkLine
@@ -152,7 +152,6 @@ def test_a_reordered_packet_that_nobody_follows_comes_out_all_the_same():
     assert line.counts.reordered == 0
 
 
-@settings(deadline=None)
 @given(st.integers(1, 50))
 def test_a_flood_is_bounded(more):
     line = NetworkLine(NetworkLab(delay=10.0))
