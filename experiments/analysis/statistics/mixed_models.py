@@ -201,7 +201,7 @@ class _Sums:
             columns.T @ outcome,
             float(outcome @ outcome),
             of_participants,
-            np.bincount(groups, weights=outcome, minlength=people),
+            np.asarray(np.bincount(groups, outcome, people), dtype=np.float64),
             np.bincount(groups, minlength=people).astype(np.float64),
         )
 
