@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from robots.agent.lab.line import HOLD, MOST_WAITING, QUEUE, NetworkLine
 from robots.api.messages import NetworkLab
+from tests.support.examples import examples
 
 LABS = st.builds(
     NetworkLab,
@@ -152,6 +153,7 @@ def test_a_reordered_packet_that_nobody_follows_comes_out_all_the_same():
     assert line.counts.reordered == 0
 
 
+@examples(20, thorough=1000)
 @given(st.integers(1, 50))
 def test_a_flood_is_bounded(more):
     line = NetworkLine(NetworkLab(delay=10.0))
