@@ -4,7 +4,7 @@
 #   check         lint and the unit lane, for every change
 #   integration   the integration lane and the timing lane: what make test runs after check
 #   test          everything that proves function
-#   soak          everything that proves endurance, before a release
+#   soak          the unit lane with many more examples, and everything that proves endurance, before a release
 set -eu
 started=${RUN_STARTED:-$(date +%s)}
 logs=${LOGS:-$(mktemp -d)}
@@ -123,6 +123,7 @@ case "${1:-test}" in
         step "soak: this takes hours, and prints what each part took"
         limit=$((36 * 60))
         export PYTEST_ARGS="--timeout 0 ${PYTEST_ARGS:-}"
+        side_by_side logical --hypothesis-profile=search tests/unit
         servers soak
         browsers_and_studies soak
         timing soak

@@ -17,9 +17,16 @@ pytest.register_assert_rewrite("tests.support.adapter_conformance", "tests.suppo
 
 # A busy computer is slow at everything: an example that takes long is no finding. The same examples
 # every time, so that a change is judged by what it changes; `pytest --hypothesis-profile=search`
-# looks for others.
-settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("same", settings.get_profile("search"), derandomize=True)
+# looks for others, and for more of them.
+settings.register_profile(
+    "search",
+    deadline=None,
+    max_examples=1000,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile(
+    "same", settings.get_profile("search"), derandomize=True, max_examples=100
+)
 settings.load_profile("same")
 
 

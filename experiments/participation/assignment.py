@@ -145,8 +145,10 @@ def stage_at_end(
     """
     if not exposed:
         return "freed"
+    if outcome not in refill.outcomes:
+        return "filled"
     before = sum(place.stage == "refilled" and place.cell == cell for place in held)
-    return "refilled" if outcome in refill.outcomes and before < refill.most else "filled"
+    return "refilled" if before < refill.most else "filled"
 
 
 def stage_now(stage: Stage, *, conditions: int, done: int, is_gone: bool) -> Stage:

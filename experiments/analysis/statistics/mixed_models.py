@@ -139,9 +139,9 @@ def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str
     _, groups = np.unique(np.asarray(who), return_inverse=True)
     people = int(groups.max(initial=-1)) + 1
     _check(outcome, design.columns, people)
-    blocks = [(design.columns[groups == one], outcome[groups == one]) for one in range(people)]
-    ratio = _best_ratio(blocks)
-    found = _profile(blocks, ratio)
+    sums = _Sums.of(outcome, design.columns, groups, people)
+    ratio = _best_ratio(sums)
+    found = _profile(sums, ratio)
     estimates = found.estimates
     covariance = np.asarray(np.linalg.inv(found.information), dtype=np.float64) * found.residual
     df = _freedom(design, groups, people)
@@ -177,6 +177,35 @@ def _check(outcome: Floats, columns: Floats, people: int) -> None:
         raise CannotFitError("too few observations for so many effects")
 
 
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """What every ratio is tried on, so that the observations are read once: XᵀX (k, k), Xᵀy (k,)
+    and yᵀy of all of them; of each participant the sums of X (people, k) and of y (people,), and
+    the number of observations (people,).
+    """
+
+    xx: Floats
+    xy: Floats
+    yy: float
+    columns: Floats
+    outcomes: Floats
+    counts: Floats
+
+    @classmethod
+    def of(cls, outcome: Floats, columns: Floats, groups: Any, people: int) -> "_Sums":
+        """Return the sums of observations `outcome` (n,) and `columns` (n, k) of `groups` (n,)."""
+        of_participants = np.zeros((people, columns.shape[1]))
+        np.add.at(of_participants, groups, columns)
+        return cls(
+            columns.T @ columns,
+            columns.T @ outcome,
+            float(outcome @ outcome),
+            of_participants,
+            np.asarray(np.bincount(groups, outcome, people), dtype=np.float64),
+            np.bincount(groups, minlength=people).astype(np.float64),
+        )
+
+
 @dataclass(frozen=True)
 class _Profile:
     """What follows from a ratio: -2 log restricted likelihood (but for a constant), coefficients,
@@ -189,42 +218,39 @@ class _Profile:
     residual: float
 
 
-def _profile(blocks: Sequence[tuple[Floats, Floats]], ratio: float) -> _Profile:
+def _profile(sums: _Sums, ratio: float) -> _Profile:
     """Fit by generalized least squares with V = σ²(I + λJ) for each participant, whose inverse is
     (I - λ / (1 + nλ) J) / σ² and whose determinant is (1 + nλ) σ²ⁿ.
     """
-    size = blocks[0][0].shape[1]
-    xx, xy, yy, spread, n = np.zeros((size, size)), np.zeros(size), 0.0, 0.0, 0
-    for columns, outcome in blocks:
-        weight = ratio / (1.0 + len(outcome) * ratio)
-        sums, total = columns.sum(axis=0), float(outcome.sum())
-        xx += columns.T @ columns - weight * np.outer(sums, sums)
-        xy += columns.T @ outcome - weight * sums * total
-        yy += float(outcome @ outcome) - weight * total * total
-        spread += math.log1p(len(outcome) * ratio)
-        n += len(outcome)
+    weights = ratio / (1.0 + sums.counts * ratio)
+    weighted = sums.columns.T * weights  # (k, people)
+    xx: Floats = sums.xx - weighted @ sums.columns
+    xy: Floats = sums.xy - weighted @ sums.outcomes
+    yy = sums.yy - float(weights @ np.square(sums.outcomes))
+    n, size = int(sums.counts.sum()), len(xy)
     estimates = np.asarray(np.linalg.solve(xx, xy), dtype=np.float64)
     residual = max(yy - float(estimates @ xy), 0.0) / (n - size)
     if residual <= ROUNDING * yy / n:
         raise CannotFitError("no variance: the effects explain everything")
+    spread = float(np.log1p(sums.counts * ratio).sum())
     deviance = spread + float(np.linalg.slogdet(xx)[1]) + (n - size) * math.log(residual)
     return _Profile(deviance, estimates, xx, residual)
 
 
-def _best_ratio(blocks: Sequence[tuple[Floats, Floats]]) -> float:
+def _best_ratio(sums: _Sums) -> float:
     """Return the ratio of the least deviance: the best of a grid, refined between its neighbours; 0
     where none is better than that.
     """
-    grid = [_profile(blocks, math.exp(power)).deviance for power in GRID]
+    grid = [_profile(sums, math.exp(power)).deviance for power in GRID]
     place = int(np.argmin(grid))
     found = minimize_scalar(
-        lambda power: _profile(blocks, math.exp(power)).deviance,
+        lambda power: _profile(sums, math.exp(power)).deviance,
         bounds=(GRID[max(place - 1, 0)], GRID[min(place + 1, len(GRID) - 1)]),
         method="bounded",
         options={"xatol": TIGHT},
     )
     ratio = math.exp(float(found.x))
-    return ratio if _profile(blocks, ratio).deviance < _profile(blocks, 0.0).deviance else 0.0
+    return ratio if _profile(sums, ratio).deviance < _profile(sums, 0.0).deviance else 0.0
 
 
 def _freedom(design: Design, groups: Any, people: int) -> list[float]:

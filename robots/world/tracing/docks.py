@@ -102,7 +102,7 @@ def _room(structure: Structure, clearance: Floats, pose: Pose2D, model: RobotMod
     """Return the clearance in metres on the way out of a dock, 0 when there is too little."""
     layers = structure.layers
     back = np.arange(0.0, DOCK.way_out + DOCK.step, layers.resolution)
-    points = np.array([pose.apply(-distance, 0.0) for distance in back.tolist()])
+    points = _applied(pose, -back, np.zeros_like(back))
     if not layers.at(structure.floor, points).all():
         return 0.0
     columns = np.floor(points[:, 0] / layers.resolution).astype(np.intp)
@@ -121,5 +121,13 @@ def _stands_free(structure: Structure, pose: Pose2D, model: RobotModel) -> bool:
     front = station_of(model).distance
     deep = np.arange(0.0, front + DOCK.depth - layers.resolution, layers.resolution)
     wide = np.linspace(-DOCK.width / 2.0, DOCK.width / 2.0, 9)
-    points = [pose.apply(x, y) for x in deep.tolist() for y in wide.tolist()]
-    return bool(layers.at(layers.free, np.array(points)).all())
+    x, y = (values.ravel() for values in np.meshgrid(deep, wide))
+    return bool(layers.at(layers.free, _applied(pose, x, y)).all())
+
+
+def _applied(pose: Pose2D, x: Floats, y: Floats) -> Floats:
+    """Return points (n, 2) of the outer frame that are x (n,) ahead of a pose and y (n,) to its
+    left: `Pose2D.apply` for many.
+    """
+    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
+    return np.column_stack([pose.x + cosine * x - sine * y, pose.y + sine * x + cosine * y])

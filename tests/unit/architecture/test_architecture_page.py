@@ -8,22 +8,17 @@ to be a string of the code, such as a topic or the reason of a refusal, or a com
 
 import ast
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 from tests.support.paths import ROOT
+from tests.support.sources import PACKAGES, python_files, text_of
 
 PAGE = (ROOT / "docs/explanation/architecture.md").read_text("utf-8")
-PACKAGES = (
-    "accounts",
-    "experiments",
-    "robots",
-    "sessions",
-    "surveys",
-    "telepresence_site",
-)
 FOLDERS = (*PACKAGES, "static", "templates", "tests", "deploy", "docs", "benchmarks", "locale")
 PATH = re.compile(rf"(?:{'|'.join(FOLDERS)})/\S*|\S+\.(?:py|js|toml|md|html)")
 NAME = re.compile(r"_?[A-Za-z]\w*(?:\.\w+)*(?:\(\))?")
@@ -65,15 +60,14 @@ def is_known(word: str, home: str, *, declared_only: bool) -> bool:
 def looks_like_a_name(word: str) -> bool:
     """Tell whether a word can only be a class, or a member of one."""
     return re.fullmatch(r"[A-Z][a-z]+(?:[A-Z]\w*)?(?:\.\w+)*", word) is not None and (
-        word not in strings()
+        not is_string(word)
     )
 
 
 def is_said(word: str) -> bool:
     """Tell whether the code has a string such as a topic, a reason, an option or a command."""
     pattern = re.sub(r"<\w+>", "+", word)
-    commands = {path.stem for path in ROOT.glob("*/management/commands/*.py")}
-    return pattern in strings() | commands | TOOLS or f"{pattern}/reply" in strings()
+    return pattern in commands() | TOOLS or is_string(pattern) or is_string(f"{pattern}/reply")
 
 
 # --- the code -------------------------------------------------------------------------------------
@@ -84,21 +78,36 @@ def is_declared(name: str, home: str) -> bool:
     if home.endswith(".js"):
         return in_javascript(name, (ROOT / home).read_text("utf-8"))
     folders = PACKAGES if not (ROOT / home).exists() or home == "" else (home,)
-    return any(name in declared(path) for folder in folders for path in python_files(folder)) or (
+    last = name.rpartition(".")[2]
+    return any(name in module(path).declared for path in files_with(last, *folders)) or (
         home == "" and name in PACKAGES
     )
 
 
-@cache
-def python_files(place: str) -> tuple[Path, ...]:
-    path = ROOT / place
-    return (path,) if path.suffix == ".py" else tuple(sorted(path.rglob("*.py")))
+def files_with(text: str, *places: str) -> Iterator[Path]:
+    """Yield the Python files that have a text anywhere."""
+    files = (path for place in places for path in python_files(place))
+    return (path for path in files if text in text_of(path))
+
+
+@dataclass(frozen=True)
+class Module:
+    """What a module declares (classes, functions and values, and members as `Class.name`), and its
+    strings.
+    """
+
+    declared: frozenset[str]
+    strings: frozenset[str]
 
 
 @cache
-def declared(path: Path) -> frozenset[str]:
-    """Return what a module declares: classes, functions and values, and members as `Class.name`."""
-    return frozenset(declared_in(ast.parse(path.read_text("utf-8")).body))
+def module(path: Path) -> Module:
+    tree = ast.parse(text_of(path))
+    constants = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    return Module(
+        frozenset(declared_in(tree.body)),
+        frozenset(value for value in constants if isinstance(value, str)),
+    )
 
 
 def declared_in(body: list[ast.stmt]) -> set[str]:
@@ -132,15 +141,22 @@ def is_method(name: str, source: str) -> bool:
 
 
 @cache
-def strings() -> frozenset[str]:
-    """Return every string in our Python, and every key and string in the page's scripts."""
-    found = {
-        node.value
-        for package in PACKAGES
-        for path in python_files(package)
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
-    }
+def commands() -> frozenset[str]:
+    return frozenset(path.stem for path in ROOT.glob("*/management/commands/*.py"))
+
+
+def is_string(word: str) -> bool:
+    """Tell whether our Python has a string, in one piece, or the page's scripts have it or a key
+    of its name.
+    """
+    return word in javascript_strings() or any(
+        word in module(path).strings for path in files_with(word, *PACKAGES)
+    )
+
+
+@cache
+def javascript_strings() -> frozenset[str]:
+    found: set[str] = set()
     for path in (ROOT / "static/js").rglob("*.js"):
         source = path.read_text("utf-8")
         found |= set(re.findall(r'"([^"\n]+)"', source))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.paths import ROOT
+from tests.support.sources import PACKAGES, python_files, text_of
 from tests.unit.site.test_templates import po_entries
 
 START = r"(?:^|(?<=[.!?:;] )|(?<=\n))"
@@ -49,7 +50,9 @@ SPOKEN |= {"Warning", "Error", "Column"}
 
 def spoken(path: Path) -> Iterator[str]:
     """Yield the sentences that a module says on the command line."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    if not any(f"{name}(" in text_of(path) for name in SPOKEN):
+        return
+    for node in ast.walk(ast.parse(text_of(path))):
         if isinstance(node, ast.Call) and _name(node.func) in SPOKEN:
             for part in ast.walk(node):
                 if isinstance(part, ast.Constant) and isinstance(part.value, str):
@@ -78,8 +81,8 @@ def _everything() -> Iterator[tuple[str, str]]:
     for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
         if path.name != "CHANGELOG.md":
             yield str(path.relative_to(ROOT)), prose(path)
-    for app in ("accounts", "experiments", "robots", "sessions", "surveys", "telepresence_site"):
-        for path in (ROOT / app).rglob("*.py"):
+    for app in PACKAGES:
+        for path in python_files(app):
             for text in spoken(path):
                 yield str(path.relative_to(ROOT)), text
 

@@ -8,12 +8,13 @@ from pathlib import Path
 from django.conf import settings
 from django.utils.translation.template import templatize
 
+from tests.support.sources import PACKAGES, python_files, text_of
 from tests.unit.site.test_templates import po_entries
 
 ROOT = settings.BASE_DIR
-APPS = ("accounts", "experiments", "robots", "sessions", "surveys", "telepresence_site")
 MARKS = {"_", "gettext", "gettext_lazy", "gettext_noop", "ngettext", "ngettext_lazy"}
 IN_CONTEXT = {"pgettext", "pgettext_lazy"}  # the context comes before the text
+CALLED = re.compile(r"\b(?:_|[np]?gettext\w*)\(")
 MARKED = re.compile(r"\b(_|gettext|ngettext|pgettext)\(")
 
 
@@ -41,9 +42,10 @@ def texts_of_template(source: str) -> Iterator[str]:
 
 
 def marked() -> Iterator[tuple[Path, str]]:
-    for app in APPS:
-        for path in (ROOT / app).rglob("*.py"):
-            yield from ((path, text) for text in texts_of(path.read_text()))
+    for app in PACKAGES:
+        for path in python_files(app):
+            if CALLED.search(text_of(path)):
+                yield from ((path, text) for text in texts_of(text_of(path)))
     for path in (ROOT / "templates").rglob("*"):
         if path.suffix in {".html", ".txt"}:
             yield from ((path, text) for text in texts_of_template(path.read_text()))

@@ -5,6 +5,7 @@ be translated.
 import ast
 import gettext
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,12 +28,14 @@ def name(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
+@cache
 def spanish() -> gettext.GNUTranslations:
     with (CATALOGUE / "django.mo").open("rb") as file:
         return gettext.GNUTranslations(file)
 
 
-def po_entries() -> list[dict[str, str]]:
+@cache
+def po_entries() -> tuple[dict[str, str], ...]:
     """Return the entries of the Spanish catalogue: keywords to text, `flags` to the flag line."""
     entries = []
     for block in (CATALOGUE / "django.po").read_text().split("\n\n"):
@@ -48,7 +51,7 @@ def po_entries() -> list[dict[str, str]]:
                 entry[key] += ast.literal_eval(line)
         if entry.get("msgid"):
             entries.append(entry)
-    return entries
+    return tuple(entries)
 
 
 @pytest.mark.parametrize("path", TEMPLATES, ids=name)

@@ -3,7 +3,7 @@
 import copy
 import json
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from surveys.answers import Missing, read_answer
@@ -102,7 +102,6 @@ def read(key, fields):
         return None, str(error)
 
 
-@settings(deadline=None)
 @given(st.sampled_from(places(WHOLE)[1:]), JSON, st.booleans())
 def test_a_file_with_one_thing_changed_is_either_right_or_refused_with_a_reason(path, value, gone):
     changed = copy.deepcopy(WHOLE)
@@ -131,7 +130,6 @@ def test_bytes_are_refused_as_json(content):
     assert parsed(content)[1]
 
 
-@settings(deadline=None)
 @given(st.sampled_from(KEYS), st.lists(SENT, max_size=4), st.lists(SENT, max_size=2))
 def test_whatever_is_sent_to_a_question_is_an_answer_that_it_allows_or_refused(
     key, values, reasons

@@ -4,6 +4,7 @@ from scipy import stats
 
 from experiments.bots.endings import EVERY, Ending, draw, in_turn
 from experiments.bots.persona import Effect, EffectError, Persona, effect
+from tests.support.examples import binomial_band, repetitions
 
 HELPED, ALONE = {"assist": "steer"}, {"assist": "off"}
 SHARE = 0.05
@@ -41,14 +42,15 @@ def test_a_planted_effect_is_found_where_it_was_planted_and_nowhere_else():
 
 def test_a_planted_null_is_significant_as_often_as_chance_makes_it():
     null = Effect("easy", 0.0, "assist", "steer")
-    found = 0
-    for study in range(400):
+    found, studies = 0, repetitions(200, thorough=400)
+    for study in range(studies):
         helped = [Persona(number, study, [null]).opinion("easy", HELPED) for number in range(12)]
         alone = [
             Persona(100 + number, study, [null]).opinion("easy", ALONE) for number in range(12)
         ]
         found += stats.ttest_ind(helped, alone).pvalue < SHARE
-    assert 400 * 0.02 <= found <= 400 * 0.09
+    low, high = binomial_band(SHARE, studies)
+    assert low <= found / studies <= high
 
 
 def test_without_effects_every_point_of_a_scale_is_as_likely_as_any_other():

@@ -4,7 +4,7 @@ import json
 import warnings
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pympi.Elan import Eaf
 
@@ -17,6 +17,7 @@ from experiments.coding.scheme import (
     codes_from,
     events_from,
 )
+from tests.support.examples import examples
 
 CODES = (
     Code("help", "Asks for help", "point", "h"),
@@ -95,7 +96,7 @@ def in_order(events: list[CodedEvent]) -> list:
     return sorted((one.code, one.begin, one.end or 0.0, one.comment) for one in events)
 
 
-@settings(max_examples=30)
+@examples(30, thorough=300)
 @given(codings())
 def test_a_coding_comes_back_from_an_elan_file_as_it_was(events):
     read, problems = from_eaf(to_eaf(CODES, events, "C2345", DATE), CODES)
@@ -103,7 +104,7 @@ def test_a_coding_comes_back_from_an_elan_file_as_it_was(events):
     assert problems == []
 
 
-@settings(max_examples=30)
+@examples(30, thorough=300)
 @given(codings())
 def test_a_coding_comes_back_from_a_boris_project_as_it_was(events):
     document = to_boris(CODES, {"S1": events, "S2": []}, "study", "2026-03-04T12:00:00")

@@ -3,7 +3,7 @@ from collections import Counter
 from itertools import pairwise, permutations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.definition.schema import Refill
@@ -17,6 +17,7 @@ from experiments.participation.assignment import (
     load,
     stage_at_end,
 )
+from tests.support.examples import examples
 from tests.support.studies import STUDY, small_study
 
 NONE = Refill()
@@ -99,7 +100,7 @@ def test_cells_differ_by_no_more_than_are_under_way_whoever_leaves(most, leaving
     assert sum(month.exposed.values()) > 100
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60, thorough=600)
 @given(
     leaving=st.lists(st.floats(0.1, 0.5), min_size=2, max_size=6),
     most=st.sampled_from([1, 4, 16]),

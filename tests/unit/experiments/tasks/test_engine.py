@@ -2,7 +2,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.tasks.engine import TaskEngine
@@ -18,6 +18,7 @@ from experiments.tasks.records import (
     seen,
 )
 from robots.api.messages import Battery, Pose, State, Velocity
+from tests.support.examples import examples
 from tests.support.task_drives import (
     BACK,
     BY_ARCHWAY,
@@ -336,7 +337,7 @@ def test_the_busy_drive_is_as_busy_as_it_should_be():
     assert EXPECTED.result.outcome == "completed"
 
 
-@settings(max_examples=60, deadline=None)
+@examples(15, thorough=600)
 @given(seed=st.integers(0, 2**32 - 1), copies=st.integers(0, 200), held_back=st.integers(0, 120))
 def test_records_that_come_twice_late_and_out_of_order_give_the_same_events_and_outcome(
     seed, copies, held_back
@@ -354,7 +355,7 @@ def test_records_that_come_twice_late_and_out_of_order_give_the_same_events_and_
     assert engine.result == EXPECTED.result
 
 
-@settings(max_examples=25, deadline=None)
+@examples(10, thorough=250)
 @given(st.randoms(use_true_random=False))
 def test_records_in_any_order_at_all_give_the_same_events_and_outcome(rng):
     shuffled = list(BUSY)
@@ -363,7 +364,7 @@ def test_records_in_any_order_at_all_give_the_same_events_and_outcome(rng):
     assert (engine.events, engine.result) == (EXPECTED.events, EXPECTED.result)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(20, thorough=600)
 @given(data=st.data())
 def test_lost_states_never_bring_a_checkpoint_forward_nor_undo_the_order(data):
     kept = data.draw(st.lists(st.booleans(), min_size=len(BUSY), max_size=len(BUSY)))
@@ -383,7 +384,7 @@ def test_lost_states_never_bring_a_checkpoint_forward_nor_undo_the_order(data):
     assert stamps == sorted(stamps)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(20, thorough=600)
 @given(data=st.data())
 def test_every_drive_ends_at_most_once_and_never_after_its_limit(data):
     coordinates = st.tuples(st.floats(0.2, 7.8), st.floats(0.2, 3.8))

@@ -8,7 +8,6 @@ driven; a much simpler account of who may do what is kept beside the kernel. `py
 
 import math
 
-from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
@@ -20,9 +19,9 @@ from robots.agent.safety.kernel import KERNEL, Kernel
 from robots.agent.safety.lease import Remembered
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from tests.support.examples import examples, repetitions
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
-SEARCH = settings.get_current_profile_name() == "search"
 SLACK = 1e-9
 GOING = m.Velocity(linear=0.5, angular=0.2)  # how an architecture drives by itself
 LET_GO = 1.0  # s of silence of the hands, while heartbeats come
@@ -525,8 +524,8 @@ class DrivenMachine(KernelMachine):
 
 
 TestKernelMachine = KernelMachine.TestCase
-TestKernelMachine.settings = settings(
-    max_examples=2000 if SEARCH else 200, stateful_step_count=100 if SEARCH else 50
+TestKernelMachine.settings = examples(
+    60, thorough=2000, stateful_step_count=repetitions(50, thorough=100)
 )
 TestDrivenMachine = DrivenMachine.TestCase
-TestDrivenMachine.settings = settings(max_examples=1000 if SEARCH else 100, stateful_step_count=30)
+TestDrivenMachine.settings = examples(40, thorough=1000, stateful_step_count=30)

@@ -8,13 +8,14 @@ account of what was permitted is kept beside it.
 import math
 
 import pytest
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from robots.agent.ramp import ZERO
 from robots.agent.safety.kernel import KERNEL
 from robots.agent.safety.permissions import CommandSender
 from robots.api import messages as m
+from tests.support.examples import examples
 from tests.support.kernel_bench import LIMITS, Bench
 
 pytestmark = pytest.mark.long
@@ -22,10 +23,8 @@ pytestmark = pytest.mark.long
 SLACK = 1e-9
 
 
-def cases(number):
-    return settings(
-        max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck)
-    )
+def cases(ordinary, thorough):
+    return examples(ordinary, thorough=thorough, suppress_health_check=list(HealthCheck))
 
 
 epochs = st.integers(0, 3)
@@ -293,8 +292,7 @@ def perform(bench, account, event):
     HAPPENINGS[kind](bench, account, *values)
 
 
-@seed(1)
-@cases(2000)
+@cases(500, thorough=20_000)
 @given(programs, st.booleans())
 def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_should_not(
     program, driving
@@ -319,8 +317,7 @@ def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_sh
         account.check()
 
 
-@seed(2)
-@cases(1000)
+@cases(250, thorough=10_000)
 @given(programs, ways, peers, roles)
 def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
     bench = Bench()
@@ -349,8 +346,7 @@ def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
     assert bench.kernel.commanded == ZERO
 
 
-@seed(4)
-@cases(1000)
+@cases(250, thorough=10_000)
 @given(programs, speeds, speeds)
 def test_navigation_gets_no_more_than_the_limits_and_nothing_while_the_robot_may_not_move(
     program, linear, angular
@@ -380,8 +376,7 @@ class Permissive(Account):
         self.lease_until = math.inf
 
 
-@seed(3)
-@cases(1500)
+@cases(375, thorough=15_000)
 @given(
     st.floats(0.001, 0.4),
     st.lists(st.tuples(st.floats(0.001, 0.25), speeds, speeds), min_size=1, max_size=30),

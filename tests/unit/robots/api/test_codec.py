@@ -5,12 +5,13 @@ import math
 
 import msgspec
 import pytest
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from robots.api import codec, topics
 from robots.api import messages as m
 from robots.api.errors import Rejection
+from tests.support.examples import examples
 
 SAMPLES = {
     "connection": m.Connection(boot="b", state="ONLINE", stamp=1.0),
@@ -63,10 +64,8 @@ suffixes = st.sampled_from(
 )
 
 
-def cases(number):
-    return settings(
-        max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck)
-    )
+def cases(ordinary, thorough):
+    return examples(ordinary, thorough=thorough, suppress_health_check=list(HealthCheck))
 
 
 def survives(suffix, payload):
@@ -105,15 +104,13 @@ def test_every_line_of_the_topic_table_can_be_decoded():
             codec.decode(topic.suffix.replace("+", "p1"), b"[]")
 
 
-@seed(1)
-@cases(4500)
+@cases(1000, thorough=45_000)
 @given(suffixes, st.binary(max_size=300))
 def test_bytes_of_any_kind_are_decoded_or_rejected(suffix, payload):
     survives(suffix, payload)
 
 
-@seed(2)
-@cases(1500)
+@cases(300, thorough=15_000)
 @given(st.sampled_from(sorted(SAMPLES)), st.data())
 def test_a_message_with_fields_changed_or_missing_is_decoded_or_rejected(suffix, data):
     fields = json.loads(codec.encode(SAMPLES[suffix]))
@@ -124,8 +121,7 @@ def test_a_message_with_fields_changed_or_missing_is_decoded_or_rejected(suffix,
     survives(suffix, json.dumps(fields))
 
 
-@seed(3)
-@cases(1000)
+@cases(250, thorough=10_000)
 @given(st.sampled_from(sorted(SAMPLES)), st.data())
 def test_a_message_with_bytes_changed_is_decoded_or_rejected(suffix, data):
     payload = bytearray(codec.encode(SAMPLES[suffix]))
@@ -134,8 +130,7 @@ def test_a_message_with_bytes_changed_is_decoded_or_rejected(suffix, data):
     survives(suffix, bytes(payload))
 
 
-@seed(4)
-@cases(1000)
+@cases(250, thorough=10_000)
 @given(st.text(max_size=200) | st.binary(max_size=200))
 def test_a_frame_of_any_kind_is_decoded_or_rejected(frame):
     try:
@@ -145,8 +140,7 @@ def test_a_frame_of_any_kind_is_decoded_or_rejected(frame):
     assert topics.find(suffix)
 
 
-@seed(5)
-@cases(500)
+@cases(200, thorough=5000)
 @given(st.floats(), st.floats(), st.integers(-(2**64), 2**64))
 def test_a_velocity_that_passes_is_finite_in_range_and_counted_exactly(linear, angular, seq):
     payload = json.dumps(

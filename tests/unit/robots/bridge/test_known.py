@@ -2,13 +2,14 @@
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.api import messages as m
 from robots.bridge.broker_address import BadAddress, BrokerAddress, backoff, parse
 from robots.bridge.known import KnownRobot
 from tests.support import words
+from tests.support.examples import examples
 
 LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=10.0)
 
@@ -67,7 +68,7 @@ def test_what_the_database_says_goes_before_everything_heard():
     assert known.lease.epoch == 2
 
 
-@settings(max_examples=300, deadline=None)
+@examples(100, thorough=3000)
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=20))
 def test_the_newest_lease_wins_in_whatever_order_copies_arrive(arrivals):
     known = KnownRobot("giraff")

@@ -1,7 +1,7 @@
 """Bytes to MQTT packets: whatever comes, in whatever pieces."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.broker import packets
@@ -17,6 +17,7 @@ from robots.broker.packets import (
     Unsubscribe,
 )
 from tests.support.broker_rig import connect_packet, framed, subscribe_packet, text
+from tests.support.examples import examples
 
 LIMIT = 4096
 TOPIC = st.text(
@@ -50,7 +51,7 @@ def test_a_publish_written_and_read_in_any_pieces_is_the_same(messages, data):
     assert found == messages
 
 
-@settings(max_examples=1000)
+@examples(250, thorough=10_000)
 @given(st.binary(max_size=300))
 def test_random_bytes_are_packets_or_a_protocol_error(data):
     try:
@@ -59,7 +60,7 @@ def test_random_bytes_are_packets_or_a_protocol_error(data):
         return
 
 
-@settings(max_examples=500)
+@examples(150, thorough=5000)
 @given(st.integers(1, 14), st.integers(0, 15), st.binary(max_size=60))
 def test_random_bodies_are_packets_or_a_protocol_error(kind, flags, body):
     try:

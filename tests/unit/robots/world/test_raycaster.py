@@ -3,12 +3,13 @@
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.world.raycaster import cast, sweep
 from robots.world.sites import load_plan
 from robots.world.solids import edges, fixed_solids, inside
+from tests.support.examples import examples
 
 SOLIDS = fixed_solids(load_plan("office")[0])
 OFFICE = edges(SOLIDS)
@@ -42,7 +43,7 @@ def grazes(x: float, y: float, angle: float, s: tuple[float, float, float, float
     return parallel or min(map(abs, ends)) < 1e-9 or aside < 1e-9
 
 
-@settings(max_examples=150)
+@examples(50, thorough=1500)
 @given(
     st.lists(segment, min_size=1, max_size=12),
     coordinate,
@@ -76,7 +77,7 @@ def test_the_nearest_of_two_walls_stops_the_ray() -> None:
     assert which.tolist() == [1, -1]
 
 
-@settings(max_examples=150)
+@examples(50, thorough=1500)
 @given(st.floats(-2, 14), st.floats(-2, 9), beams)
 def test_a_sweep_finds_what_single_rays_find(
     x: float, y: float, fan: tuple[float, float, int]

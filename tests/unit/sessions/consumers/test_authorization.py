@@ -4,7 +4,7 @@ import math
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.api import codec
@@ -20,6 +20,7 @@ from sessions.consumers.authorization import (
     Verb,
 )
 from tests.support import words
+from tests.support.examples import examples
 
 PEER, SESSION = "peer-1", "session-1"
 ICE = (m.IceServer(urls=("stun:stun.example.org",)),)
@@ -510,7 +511,7 @@ MESSAGES = st.one_of(
 )
 
 
-@settings(max_examples=1500, deadline=None)
+@examples(400, thorough=15_000)
 @given(frame=FRAMES, drives=st.booleans())
 def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drives):
     authorization = driver() if drives else observer()
@@ -524,7 +525,7 @@ def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drive
             )
 
 
-@settings(max_examples=1500, deadline=None)
+@examples(400, thorough=15_000)
 @given(
     said=MESSAGES,
     place=st.sampled_from(["driver", "observer", "guest", "late"]),

@@ -2,11 +2,11 @@
 
 import hypothesis.strategies as st
 import pytest
-from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from sessions.leases.policy import Deny, Grant, Resume, Wait
 from sessions.protocol import Offered
+from tests.support.examples import examples
 from tests.support.lease_world import RULES, World
 
 
@@ -271,4 +271,4 @@ class Everybody(RuleBasedStateMachine):
 
 
 TestEverybody = Everybody.TestCase
-TestEverybody.settings = settings(max_examples=300, stateful_step_count=40, deadline=None)
+TestEverybody.settings = examples(75, thorough=3000, stateful_step_count=40)

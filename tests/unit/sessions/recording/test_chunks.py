@@ -2,9 +2,10 @@
 
 import hypothesis.strategies as st
 import msgspec
-from hypothesis import given, settings
+from hypothesis import given
 
 from sessions.recording.chunks import LONGEST, Chunks
+from tests.support.examples import examples
 
 
 def fill(seqs, *, period=0.25, session="s"):
@@ -21,7 +22,7 @@ def test_a_chunk_is_a_second_of_a_session():
     ] == [(8, 11, 4), (12, 15, 4), (16, 19, 4)]
 
 
-@settings(max_examples=200, deadline=None)
+@examples(100, thorough=2000)
 @given(st.lists(st.integers(0, 200), unique=True), st.floats(0.01, 1.0))
 def test_chunks_have_every_state_once_without_holes(seqs, period):
     chunks = fill(seqs, period=period)

@@ -4,7 +4,7 @@ import itertools
 
 import hypothesis.strategies as st
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from sessions.recording.sequence_tracker import (
     ATTEMPTS,
@@ -14,6 +14,7 @@ from sessions.recording.sequence_tracker import (
     Intervals,
     SequenceTracker,
 )
+from tests.support.examples import examples
 
 NUMBERS = st.integers(0, 60)
 RANGES = st.lists(
@@ -22,7 +23,7 @@ RANGES = st.lists(
 )
 
 
-@settings(max_examples=400, deadline=None)
+@examples(100, thorough=4000)
 @given(ranges=RANGES, first=NUMBERS, width=st.integers(0, 40))
 def test_intervals_are_a_set_of_numbers(ranges, first, width):
     intervals, plain = Intervals(), set()
@@ -157,7 +158,7 @@ def test_a_robot_that_counts_strangely_costs_nothing(tracker):
     assert due(tracker, 100.0) == ([], [])
 
 
-@settings(max_examples=300, deadline=None)
+@examples(100, thorough=3000)
 @given(st.permutations(range(1, 31)), st.sets(st.integers(2, 29), max_size=10))
 def test_in_whatever_order_states_come_what_is_owed_is_what_is_missing(order, lost):
     tracker = SequenceTracker()

@@ -8,6 +8,7 @@ from scipy import stats
 
 from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.rank_tests import rank_sums, several_ranked, signed_ranks
+from tests.support.examples import binomial_band, repetitions
 
 
 def test_signed_ranks_are_those_of_scipy_and_pairs_without_a_difference_do_not_count():
@@ -41,13 +42,14 @@ def test_rank_sums_are_those_of_scipy_and_r_is_how_much_more_often_one_is_greate
 
 
 @pytest.mark.parametrize("is_paired", [True, False])
-def test_the_interval_of_a_shift_holds_it_in_93_to_98_of_100_studies(is_paired):
-    rng = np.random.default_rng(3)
+def test_the_interval_of_a_shift_holds_it_in_95_of_100_studies(is_paired):
+    rng, studies = np.random.default_rng(3), repetitions(200, thorough=600)
     test = signed_ranks if is_paired else rank_sums
     found = [
-        test(rng.normal(1.0, 1.0, 18), rng.normal(0.0, 1.0, 18)).difference for _ in range(600)
+        test(rng.normal(1.0, 1.0, 18), rng.normal(0.0, 1.0, 18)).difference for _ in range(studies)
     ]
-    assert 0.93 <= np.mean([one.low <= 1.0 <= one.high for one in found]) <= 0.98
+    low, high = binomial_band(0.95, studies)
+    assert low <= np.mean([one.low <= 1.0 <= one.high for one in found]) <= high
 
 
 def test_several_groups_are_compared_as_scipy_compares_them():

@@ -1,5 +1,5 @@
 """What is planted in answers and driving is found in the tables that researchers read; where
-nothing is planted little is: 1,000 studies each.
+nothing is planted little is.
 """
 
 import functools
@@ -19,13 +19,15 @@ from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.effects import compare_conditions
 from experiments.bots.persona import Effect, Persona
 from experiments.definition.shipped import shipped
+from tests.support.examples import binomial_band, repetitions
 from tests.support.study_dataset import questionnaires, without
 
 BETWEEN = msgspec.structs.replace(
     shipped()["exploration"], conditions=shipped()["exploration"].conditions[:2]
 )
 WITHIN = shipped()["assistance"]
-RUNS, PARTICIPANTS, SCALE = 1000, 40, (-2, -1, 0, 1, 2)
+RUNS, PARTICIPANTS = repetitions(250, thorough=1000), 40
+SCALE = (-2, -1, 0, 1, 2)
 QUESTIONS = questionnaires("experience")
 ALONE = functools.reduce(without, [f"q{n}" for n in range(1, 9) if n != 2], QUESTIONS[0])
 
@@ -98,19 +100,21 @@ def test_an_effect_planted_in_the_bots_answers_is_found_in_its_row(study):
 
 
 @pytest.mark.parametrize("study", [BETWEEN, WITHIN])
-def test_answers_without_an_effect_are_significant_in_3_to_7_of_100_of_a_thousand_studies(study):
+def test_answers_without_an_effect_are_significant_in_five_of_a_hundred_studies(study):
     rng = np.random.default_rng(43)
     found = [said(compare_answers(study_of(study, anybody(study, rng))), "Q2") for _ in range(RUNS)]
-    assert 0.03 <= np.mean(np.array(found) < 0.05) <= 0.07
+    low, high = binomial_band(0.05, RUNS)
+    assert low <= np.mean(np.array(found) < 0.05) <= high
 
 
-def test_driving_without_an_effect_is_significant_in_3_to_7_of_100_of_a_thousand_studies():
+def test_driving_without_an_effect_is_significant_in_five_of_a_hundred_studies():
     rng = np.random.default_rng(41)
     found = [
         said(compare_conditions(Dataset(BETWEEN), driven(rng), ("task_time",)), "task_time")
         for _ in range(RUNS)
     ]
-    assert 0.03 <= np.mean(np.array(found) < 0.05) <= 0.07
+    low, high = binomial_band(0.05, RUNS)
+    assert low <= np.mean(np.array(found) < 0.05) <= high
 
 
 def driven(rng):

@@ -7,11 +7,12 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.lab.line import HOLD, MOST_WAITING, QUEUE, NetworkLine
 from robots.api.messages import NetworkLab
+from tests.support.examples import examples
 
 LABS = st.builds(
     NetworkLab,
@@ -152,7 +153,7 @@ def test_a_reordered_packet_that_nobody_follows_comes_out_all_the_same():
     assert line.counts.reordered == 0
 
 
-@settings(deadline=None)
+@examples(20, thorough=1000)
 @given(st.integers(1, 50))
 def test_a_flood_is_bounded(more):
     line = NetworkLine(NetworkLab(delay=10.0))

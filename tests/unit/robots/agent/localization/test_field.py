@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.localization.field import field_of
@@ -12,6 +12,7 @@ from robots.api.geometry import Pose2D
 from robots.world.grid import MapError
 from robots.world.raycaster import cast
 from tests.support.drawn_map import drawn_map, standing
+from tests.support.examples import examples
 
 ROOM = """
 ##########
@@ -50,7 +51,7 @@ def test_what_lies_off_the_map_is_far_from_everything() -> None:
 
 
 @given(st.floats(0.45, 0.95), st.floats(0.45, 1.15), st.floats(-math.pi, math.pi))
-@settings(max_examples=60, deadline=None)
+@examples(60, thorough=600)
 def test_a_ray_goes_as_far_as_in_the_drawn_world(x: float, y: float, angle: float) -> None:
     at_x, at_y = here(x, y)
     cast_here = FIELD.cast(at_x, at_y, np.array([angle]), 10.0)[0]

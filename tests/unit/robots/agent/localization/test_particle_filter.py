@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.localization.particle_filter import (
@@ -17,6 +17,7 @@ from robots.agent.localization.particle_filter import (
     places,
     wrapped,
 )
+from tests.support.examples import examples
 
 SAMPLING = Sampling()
 
@@ -73,7 +74,7 @@ def test_evidence_moves_weight_and_wears_the_cloud_out() -> None:
 
 
 @given(st.lists(st.floats(-1e6, 0.0), min_size=3, max_size=30))
-@settings(max_examples=50, deadline=None)
+@examples(50, thorough=500)
 def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None:
     weighed = evenly(np.zeros((len(evidence), 3))).weighed(np.array(evidence))
     assert weighed.weights.sum() == pytest.approx(1.0)

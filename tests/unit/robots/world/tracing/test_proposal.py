@@ -16,6 +16,7 @@ from robots.world.solids import furniture_solid, inside
 from robots.world.tracing.proposal import Titles, propose_plan
 from robots.world.tracing.structure import TracingError
 from robots.world.tracing.walls import Segment
+from tests.support.examples import repetitions
 from tests.support.mapped_building import building, mapped
 
 SEVEN = math.radians(7.0)
@@ -48,7 +49,7 @@ def turn(a: float, b: float) -> float:
 
 @pytest.mark.parametrize("turned", [0.0, SEVEN, math.radians(33.0)])
 @pytest.mark.parametrize("door", [0.8, 1.0, 1.2])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", range(1, repetitions(2, thorough=11)))
 class TestBuilding:
     """With gaps, speckles, an unknown surrounding, and furniture."""
 

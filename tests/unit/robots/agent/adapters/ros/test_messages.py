@@ -3,12 +3,13 @@
 import math
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.adapters.ros import messages
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from tests.support.examples import examples
 
 QUARTER = {"x": 0.0, "y": 0.0, "z": math.sin(math.pi / 4), "w": math.cos(math.pi / 4)}
 HERE = {"position": {"x": 1.0, "y": 2.0, "z": 0.0}, "orientation": QUARTER}
@@ -24,7 +25,6 @@ def laser(**fields):
     } | fields
 
 
-@settings(deadline=None)
 @given(st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.1, 3.1))
 def test_a_pose_on_the_floor_comes_back(x, y, theta):
     assert messages.pose_in(messages.pose(Pose2D(x, y, theta))) == pytest.approx(
@@ -128,7 +128,7 @@ json = st.recursive(
 
 
 # a busy computer is slow at everything
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(60, thorough=600)
 @given(
     st.dictionaries(
         st.sampled_from(

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.navigation.assistance.braking import BRAKING, BrakeCheck, Hazards, stop_course
 from robots.agent.ramp import ZERO
 from robots.api.messages import Velocity
 from robots.world.robot_models import GIRAFF, RHODON
+from tests.support.examples import examples
 
 NONE = np.zeros((0, 2))
 CHECK = BrakeCheck(np.array(GIRAFF.footprint), GIRAFF.limits)
@@ -79,7 +80,7 @@ def test_somebody_who_may_walk_is_given_more_room_than_somebody_who_stands() -> 
     assert CHECK.fastest(ZERO, moving(0.5), walker(0.5, 0.4)).why == "walker"
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60, thorough=600)
 @given(
     speed=st.floats(0.0, 0.6),
     wanted=st.floats(0.05, 0.6),
@@ -110,7 +111,7 @@ def test_whoever_walks_straight_cannot_reach_the_robot_before_it_stands(
         assert float(CHECK.gaps(seen)[0]) > 0.0
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40, thorough=400)
 @given(
     speed=st.floats(-0.25, 0.5),
     wanted=st.floats(-0.25, 0.5),

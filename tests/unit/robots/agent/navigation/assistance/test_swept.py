@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.navigation.assistance.swept import arcs, distances, hull, outside, stops
@@ -10,6 +10,7 @@ from robots.agent.simulator.physics.drive import WheelMotion, advance, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
 from robots.world.robot_models import GIRAFF, MODELS
+from tests.support.examples import examples
 
 SQUARE = ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2))
 SPEEDS = st.tuples(st.floats(-0.3, 0.7), st.floats(-0.7, 0.7))
@@ -39,7 +40,7 @@ def test_what_is_no_convex_polygon_about_the_centre_is_refused(corners):
 
 
 @pytest.mark.parametrize("series", sorted(MODELS))
-@settings(deadline=None, max_examples=40)
+@examples(40, thorough=400)
 @given(SPEEDS)
 def test_the_way_to_a_stand_is_the_way_that_the_base_goes(series, speeds):
     limits = MODELS[series].limits
@@ -68,7 +69,7 @@ def test_an_arc_whose_turn_must_grow_first_bends_later():
     assert 0.0 < slow[1] < quick[1]
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60, thorough=600)
 @given(
     st.builds(Pose2D, st.floats(-1, 1), st.floats(-1, 1), st.floats(-3, 3)),
     st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=1, max_size=8),

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.navigation.obstacles.memory import (
@@ -13,6 +13,7 @@ from robots.agent.navigation.obstacles.memory import (
 from robots.api.geometry import Pose2D
 from robots.world.raycaster import cast
 from robots.world.sensing import LaserScan, points_from_frame, points_in_frame
+from tests.support.examples import examples
 
 HALF_CIRCLE = np.linspace(-math.pi / 2, math.pi / 2, 181)
 MOUNT = Pose2D(0.15, 0.0, 0.0)
@@ -186,7 +187,6 @@ def test_a_clockwise_laser_is_compared_with_its_own_beams():
 POSES = st.builds(Pose2D, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
 
 
-@settings(deadline=None)
 @given(POSES, st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), max_size=20))
 def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
     array = np.array(points).reshape(-1, 2)
@@ -197,7 +197,7 @@ def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
     )
 
 
-@settings(deadline=None, max_examples=30)
+@examples(30, thorough=300)
 @given(st.floats(-1.0, 1.0), st.floats(-0.8, 0.8), st.floats(-3, 3), st.integers(0, 1000))
 def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed):
     rng = np.random.default_rng(seed)
@@ -267,7 +267,7 @@ def test_what_an_edge_may_hide_is_forgotten_with_all_the_rest():
     assert len(memory.about(away, 4.0)[0]) == 0
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25, thorough=250)
 @given(st.floats(0.45, 0.8), st.floats(0.1, 0.3), st.floats(-0.4, 0.4))
 def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_it(
     distance: float, radius: float, aside: float

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
@@ -15,6 +15,7 @@ from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from robots.world.robot_models import GIRAFF
 from robots.world.sensing import CENTRE
 from robots.world.sites import load_site
+from tests.support.examples import examples
 
 SQUARE = np.array([[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]])
 TILE = 4  # cells of 5 cm a letter: 20 cm
@@ -159,7 +160,7 @@ def test_a_finer_map_is_coarsened_and_its_origin_stays() -> None:
     )
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25, thorough=250)
 # the last leg before a wall touches it, whichever single cell is barred
 @example((1.0, 0.5), (3.59375, 1.78125))
 @given(

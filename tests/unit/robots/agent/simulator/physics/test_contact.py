@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.agent.simulator.physics.contact import Obstacles, gap, normals, place
@@ -13,6 +13,7 @@ from robots.api.geometry import Pose2D
 from robots.world.robot_models import GIRAFF, RHODON
 from robots.world.sites import load_plan
 from robots.world.solids import Solid, fixed_solids, leaf_solid, rectangle
+from tests.support.examples import examples
 
 PLAN, _ = load_plan("office")
 OFFICE = Obstacles((*fixed_solids(PLAN), *(leaf_solid(door, "open") for door in PLAN.doors)))
@@ -60,7 +61,7 @@ def test_turning_beside_a_wall_pushes_away_or_stops_and_never_enters() -> None:
         assert not world.hits(place(GIRAFF_FOOT, pose))
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15, thorough=150)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([GIRAFF, RHODON]))
 def test_whatever_is_commanded_the_robot_never_stands_in_anything(seed: int, model: object) -> None:
     rng = np.random.default_rng(seed)
@@ -89,7 +90,7 @@ def test_what_is_done_is_never_more_than_what_is_commanded() -> None:
 
 
 @given(st.floats(0.5, 11.5), st.floats(0.4, 7.2), st.floats(-3.1, 3.1))
-@settings(max_examples=80, deadline=None)
+@examples(80, thorough=800)
 def test_clearance_is_the_distance_to_the_nearest_of_many_points(
     x: float, y: float, theta: float
 ) -> None:
