@@ -176,7 +176,10 @@ def note_reversal(note: Note, text: str) -> None:
     """Note that a text of the file says that an item is scored in reverse."""
     if re.search(r"\brevers(e|ed)\b|\binvert(ed|ido|ida)\b|\bumgepolt\b", text, re.IGNORECASE):
         note.changed(
-            _("The file marks it as scored in reverse; scores here do not reverse it: %(text)s")
+            _(
+                "The file marks it as scored in reverse; add reverse to it if a score uses it:"
+                " %(text)s"
+            )
             % {"text": text.strip()}
         )
 
