@@ -89,11 +89,34 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
     @cached_property
     def scored(self) -> list[Question]:
         """The questions that its rule of scoring takes, in written order."""
+        in_topics = {key for topic in self.topics for key in topic.items}
         return [
             one
             for one in self.questions()
-            if self.scoring in one.item.scored_by and one.score_values
+            if self.scoring in one.item.scored_by
+            and one.score_values
+            and (self.scoring != "topics" or one.key in in_topics)
         ]
+
+    @cached_property
+    def reversed(self) -> Collection[str]:
+        """The keys of the questions that scores count from the other end: those that say so, and of
+        the SUS the even ones.
+        """
+        if self.scoring == "sus":
+            return [question.key for question in self.scored[1::2]]
+        return [question.key for question in self.scored if question.is_reversed]
+
+    def coded(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return stored values by key as scores count them: reverse-coded ones from the other end.
+        None is no answer.
+        """
+        turned = {
+            key: self._by_key[key].from_other_end(values[key])
+            for key in self.reversed
+            if values.get(key) is not None
+        }
+        return {**values, **turned}
 
     @cached_property
     def _by_key(self) -> dict[str, Question]:

@@ -24,7 +24,7 @@ T = TypeVar("T")
 OptionValue = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$")]
 Whole = Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
 Order = Literal["fixed", "shuffled"]
-ScoringRule = Literal["likert", "sus", "tlx_raw"]
+ScoringRule = Literal["likert", "topics", "sus", "tlx_raw"]
 Scales = Mapping[str, "tuple[ScalePoint, ...]"]
 MAX_DIGITS = 30
 NUMBER_LIMIT = 1e12
@@ -70,10 +70,13 @@ class Option(DocumentPart, frozen=True, kw_only=True):
 
 
 class Row(DocumentPart, frozen=True, kw_only=True):
-    """A row of a grid: a question of its own."""
+    """A row of a grid: a question of its own. `reverse`: scores count its answer from the other
+    end of the scale.
+    """
 
     key: Key
     text: Text
+    reverse: bool = False
 
 
 # --- what a page draws ----------------------------------------------------------------------------
@@ -225,6 +228,10 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """Return the numbers that an answer can be, rising, where a score takes them."""
         return ()
 
+    def is_reversed(self, row: Row | None) -> bool:
+        """Tell whether scores count the answer to one of its questions from the other end."""
+        return False
+
     def cell(self, value: Any) -> Any:
         """Return a stored value as one cell of a table."""
         return value
@@ -270,7 +277,7 @@ class ScaleItem(Item, frozen=True, kw_only=True):
 
     has_reason_choices: ClassVar[bool] = True
     is_number: ClassVar[bool] = True
-    scored_by: ClassVar[Collection[ScoringRule]] = ("likert", "sus")
+    scored_by: ClassVar[Collection[ScoringRule]] = ("likert", "topics", "sus")
 
     scale: str
 
@@ -390,6 +397,15 @@ class Question:
     def score_values(self) -> Sequence[int]:
         """The numbers that an answer can be, where a score takes them."""
         return self.item.score_values(self.points)
+
+    @property
+    def is_reversed(self) -> bool:
+        """Whether its definition says that scores count its answer from the other end."""
+        return self.item.is_reversed(self.row)
+
+    def from_other_end(self, value: float) -> float:
+        """Return an answer counted from the other end of its scale: least + greatest - value."""
+        return self.score_values[0] + self.score_values[-1] - value
 
     def fingerprint(self, language: str) -> str:
         """Return 12 hexadecimal digits that change with any word that is shown for it in a

@@ -124,7 +124,7 @@ def half_width(sd: float | None, n: int, level: float, interval: Interval) -> fl
 @dataclass(frozen=True)
 class LikertRow:
     """A row of the table. `key` is empty for the overall row; `statements` are the keys that it
-    pools.
+    pools. `is_reversed`: of one statement, which is reverse-coded.
     """
 
     kind: Literal["overall", "topic", "statement"]
@@ -132,6 +132,7 @@ class LikertRow:
     label: str
     statements: tuple[str, ...]
     summary: Summary
+    is_reversed: bool = False
 
 
 def likert_table(
@@ -146,8 +147,8 @@ def likert_table(
 
     Args:
         definition: a questionnaire whose scoring is `likert`.
-        responses: a mapping a respondent, from statement to value; None or no entry is a missing
-            answer.
+        responses: a mapping a respondent, from statement to value, as `Definition.coded` gives it;
+            None or no entry is a missing answer.
         language: of the labels.
         interval: `normal` as the paper, `t` for new studies.
         overall: the label of the first row.
@@ -178,6 +179,7 @@ def likert_table(
             label,
             keys,
             summarise(responses, keys, scale, interval=interval, neutral=neutral),
+            is_reversed=kind == "statement" and key in definition.reversed,
         )
         for kind, key, label, keys in rows
     ]

@@ -1,6 +1,6 @@
 """What is wrong with a questionnaire that somebody wrote, in sentences that say where."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from surveys.definition import Definition
 from surveys.documents import checked, duplicates, text_problems
@@ -124,8 +124,10 @@ def _of_scoring(definition: Definition) -> Iterator[str]:
         yield from (
             f"topic {topic.key}: there is no statement {key}."
             for key in topic.items
-            if key not in by_key or not by_key[key].points
+            if key not in by_key or not _may_be_in_topic(definition, by_key[key])
         )
+    yield from _of_topics_as_scales(definition, by_key)
+    yield from _of_reversed(definition)
     scored = [question.score_values for question in definition.scored]
     if definition.scoring == "likert" and len({tuple(values) for values in scored}) != 1:
         yield "scoring likert needs statements on one scale."
@@ -137,6 +139,40 @@ def _of_scoring(definition: Definition) -> Iterator[str]:
         len(scored) == TLX_ITEMS and all(_is_percent(values) for values in scored)
     ):
         yield "scoring tlx_raw needs six sliders from 0 to 100."
+
+
+def _may_be_in_topic(definition: Definition, question: Question) -> bool:
+    if definition.scoring == "topics":
+        return "topics" in question.item.scored_by and bool(question.score_values)
+    return bool(question.points)
+
+
+def _of_topics_as_scales(definition: Definition, by_key: Mapping[str, Question]) -> Iterator[str]:
+    if definition.scoring != "topics":
+        return
+    if not definition.topics:
+        yield "scoring topics needs at least one topic."
+    for topic in definition.topics:
+        values = {tuple(by_key[key].score_values) for key in topic.items if key in by_key}
+        if len(values) != 1:
+            yield f"topic {topic.key}: scoring topics needs statements on one scale."
+
+
+def _of_reversed(definition: Definition) -> Iterator[str]:
+    scored = {question.key for question in definition.scored}
+    for question in definition.questions():
+        if not question.is_reversed:
+            continue
+        values = question.score_values
+        if definition.scoring == "sus":
+            yield f"{question.key}: scoring sus reverses the even statements; remove reverse."
+        elif question.key not in scored:
+            yield f"{question.key} is reversed, but no score of this questionnaire has it."
+        elif {question.from_other_end(value) for value in values} != set(values):
+            yield (
+                f"{question.key}: a scale with unequal distances from its two ends"
+                " cannot be reversed."
+            )
 
 
 def _is_percent(values: Sequence[int]) -> bool:

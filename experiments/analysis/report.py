@@ -19,6 +19,7 @@ from typing import Any
 from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset, Kind
 from experiments.analysis.figures.drawing import Drawing, as_pdf, as_svg
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
+from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
@@ -38,6 +39,8 @@ from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, 
 from experiments.analysis.tables.people import participants_table, table_2
 from experiments.analysis.tables.reliability import QualityVerdict, judge
 from experiments.analysis.tables.safety_limits import safety_limits
+from experiments.analysis.tables.scale_reliability import reliability_table
+from experiments.analysis.tables.scores import score_tables
 from experiments.analysis.tables.summaries import (
     metrics_table,
     segment_spreads,
@@ -110,6 +113,8 @@ def report(
         ),
         *(
             compare_answers(dataset),
+            *score_tables(dataset),
+            reliability_table(dataset),
             against_network(measured),
             by_network(measured),
             ages(dataset, measured),
@@ -125,6 +130,7 @@ def report(
         figure_7(dataset, measured),
         figure_8a(dataset),
         figure_8b(dataset),
+        *score_figures(dataset),
     )
     titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
     return Report(name, tables, figures, tuple(measured), tuple(ruled_out), verdicts, titles)

@@ -57,7 +57,18 @@ TOPICS = (
     AnalysisTopic(
         "questionnaires",
         _("Questionnaires"),
-        ("figure-8a", "figure-8b", "answers", "table-5", "table-5-", "table-4"),
+        (
+            "figure-8a",
+            "figure-8b",
+            "figure-scores-",
+            "answers",
+            "score-tests-",
+            "scores-",
+            "reliability",
+            "table-5",
+            "table-5-",
+            "table-4",
+        ),
     ),
     AnalysisTopic(
         "trajectories",

@@ -182,7 +182,9 @@ def note_reversal(note: Note, text: str) -> None:
     """Note that a text of the file says that an item is scored in reverse."""
     if re.search(r"\brevers(e|ed)\b|\binvert(ed|ido|ida)\b|\bumgepolt\b", text, re.IGNORECASE):
         note.changed(
-            _("The file marks it as reverse-scored, but scores here do not reverse it: %(text)s")
+            _(
+                "The file marks it as reverse-scored. Add `reverse` to it if a score uses it: %(text)s"
+            )
             % {"text": text.strip()}
         )
 

@@ -22,6 +22,10 @@ class Grid(ScaleItem, frozen=True, kw_only=True, tag="grid"):
         """Return the rows in the order shown."""
         return ordered(self.rows, self.order, seed, f"rows {self.key}")
 
+    def is_reversed(self, row: Row | None) -> bool:
+        """Tell what the definition of a row says."""
+        return row is not None and row.reverse
+
     def problems(self, scales: Scales) -> Iterator[str]:
         """Yield that its scale is not there, or that it has no rows."""
         yield from super().problems(scales)

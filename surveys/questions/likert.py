@@ -1,10 +1,18 @@
 """A statement and a scale."""
 
-from surveys.item import Item, ScaleItem
+from surveys.item import Item, Row, ScaleItem
 
 
 class Likert(ScaleItem, frozen=True, kw_only=True, tag="likert"):
-    """A statement, answered by a point of a scale."""
+    """A statement, answered by a point of a scale; with `reverse`, scores count it from the other
+    end.
+    """
+
+    reverse: bool = False
+
+    def is_reversed(self, row: Row | None) -> bool:
+        """Tell what its definition says."""
+        return self.reverse
 
     def joins(self, before: Item) -> bool:
         """Statements that follow each other on one scale stand in one frame."""

@@ -12,6 +12,7 @@ from surveys.item import (
     Item,
     Question,
     RefusedError,
+    Row,
     ScalePoint,
     Scales,
     ScoringRule,
@@ -24,16 +25,23 @@ from surveys.item import (
 
 
 class Slider(Item, frozen=True, kw_only=True, tag="slider"):
-    """A whole number between two named ends; 0 to 100 unless it says otherwise."""
+    """A whole number between two named ends; 0 to 100 unless it says otherwise. `reverse`: scores
+    count it from the other end.
+    """
 
     is_number: ClassVar[bool] = True
-    scored_by: ClassVar[Collection[ScoringRule]] = frozenset({"tlx_raw"})
+    scored_by: ClassVar[Collection[ScoringRule]] = frozenset({"tlx_raw", "topics"})
 
     minimum: Whole = 0
     maximum: Whole = 100
     step: Annotated[int, msgspec.Meta(ge=1)] = 1
     low: Text
     high: Text
+    reverse: bool = False
+
+    def is_reversed(self, row: Row | None) -> bool:
+        """Tell what its definition says."""
+        return self.reverse
 
     def own_texts(self) -> Iterator[Text]:
         """Yield the names of the ends."""

@@ -330,15 +330,17 @@ def _variables(
             pair
             for one in versions
             for question in one.questions()
-            for pair in _asked(question, dataset.language)
+            for pair in _asked(one, question, dataset.language)
         )
         for name in wide_head(versions)[len(WIDE) :]:
             yield name, "", f"{slug}: {asked.get(name, 'score')}"
 
 
-def _asked(question: Question, language: str) -> Iterator[tuple[str, str]]:
+def _asked(definition: Definition, question: Question, language: str) -> Iterator[tuple[str, str]]:
     """Yield each column of a question, and what it says."""
     text, item = spoken(question.text, language), question.item
+    if question.key in definition.reversed:
+        text += " (reverse-coded: stored as answered, scores count it from the other end)"
     for name, label in zip(item.columns(question.key), item.column_labels(), strict=True):
         about = spoken(label, language)
         yield name, f"{text} – {about}" if about else text

@@ -2,7 +2,8 @@
 more with the coefficients of a mixed model.
 
 A participant has one value of a measure in each condition: the mean over their sessions of a
-metric, or of the statements that a questionnaire's item, topic or "overall" stands for.
+metric, or of the score of a questionnaire's item, topic or whole ("overall"), with reverse-coded
+items counted from the other end. Only a questionnaire whose items are one scale has a whole.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +23,6 @@ from experiments.analysis.statistics.mixed_models import (
     design_of,
     fit,
 )
-from experiments.analysis.tables.answers import scores
 from experiments.analysis.tables.comparisons import (
     READ_AS,
     REMARK,
@@ -37,9 +37,11 @@ from experiments.analysis.tables.comparisons import (
 from experiments.analysis.tables.effects import family, values_by_participant
 from experiments.analysis.tables.paper_tables import behind_statements
 from experiments.analysis.tables.response_selection import RULES, counted
+from experiments.analysis.tables.scored_responses import coded, mean_scores
 from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.factors import groups
+from surveys.scoring import ScoredScale, measured_scale
 
 Row = tuple[TableCell, ...]
 SIDES = ("first", "second")
@@ -72,26 +74,23 @@ class Data:
             known = measure in {column.name for column in METRICS}
             values = values_by_participant(self.measured, measure, condition) if known else {}
             return values, own if values else []
-        responses = counted(self.dataset, questionnaire, condition)
-        statements = self._statements(questionnaire, item)
-        return scores(responses, statements), behind_statements(statements, responses)
+        scale = self._scale(questionnaire, item)
+        if scale is None:
+            return {}, ()
+        responses = coded(self.dataset, counted(self.dataset, questionnaire, condition))
+        return mean_scores(responses, scale), behind_statements(scale.items, responses)
 
-    def _statements(self, questionnaire: str, item: str) -> tuple[str, ...]:
+    def _scale(self, questionnaire: str, item: str) -> ScoredScale | None:
+        """Return the scale that a measure names: the whole, a topic, or an item by itself."""
         definition = self.dataset.questionnaire(questionnaire)
-        if definition is None:
-            return ()
-        topics = {topic.key: topic.items for topic in definition.topics}
-        scaled = tuple(one.key for one in definition.questions() if one.points)
-        return {**topics, "overall": scaled}.get(item) or (item,)
+        return None if definition is None else measured_scale(definition, item)
 
     def is_known(self, measure: str) -> bool:
         """Tell whether there is such a measure: a misspelt one has no value anywhere."""
         questionnaire, point, item = measure.partition(".")
         if not point:
             return measure in {column.name for column in METRICS}
-        definition = self.dataset.questionnaire(questionnaire)
-        keys = {one.key for one in definition.questions()} if definition else set()
-        return bool(keys.intersection(self._statements(questionnaire, item)))
+        return self._scale(questionnaire, item) is not None
 
     def conditions_together(self) -> list[set[str]]:
         """Return the sets of conditions that one participant may have."""

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from experiments.analysis.dataset.records import Dataset, ResponseRecord
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
 from experiments.analysis.tables.response_selection import counted, note
+from experiments.analysis.tables.scored_responses import coded
 from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
 from sessions.devices import OTHER
 from surveys.answers import Missing
@@ -25,6 +26,7 @@ INTERVALS = {
     ),
 }
 OVERALL = "Overall"
+REVERSED = "reversed: answers are counted from the other end of the scale, in all rows."
 
 
 def table_1(dataset: Dataset) -> Table:
@@ -104,7 +106,11 @@ def table_4(dataset: Dataset) -> Table:
         )
     topics = {key: dataset.say(topic.text) for topic in definition.topics for key in topic.items}
     rows = [
-        (words(topics.get(one.key, "")), words(one.key.upper()), words(dataset.say(one.text)))
+        (
+            words(topics.get(one.key, "")),
+            words(_statement(one.key, is_reversed=one.key in definition.reversed)),
+            words(dataset.say(one.text)),
+        )
         for one in definition.questions()
         if one.points
     ]
@@ -124,11 +130,11 @@ def table_4(dataset: Dataset) -> Table:
 def lines_of(
     dataset: Dataset, condition: str | None = None
 ) -> tuple[list[LikertRow], list[ResponseRecord]]:
-    """Return the rows of Table 5 and the responses that count in it; no rows without a
-    questionnaire of statements.
+    """Return the rows of Table 5 and the responses that count in it, reverse-coded answers counted
+    from the other end; no rows without a questionnaire of statements.
     """
     definition = dataset.questionnaire(dataset.study.analysis.statements)
-    responses = counted(dataset, dataset.study.analysis.statements, condition)
+    responses = coded(dataset, counted(dataset, dataset.study.analysis.statements, condition))
     if definition is None or definition.scoring != "likert":
         return [], responses
     said = [_on_the_scale(definition, one) for one in responses]
@@ -166,6 +172,7 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
         INTERVALS[dataset.study.analysis.interval],
         pooled,
         ROUNDED,
+        *([REVERSED] if any(line.is_reversed for line in lines) else ()),
         *_not_applicable(lines, responses),
     )
     suffix = f"-{condition}" if condition else ""
@@ -222,7 +229,13 @@ def said(
 
 def label_of(line: LikertRow) -> str:
     """Return what a row of Table 5 is called: statements by their key, as in Table 4."""
-    return line.key.upper() if line.kind == "statement" else line.label
+    if line.kind != "statement":
+        return line.label
+    return _statement(line.key, is_reversed=line.is_reversed)
+
+
+def _statement(key: str, *, is_reversed: bool) -> str:
+    return f"{key.upper()} (reversed)" if is_reversed else key.upper()
 
 
 def _summary_row(

@@ -35,6 +35,8 @@ _LATEX = str.maketrans(
         "η": r"$\eta$",
         "ρ": r"$\rho$",
         "ε": r"$\epsilon$",
+        "α": r"$\alpha$",
+        "ω": r"$\omega$",
         "|": r"\textbar{}",
         "\n": " ",
         "\r": " ",

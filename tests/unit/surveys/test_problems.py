@@ -104,6 +104,7 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
         ({"scoring": "magic"}, "$.scoring"),
         ({"scoring": "sus"}, "ten statements"),
         ({"scoring": "tlx_raw"}, "six sliders"),
+        ({"scoring": "topics"}, "scoring topics needs at least one topic"),
         (
             {"topics": [{"key": "t", "text": {"en": "T"}, "items": ["zz"]}]},
             "topic t: there is no statement zz",
@@ -230,3 +231,35 @@ def test_the_reference_shows_a_file_that_is_right_and_names_every_field():
     assert set(TYPES) <= named
     for part in (Definition, Page, ScalePoint, ItemCondition, *TYPES.values()):
         assert {field.encode_name for field in msgspec.structs.fields(part)} <= named, part
+
+
+UNEVEN = [{"value": value, "label": {"en": str(value)}} for value in (1, 2, 4)]
+TOPIC = {"key": "t", "text": {"en": "T"}, "items": ["q1", "s"]}
+
+
+@pytest.mark.parametrize(
+    ("items", "change", "said"),
+    [
+        ([likert(reverse=True)], {}, "q1 is reversed, but no score of this questionnaire has it"),
+        (
+            [likert(reverse=True)],
+            {"scoring": "likert", "scales": {"agree": UNEVEN}},
+            "q1: a scale with unequal distances from its two ends cannot be reversed",
+        ),
+        (
+            [likert(), item("slider", "s")],
+            {"scoring": "topics", "topics": [TOPIC]},
+            "topic t: scoring topics needs statements on one scale",
+        ),
+        ([item("number", "n", reverse=True)], {}, "unknown field `reverse`"),
+        ([item("grid", "g", rows=rows("r"), reverse=True)], {}, "unknown field `reverse`"),
+    ],
+)
+def test_an_item_is_reversed_only_where_a_score_can_count_it_so(items, change, said):
+    assert said in refused(document(items, **change))
+
+
+def test_sus_reverses_its_even_statements_itself():
+    whole = json.loads((ROOT / "surveys/definitions/sus.json").read_text())
+    whole["pages"][0]["items"][1]["reverse"] = True
+    assert "sus2: scoring sus reverses the even statements; remove reverse" in refused(whole)

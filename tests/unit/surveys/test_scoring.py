@@ -3,7 +3,8 @@
 import pytest
 
 from surveys.questionnaires import shipped
-from surveys.scoring import scores, sus, tlx_raw
+from surveys.scoring import measured_scale, parts_of, scales_of, scores, sus, tlx_raw
+from tests.support.questionnaires import defined, item, rows
 
 
 @pytest.mark.parametrize(
@@ -54,3 +55,46 @@ def test_a_questionnaire_scores_its_responses_by_its_own_rule():
         "score_complexity": None,
         "score_interface": None,
     }
+
+
+def topic(key, *items):
+    return {"key": key, "text": {"en": key.title()}, "items": list(items)}
+
+
+OWN = defined(
+    [
+        item("likert", "warm"),
+        item("likert", "cold", reverse=True),
+        item("grid", "g", rows=[*rows("fast"), rows("slow")[0] | {"reverse": True}]),
+        item("slider", "calm", maximum=10),
+        item("slider", "tense", maximum=10, reverse=True),
+    ],
+    scoring="topics",
+    topics=[
+        topic("warmth", "warm", "cold"),
+        topic("speed", "fast", "slow"),
+        topic("ease", "calm", "tense"),
+    ],
+)
+
+
+def test_reverse_coded_items_count_from_the_other_end_of_their_scale():
+    given = {"warm": 1, "cold": -1, "fast": 0, "slow": 1, "calm": 2, "tense": 9}
+    assert OWN.reversed == ["cold", "slow", "tense"]
+    assert OWN.coded(given) == {**given, "cold": 1, "slow": -1, "tense": 1}
+    assert scores(OWN, given) == {"score_warmth": 1.0, "score_speed": -0.5, "score_ease": 1.5}
+    assert scores(OWN, {"cold": 1})["score_warmth"] == -1.0
+    assert OWN.coded({"cold": None}) == {"cold": None}
+
+
+def test_topics_that_are_scales_of_their_own_have_no_score_of_the_whole():
+    assert "overall" not in {scale.key for scale in scales_of(OWN)}
+    assert measured_scale(OWN, "overall") is None
+    assert measured_scale(OWN, "warmth").items == ("warm", "cold")
+    assert measured_scale(OWN, "cold").score(OWN.coded({"cold": 1})) == -1
+    assert measured_scale(shipped()["ict"], "overall") is None
+
+
+def test_the_tlx_has_six_parts_and_the_sus_goes_to_100():
+    assert [scale.key for scale in parts_of(shipped()["tlx"])][3] == "performance"
+    assert scales_of(shipped()["sus"])[0].bounds == (0.0, 100.0)

@@ -241,3 +241,12 @@ def test_pilots_bots_and_the_withdrawn_do_not_count():
     assert [one.id for one in dataset.chosen(("bot",)).sessions] == ["sc"]
     assert [one.id for one in dataset.chosen().participants] == ["a", "d"]
     assert math.isnan(dataset.participants[0].age)
+
+
+def test_the_code_book_says_which_items_are_stored_as_answered_but_scored_in_reverse(tmp_path):
+    asked = defined([item("likert", "a"), item("likert", "b", reverse=True)], scoring="likert")
+    write(Dataset(shipped()["exploration"], questionnaires=(asked,)), tmp_path)
+    book = json.loads((tmp_path / "dataset_description.json").read_text())
+    told = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
+    assert told["a"] == "test: Text of a"
+    assert told["b"].startswith("test: Text of b (reverse-coded: stored as answered")

@@ -1,0 +1,104 @@
+"""The scores of a questionnaire as a figure: a panel a scale, a row a condition and robot, with
+each participant, the mean and its 95 % confidence interval.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.figures.drawing import FAINT, INK, ROBOTS, WIDTH, Drawing, house_style
+from experiments.analysis.tables.scored_responses import (
+    ScoredQuestionnaire,
+    ScoreGroup,
+    scored_questionnaires,
+)
+from experiments.analysis.tables.scores import HEAD, label_of_scale, scores_table
+from experiments.analysis.tables.table import Table, TableCell
+from surveys.scoring import ScoredScale
+
+ROW, AROUND = 0.24, 0.62  # inches: of a condition, and of a panel beside its rows
+DEPTH = 0.3  # of a row that equal scores fill, in rows
+Behind = dict[str, tuple[str, ...]]
+
+
+def score_figures(dataset: Dataset) -> Iterator[Drawing]:
+    """Yield a figure for each scored questionnaire that was answered."""
+    for found in scored_questionnaires(dataset):
+        yield score_figure(dataset, found)
+
+
+def score_figure(dataset: Dataset, found: ScoredQuestionnaire) -> Drawing:
+    """Return a panel for each scale; the colours are those of the robots."""
+    table = scores_table(dataset, found)
+    name = f"figure-scores-{found.definition.slug}"
+    title = f"{table.title.removesuffix('.')}: participants, mean and 95 % confidence interval."
+    robots = sorted({group.robot for group in found.groups})
+    colours = {robot: ROBOTS[at % len(ROBOTS)] for at, robot in enumerate(robots)}
+    panels, rows = len(found.scales), len(found.groups)
+    behind: Behind = {}
+    with house_style():
+        height = 0.4 + panels * (AROUND + ROW * rows)
+        figure = Figure(figsize=(WIDTH, height), layout="constrained")
+        axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
+        for at, (scale, panel) in enumerate(zip(found.scales, axes, strict=True)):
+            own = table.rows[at * rows : (at + 1) * rows]
+            panel.set_title(label_of_scale(dataset, found.definition, scale), loc="left", wrap=True)
+            _frame(panel, scale, found.groups)
+            for place, (group, cells) in enumerate(zip(found.groups, own, strict=True)):
+                behind |= _draw_group(panel, place, scale, group, cells, colours[group.robot])
+        handles = [
+            Line2D([], [], color=colours[robot], marker="D", label=dataset.robot(robot).title)
+            for robot in robots
+        ]
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(robots))
+    return Drawing(name, title, figure, Table(name, title, HEAD, table.rows, table.notes), behind)
+
+
+def _frame(axes: Axes, scale: ScoredScale, groups: Sequence[ScoreGroup]) -> None:
+    least, greatest = scale.bounds
+    margin = 0.02 * (greatest - least)
+    axes.set_xlim(least - margin, greatest + margin)
+    axes.set_yticks(range(len(groups)), [group.condition for group in groups])
+    axes.set_ylim(len(groups) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="x", color=FAINT, linewidth=0.4)
+    axes.set_axisbelow(True)
+
+
+def _draw_group(
+    axes: Axes,
+    at: int,
+    scale: ScoredScale,
+    group: ScoreGroup,
+    cells: Sequence[TableCell],
+    colour: str,
+) -> Behind:
+    """Draw a row of the table, and return what is behind its mean."""
+    mean, low, high = (cells[HEAD.index(name)].value for name in ("Mean", "CI95: from", "CI95: to"))
+    if mean is None:
+        axes.text(scale.bounds[0], at, "no scores", va="center", fontsize=7, color=INK)
+        return {}
+    x = sorted(group.scores(scale).values())
+    axes.scatter(x, at + _offsets(x), s=7, color=colour, alpha=0.35, linewidths=0, zorder=2)
+    if low is not None and high is not None:
+        axes.plot((low, high), (at, at), color=INK, linewidth=1.4, zorder=3)
+    gid = f"mean-{scale.key}-{group.condition}-{group.robot}"
+    (marker,) = axes.plot((mean,), (at,), "D", color=colour, zorder=4, markersize=5, gid=gid)
+    marker.set_markeredgecolor(INK)
+    marker.set_markeredgewidth(0.6)
+    return {gid: group.behind(scale)}
+
+
+def _offsets(values: Sequence[float]) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+    """Return where points stand in their row: equal ones beside each other, in rows' heights."""
+    total, seen, found = Counter(values), Counter[float](), []
+    for value in values:
+        n = total[value]
+        found.append((seen[value] - (n - 1) / 2.0) * min(0.12, 2.0 * DEPTH / max(1, n - 1)))
+        seen[value] += 1
+    return np.array(found, dtype=np.float64)

@@ -1,0 +1,172 @@
+"""How well the items of a scale agree: Cronbach's alpha, McDonald's omega, and items that point the
+other way.
+
+- alpha (Cronbach, 1951) with the interval of Feldt (1965), by the F distribution.
+- omega (McDonald, 1999): (Σλ)² / ((Σλ)² + Σψ) of a model with one factor, fitted by maximum
+  likelihood to the covariances. Its interval is Wald's on the logit scale, from the expected
+  information (Kelley and Pornprasertmanit, 2016, "MLL").
+
+Items are (n, k): a row a participant who answered all of them, a column an item, reverse-coded ones
+counted from the other end.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit, fdtri, logit, ndtri
+
+from experiments.analysis.dataset.records import Floats
+from experiments.analysis.statistics.comparisons import LOWER, UPPER, IntervalEstimate, is_constant
+
+LEAST_UNIQUENESS = 0.005  # share of an item's variance that the factor never explains
+DECIMALS = 6  # to which the fit of the factor model is sure
+
+
+class UndefinedCoefficientError(ValueError):
+    """A coefficient that these answers do not have; the text says why."""
+
+
+@dataclass(frozen=True)
+class OneFactor:
+    """A model with one factor: covariances are λλ' + diag(ψ).
+
+    Attributes:
+        loadings: λ, (k,), in units of the items.
+        uniquenesses: ψ, (k,), variances.
+        at_bound: the items whose ψ is at its lower bound, by their places (a Heywood case).
+    """
+
+    loadings: Floats
+    uniquenesses: Floats
+    at_bound: tuple[int, ...]
+
+
+def cronbach(items: Floats) -> IntervalEstimate:
+    """Return alpha with its 95 % confidence interval.
+
+    Raises:
+        UndefinedCoefficientError: fewer than two items or participants, or no variance.
+    """
+    n, k = items.shape
+    if k < 2:
+        raise UndefinedCoefficientError("one item")
+    if n < 2:
+        raise UndefinedCoefficientError("fewer than two participants")
+    sums = items.sum(axis=1)
+    if is_constant(sums, float(np.abs(items).max())):
+        raise UndefinedCoefficientError("no variance of the sum")
+    inside = float(items.var(axis=0, ddof=1).sum())
+    alpha = k / (k - 1) * (1.0 - inside / float(sums.var(ddof=1)))
+    freedom = (n - 1, (n - 1) * (k - 1))
+    low, high = (1.0 - (1.0 - alpha) * float(fdtri(*freedom, tail)) for tail in (UPPER, LOWER))
+    return IntervalEstimate(alpha, low, high)
+
+
+def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
+    """Return omega with its 95 % confidence interval, and the places of the items whose ψ is at its
+    bound, with which there is no interval.
+
+    Raises:
+        UndefinedCoefficientError: fewer than three items, no more participants than items, an item
+            without variance, or items of which one is the sum of others.
+    """
+    n, k = items.shape
+    if k < 3:
+        raise UndefinedCoefficientError("fewer than three items")
+    if n <= k:
+        raise UndefinedCoefficientError(f"{n} participants for {k} items")
+    if any(is_constant(column) for column in items.T):
+        raise UndefinedCoefficientError("an item without variance")
+    model = one_factor(np.cov(items, rowvar=False))
+    common = float(model.loadings.sum()) ** 2
+    omega = common / (common + float(model.uniquenesses.sum()))
+    if model.at_bound or not 0.0 < omega < 1.0:
+        return IntervalEstimate(round(omega, DECIMALS)), model.at_bound
+    error = _error_of_omega(model, n) / (omega * (1.0 - omega))
+    bounds = (float(expit(logit(omega) + float(ndtri(tail)) * error)) for tail in (LOWER, UPPER))
+    low, high = (round(bound, DECIMALS) for bound in bounds)
+    return IntervalEstimate(round(omega, DECIMALS), low, high), ()
+
+
+def against_the_rest(items: Floats) -> Floats:
+    """Return each item's correlation with the sum of the others, (k,); NaN without variance."""
+    rest = items.sum(axis=1, keepdims=True) - items
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own, others = items - items.mean(axis=0), rest - rest.mean(axis=0)
+        size = np.sqrt((own**2).sum(axis=0) * (others**2).sum(axis=0))
+        found: Floats = (own * others).sum(axis=0) / np.where(size > 0.0, size, np.nan)
+    return found
+
+
+def one_factor(covariances: Floats) -> OneFactor:
+    """Fit the model to covariances (k, k) by maximum likelihood, minimised over ψ alone (Jöreskog,
+    1967), on the scale of correlations.
+
+    Raises:
+        UndefinedCoefficientError: the covariances are singular.
+    """
+    sd = np.sqrt(np.diag(covariances))
+    correlations = covariances / np.outer(sd, sd)
+    if np.linalg.eigvalsh(correlations)[0] < 1e-9:
+        raise UndefinedCoefficientError("an item follows from the others")
+    start = (1.0 - 0.5 / len(sd)) / np.diag(np.linalg.inv(correlations))
+    found = minimize(
+        _discrepancy,
+        start,
+        args=(correlations,),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(LEAST_UNIQUENESS, 1.0)] * len(sd),
+        options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 1000},
+    )
+    at_bound = np.flatnonzero(found.x <= LEAST_UNIQUENESS * (1.0 + 1e-6))
+    loadings = _loadings(found.x, correlations)
+    return OneFactor(loadings * sd, found.x * sd**2, tuple(at_bound.tolist()))
+
+
+def _discrepancy(uniquenesses: Floats, correlations: Floats) -> tuple[float, Floats]:
+    """Return what is minimised and its gradient: with the eigenvalues θ of Ψ^-½ R Ψ^-½, rising,
+    Σ(θ - log θ - 1) over all but the greatest.
+    """
+    root = np.sqrt(uniquenesses)
+    values = np.linalg.eigvalsh(correlations / np.outer(root, root))
+    rest = values[:-1]
+    loadings = _loadings(uniquenesses, correlations)
+    implied = loadings**2 + uniquenesses
+    gradient: Floats = (implied - np.diag(correlations)) / uniquenesses**2
+    return float((rest - np.log(rest) - 1.0).sum()), gradient
+
+
+def _loadings(uniquenesses: Floats, correlations: Floats) -> Floats:
+    root = np.sqrt(uniquenesses)
+    values, vectors = np.linalg.eigh(correlations / np.outer(root, root))
+    found: Floats = root * vectors[:, -1] * math.sqrt(max(0.0, float(values[-1]) - 1.0))
+    return found if found.sum() >= 0.0 else -found
+
+
+def _error_of_omega(model: OneFactor, n: int) -> float:
+    """Return the standard error of omega by the delta method."""
+    loadings, uniquenesses = model.loadings, model.uniquenesses
+    common, own = float(loadings.sum()), float(uniquenesses.sum())
+    total = common**2 + own
+    slope = np.concatenate(
+        (
+            np.full(len(loadings), 2.0 * common * own / total**2),
+            np.full(len(loadings), -(common**2) / total**2),
+        )
+    )
+    return math.sqrt(float(slope @ np.linalg.solve(_information(model, n), slope)))
+
+
+def _information(model: OneFactor, n: int) -> Floats:
+    """Return the expected information on (λ, ψ), (2k, 2k): n/2 · tr(Σ⁻¹ ∂ᵢΣ Σ⁻¹ ∂ⱼΣ)."""
+    loadings = model.loadings
+    inverse = np.linalg.inv(np.outer(loadings, loadings) + np.diag(model.uniquenesses))
+    side = inverse @ loadings
+    of_loadings = 2.0 * (np.outer(side, side) + float(loadings @ side) * inverse)
+    crossed = 2.0 * inverse * side[:, None]
+    above, below = np.hstack((of_loadings, crossed.T)), np.hstack((crossed, inverse**2))
+    found: Floats = n / 2.0 * np.vstack((above, below))
+    return found

@@ -1,0 +1,226 @@
+"""The scores of each scored questionnaire by condition and robot, and the tests between conditions.
+
+A participant is one point: their responses about one condition are averaged. A score is compared
+between conditions only where it was made of the same items in all of them.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.statistics.comparisons import Test
+from experiments.analysis.statistics.conditions import NO_TEST, compare
+from experiments.analysis.statistics.descriptive import spread
+from experiments.analysis.tables.comparisons import (
+    READ_AS,
+    Group,
+    compared,
+    corrected_for,
+    head_of,
+)
+from experiments.analysis.tables.effects import family
+from experiments.analysis.tables.paper_tables import OVERALL
+from experiments.analysis.tables.response_selection import RULES
+from experiments.analysis.tables.scored_responses import (
+    NO_DRIVE,
+    ScoredQuestionnaire,
+    ScoreGroup,
+    mean_scores,
+    scored_questionnaires,
+)
+from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from surveys.definition import Definition
+from surveys.likert import half_width
+from surveys.scoring import WHOLE, ScoredScale
+
+HEAD = (
+    "Scale",
+    "Condition",
+    "Robot",
+    "n",
+    "Mean",
+    "SD",
+    "CI95: from",
+    "CI95: to",
+    "Median",
+    "IQR",
+    "Least",
+    "Greatest",
+)
+RULE_NOTES = {
+    "sus": (
+        "SUS: 0 to 100 (Brooke, 1996); even statements count in reverse, and a response that lacks"
+        " an answer has no score."
+    ),
+    "tlx_raw": (
+        "Raw NASA-TLX: the mean of the six scales without weights (Hart, 2006), 0 to 100; a"
+        " response that lacks an answer has no mean."
+    ),
+    "likert": (
+        "A score is the mean of the answers that were given. Overall: all statements, which the"
+        " questionnaire declares to be one scale (likert)."
+    ),
+    "topics": (
+        "A score is the mean of the answers that were given. Each topic is a scale of its own; no"
+        " score pools them."
+    ),
+}
+COLUMNS = (
+    "n: participants, whose responses about one condition are averaged. IQR: third less first"
+    " quartile. Least, Greatest: what the score can be."
+)
+INTERVALS = {
+    "normal": "CI95: confidence interval of the mean by the normal distribution.",
+    "t": "CI95: confidence interval of the mean by Student's t distribution.",
+}
+
+
+def score_tables(dataset: Dataset) -> Iterator[Table]:
+    """Yield the tables of all scored questionnaires: scores, and tests where two conditions have
+    responses. The statements of Table 5 are tested in the table `answers`.
+    """
+    for one in scored_questionnaires(dataset):
+        yield scores_table(dataset, one)
+        is_in_answers = (
+            one.definition.scoring == "likert"
+            and one.definition.slug == dataset.study.analysis.statements
+        )
+        if len(one.conditions) > 1 and not is_in_answers:
+            yield score_tests(dataset, one)
+
+
+def label_of_scale(dataset: Dataset, definition: Definition, scale: ScoredScale) -> str:
+    """Return what a scale is called: a topic or an item by its text, the whole by its rule."""
+    if scale.key != WHOLE:
+        return dataset.say(scale.label)
+    return {"sus": "SUS", "tlx_raw": "Raw TLX"}.get(definition.scoring, OVERALL)
+
+
+# --- by condition and robot -----------------------------------------------------------------------
+
+
+def scores_table(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
+    """Return how each score is spread over the participants of each condition and robot."""
+    slug = found.definition.slug
+    rows = tuple(
+        _spread_row(dataset, found.definition, scale, group)
+        for scale in found.scales
+        for group in found.groups
+    )
+    notes = (
+        RULE_NOTES[found.definition.scoring],
+        *about_items(dataset, found),
+        RULES[dataset.study.analysis.counts],
+        COLUMNS,
+        INTERVALS[dataset.study.analysis.interval],
+        "A row is of one condition and one robot.",
+    )
+    title = f"Scores of {dataset.say(found.definition.title).removesuffix('.')} ({slug})."
+    return Table(f"scores-{slug}", title, HEAD, rows, notes)
+
+
+def _spread_row(
+    dataset: Dataset, definition: Definition, scale: ScoredScale, group: ScoreGroup
+) -> tuple[TableCell, ...]:
+    about, ids = spread(list(group.scores(scale).values())), group.behind(scale)
+    slack = half_width(about.sd, about.n, 0.95, dataset.study.analysis.interval)
+    bounds = (
+        (None, None)
+        if about.mean is None or slack is None
+        else (about.mean - slack, about.mean + slack)
+    )
+    numbers = (about.mean, about.sd, *bounds, about.median, about.iqr)
+    return (
+        words(label_of_scale(dataset, definition, scale)),
+        words(group.condition),
+        words(group.robot),
+        count(about.n, ids),
+        *(number(value, 2, ids) for value in numbers),
+        *(number(bound, 0) for bound in scale.bounds),
+    )
+
+
+def about_items(dataset: Dataset, found: ScoredQuestionnaire) -> Iterator[str]:
+    """Yield what a reader has to know of the items, in sentences: which are reverse-coded, which
+    were not asked everywhere, and which versions were answered.
+    """
+    definition = found.definition
+    if definition.reversed and definition.scoring != "sus":
+        yield f"Reverse-coded, and counted from the other end: {', '.join(definition.reversed)}."
+    for scale in found.scales:
+        if differing := found.differing(scale):
+            label = label_of_scale(dataset, definition, scale)
+            yield f"{label} is not of the same items in all rows: {'; '.join(differing)}."
+    own = [one for group in found.groups for one in group.responses]
+    versions = {
+        version: sum(one.version == version for one in own)
+        for version in sorted({one.version for one in own})
+    }
+    if len(versions) > 1:
+        counts = ", ".join(f"{version} ({n})" for version, n in versions.items())
+        yield f"Versions are pooled, each scored by its own rules (responses): {counts}."
+
+
+# --- tests between conditions ---------------------------------------------------------------------
+
+
+def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
+    """Return each score by condition with a test of the difference; none where the conditions were
+    not asked the same items.
+    """
+    keys, slug = found.conditions, found.definition.slug
+    rows = [[_of_condition(found, key, scale) for key in keys] for scale in found.scales]
+    tests = [
+        _test(dataset, found, scale, keys, row)
+        for scale, row in zip(found.scales, rows, strict=True)
+    ]
+    corrected, members = corrected_for(tests, rows)
+    cells = tuple(
+        compared(label_of_scale(dataset, found.definition, scale), row, test, p, is_ordinal=True)
+        for scale, row, test, p in zip(found.scales, rows, tests, corrected, strict=True)
+    )
+    notes = (
+        RULE_NOTES[found.definition.scoring],
+        *about_items(dataset, found),
+        *_about_robots(found),
+        RULES[dataset.study.analysis.counts],
+        family(members),
+        *READ_AS,
+    )
+    title = f"Scores of {dataset.say(found.definition.title).removesuffix('.')} by condition."
+    head = ("", *head_of(keys, is_ordinal=True))
+    return Table(f"score-tests-{slug}", title, head, cells, notes)
+
+
+def _of_condition(found: ScoredQuestionnaire, key: str, scale: ScoredScale) -> Group:
+    own = found.of_condition(key)
+    responses = [one for group in own for one in group.responses]
+    return mean_scores(responses, scale), [ids for group in own for ids in group.behind(scale)]
+
+
+def _test(
+    dataset: Dataset,
+    found: ScoredQuestionnaire,
+    scale: ScoredScale,
+    keys: Sequence[str],
+    row: Sequence[Group],
+) -> Test:
+    if differing := found.differing(scale):
+        return Test(NO_TEST, 0, remark=f"not the same items: {', '.join(differing)}")
+    return compare(
+        {key: values for key, (values, _ids) in zip(keys, row, strict=True)},
+        is_paired=dataset.study.allocation.design == "within",
+    )
+
+
+def _about_robots(found: ScoredQuestionnaire) -> Iterator[str]:
+    """Yield that a comparison pools robots, or has other ones on its sides."""
+    robots: dict[str, list[str]] = {}
+    for group in found.groups:
+        if group.condition != NO_DRIVE:
+            robots.setdefault(group.title, []).append(group.robot)
+    for title, own in robots.items():
+        if len(own) > 1:
+            yield f"{title} pools the robots {', '.join(own)}."
+    if len({tuple(own) for own in robots.values()}) > 1:
+        told = "; ".join(f"{title}: {', '.join(own)}" for title, own in robots.items())
+        yield f"Conditions have different robots, which a difference may come from: {told}."
