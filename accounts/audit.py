@@ -1,11 +1,12 @@
-"""The audit log: who did what to whom, when. Entries are added and never changed; they name people
-by their ids alone.
+"""The audit log: who did what to whom, when. Entries are added and name people by their ids alone.
+Nothing changes them but `unlink`, when somebody leaves a study.
 """
 
 import datetime
+from collections.abc import Iterable
 from typing import Any
 
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from accounts.models import AuditEntry
@@ -52,6 +53,30 @@ def forget(before: datetime.datetime, *, dry_run: bool = False) -> int:
     """
     rows: QuerySet[AuditEntry] = QuerySet(AuditEntry).filter(at__lt=before)
     return rows.count() if dry_run else rows.delete()[0]
+
+
+def unlink(things: Iterable[str] = (), *, person: Any = None, study: str = "") -> int:
+    """Take out of entries what leads to somebody who has left: their id, the id of the item, and
+    the time of day. The day, the action, the study and who of the staff did it stay. Return how
+    many entries there were.
+
+    Args:
+        things: the items that were theirs, as `note` was given them.
+        person: the user, or the user's id.
+        study: the study that was left; empty when the whole account goes.
+    """
+    key = _key(person)
+    about = Q(thing__in=list(things))
+    if key is not None:
+        own = Q(person=key) | Q(actor=key)
+        about |= own & Q(study=study) if study else own
+    rows: QuerySet[AuditEntry] = QuerySet(AuditEntry)
+    found = list(rows.filter(about).values_list("pk", "at", "actor", "person"))
+    for entry, at, actor, whom in found:
+        day = at.replace(hour=0, minute=0, second=0, microsecond=0)
+        staff = None if actor in {key, whom} else actor
+        rows.filter(pk=entry).update(at=day, actor=staff, person=None, thing="")
+    return len(found)
 
 
 def _key(user: Any) -> Any:

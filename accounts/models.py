@@ -67,7 +67,9 @@ class AppendOnlyError(RuntimeError):
 
 
 class AuditEntries(models.QuerySet["AuditEntry"]):
-    """Entries, which are only ever added; `accounts.audit.forget` alone takes old ones away."""
+    """Entries, which are only ever added; `accounts.audit.forget` alone takes old ones away, and
+    `accounts.audit.unlink` takes people who left out of them.
+    """
 
     def update(self, **_values: Any) -> NoReturn:
         """Refuse."""

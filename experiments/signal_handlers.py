@@ -9,8 +9,8 @@ from experiments import interface_suggestion
 from experiments.access import forget_members
 from experiments.models import Study
 from experiments.participation.grants import StudyTerms, invites
-from experiments.participation.own_data import clear_settled, withdraw_everywhere
 from experiments.participation.questions import outer_progress
+from experiments.participation.withdrawal import clear_settled, withdraw_everywhere
 from experiments.research.notices import publish_not_ready, publish_pause
 from experiments.tasks.runner import Runner
 from robots.access import register_guest_list, register_guest_rule

@@ -276,14 +276,9 @@ def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
         if chosen is None:
             return None
         if _store(participant, chosen, 1 + max((number for number, _ in held), default=0), now):
-            log.info(
-                "participant_assigned",
-                participant=participant.code,
-                study=participant.study_id,
-                cell=chosen.cell.key,
-            )
+            log.info("participant_assigned", study=participant.study_id, cell=chosen.cell.key)
         participant.refresh_from_db()
-    raise AssignmentContention(participant.code)
+    raise AssignmentContention(participant.study.slug)
 
 
 def _held(participant: Participant, now: datetime.datetime) -> list[tuple[int, Held]]:
@@ -359,8 +354,11 @@ def _begin(
     try:
         with transaction.atomic():  # as above
             Drive.objects.create(session=session, granted_at=now, **fields)
-    except IntegrityError:  # another process has made it at the same moment
-        stored: Terms = msgspec.convert(Drive.objects.get(session=session).assigned["terms"], Terms)
+    except IntegrityError as error:  # another process has made it at the same moment
+        made = Drive.objects.filter(session=session).first()
+        if made is None:  # or the participant has withdrawn
+            raise NotGranted("not_allowed") from error
+        stored: Terms = msgspec.convert(made.assigned["terms"], Terms)
         return stored
     audit.note(
         "robot_granted",

@@ -1,27 +1,19 @@
-"""What people may do with their own data: read it, take part no longer, and have it deleted.
-
-Whoever withdraws leaves a row without a name: the study, the cell, what became of its place, the
-day and the step. So the flow of a study still sums up, and nothing else is left of them. A drive
-that still lives is ended at once; it is deleted when the session manager has told everybody so and
-closed its record.
+"""What people may do with their own data: read it, take part no longer, and have it deleted. What
+stays of a participant who withdraws is in withdrawal.py.
 """
 
 import datetime
 from typing import Any
 
-from django.utils import timezone
+from django.contrib.auth import SESSION_KEY
+from django.contrib.sessions.models import Session as BrowserSession
 
 from accounts import audit
-from experiments.export import reports
-from experiments.models import Drive, Participant, PersonalLink
-from experiments.participation import progress, questions
-from sessions.leases import store
+from experiments.models import Participant
+from experiments.participation import progress
+from experiments.participation.withdrawal import withdraw
 from sessions.models import Session
 from surveys.models import Response
-
-Stage, Status = Participant.Stage, Participant.Status
-WITHDRAWN = "withdrawn"  # the reason of a session that was ended by it
-
 
 # --- to read --------------------------------------------------------------------------------------
 
@@ -141,42 +133,7 @@ def _iso(at: datetime.datetime | None) -> str | None:
     return at.isoformat() if at is not None else None
 
 
-# --- to withdraw ----------------------------------------------------------------------------------
-
-
-def withdraw(participant: Participant, now: datetime.datetime) -> None:
-    """Take somebody out of a study for good: at any step, also when it is done; a second call does
-    nothing more.
-    """
-    user, exposed = participant.user, _was_exposed(participant)
-    if participant.status != Status.WITHDRAWN:
-        audit.note(
-            "withdrawn",
-            actor=user,
-            person=user,
-            study=participant.study.slug,
-            thing=participant,
-            at=now,
-        )
-    rows = Participant.objects.filter(pk=participant.pk).exclude(status=Status.WITHDRAWN)
-    rows.update(status=Status.WITHDRAWN, withdrawn_at=now.date(), withdrawn_step=participant.step)
-    under_way = Participant.objects.filter(pk=participant.pk, stage=Stage.UNDER_WAY)
-    under_way.update(stage=Stage.FILLED if exposed else Stage.FREED)
-    if user is not None:
-        _end_drives(participant, now)
-    _delete_answers(participant)
-    clear_settled(now=now)
-    Participant.objects.filter(pk=participant.pk).update(
-        user=None,
-        slot=str(participant.pk),
-        recruitment={},
-        age=None,
-        completion="",
-        completion_code="",
-        finished_at=None,
-    )
-    reports.forget(participant.study)
-    participant.refresh_from_db()
+# --- to leave, and to delete ----------------------------------------------------------------------
 
 
 def leave(participant: Participant, now: datetime.datetime) -> None:
@@ -187,47 +144,6 @@ def leave(participant: Participant, now: datetime.datetime) -> None:
     withdraw(participant, now)
     if user is not None and user.is_guest and not progress.of_user(user).exists():
         delete_everything(user, now)
-
-
-def _was_exposed(participant: Participant) -> bool:
-    return any(
-        drive.exposed or drive.session.first_motion_at is not None
-        for drive in participant.drives.select_related("session")
-    )
-
-
-def _end_drives(participant: Participant, now: datetime.datetime) -> None:
-    for drive in participant.drives.exclude(session__state=Session.State.ENDED):
-        store.end(str(drive.session_id), Session.Outcome.CANCELLED, WITHDRAWN, now)
-
-
-def _delete_answers(participant: Participant) -> None:
-    Response.objects.filter(context__startswith=questions.context_of_all(participant)).delete()
-    participant.consents.all().delete()
-    PersonalLink.objects.filter(participant=participant).update(label="")
-
-
-def clear_settled(**_more: Any) -> None:
-    """Delete the drives of those who withdrew, with all that was recorded, once nobody writes on
-    them any more.
-    """
-    gone = Drive.objects.filter(
-        participant__status=Status.WITHDRAWN,
-        settled_at__isnull=False,
-        session__closed_at__isnull=False,
-    )
-    Session.objects.filter(pk__in=list(gone.values_list("session", flat=True))).delete()
-
-
-# --- to delete ------------------------------------------------------------------------------------
-
-
-def withdraw_everywhere(instance: Any, **_more: Any) -> None:
-    """Take somebody out of all their studies: a receiver of Django's signal before an account is
-    deleted, by whomever.
-    """
-    for participant in progress.of_user(instance):
-        withdraw(participant, timezone.now())
 
 
 def is_driving(user: Any) -> bool:
@@ -244,5 +160,15 @@ def delete_everything(user: Any, now: datetime.datetime) -> bool:
     for participant in progress.of_user(user):
         withdraw(participant, now)
     audit.note("account_deleted", actor=user, person=user, at=now)
+    _end_browser_sessions(user)
     user.delete()
     return True
+
+
+def _end_browser_sessions(user: Any) -> None:
+    """End the sessions of somebody's browsers on every device: each holds the user's id, and what
+    else a page has put there.
+    """
+    for session in BrowserSession.objects.iterator():
+        if session.get_decoded().get(SESSION_KEY) == str(user.pk):
+            session.delete()

@@ -56,6 +56,15 @@ def numbered(study: Study, kind: str, now: datetime.datetime) -> list[tuple[int,
     ]
 
 
+def is_last_drawn(participant: Participant) -> bool:
+    """Tell whether nobody of the study and kind has been drawn after a participant."""
+    others = Participant.objects.filter(study=participant.study, kind=participant.kind).exclude(
+        pk=participant.pk
+    )
+    numbers = (_number_of(word) for word in others.values_list("drawn_as", flat=True))
+    return _number_of(participant.drawn_as) > max(numbers, default=0)
+
+
 def _driven(study: Study, kind: str) -> dict[object, set[str]]:
     """Return the conditions in which each participant drove the task; of a drive that is not
     settled yet this is not known, and it counts.

@@ -32,7 +32,15 @@ from accounts.passwordless import (
 )
 from accounts.rate_limits import limited, too_many
 from experiments.models import ConsentReceipt, Participant, ParticipantKind, PersonalLink, Study
-from experiments.participation import advance, consent, landing, links, own_data, progress
+from experiments.participation import (
+    advance,
+    consent,
+    landing,
+    links,
+    own_data,
+    progress,
+    withdrawal_views,
+)
 from experiments.participation.forms import EntryCodeForm
 
 # in the browser's session: the parameters of recruitment links, by study
@@ -62,8 +70,9 @@ def study_or_404(request: HttpRequest, slug: str) -> Study:
 def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     """Show what a study is and how to take part; a POST takes part, the first time or again."""
     study, now = study_or_404(request, slug), timezone.now()
-    _keep_parameters(request, slug)
     own = progress.found(study, request.user)
+    if own is None:
+        _keep_parameters(request, slug)
     page = landing.landing(study, request.user, own, language=get_language() or "", now=now)
     if request.method != "POST":
         return render(
@@ -98,15 +107,20 @@ def _come_in(
 
 
 def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime) -> Participant:
-    return progress.enter(
+    came_with = dict(request.session.get(CAME_WITH, {}))
+    participant = progress.enter(
         study,
         user,
         access="open",
-        recruitment=request.session.get(CAME_WITH, {}).get(study.slug, {}),
+        recruitment=came_with.pop(study.slug, {}),
         kind=progress.kind_of(user, study),
         language=get_language() or "",
         now=now,
     )
+    # from now on they are in the participant's row alone, which a withdrawal deletes
+    if study.slug in request.session.get(CAME_WITH, {}):
+        request.session[CAME_WITH] = came_with
+    return participant
 
 
 def _come_in_anonymously(
@@ -328,10 +342,7 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
         number, total = progress.step_count(participant) if is_active else (0, 0)
         more = {"participant": participant, "title": title, "number": number, "total": total}
         return render(request, "experiments/withdraw.html", more)
-    own_data.leave(participant, timezone.now())
-    if getattr(request.user, "is_guest", False):
-        logout(request)
-    return render(request, "experiments/withdrawn.html", {"title": title})
+    return withdrawal_views.leave(request, participant, timezone.now())
 
 
 @never_cache

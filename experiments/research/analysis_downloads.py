@@ -85,6 +85,7 @@ def dataset(request: HttpRequest, slug: str) -> HttpResponseBase:
         "--zip",
         "--out",
         "-",
+        "--noted",
         *(f"--{name.replace('_', '-')}" for name in chosen),
     )
     name = "-".join((slug, str(asked.study.version), *chosen))

@@ -88,7 +88,7 @@ class Settler:
             yield from _work(drive, now)
         except msgspec.ValidationError:
             self._refused.add(drive.pk)
-            log.exception("drive_not_finalized", drive=drive.pk)
+            log.exception("drive_not_finalized", session=drive.session_id)
 
 
 def note_end(drive: Drive) -> None:
@@ -182,7 +182,7 @@ def _write(
     Drive.objects.filter(pk=drive.pk).update(settled_at=max(now, closed_at))
     log.info(
         "drive_settled",
-        drive=drive.pk,
+        session=drive.session_id,
         outcome=drive.outcome,
         exposed=drive.exposed,
         mismatches=drive.mismatches,

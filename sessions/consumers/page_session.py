@@ -295,7 +295,7 @@ class PageSession:
                 self.stop_watching()
                 self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
             return True
-        log.warning("page_dismissed", robot=self.robot.name, user=self.user.pk, reason=answer)
+        log.warning("page_dismissed", robot=self.robot.name, reason=answer)
         session, drove = self.authorization.session, self.authorization.standing == "driver"
         self.hang_up()
         if session is not None:

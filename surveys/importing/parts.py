@@ -182,9 +182,7 @@ def note_reversal(note: Note, text: str) -> None:
     """Note that a text of the file says that an item is scored in reverse."""
     if re.search(r"\brevers(e|ed)\b|\binvert(ed|ido|ida)\b|\bumgepolt\b", text, re.IGNORECASE):
         note.changed(
-            _(
-                "The file marks it as reverse-scored. Add `reverse` to it if a score uses it: %(text)s"
-            )
+            _("It is reverse-scored in the file. If a score uses it, add reverse: %(text)s")
             % {"text": text.strip()}
         )
 

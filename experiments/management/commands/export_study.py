@@ -3,17 +3,19 @@ or a ZIP archive.
 """
 
 import sys
-from argparse import ArgumentParser
+from argparse import SUPPRESS, ArgumentParser
 from pathlib import Path
 from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
+from accounts import audit
 from experiments.dataset.selection import Selection
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
 from experiments.management.study_lookup import study_named
+from experiments.models import Study
 
 
 class Command(BaseCommand):
@@ -43,6 +45,8 @@ class Command(BaseCommand):
         )
         for name, one in ON_REQUEST.items():
             parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=one.help)
+        # the analysis page has written down who took it
+        parser.add_argument("--noted", action="store_true", help=SUPPRESS)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]
@@ -51,14 +55,17 @@ class Command(BaseCommand):
             free_text=options["free_text"],
             formats=frozenset(name for name in ON_REQUEST if options[name]),
         )
-        if options["zip"] and str(out) == "-":
-            sys.stdout.buffer.writelines(
-                zipped(export_files(study_named(options["study"]), choice))
-            )
-            return
-        if out.exists() and (options["zip"] or not out.is_dir() or any(out.iterdir())):
+        study = study_named(options["study"])
+        to_stdout = options["zip"] and str(out) == "-"
+        taken = out.exists() and (options["zip"] or not out.is_dir() or any(out.iterdir()))
+        if taken and not to_stdout:
             raise CommandError(f"{out} already exists: choose another --out.")
-        files = export_files(study_named(options["study"]), choice)
+        if not options["noted"]:
+            _note(study, options)
+        files = export_files(study, choice)
+        if to_stdout:
+            sys.stdout.buffer.writelines(zipped(files))
+            return
         if options["zip"]:
             out.parent.mkdir(parents=True, exist_ok=True)
             with out.open("wb") as archive:
@@ -67,3 +74,12 @@ class Command(BaseCommand):
             return
         count = sum(1 for _ in unpacked(files, out))
         self.stdout.write(f"{out}: {count} files")
+
+
+def _note(study: Study, options: dict[str, Any]) -> None:
+    """Write down that it was given out, as the analysis page does: participants who
+    withdraw are told.
+    """
+    names = [name for name in (*ON_REQUEST, "free_text", "identified") if options[name]]
+    version = f"version {study.version}"
+    audit.note("study_exported", study=study.slug, thing=version, detail=" ".join(names))

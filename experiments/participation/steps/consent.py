@@ -3,14 +3,12 @@
 import datetime
 from typing import Any
 
-from django.contrib.auth import logout
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
-from django.shortcuts import render
 from django.utils.translation import gettext_lazy as _
 
 from experiments.definition.steps.consent import Consent
 from experiments.models import ConsentReceipt, Participant
-from experiments.participation import consent, own_data, progress
+from experiments.participation import consent, progress, withdrawal_views
 from experiments.participation.forms import ConsentForm
 from experiments.participation.step_page import StepPage
 
@@ -46,11 +44,7 @@ class ConsentStepPage(StepPage):
         """Take the consent, or its refusal."""
         participant, asked = self.participant, self.step
         if request.POST.get("go") == "decline":
-            title = progress.title_of(participant.study, request.LANGUAGE_CODE)
-            own_data.leave(participant, now)
-            if getattr(request.user, "is_guest", False):
-                logout(request)
-            return render(request, "experiments/withdrawn.html", {"title": title})
+            return withdrawal_views.leave(request, participant, now)
         form = ConsentForm(asked, request.POST)
         if not form.is_valid() and not form.is_too_young:
             return self._form(request, form, status=WRONG)

@@ -10,7 +10,7 @@ from django.core.management.base import BaseCommand
 from django.utils import timezone
 
 from sessions import system_log
-from telepresence_site.ops.retention import forget_all
+from telepresence_site.ops.retention import empty_write_ahead_log, forget_all
 
 
 class Command(BaseCommand):
@@ -31,3 +31,4 @@ class Command(BaseCommand):
                 system_log.log("forgotten", kind=kind, count=count)
         if not dry_run:
             call_command("clearsessions")
+            empty_write_ahead_log()

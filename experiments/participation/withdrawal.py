@@ -1,0 +1,183 @@
+"""Taking somebody out of a study for good.
+
+What stays is listed, and everything else goes: a new row with the fields of `KEPT` takes the place
+of the participant's, so that the study's numbers still add up, and theirs is deleted with all that
+hangs on it. The new row has another id and another code. docs/explanation/privacy.md says what
+stays and why.
+
+A drive that still lives is ended at once. Until the session manager has told everybody so and
+closed its record, the participant's row waits for it, without the user.
+"""
+
+import datetime
+from collections.abc import Iterator
+from contextlib import suppress
+from hashlib import sha256
+from typing import Any
+
+from django.contrib.admin.models import LogEntry
+from django.db import IntegrityError, transaction
+from django.db.models import QuerySet
+from django.utils import timezone
+
+from accounts import audit
+from experiments.export import reports
+from experiments.models import Drive, Participant, PersonalLink
+from experiments.participation import places, progress, questions
+from sessions.leases import store
+from sessions.models import Session, Snapshot
+from surveys.models import Response
+
+Stage, Status = Participant.Stage, Participant.Status
+WITHDRAWN = "withdrawn"  # the reason of a session that was ended by it
+# The fields of the row that stays; the others are as in a row that nobody ever filled.
+KEPT = (
+    "study",
+    "kind",
+    "access",
+    "status",
+    "cell",
+    "conditions",
+    "stage",
+    "withdrawn_at",
+    "withdrawn_step",
+)
+LEFT = "withdrawn:"  # begins the slot of such a row
+
+
+def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
+    """Take somebody out of a study, at any step, also when it is done; return the row that is left.
+    A second call does nothing more.
+    """
+    if participant.slot.startswith(LEFT):
+        return participant
+    _mark(participant, now)
+    if participant.user is not None:
+        _end_drives(participant, now)
+    _unlink(participant)
+    responses_of(participant).delete()
+    PersonalLink.objects.filter(participant=participant).delete()
+    for rows in (participant.consents, participant.step_visits):
+        rows.all().delete()
+    Participant.objects.filter(pk=participant.pk).update(
+        user=None, slot=str(participant.pk), recruitment={}, age=None, language=""
+    )
+    clear_settled(now=now)
+    reports.forget(participant.study)
+    return Participant.objects.get(slot__in=(str(participant.pk), _slot_after(participant)))
+
+
+def _mark(participant: Participant, now: datetime.datetime) -> None:
+    """Note the day and the step, and what becomes of the place."""
+    exposed = _was_exposed(participant)
+    rows = Participant.objects.filter(pk=participant.pk)
+    told = {"withdrawn_at": now.date(), "withdrawn_step": participant.step}
+    cleared = {"completion": "", "completion_code": "", "finished_at": None}
+    if rows.exclude(status=Status.WITHDRAWN).update(status=Status.WITHDRAWN, **told, **cleared):
+        audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
+    rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if exposed else Stage.FREED)
+
+
+def _was_exposed(participant: Participant) -> bool:
+    return any(
+        drive.exposed or drive.session.first_motion_at is not None
+        for drive in participant.drives.select_related("session")
+    )
+
+
+def _end_drives(participant: Participant, now: datetime.datetime) -> None:
+    for drive in participant.drives.exclude(session__state=Session.State.ENDED):
+        store.end(str(drive.session_id), Session.Outcome.CANCELLED, WITHDRAWN, now)
+
+
+def responses_of(participant: Participant) -> "QuerySet[Response]":
+    """Return what somebody filled in for a study."""
+    return Response.objects.filter(context__startswith=questions.context_of_all(participant))
+
+
+def _begin_of(day: datetime.date) -> datetime.datetime:
+    return datetime.datetime.combine(day, datetime.time(), datetime.UTC)
+
+
+# --- logs -----------------------------------------------------------------------------------------
+
+
+def _unlink(participant: Participant) -> None:
+    """Take the participant out of the audit log, and what was theirs out of the administration's
+    log, whose words may quote anything.
+    """
+    items = list(_items(participant))
+    things = [name for model, key in items for name in (key, f"{model}:{key}")]
+    audit.unlink(things, person=participant.user, study=participant.study.slug)
+    LogEntry.objects.filter(object_id__in=[key for _, key in items]).delete()
+
+
+def _items(participant: Participant) -> Iterator[tuple[str, str]]:
+    """Yield (model, id) of all that a log may name."""
+    sessions = Session.objects.filter(drive__participant=participant)
+    rows: tuple[QuerySet[Any], ...] = (
+        Participant.objects.filter(pk=participant.pk),
+        participant.drives.all(),
+        participant.links.all(),
+        responses_of(participant),
+        sessions,
+        Snapshot.objects.filter(session__in=sessions),
+    )
+    for some in rows:
+        name = str(some.model._meta.model_name)
+        yield from ((name, str(key)) for key in some.values_list("pk", flat=True))
+
+
+# --- the row that stays ---------------------------------------------------------------------------
+
+
+def clear_settled(**_more: Any) -> None:
+    """Delete the drives of those who withdrew, with all that was recorded, once nobody writes on
+    them any more; then what is left of the participants themselves.
+    """
+    waiting = Participant.objects.filter(status=Status.WITHDRAWN).exclude(slot__startswith=LEFT)
+    for participant in waiting.select_related("study"):
+        drives = Drive.objects.filter(participant=participant)
+        over = drives.filter(settled_at__isnull=False, session__closed_at__isnull=False)
+        keys = list(over.values_list("session", flat=True))
+        if keys:
+            _unlink(participant)
+            Session.objects.filter(pk__in=keys).delete()
+        if not drives.exists():
+            _replace(participant)
+
+
+def _replace(participant: Participant) -> None:
+    """Put a row in the place of the participant's that has nothing of it but `KEPT`.
+
+    Where there are no transactions, the slot of the new row keeps a second one from being made when
+    this is cut off and done again.
+    """
+    begin = _begin_of(participant.withdrawn_at or participant.seen_at.date())
+    fields = {name: getattr(participant, name) for name in KEPT}
+    told = {**fields, "language": "", "created_at": begin, "seen_at": begin}
+    slot, is_last = _slot_after(participant), places.is_last_drawn(participant)
+    with transaction.atomic():
+        Participant.objects.get_or_create(slot=slot, defaults=told)
+        Participant.objects.filter(pk=participant.pk).delete()
+    if is_last:  # the next draw takes a higher number (experiments/participation/grants.py)
+        with suppress(IntegrityError), transaction.atomic():
+            Participant.objects.filter(slot=slot).update(drawn_as=participant.drawn_as)
+
+
+def _slot_after(participant: Participant) -> str:
+    return LEFT + sha256(str(participant.pk).encode()).hexdigest()
+
+
+# --- with the account -----------------------------------------------------------------------------
+
+
+def withdraw_everywhere(instance: Any, **_more: Any) -> None:
+    """Take somebody out of all their studies, and out of the logs what leads to them: a receiver of
+    Django's signal before an account is deleted, by whomever.
+    """
+    for participant in progress.of_user(instance):
+        withdraw(participant, timezone.now())
+    LogEntry.objects.filter(object_id=str(instance.pk)).delete()
+    if instance.is_guest:  # made for one study: when it was made is when they joined
+        audit.unlink([f"user:{instance.pk}"], person=instance)

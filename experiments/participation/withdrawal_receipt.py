@@ -1,0 +1,186 @@
+"""The receipt of a withdrawal: what was deleted, and what had been given out before.
+
+Nothing of it is stored. The page carries it, signed by the site, so that it can be downloaded as
+text for a day.
+"""
+
+import datetime
+from typing import Any
+
+import msgspec
+from django.core import signing
+from django.db.models import Q, Sum
+from django.utils.functional import Promise
+from django.utils.translation import gettext_lazy as _
+
+from accounts.models import AuditEntry, User
+from experiments.models import Participant, StudyMember, TaskEvent
+from experiments.participation import progress
+from experiments.participation.withdrawal import responses_of
+from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
+from surveys.models import Answer
+
+SALT, SECONDS = "withdrawal-receipt", 86_400
+COUNTED: dict[str, str | Promise] = {
+    "questionnaires": _("Questionnaires"),
+    "answers": _("Answers"),
+    "drives": _("Drives"),
+    "states": _("Positions and speeds of the robot"),
+    "events": _("Events during drives"),
+    "network": _("Measurements of your connection"),
+    "photos": _("Photos"),
+    "consents": _("Consents"),
+    "pages": _("Times at which you saw a page"),
+}
+WHAT: dict[str, str | Promise] = {
+    "identified": _("dataset with names, free text and photos"),
+    "free_text": _("dataset by participant code, with free text"),
+    "pseudonymous": _("dataset by participant code"),
+    "drive": _("record of your drive"),
+    "drives": _("records of drives, perhaps also yours"),
+    "answers": _("answers to questionnaires, perhaps also yours"),
+}
+BY: dict[str, str | Promise] = {
+    "owner": _("an owner of the study"),
+    "researcher": _("a researcher of the study"),
+    "viewer": _("a viewer of the study"),
+    "administrator": _("an administrator of the site"),
+    "operator": _("the operators of the site"),
+    "former": _("somebody who no longer has a role here"),
+}
+
+
+class ReceiptError(ValueError):
+    """It was not made by this site, or too long ago."""
+
+
+class Export(msgspec.Struct, frozen=True):
+    """Data that was given out: keys of `WHAT` and `BY`."""
+
+    at: datetime.datetime
+    what: str
+    by: str
+
+    @property
+    def what_text(self) -> str | Promise:
+        """What it was."""
+        return WHAT[self.what]
+
+    @property
+    def by_text(self) -> str | Promise:
+        """The role of the person who took it."""
+        return BY[self.by]
+
+
+class Receipt(msgspec.Struct, frozen=True):
+    """What a participant is told: `deleted` counts rows by the keys of `COUNTED`; `waits` tells
+    that a drive still has to end, `with_account` that the account goes too.
+    """
+
+    title: str
+    study: str
+    version: int
+    code: str
+    day: datetime.date
+    with_account: bool
+    waits: bool
+    deleted: dict[str, int]
+    exports: tuple[Export, ...]
+
+    @property
+    def counts(self) -> list[tuple[str | Promise, int]]:
+        """What was deleted, in words, and how much of it."""
+        return [(COUNTED[name], number) for name, number in self.deleted.items() if number]
+
+
+def of(participant: Participant, language: str, now: datetime.datetime) -> Receipt:
+    """Return the receipt of a withdrawal; to be asked before it, while there is something to
+    count.
+    """
+    user: Any = participant.user
+    study = participant.study
+    living = participant.drives.filter(Q(settled_at=None) | Q(session__closed_at=None))
+    return Receipt(
+        title=progress.title_of(study, language),
+        study=study.slug,
+        version=study.version,
+        code=participant.code,
+        day=now.date(),
+        with_account=user.is_guest and progress.of_user(user).count() == 1,
+        waits=living.exists(),
+        deleted=_counted(participant),
+        exports=_exports(participant),
+    )
+
+
+def signed(receipt: Receipt) -> str:
+    """Return a receipt as a page carries it."""
+    return signing.dumps(msgspec.to_builtins(receipt), salt=SALT, compress=True)
+
+
+def read(text: str) -> Receipt:
+    """Return the receipt that a page carried.
+
+    Raises:
+        ReceiptError: it is none of ours, or too old.
+    """
+    try:
+        return msgspec.convert(signing.loads(text, salt=SALT, max_age=SECONDS), Receipt)
+    except (signing.BadSignature, msgspec.ValidationError) as error:
+        raise ReceiptError(str(error)) from error
+
+
+def _counted(participant: Participant) -> dict[str, int]:
+    responses = responses_of(participant)
+    sessions = Session.objects.filter(drive__participant=participant)
+    inside = {"session__in": sessions}
+    states = StateChunk.objects.filter(**inside).aggregate(n=Sum("count"))["n"] or 0
+    events = SessionEvent.objects.filter(**inside).count()
+    tasks = TaskEvent.objects.filter(drive__participant=participant).count()
+    return {
+        "questionnaires": responses.count(),
+        "answers": Answer.objects.filter(response__in=responses).count(),
+        "drives": participant.drives.count(),
+        "states": states,
+        "events": events + tasks,
+        "network": NetworkSample.objects.filter(**inside).count(),
+        "photos": Snapshot.objects.filter(**inside).count(),
+        "consents": participant.consents.count(),
+        "pages": participant.step_visits.count(),
+    }
+
+
+# --- what was given out ---------------------------------------------------------------------------
+
+
+def _exports(participant: Participant) -> tuple[Export, ...]:
+    study = participant.study
+    sessions = [str(key) for key in participant.drives.values_list("session", flat=True)]
+    about = Q(act="study_exported", study=study.slug, thing=f"version {study.version}")
+    about |= Q(act="session_exported", thing__in=sessions)
+    if sessions:
+        about |= Q(act="sessions_exported")
+    if responses_of(participant).exists():
+        about |= Q(act="answers_exported")
+    rows = AuditEntry.objects.filter(about, at__gte=participant.created_at).order_by("at")
+    roles: dict[Any, str] = dict(
+        StudyMember.objects.filter(slug=study.slug).values_list("user_id", "role")
+    )
+    return tuple(Export(row.at, _what(row), _by(row.actor, roles)) for row in rows)
+
+
+def _what(entry: AuditEntry) -> str:
+    others = {"session_exported": "drive", "sessions_exported": "drives"}
+    if entry.act != "study_exported":
+        return others.get(entry.act, "answers")
+    chosen = entry.detail.split()
+    return next((name for name in ("identified", "free_text") if name in chosen), "pseudonymous")
+
+
+def _by(actor: Any, roles: dict[Any, str]) -> str:
+    if actor is None:
+        return "operator"
+    if actor in roles:
+        return roles[actor]
+    is_staff = User.objects.filter(pk=actor, is_staff=True).exists()
+    return "administrator" if is_staff else "former"

@@ -1,0 +1,38 @@
+"""The page after a withdrawal, which is the receipt of it, and the receipt as a text to keep."""
+
+import datetime
+
+from django.contrib.auth import logout
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.template.loader import render_to_string
+from django.utils.translation import get_language
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST
+
+from experiments.models import Participant
+from experiments.participation import own_data, withdrawal_receipt
+
+
+def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
+    """Take a participant out of a study, and show the receipt, which nothing shows again."""
+    receipt = withdrawal_receipt.of(participant, get_language() or "", now)
+    own_data.leave(participant, now)
+    if getattr(request.user, "is_guest", False):
+        logout(request)
+    context = {"receipt": receipt, "signed": withdrawal_receipt.signed(receipt)}
+    return render(request, "experiments/withdrawn.html", context)
+
+
+@never_cache
+@require_POST
+def receipt_text(request: HttpRequest) -> HttpResponse:
+    """Answer with the receipt that the page carried, as text: no account is needed."""
+    try:
+        receipt = withdrawal_receipt.read(request.POST.get("receipt", ""))
+    except withdrawal_receipt.ReceiptError as error:
+        raise Http404 from error
+    text = render_to_string("experiments/withdrawn.txt", {"receipt": receipt})
+    name = f"withdrawal-{receipt.study}-{receipt.day}.txt"
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return HttpResponse(text, content_type="text/plain; charset=utf-8", headers=headers)

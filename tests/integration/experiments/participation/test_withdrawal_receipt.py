@@ -1,0 +1,123 @@
+"""What somebody who withdraws is told: what was deleted, what stays, and what was given out before."""
+
+import re
+
+import pytest
+from django.core.management import call_command
+from django.urls import reverse
+
+from accounts import audit
+from experiments.models import Participant, StudyMember
+from experiments.participation import withdrawal_receipt
+from tests.support import participants as p
+from tests.support.html_page import Page, faults, read
+from tests.support.own_traces import in_tables
+from tests.support.people import person
+from tests.support.study_walk import Walker
+
+pytestmark = pytest.mark.django_db
+DOWNLOAD = "/taking-part/receipt.txt"
+
+
+@pytest.fixture
+def walker():
+    found = Walker(p.published(p.of("exploration")), person("ada"), p.site())
+    found.come()
+    found.do()
+    return found
+
+
+def left(walker: Walker, **headers: str) -> Page:
+    """The page after leaving."""
+    address = reverse("study_withdraw", args=[walker.participant.code])
+    page = read(walker.client.post(address, headers=headers))
+    assert faults(page) == []
+    return page
+
+
+def carried(page: Page) -> str:
+    return next(
+        one.attributes["value"] for one in page.all("input") if one.attributes["name"] == "receipt"
+    )
+
+
+def facts(page: Page) -> dict[str, str]:
+    names, values = ([" ".join(e.text.split()) for e in page.all(tag)] for tag in ("dt", "dd"))
+    return dict(zip(names, values, strict=True))
+
+
+def test_it_counts_what_was_deleted_and_says_what_stays(walker):
+    walker.drive()
+    page = left(walker)
+    assert facts(page)["Drives"] == "1"
+    assert facts(page)["Consents"] == "1"
+    for heading in ("What was deleted", "What stays, and why", "Who to ask"):
+        assert heading in [one.text for one in page.all("h2")]
+    assert "Nothing from this study was exported while you took part." in page.text
+    assert "Your account stays." in page.text
+
+
+def test_copies_that_were_given_out_are_named_by_kind_time_and_role_and_not_by_name(walker):
+    study = walker.study
+    for name, role in (("zqowner", "owner"), ("zqviewer", "viewer"), ("zqformer", "")):
+        user = person(name)
+        if role:
+            StudyMember.objects.create(slug=study.slug, user=user, role=role)
+        chosen = "identified" if role == "owner" else ""
+        audit.note("study_exported", actor=user, study=study.slug, thing="version 1", detail=chosen)
+    audit.note("study_exported", study=study.slug, thing="version 2")
+    audit.note("study_exported", study=study.slug, thing="version 1", at=p.later(-86400))
+    page = left(walker)
+    told = [" ".join(one.text.split()) for one in page.all("dd")]
+    assert told[-3:] == [
+        "dataset with names, free text and photos; an owner of the study",
+        "dataset by participant code; a viewer of the study",
+        "dataset by participant code; somebody who no longer has a role here",
+    ]
+    assert "zq" not in page.text
+
+
+def test_an_export_by_the_command_is_told_as_well(walker, tmp_path):
+    call_command("export_study", "exploration", out=tmp_path / "out", free_text=True)
+    assert (
+        "dataset by participant code, with free text; the operators of the site"
+        in facts(left(walker)).values()
+    )
+
+
+def test_a_drive_in_progress_is_said_to_go_when_its_record_is_complete(walker):
+    p.drive_of(walker.robot, walker.participant, moved=True)
+    assert "Your drive in progress has been ended." in left(walker).text
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+def test_it_can_be_downloaded_as_text_and_is_stored_nowhere(walker, client, language):
+    code = walker.participant.code
+    walker.drive()
+    page = left(walker, **{"accept-language": language})
+    assert code in page.text
+    answer = client.post(
+        DOWNLOAD, {"receipt": carried(page)}, headers={"accept-language": language}
+    )
+    assert answer["Content-Disposition"].startswith('attachment; filename="withdrawal-exploration')
+    text = answer.content.decode()
+    assert code in text
+    assert {"en": "- Drives: 1", "es": "- Recorridos: 1"}[language] in text
+    assert not re.search(r"<|&|\n\n\n", text)
+    assert in_tables({"code": {code.encode(), code.lower().encode()}}) == set()
+
+
+def test_a_receipt_that_was_changed_or_is_old_is_not_found(walker, client, monkeypatch):
+    receipt = carried(left(walker))
+    assert client.post(DOWNLOAD, {"receipt": "x" + receipt}).status_code == 404
+    assert client.post(DOWNLOAD).status_code == 404
+    assert client.get(DOWNLOAD).status_code == 405
+    monkeypatch.setattr(withdrawal_receipt, "SECONDS", -1)
+    assert client.post(DOWNLOAD, {"receipt": receipt}).status_code == 404
+
+
+def test_a_participant_who_declines_gets_one_too(walker):
+    Participant.objects.update(step="consent", status="active")
+    page = read(walker.send(go="decline"))
+    assert faults(page) == []
+    assert "What was deleted" in page.text
