@@ -10,7 +10,7 @@ from experiments.access import forget_members
 from experiments.models import Study
 from experiments.participation.grants import StudyTerms, invites
 from experiments.participation.questions import outer_progress
-from experiments.participation.withdrawal import clear_settled, withdraw_everywhere
+from experiments.participation.withdrawal.deletion import clear_settled, withdraw_everywhere
 from experiments.research.notices import publish_not_ready, publish_pause
 from experiments.tasks.runner import Runner
 from robots.access import register_guest_list, register_guest_rule

@@ -2,7 +2,8 @@
 
 from django.urls import URLPattern, URLResolver, path
 
-from experiments.participation import step_views, views, withdrawal_views
+from experiments.participation import step_views, views
+from experiments.participation.withdrawal.views import receipt_text
 
 urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/link/<str:token>/", views.link, name="study_link"),
@@ -10,7 +11,7 @@ urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/<slug:slug>/step/", step_views.step, name="study_step"),
     path("studies/<slug:slug>/drive/", step_views.drive, name="study_drive"),
     path("taking-part/", views.enter_code, name="study_code"),
-    path("taking-part/receipt.txt", withdrawal_views.receipt_text, name="withdrawal_receipt"),
+    path("taking-part/receipt.txt", receipt_text, name="withdrawal_receipt"),
     path("taking-part/<slug:code>/withdraw/", views.withdraw, name="study_withdraw"),
     path("taking-part/<slug:code>/consent/<slug:step>.txt", views.receipt, name="study_receipt"),
     path("profile/data/", views.data, name="own_data"),

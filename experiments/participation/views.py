@@ -39,9 +39,10 @@ from experiments.participation import (
     links,
     own_data,
     progress,
-    withdrawal_views,
 )
 from experiments.participation.forms import EntryCodeForm
+from experiments.participation.withdrawal import leaving
+from experiments.participation.withdrawal.views import leave
 
 # in the browser's session: the parameters of recruitment links, by study
 CAME_WITH = "studies_came_with"
@@ -258,7 +259,7 @@ def data(request: HttpRequest) -> HttpResponse:
     return render(
         request,
         "experiments/own_data.html",
-        {"rows": rows, "is_driving": own_data.is_driving(request.user)},
+        {"rows": rows, "is_driving": leaving.is_driving(request.user)},
     )
 
 
@@ -293,7 +294,7 @@ def data_delete(request: HttpRequest) -> HttpResponseBase:
             request,
             _("To confirm, type your user name exactly. Nothing was deleted."),
         )
-    elif own_data.is_driving(user):
+    elif leaving.is_driving(user):
         messages.error(
             request,
             _(
@@ -301,7 +302,7 @@ def data_delete(request: HttpRequest) -> HttpResponseBase:
                 "the robot or its queue first."
             ),
         )
-    elif not own_data.delete_everything(user, timezone.now()):
+    elif not leaving.delete_everything(user, timezone.now()):
         messages.error(
             request, _("This account administers the site. Another administrator must delete it.")
         )
@@ -342,7 +343,7 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
         number, total = progress.step_count(participant) if is_active else (0, 0)
         more = {"participant": participant, "title": title, "number": number, "total": total}
         return render(request, "experiments/withdraw.html", more)
-    return withdrawal_views.leave(request, participant, timezone.now())
+    return leave(request, participant, timezone.now())
 
 
 @never_cache

@@ -8,9 +8,10 @@ from django.utils.translation import gettext_lazy as _
 
 from experiments.definition.steps.consent import Consent
 from experiments.models import ConsentReceipt, Participant
-from experiments.participation import consent, progress, withdrawal_views
+from experiments.participation import consent, progress
 from experiments.participation.forms import ConsentForm
 from experiments.participation.step_page import StepPage
+from experiments.participation.withdrawal.views import leave
 
 WRONG = 422
 
@@ -44,7 +45,7 @@ class ConsentStepPage(StepPage):
         """Take the consent, or its refusal."""
         participant, asked = self.participant, self.step
         if request.POST.get("go") == "decline":
-            return withdrawal_views.leave(request, participant, now)
+            return leave(request, participant, now)
         form = ConsentForm(asked, request.POST)
         if not form.is_valid() and not form.is_too_young:
             return self._form(request, form, status=WRONG)

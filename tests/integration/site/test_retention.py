@@ -16,7 +16,8 @@ from accounts.passwordless import create_guest
 from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.export import reports
 from experiments.models import ConsentReceipt, Participant, Study, StudyMember
-from experiments.participation import links, own_data
+from experiments.participation import links
+from experiments.participation.withdrawal import leaving
 from robots.models import Robot, RobotPermit
 from sessions import system_log
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, SystemLog
@@ -231,7 +232,7 @@ def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, b
         "Answer",
     }
     if by == "themselves":
-        assert own_data.delete_everything(user, timezone.now())
+        assert leaving.delete_everything(user, timezone.now())
     else:
         user.delete()
     assert traces(MARKS) == []

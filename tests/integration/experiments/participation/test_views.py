@@ -6,7 +6,8 @@ from django.utils import timezone
 
 from accounts.models import User
 from experiments.models import Participant, PersonalLink, Study, StudyMember
-from experiments.participation import links, withdrawal
+from experiments.participation import links
+from experiments.participation.withdrawal import deletion
 from sessions.models import Session
 from surveys.models import Response
 from tests.support import participants as p
@@ -334,13 +335,13 @@ def test_who_withdraws_leaves_the_day_the_step_and_the_cell_and_nothing_else(wal
     ) == (0, 0, 0, 0)
     assert walker.client.get(walker.url()).url == walker.url("study")
     assert walker.client.get(reverse("study_withdraw", args=[code])).status_code == 404
-    withdrawal.withdraw(row, p.later(86400))
+    deletion.withdraw(row, p.later(86400))
     assert Participant.objects.get().withdrawn_at == row.withdrawn_at
 
 
 def test_who_withdraws_before_moving_the_robot_gives_the_place_back(study):
     participant = p.assign(p.comer(study, person()), "giraff_open")
-    left = withdrawal.withdraw(participant, timezone.now())
+    left = deletion.withdraw(participant, timezone.now())
     assert (left.stage, left.cell) == ("freed", "giraff_open")
 
 
@@ -348,7 +349,7 @@ def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_w
     robot = p.site()
     participant = p.assign(p.comer(study, person()), "giraff_open")
     drive = p.drive_of(robot, participant, moved=True)
-    waiting = withdrawal.withdraw(participant, timezone.now())
+    waiting = deletion.withdraw(participant, timezone.now())
     session = Session.objects.get()
     assert (session.state, session.outcome, session.outcome_reason) == (
         "ended",
@@ -356,13 +357,13 @@ def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_w
         "withdrawn",
     )
     assert (waiting.pk, waiting.stage, waiting.user) == (participant.pk, "filled", None)
-    withdrawal.clear_settled(now=timezone.now())
+    deletion.clear_settled(now=timezone.now())
     assert Session.objects.count() == 1, "the session manager has not told it yet"
     Session.objects.update(closed_at=timezone.now())
-    withdrawal.clear_settled(now=timezone.now())
+    deletion.clear_settled(now=timezone.now())
     assert Session.objects.count() == 1, "it is still being settled"
     type(drive).objects.update(settled_at=timezone.now())
-    withdrawal.clear_settled(now=timezone.now())
+    deletion.clear_settled(now=timezone.now())
     assert not Session.objects.exists()
     assert not type(drive).objects.exists()
     left = Participant.objects.get()
@@ -373,14 +374,14 @@ def test_drives_of_those_who_take_part_are_never_cleared(study):
     p.drive_of(
         p.site(), p.assign(p.comer(study, person()), "giraff_open"), outcome="completed", moved=True
     )
-    withdrawal.clear_settled(now=timezone.now())
+    deletion.clear_settled(now=timezone.now())
     assert Session.objects.count() == 1
 
 
 def test_other_drives_and_studies_of_somebody_who_withdraws_stay(walker):
     p.session_of(walker.robot, walker.participant, outcome="completed", moved=True)
     other = p.comer(p.published(p.of("assistance")), walker.user)
-    withdrawal.withdraw(walker.participant, timezone.now())
+    deletion.withdraw(walker.participant, timezone.now())
     assert Session.objects.count() == 1
     other.refresh_from_db()
     assert (other.status, other.user) == ("active", walker.user)

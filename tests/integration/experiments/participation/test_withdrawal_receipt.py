@@ -8,7 +8,7 @@ from django.urls import reverse
 
 from accounts import audit
 from experiments.models import Participant, StudyMember
-from experiments.participation import withdrawal_receipt
+from experiments.participation.withdrawal import receipt as receipts
 from tests.support import participants as p
 from tests.support.html_page import Page, faults, read
 from tests.support.own_traces import in_tables
@@ -112,7 +112,7 @@ def test_a_receipt_that_was_changed_or_is_old_is_not_found(walker, client, monke
     assert client.post(DOWNLOAD, {"receipt": "x" + receipt}).status_code == 404
     assert client.post(DOWNLOAD).status_code == 404
     assert client.get(DOWNLOAD).status_code == 405
-    monkeypatch.setattr(withdrawal_receipt, "SECONDS", -1)
+    monkeypatch.setattr(receipts, "SECONDS", -1)
     assert client.post(DOWNLOAD, {"receipt": receipt}).status_code == 404
 
 

@@ -6,7 +6,7 @@ from django.db.models import Model
 
 from accounts.models import AuditEntry
 from experiments.models import Participant
-from experiments.participation.withdrawal import KEPT
+from experiments.participation.withdrawal.deletion import KEPT
 from sessions.models import Session
 from surveys.models import Response
 from tests.support.paths import ROOT

@@ -16,7 +16,7 @@ from django.utils.translation import gettext_lazy as _
 from accounts.models import AuditEntry, User
 from experiments.models import Participant, StudyMember, TaskEvent
 from experiments.participation import progress
-from experiments.participation.withdrawal import responses_of
+from experiments.participation.withdrawal.deletion import responses_of
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer
 
@@ -72,7 +72,7 @@ class Export(msgspec.Struct, frozen=True):
         return BY[self.by]
 
 
-class Receipt(msgspec.Struct, frozen=True):
+class WithdrawalReceipt(msgspec.Struct, frozen=True):
     """What a participant is told: `deleted` counts rows by the keys of `COUNTED`; `waits` tells
     that a drive still has to end, `with_account` that the account goes too.
     """
@@ -93,14 +93,14 @@ class Receipt(msgspec.Struct, frozen=True):
         return [(COUNTED[name], number) for name, number in self.deleted.items() if number]
 
 
-def of(participant: Participant, language: str, now: datetime.datetime) -> Receipt:
+def of(participant: Participant, language: str, now: datetime.datetime) -> WithdrawalReceipt:
     """Return the receipt of a withdrawal; to be asked before it, while there is something to
     count.
     """
     user: Any = participant.user
     study = participant.study
     living = participant.drives.filter(Q(settled_at=None) | Q(session__closed_at=None))
-    return Receipt(
+    return WithdrawalReceipt(
         title=progress.title_of(study, language),
         study=study.slug,
         version=study.version,
@@ -113,19 +113,19 @@ def of(participant: Participant, language: str, now: datetime.datetime) -> Recei
     )
 
 
-def signed(receipt: Receipt) -> str:
+def signed(receipt: WithdrawalReceipt) -> str:
     """Return a receipt as a page carries it."""
     return signing.dumps(msgspec.to_builtins(receipt), salt=SALT, compress=True)
 
 
-def read(text: str) -> Receipt:
+def read(text: str) -> WithdrawalReceipt:
     """Return the receipt that a page carried.
 
     Raises:
         ReceiptError: it is none of ours, or too old.
     """
     try:
-        return msgspec.convert(signing.loads(text, salt=SALT, max_age=SECONDS), Receipt)
+        return msgspec.convert(signing.loads(text, salt=SALT, max_age=SECONDS), WithdrawalReceipt)
     except (signing.BadSignature, msgspec.ValidationError) as error:
         raise ReceiptError(str(error)) from error
 

@@ -11,16 +11,17 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST
 
 from experiments.models import Participant
-from experiments.participation import own_data, withdrawal_receipt
+from experiments.participation.withdrawal import leaving
+from experiments.participation.withdrawal import receipt as receipts
 
 
 def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
     """Take a participant out of a study, and show the receipt, which nothing shows again."""
-    receipt = withdrawal_receipt.of(participant, get_language() or "", now)
-    own_data.leave(participant, now)
+    receipt = receipts.of(participant, get_language() or "", now)
+    leaving.leave(participant, now)
     if getattr(request.user, "is_guest", False):
         logout(request)
-    context = {"receipt": receipt, "signed": withdrawal_receipt.signed(receipt)}
+    context = {"receipt": receipt, "signed": receipts.signed(receipt)}
     return render(request, "experiments/withdrawn.html", context)
 
 
@@ -29,8 +30,8 @@ def leave(request: HttpRequest, participant: Participant, now: datetime.datetime
 def receipt_text(request: HttpRequest) -> HttpResponse:
     """Answer with the receipt that the page carried, as text: no account is needed."""
     try:
-        receipt = withdrawal_receipt.read(request.POST.get("receipt", ""))
-    except withdrawal_receipt.ReceiptError as error:
+        receipt = receipts.read(request.POST.get("receipt", ""))
+    except receipts.ReceiptError as error:
         raise Http404 from error
     text = render_to_string("experiments/withdrawn.txt", {"receipt": receipt})
     name = f"withdrawal-{receipt.study}-{receipt.day}.txt"
