@@ -27,6 +27,7 @@ from telepresence_site.web.asgi_limits import (
     user_of,
 )
 from telepresence_site.web.request_log import RequestLog
+from telepresence_site.web.shutdown import bound_exit
 from telepresence_site.web.static_answers import StaticAnswers
 
 pages = OpenLimit(URLRouter(websocket_urlpatterns), settings.SOCKETS_PER_USER, user_of)
@@ -57,3 +58,4 @@ application = ProtocolTypeRouter(
 # Addresses, forms and administration are loaded now and not with the first page.
 get_resolver().url_patterns  # noqa: B018 -- reading it loads them
 set_up_for_latency()
+bound_exit()
