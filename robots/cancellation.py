@@ -6,7 +6,7 @@ only once.
 """
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Awaitable
 from typing import Any
 
 AGAIN_S = 0.5
@@ -25,11 +25,11 @@ async def cancel(*tasks: "asyncio.Future[Any]") -> None:
         _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
 
 
-async def until_one_ends(*works: Coroutine[Any, Any, None]) -> None:
+async def until_one_ends(*works: Awaitable[Any]) -> None:
     """Run things side by side until one of them ends, or raises, which is then raised here; the
     others are cancelled.
     """
-    tasks = [asyncio.create_task(work) for work in works]
+    tasks = [asyncio.ensure_future(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         for task in done:

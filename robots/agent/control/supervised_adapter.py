@@ -20,7 +20,7 @@ from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, 
 from robots.agent.timing import Backoff
 from robots.api.floorplan import ChargingDock as Station
 from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
-from robots.cancellation import cancel
+from robots.cancellation import until_one_ends
 from robots.world.sensing import Floats
 
 log = structlog.stdlib.get_logger(__name__)
@@ -172,17 +172,7 @@ class AdapterLink:
             AdapterError: why it ended.
         """
         self._failure = asyncio.get_running_loop().create_future()
-        tasks = {
-            asyncio.ensure_future(self._states(listener)),
-            asyncio.ensure_future(self._progress(listener)),
-            self._failure,
-        }
-        try:
-            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            for task in done:
-                task.result()
-        finally:
-            await cancel(*tasks)
+        await until_one_ends(self._states(listener), self._progress(listener), self._failure)
 
     async def _cancel(self, action_id: str) -> None:
         try:

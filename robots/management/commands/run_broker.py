@@ -18,6 +18,7 @@ from robots.broker import mosquitto
 from robots.broker.embedded import EmbeddedBroker
 from robots.broker.mosquitto import MosquittoBroker, MosquittoError, Tls
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users
+from robots.cancellation import until_one_ends
 from robots.interpreter import set_up_for_latency
 
 
@@ -77,7 +78,7 @@ class Command(BaseCommand):
             shown = f"[{host}]" if ":" in host else host
             self.stdout.write(f"broker listening {scheme}://{shown}:{bound} ({broker.name})")
             self.stdout.flush()
-            await _first(broker.wait(), ended.wait())
+            await until_one_ends(broker.wait(), ended.wait())
         finally:
             await broker.stop()
 
@@ -116,19 +117,6 @@ async def _start(
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(tls.certificate, tls.key)
     return await broker.start(host, port, context)
-
-
-async def _first(*waits: Any) -> None:
-    """Wait for the first to end; its exception is ours."""
-    tasks = [asyncio.ensure_future(wait) for wait in waits]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def _end_on_signals(ended: asyncio.Event) -> None:
