@@ -45,9 +45,9 @@ servers() {
     side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser --ignore tests/integration/accounts \
         --ignore tests/integration/experiments --ignore tests/integration/surveys
 }
-# Browsers need half of the time that servers need, so studies follow them: with ports, databases and files of their own.
+# Browsers need half of the time that servers need, so studies follow them: with files of their own.
 browsers_and_studies() {
-    export TEST_LANE=1 VAR_DIR="$logs/var"
+    export VAR_DIR="$logs/var"
     went=0
     # A browser that shows live video and the robot that sends it take a core of their own.
     side_by_side "$((cores / 2 > 1 ? cores / 2 : 1))" -m "$1" tests/integration/browser || went=1

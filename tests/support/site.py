@@ -2,7 +2,9 @@
 manager, web server, robots.
 """
 
+import collections
 import contextlib
+import fcntl
 import functools
 import itertools
 import json
@@ -14,13 +16,14 @@ import socket
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.collected import collected_files
@@ -43,30 +46,33 @@ MIGRATIONS = [
 ]
 # Below those that the system gives to whoever asks for any: one of these would be somebody else's
 # before the program listens that it is for.
-LOWEST_PORT, PORTS, SHARES = 20_000, 12_000, 8
+LOWEST_PORT, PORTS = 20_000, 12_000
 APART = 7  # some programs take the port above theirs as well
 
 
-def _ports() -> Iterator[int]:
-    """Numbers of ports, each a long time before it comes again. Tests that run beside these, in
-    this lane of deploy/run_tests.sh or the other one, have another share of them.
-    """
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    share = 2 * worker + int(os.environ.get("TEST_LANE", "0"))
-    each = PORTS // SHARES
-    first, begun = LOWEST_PORT + share % SHARES * each, random.SystemRandom().randrange(each)
-    return (first + (begun + APART * number) % each for number in itertools.count())
+def _numbers() -> Iterator[int]:
+    """Numbers of ports, each a long time before it comes again."""
+    begun = random.SystemRandom().randrange(PORTS)
+    return (LOWEST_PORT + (begun + APART * number) % PORTS for number in itertools.count())
 
 
-_NEXT_PORT = _ports()
+_NUMBERS = _numbers()
+# Held as long as a test could need it, and no more files than a process may have open.
+_TAKEN: collections.deque[IO[str]] = collections.deque(maxlen=200)
 
 
 def free_port() -> int:
-    """Return a port on which nobody listens, and which nobody else is told who asks here."""
-    for port in _NEXT_PORT:
+    """Return a port on which nobody listens, and which no other test of this computer is told."""
+    folder = Path(tempfile.gettempdir()) / "telepresence-ports"
+    folder.mkdir(mode=0o777, exist_ok=True)
+    for port in _NUMBERS:
+        taken = (folder / str(port)).open("w")
         with contextlib.suppress(OSError), socket.socket() as probe:
-            probe.bind((LOOPBACK, port))
+            fcntl.flock(taken, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            probe.bind(("", port))
+            _TAKEN.append(taken)
             return port
+        taken.close()
     raise AssertionError("there is always another")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Page, Playwright, expect
+from playwright.sync_api import Browser, FrameLocator, Page, Playwright, expect
 from playwright.sync_api import Error as PlaywrightError
 
 from tests.support.chromium import CHROMIUM, FLAGS
@@ -25,6 +25,17 @@ SPREAD = """() => {
   const mean = greys.reduce((a, b) => a + b) / greys.length;
   return Math.sqrt(greys.reduce((a, b) => a + (b - mean) ** 2, 0) / greys.length);
 }"""
+
+
+def turn_leaf(place: Page | FrameLocator) -> None:
+    """Follow "Next" to the page that it leads to: until that is there, a second click would hit the
+    same link again.
+    """
+    link = place.get_by_role("link", name="Next")
+    old = place.locator(f'a[href="{link.get_attribute("href")}"]', has_text="Next")
+    link.click()
+    expect(old).to_have_count(0)
+    expect(place.locator("main")).to_be_visible()
 
 
 @contextlib.contextmanager

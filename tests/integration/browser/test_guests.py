@@ -15,6 +15,7 @@ from experiments.participation import links
 from tests.support import participants as p
 from tests.support.people import person
 from tests.support.photographs import keep
+from tests.support.visitor import turn_leaf
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 FRONT = "/studies/exploration/"
@@ -128,12 +129,12 @@ def test_a_researcher_walks_through_every_step_in_a_frame_as_wide_as_a_phone(stu
     expect(frame.get_by_role("heading", name="About you")).to_be_visible()
     frame.get_by_role("button", name="Send the answers").click()
     for _leaf in range(3):
-        frame.get_by_role("link", name="Next").click()
+        turn_leaf(frame)
     frame.get_by_role("button", name="I have read this, continue").click()
     frame.get_by_role("button", name="Continue", exact=True).click()
     expect(frame.get_by_text("Step 5 of 6")).to_be_visible()
     while frame.get_by_role("link", name="Next").is_visible():
-        frame.get_by_role("link", name="Next").click()
+        turn_leaf(frame)
     frame.get_by_role("button", name="Send the answers").click()
     expect(frame.get_by_text("Your completion code")).to_be_visible()
     page.get_by_role("link", name="es", exact=True).click()

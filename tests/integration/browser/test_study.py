@@ -15,6 +15,7 @@ from playwright.sync_api import Page, expect
 from experiments.definition.shipped import shipped
 from tests.support.first_time_user import Finger, FirstTimeUser, Keys
 from tests.support.site import Site, running_site, wait_for
+from tests.support.visitor import turn_leaf
 
 pytestmark = pytest.mark.browser
 SIZES = {
@@ -120,7 +121,7 @@ def read_instructions(page: Page) -> None:
     go_on = page.get_by_role("button", name="I have read this, continue")
     for _ in range(3):
         expect(page.locator("main img")).to_be_visible()
-        page.get_by_role("link", name="Next").click()
+        turn_leaf(page)
     go_on.click()
 
 
