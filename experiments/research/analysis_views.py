@@ -18,6 +18,7 @@ from django.http import (
 from django.shortcuts import get_object_or_404, render
 from django.urls import NoReverseMatch, reverse
 from django.utils.safestring import SafeString, mark_safe
+from django.utils.translation import gettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
@@ -146,7 +147,11 @@ def _figure(asked: AnalysisQuery, stored: Stored, about: dict[str, Any]) -> dict
     name, behind = about["name"], about["behind"]
     svg = (stored.folder / asked.selection / "figures" / f"{name}.svg").read_bytes()
     drawn = linked(
-        svg, name, about["title"], lambda part: _address(asked, stored, behind.get(part))
+        svg,
+        name,
+        about["title"],
+        lambda part: _address(asked, stored, behind.get(part)),
+        lambda number: gettext("Sessions behind part %(number)d") % {"number": number},
     )
     return about | {
         "svg": _safe(drawn),

@@ -12,12 +12,15 @@ from xml.etree import ElementTree as ET
 
 SVG, XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 HREF = f"{{{XLINK}}}href"
+LINK = f"{{{SVG}}}a"
 _URL = re.compile(r"url\(#")
 # matplotlib's style element says these of every element; an attribute of the root is inherited.
 _INHERITED = {"stroke-linejoin": "round", "stroke-linecap": "butt"}
 
 
-def linked(svg: bytes, name: str, title: str, address: Callable[[str], str]) -> str:
+def linked(
+    svg: bytes, name: str, title: str, address: Callable[[str], str], called: Callable[[int], str]
+) -> str:
     """Return an SVG for a page.
 
     Args:
@@ -25,6 +28,7 @@ def linked(svg: bytes, name: str, title: str, address: Callable[[str], str]) -> 
         name: of the figure, before every id.
         title: what it shows, for those who do not see it.
         address: gives the address behind a part by its id, or nothing.
+        called: names the nth link, from 1, for those who do not see where it is.
     """
     ET.register_namespace("", SVG)
     ET.register_namespace("xlink", XLINK)
@@ -35,9 +39,12 @@ def linked(svg: bytes, name: str, title: str, address: Callable[[str], str]) -> 
                 parent.remove(child)
             elif found := address(child.get("id", "")):
                 parent[place] = _link(child, found)
+    for number, link in enumerate(root.iter(LINK), 1):
+        link.set("aria-label", called(number))
     for part in root.iter():
         _plain(part, name)
-    root.attrib |= _INHERITED | {"role": "img", "aria-label": title}
+    # As an image it would hide its links from those who are read to.
+    root.attrib |= _INHERITED | {"role": "figure", "aria-label": title}
     width = float(root.get("width", "504pt").removesuffix("pt"))
     root.attrib.pop("height", None)
     root.set("width", f"{width * 4 / 3:.0f}")
@@ -45,7 +52,7 @@ def linked(svg: bytes, name: str, title: str, address: Callable[[str], str]) -> 
 
 
 def _link(part: ET.Element, address: str) -> ET.Element:
-    link = ET.Element(f"{{{SVG}}}a", {"href": address})
+    link = ET.Element(LINK, {"href": address})
     link.append(part)
     return link
 

@@ -285,11 +285,13 @@ def minutes_until_turn(scene: Scene, place: int, rules: Rules, now: float) -> fl
 
 
 def turn_end(holder: ActiveSession, rules: Rules, now: float) -> float:
-    """Return when the turn ends if somebody waits.
+    """Return when the turn ends: if somebody waits, or in any case where it is always limited.
 
     It lasts a whole turn from the grant. A visitor who has driven on alone for longer is given the
-    warning time from the moment that somebody waits, so that nobody is stopped without notice.
+    warning time from the moment that somebody waits, so that nobody is stopped without notice; one
+    whose turn is always limited has known its end from the beginning.
     """
     if holder.turn_ends_at is not None:
         return holder.turn_ends_at
-    return max((holder.granted_at or now) + rules.of(holder).turn, now + rules.warning)
+    whole = (holder.granted_at or now) + rules.of(holder).turn
+    return whole if holder.turn_always else max(whole, now + rules.warning)

@@ -5,25 +5,32 @@ the drive page and the robot's own screen.
 import re
 
 import msgspec
+import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from django.test import Client
+from django.urls import reverse
 from playwright.sync_api import Page, expect
 
+from experiments.research.analysis_topics import TOPICS
 from robots.models import Robot
 from sessions import protocol
 from tests.integration.browser.test_replay import made
+from tests.integration.experiments.research.test_analysis_views import computed
 from tests.support import participants as p
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.people import person
 from tests.support.photographs import LANGUAGE, keep
 from tests.support.present_robot_page import PresentRobotPage
+from tests.support.study_dataset import made_up
+from tests.support.study_rows import put
 from tests.support.study_walk import Walker
 from tests.support.told_task import guide, tell
 from tests.support.words import factsheet
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 SIZES = [(1280, 800), (390, 844)]
+PHONE = SIZES[1:]
 NAMES = {1280: "desktop", 390: "phone", 844: "landscape"}
 PATIENCE = 60_000  # ms
 # Still life alone: what fades in has every contrast on its way.
@@ -162,6 +169,41 @@ def test_a_researchers_pages(opened):
     built = f"/admin/experiments/study/{study.pk}/build"
     ours = [f"{built}/about/", f"{built}/steps/0/", f"{built}/conditions/0/", f"{built}/courses/0/"]
     check(page, *own, *ours)
+
+
+def test_leaving_a_study_and_the_receipt_of_it(opened):
+    walker = Walker(p.published(p.of("exploration")), person(), p.site())
+    walker.come()
+    page = opened(walker.client)
+    page.goto(f"/taking-part/{walker.participant.code}/withdraw/")
+    found = faults(page, "withdraw", PHONE)
+    page.get_by_role("button", name=re.compile("^(Withdraw|Leave)")).click()
+    expect(page.get_by_role("button", name=re.compile("receipt"))).to_be_visible()
+    found += faults(page, "receipt", PHONE)
+    assert not found, "\n".join(found)
+
+
+def test_an_analysis(opened, settings, tmp_path, monkeypatch):
+    settings.VAR_DIR = tmp_path
+    # takes most of the time, and no page shows it
+    monkeypatch.setattr("experiments.analysis.report.as_pdf", lambda _: b"%PDF-1.7")
+    study = put(made_up(np.random.default_rng(91), 4)).study
+    computed(study)
+    client = Client()
+    client.force_login(person("owner", is_superuser=True, is_staff=True))
+    page = opened(client)
+    found = []
+    for topic in (
+        TOPICS[0],
+        *(one for one in TOPICS if one.key in {"questionnaires", "trajectories"}),
+    ):
+        own = () if topic is TOPICS[0] else (topic.key,)
+        page.goto(reverse("analysis_topic" if own else "analysis", args=[study.slug, *own]))
+        expect(page.get_by_text("Computed on")).to_be_visible()
+        found += faults(page, f"analysis {topic.key}", PHONE)
+        rows = page.locator("tbody tr").all()
+        assert not [one for one in rows if (one.bounding_box() or {"height": 0})["height"] > 400]
+    assert not found, "\n".join(found)
 
 
 def driving(page: Page) -> None:

@@ -356,6 +356,15 @@ def test_a_turn_that_the_terms_always_limit_ends_though_nobody_waits(world):
     assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
 
 
+def test_a_limited_turn_may_be_shorter_than_its_warning(world):
+    short, start = RULES.warning / 2, world.now
+    session = drive(world)
+    world.change(session, turn_always=True, turn=short)
+    acts = pass_time(world, short + 1.0)
+    assert acts[0] == TurnLimited(session, start + short)
+    assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
+
+
 def test_a_turn_is_not_called_while_the_page_has_no_connection_and_the_place_is_kept(world):
     session = drive(world)
     world.take("ben")
