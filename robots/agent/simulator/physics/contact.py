@@ -65,10 +65,13 @@ def gap(mine: Convex, other: Convex) -> tuple[float, Floats]:
 def place(footprint: Floats, pose: Pose2D) -> Floats:
     """Return the footprint (n, 2) in the world."""
     cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-    placed = np.empty_like(footprint)
-    placed[:, 0] = footprint[:, 0] * cosine - footprint[:, 1] * sine + pose.x
-    placed[:, 1] = footprint[:, 0] * sine + footprint[:, 1] * cosine + pose.y
-    return placed
+    # of so few corners Python is done before NumPy has begun
+    return np.array(
+        [
+            (x * cosine - y * sine + pose.x, x * sine + y * cosine + pose.y)
+            for x, y in footprint.tolist()
+        ]
+    )
 
 
 @dataclass(frozen=True)
