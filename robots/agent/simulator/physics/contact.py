@@ -156,8 +156,8 @@ class Obstacles:
     def near(self, outline: Floats) -> list[Shape]:
         """Return the solids whose bounding box meets that of an outline."""
         x, y = outline.T.tolist()
-        meets = self._bounds <= np.array((max(x), max(y), -min(x), -min(y)))
-        return [self.shapes[index] for index in meets.all(axis=1).nonzero()[0].tolist()]
+        within = self._bounds <= np.array((max(x), max(y), -min(x), -min(y)))
+        return [self.shapes[index] for index in np.flatnonzero(within.all(axis=1)).tolist()]
 
     def hits(self, outline: Floats, others: tuple[Shape, ...] = ()) -> list[Hit]:
         """Return everything that an outline overlaps, the deepest first."""
